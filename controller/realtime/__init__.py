@@ -1,0 +1,1 @@
+"""The deck: one real-time loop that turns commands into joint targets at a steady rate."""

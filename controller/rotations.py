@@ -1,0 +1,137 @@
+"""Unit quaternions (w, x, y, z) on the last axis of arrays, fast enough for the loop.
+
+All functions broadcast over the leading axes. A quaternion turns a vector by  v' = q v q*.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+def cross(a: Array, b: Array) -> Array:
+    """The vector product of (..., 3) arrays, without the overhead of numpy's general one."""
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
+    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
+    out[..., 0] = ay * bz - az * by
+    out[..., 1] = az * bx - ax * bz
+    out[..., 2] = ax * by - ay * bx
+    return out
+
+
+def dot(a: Array, b: Array) -> Array:
+    """The scalar product along the last axis, which is dropped."""
+    return np.einsum("...i,...i->...", a, b)
+
+
+def multiply(p: Array, q: Array) -> Array:
+    """The rotation that turns by q first and by p then, shapes (..., 4)."""
+    out = np.empty(np.broadcast_shapes(p.shape, q.shape))
+    pw, px, py, pz = p[..., 0], p[..., 1], p[..., 2], p[..., 3]
+    qw, qx, qy, qz = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    out[..., 0] = pw * qw - px * qx - py * qy - pz * qz
+    out[..., 1] = pw * qx + px * qw + py * qz - pz * qy
+    out[..., 2] = pw * qy - px * qz + py * qw + pz * qx
+    out[..., 3] = pw * qz + px * qy - py * qx + pz * qw
+    return out
+
+
+def conjugate(q: Array) -> Array:
+    """The inverse rotation of unit quaternions (..., 4)."""
+    return q * np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def rotate(q: Array, v: Array) -> Array:
+    """Vectors (..., 3) turned by q (..., 4)."""
+    t = 2.0 * cross(q[..., 1:], v)
+    return v + q[..., :1] * t + cross(q[..., 1:], t)
+
+
+def normalise(a: Array) -> Array:
+    """Scales the last axis to unit length; a zero vector stays zero."""
+    length = np.sqrt(dot(a, a))[..., None]
+    return a / np.where(length > 0.0, length, 1.0)
+
+
+def from_rotation_vector(v: Array) -> Array:
+    """Quaternions (..., 4) of rotation vectors (..., 3): axis times angle, rad."""
+    half = 0.5 * np.sqrt(dot(v, v))[..., None]
+    return np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * v], axis=-1)
+
+
+def to_rotation_vector(q: Array) -> Array:
+    """Rotation vectors (..., 3) of quaternions (..., 4), the short way round: |angle| <= pi."""
+    q = np.where(q[..., :1] < 0.0, -q, q)
+    sine = np.sqrt(dot(q[..., 1:], q[..., 1:]))[..., None]
+    angle = 2.0 * np.arctan2(sine, q[..., :1])
+    return q[..., 1:] * np.where(sine > 1e-12, angle / np.where(sine > 1e-12, sine, 1.0), 2.0)
+
+
+def about(axis: Array, angle: Array | float) -> Array:
+    """Quaternions (..., 4) that turn by angle (...) rad about unit axes (..., 3)."""
+    half = 0.5 * np.asarray(angle)[..., None]
+    vector = np.sin(half) * axis
+    return np.concatenate([np.broadcast_to(np.cos(half), (*vector.shape[:-1], 1)), vector], axis=-1)
+
+
+def between(a: Array, b: Array) -> Array:
+    """The least rotation (..., 4) that turns unit vectors a onto unit vectors b, shapes (..., 3).
+
+    Where b = -a every axis across a would do; one of them is taken.
+    """
+    w = 1.0 + dot(a, b)
+    opposite = w < 1e-9
+    axis = cross(a, b)
+    if np.any(opposite):
+        across = np.where(np.abs(a[..., :1]) < 0.9, np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
+        axis = np.where(opposite[..., None], cross(a, np.broadcast_to(across, a.shape)), axis)
+        w = np.where(opposite, 0.0, w)
+    return normalise(np.concatenate([w[..., None], axis], axis=-1))
+
+
+def best_fit(m: Array) -> Array:
+    """Quaternions (..., 4), w >= 0, that maximise trace(R' m) for matrices m (..., 3, 3).
+
+    With m = sum_i d_i r_i' this is the rotation that best turns directions r_i onto d_i (Wahba's problem, solved by
+    Davenport's q-method: the largest eigenvector of a symmetric 4 x 4 matrix). Nothing is divided by, so half turns
+    are as safe as any other rotation.
+    """
+    k = np.empty((*m.shape[:-2], 4, 4))
+    trace = m[..., 0, 0] + m[..., 1, 1] + m[..., 2, 2]
+    k[..., 0, 0] = trace
+    k[..., 1:, 1:] = m + np.swapaxes(m, -1, -2) - trace[..., None, None] * np.eye(3)
+    k[..., 0, 1] = k[..., 1, 0] = m[..., 2, 1] - m[..., 1, 2]
+    k[..., 0, 2] = k[..., 2, 0] = m[..., 0, 2] - m[..., 2, 0]
+    k[..., 0, 3] = k[..., 3, 0] = m[..., 1, 0] - m[..., 0, 1]
+    q = np.linalg.eigh(k)[1][..., -1]
+    return np.where(q[..., :1] < 0.0, -q, q)
+
+
+def from_matrix(m: Array) -> Array:
+    """Quaternions (..., 4), w >= 0, of rotation matrices (..., 3, 3)."""
+    return best_fit(m)
+
+
+def to_matrix(q: Array) -> Array:
+    """Rotation matrices (..., 3, 3) of unit quaternions (..., 4)."""
+    return np.stack([rotate(q, axis) for axis in np.eye(3)], axis=-1)
+
+
+def yaw(angle: Array | float) -> Array:
+    """Quaternions (..., 4) that turn by angle (...) rad about z, the vertical."""
+    half = 0.5 * np.asarray(angle, dtype=np.float64)
+    zero = np.zeros_like(half)
+    return np.stack([np.cos(half), zero, zero, np.sin(half)], axis=-1)
+
+
+def continuous(q: Array) -> Array:
+    """Flips signs along the first axis so that neighbours in time agree (q and -q are one rotation)."""
+    sign = np.where(dot(q[1:], q[:-1]) < 0.0, -1.0, 1.0)
+    out = q.copy()
+    out[1:] *= np.cumprod(sign, axis=0)[..., None]
+    return out
