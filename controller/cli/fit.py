@@ -1,0 +1,115 @@
+"""`motiondeck fit`: trains a motion library from a recipe and recordings."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from controller.training.library import MotionLibrary
+
+
+def fit(
+    recipe: Annotated[Path, typer.Argument(help="The recipe, a TOML file such as configs/libraries/thesis15.toml.")],
+    data: Annotated[Path, typer.Option("--data", metavar="DIR", help="The folder with the recordings.")],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where the library goes (.safetensors).")],
+    allow_failing: Annotated[
+        bool, typer.Option("--allow-failing", help="Write the library even if a motion fails its self-test.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+) -> None:
+    """Train a motion library: read the recordings, close their loops, train the network, and test every motion.
+
+    Each motion then runs free for three times its length and is compared with all recordings. A library in which a motion
+    fails is only written with --allow-failing.
+
+    Example:  motiondeck fit configs/libraries/thesis15.toml --data recordings --out my.safetensors
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from controller.errors import MotiondeckError
+    from controller.training import fit as training
+    from controller.training.library import save_library
+    from controller.training.recipe import read_recipe
+
+    plan = read_recipe(recipe)
+    if not data.is_dir():
+        raise MotiondeckError(f"{data}: there is no such folder; --data is the folder that holds the recordings")
+    if not out.parent.is_dir():
+        raise MotiondeckError(f"{out.parent}: there is no such folder to write the library to")
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description:28}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, disable=not sys.stderr.isatty(), transient=True) as bar:
+        task = bar.add_task("", total=training.steps(plan))
+
+        def progress(step: str) -> None:
+            bar.update(task, advance=1, description=step)
+
+        library = training.fit(plan, data, progress)
+    failing = [motion.name for motion in library.info.motions if not motion.passed]
+    written = not failing or allow_failing
+    if written:
+        save_library(library, out)
+    if as_json:
+        print(json.dumps(report(library) | {"written": str(out) if written else None}))
+    else:
+        print_table(library)
+    if not written:
+        raise MotiondeckError(
+            f"{', '.join(failing)} failed the self-test, so {out} was not written. "
+            "Give the recipe more seeds, or write it all the same with --allow-failing."
+        )
+    if not as_json:
+        print(f"wrote {out} ({out.stat().st_size / 1e6:.1f} MB, seed {library.info.seed})")
+
+
+def report(library: MotionLibrary) -> dict[str, object]:
+    """What a library holds, for scripts."""
+    import msgspec
+
+    info = library.info
+    return {
+        "name": info.name,
+        "network": info.network,
+        "neurons": library.network.neurons,
+        "rate_hz": info.rate,
+        "seed": info.seed,
+        "skeleton": info.skeleton.name,
+        "bones": len(info.skeleton.bones),
+        "motions": [msgspec.to_builtins(motion) for motion in info.motions],
+        "licence": info.licence,
+        "acknowledgement": info.acknowledgement,
+    }
+
+
+def print_table(library: MotionLibrary) -> None:
+    """One row a motion: what it was learned from and how its free run went."""
+    from rich.console import Console
+    from rich.table import Table
+
+    info = library.info
+    table = Table(title=f"{info.name}: {info.network}, {library.network.neurons} neurons, {info.rate:g} Hz")
+    for name, where in (
+        ("motion", "left"),
+        ("plays", "left"),
+        ("seconds", "right"),
+        ("NRMSE", "right"),
+        ("free run [mm]", "right"),
+        ("self-test", "left"),
+    ):
+        table.add_column(name, justify=where)  # pyright: ignore[reportArgumentType]
+    for motion in info.motions:
+        table.add_row(
+            motion.name,
+            motion.plays,
+            f"{motion.frames / info.rate:.2f}",
+            f"{motion.nrmse:.4f}",
+            f"{motion.error_mm:.1f}",
+            "[green]passed[/]" if motion.passed else f"[red]failed[/]: {motion.reason}",
+        )
+    Console().print(table)

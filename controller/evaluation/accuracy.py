@@ -1,0 +1,24 @@
+"""How well a readout says what it was taught: Jaeger's normalised root mean square error."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from controller.rotations import Array
+
+
+def nrmse(output: Array, target: Array) -> float:
+    """Mean over channels of sqrt(mean squared error / mean of both variances), the measure behind the thesis's tables.
+
+    Eq. 3.3 of Deliallisi 2017 as printed divides by the variance of the error itself and is always about 1; the tables
+    come from this definition. Channels that never move are left out.
+
+    Args:
+        output, target: shape (T, C).
+    """
+    variance = 0.5 * (output.var(0) + target.var(0))
+    moving = target.var(0) > 1e-12
+    if not moving.any():
+        return 0.0
+    squared = np.square(output - target).mean(0)[moving]
+    return float(np.sqrt(squared / variance[moving]).mean())

@@ -1,0 +1,62 @@
+"""What the deck asks of a generator, whatever network is inside."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Channels = NDArray[np.float64]
+
+
+class FrameNetwork(Protocol):
+    """A network that plays one frame at a time and can be started from stored states, its anchors.
+
+    Attributes:
+        motions: the names of what it has learned.
+        channels: how many channels a frame has.
+    """
+
+    motions: tuple[str, ...]
+    channels: int
+
+    def anchors(self, motion: str) -> Channels:
+        """The frames at the anchors of a motion, evenly spread over it in order, shape (anchors, channels)."""
+        ...
+
+    def cue(self, motion: str, anchor: int) -> None:
+        """Puts the network into a stored state; the next `advance` gives the frame after it."""
+        ...
+
+    def advance(self, out: Channels) -> None:
+        """Steps one frame on and writes it into out, shape (channels,)."""
+        ...
+
+    def snapshot(self) -> object:
+        """A copy of the state: two runs from one snapshot are identical."""
+        ...
+
+    def restore(self, snapshot: object) -> None:
+        """Puts the state back to a snapshot."""
+        ...
+
+
+class Generator(Protocol):
+    """Plays motions in continuous time.
+
+    Attributes:
+        motions: the names of what it can play.
+        motion: the one it plays.
+    """
+
+    motions: tuple[str, ...]
+    motion: str
+
+    def cue(self, motion: str, phase: float = 0.0) -> None:
+        """Starts a motion at a phase in [0, 1)."""
+        ...
+
+    def step(self, dt: float) -> Channels:
+        """Goes dt seconds on and gives the channels there; the array is reused by the next step."""
+        ...

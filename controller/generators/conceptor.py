@@ -1,0 +1,105 @@
+"""Conceptors: one reservoir holds many motions, and a projection picks which of them it plays.
+
+Playback is  x(n+1) = C_j tanh(W x(n) + b),  y(n) = W_out x(n)  (Deliallisi 2017, eqs 3.14, 3.15). Two changes make it robust
+and fast:
+
+- affine: a motion's states lie around a mean m_j, so C_j acts on the difference to it,
+
+      x(n+1) = m_j + C_j (tanh(W x(n) + b) - m_j),
+
+  which takes away the mirror image -x that a plain conceptor is just as fond of;
+- low rank: C_j has few singular values that matter. With C_j ~ U S U' and x = m_j + U z, U of shape (N, k),
+
+      z(n+1) = S U' tanh(W U z(n) + (W m_j + b)) - S U' m_j,      y(n) = W_out U z(n) + W_out m_j,
+
+  a step costs 2 N k instead of 2 N^2 multiplications.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.errors import UnknownNameError
+from controller.generators.base import Channels
+
+Float32 = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class ConceptorMotion:
+    """One motion as playback needs it, of rank k in a reservoir of N neurons, with C channels and A anchors.
+
+    Attributes:
+        recurrent: W U, shape (N, k).
+        bias: W m + b, shape (N,).
+        project: S U', shape (k, N).
+        offset: S U' m, shape (k,).
+        readout: W_out U in the units of the encoding, shape (C, k).
+        rest: W_out m in the units of the encoding, shape (C,).
+        states: z at the anchors, shape (A, k).
+    """
+
+    recurrent: Float32
+    bias: Float32
+    project: Float32
+    offset: Float32
+    readout: Float32
+    rest: Float32
+    states: Float32
+
+
+class ConceptorNetwork:
+    """Plays the motions of one reservoir frame by frame; fits `base.FrameNetwork`."""
+
+    def __init__(self, motions: dict[str, ConceptorMotion]) -> None:
+        self._of = motions
+        self.motions = tuple(motions)
+        first = next(iter(motions.values()))
+        self.channels = len(first.rest)
+        self._hidden = np.zeros(len(first.bias), dtype=np.float32)
+        self._frame = np.zeros(self.channels, dtype=np.float32)
+        self._playing = first
+        self._z = first.states[0].copy()
+
+    def __getitem__(self, motion: str) -> ConceptorMotion:
+        if motion not in self._of:
+            raise UnknownNameError.among("motion", motion, self.motions)
+        return self._of[motion]
+
+    @property
+    def neurons(self) -> int:
+        """How many neurons the reservoir has."""
+        return len(self._hidden)
+
+    def anchors(self, motion: str) -> Channels:
+        """The frames at the anchors of a motion, shape (anchors, channels)."""
+        net = self[motion]
+        return (net.states @ net.readout.T + net.rest).astype(np.float64)
+
+    def cue(self, motion: str, anchor: int) -> None:
+        """Puts the network into the stored state of an anchor."""
+        self._playing = self[motion]
+        self._z = self._playing.states[anchor].copy()
+
+    def advance(self, out: Channels) -> None:
+        """Steps one frame on and writes it into out, shape (channels,)."""
+        net, z, hidden = self._playing, self._z, self._hidden
+        np.dot(net.recurrent, z, out=hidden)
+        np.add(hidden, net.bias, out=hidden)
+        np.tanh(hidden, out=hidden)
+        np.dot(net.project, hidden, out=z)
+        np.subtract(z, net.offset, out=z)
+        np.dot(net.readout, z, out=self._frame)
+        np.add(self._frame, net.rest, out=out, casting="same_kind")
+
+    def snapshot(self) -> tuple[ConceptorMotion, Float32]:
+        """A copy of the state."""
+        return self._playing, self._z.copy()
+
+    def restore(self, snapshot: tuple[ConceptorMotion, Float32]) -> None:
+        """Puts the state back to a snapshot."""
+        self._playing, z = snapshot
+        self._z = z.copy()

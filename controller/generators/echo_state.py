@@ -1,0 +1,114 @@
+"""An echo-state network with output feedback: one reservoir, one readout a motion (Deliallisi 2017, section 3.3).
+
+    x(n+1) = (1 - a) x(n) + a tanh(W x(n) + W_back y(n) + b)        (eq. 3.4, teacher-forced with d(n) in training)
+    y(n+1) = W_out,j x(n+1)                                         (eq. 3.6)
+
+The state lies in [-1, 1] by construction and the normalised output was trained there, so both are clipped to it: a disturbed
+network then finds its way back instead of feeding its own nonsense to itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.errors import UnknownNameError
+from controller.generators.base import Channels
+from controller.mocap.normalisation import Normalisation
+
+Float32 = NDArray[np.float32]
+
+OUTPUT_BOUND = 1.05
+
+
+@dataclass(frozen=True)
+class EchoStateMotion:
+    """One motion in a reservoir of N neurons, with C channels and A anchors.
+
+    Attributes:
+        readout: W_out, shape (C, N).
+        states: x at the anchors, shape (A, N).
+        outputs: normalised y at the anchors, shape (A, C).
+    """
+
+    readout: Float32
+    states: Float32
+    outputs: Float32
+
+
+class EchoStateNetwork:
+    """Plays motions frame by frame; fits `base.FrameNetwork`.
+
+    Args:
+        weights: W, shape (N, N).
+        feedback: W_back, shape (N, C).
+        bias: b, shape (N,).
+        leak: a in (0, 1].
+        normalisation: between normalised channels and the encoding's units.
+        motions: a readout and anchors for each.
+    """
+
+    def __init__(
+        self,
+        weights: Float32,
+        feedback: Float32,
+        bias: Float32,
+        leak: float,
+        normalisation: Normalisation,
+        motions: dict[str, EchoStateMotion],
+    ) -> None:
+        self.weights, self.feedback, self.bias, self.leak = weights, feedback, bias, leak
+        self.normalisation = normalisation
+        self._of = motions
+        self.motions = tuple(motions)
+        self.channels = feedback.shape[1]
+        self._hidden = np.zeros(len(bias), dtype=np.float32)
+        self._fed_back = np.zeros(len(bias), dtype=np.float32)
+        self.cue(self.motions[0], 0)
+
+    def __getitem__(self, motion: str) -> EchoStateMotion:
+        if motion not in self._of:
+            raise UnknownNameError.among("motion", motion, self.motions)
+        return self._of[motion]
+
+    @property
+    def neurons(self) -> int:
+        """How many neurons the reservoir has."""
+        return len(self.bias)
+
+    def anchors(self, motion: str) -> Channels:
+        """The frames at the anchors of a motion, shape (anchors, channels)."""
+        return self.normalisation.invert(self[motion].outputs.astype(np.float64))
+
+    def cue(self, motion: str, anchor: int) -> None:
+        """Starts from the recorded state s and output o (section 3.3.3)."""
+        self._playing = self[motion]
+        self._x = self._playing.states[anchor].copy()
+        self._y = self._playing.outputs[anchor].copy()
+
+    def advance(self, out: Channels) -> None:
+        """Steps one frame on and writes it into out, shape (channels,)."""
+        x, hidden = self._x, self._hidden
+        np.dot(self.weights, x, out=hidden)
+        np.dot(self.feedback, self._y, out=self._fed_back)
+        np.add(hidden, self._fed_back, out=hidden)
+        np.add(hidden, self.bias, out=hidden)
+        np.tanh(hidden, out=hidden)
+        np.multiply(hidden, self.leak, out=hidden)
+        np.multiply(x, 1.0 - self.leak, out=x)
+        np.add(x, hidden, out=x)
+        np.clip(x, -1.0, 1.0, out=x)
+        np.dot(self._playing.readout, x, out=self._y)
+        np.clip(self._y, -OUTPUT_BOUND, OUTPUT_BOUND, out=self._y)
+        out[:] = self.normalisation.invert(self._y)
+
+    def snapshot(self) -> tuple[EchoStateMotion, Float32, Float32]:
+        """A copy of the state."""
+        return self._playing, self._x.copy(), self._y.copy()
+
+    def restore(self, snapshot: tuple[EchoStateMotion, Float32, Float32]) -> None:
+        """Puts the state back to a snapshot."""
+        self._playing, x, y = snapshot
+        self._x, self._y = x.copy(), y.copy()

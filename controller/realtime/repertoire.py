@@ -1,0 +1,65 @@
+"""What the deck knows of the motions of a library: where each can be entered and how briskly its bones turn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller.evaluation.matching import joint_features
+from controller.mocap.bone_directions import FIRST_BONE, BoneDirections
+from controller.rotations import Array, normalise
+from controller.training.library import MotionLibrary
+
+ENTRY_SHARE = 0.3
+LEAST_BRISKNESS = 4.0
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One motion of a repertoire.
+
+    Attributes:
+        name: what it is called.
+        loop: whether it goes on for ever.
+        places, velocities: joint positions in the heading frame and their rates at the anchors where it may be entered,
+            shape (A, F), m and m/s.
+        briskness: the largest angular acceleration of the root and of each bone, shape (1 + B,), rad/s^2.
+    """
+
+    name: str
+    loop: bool
+    places: Array
+    velocities: Array
+    briskness: Array
+
+
+def read_repertoire(library: MotionLibrary) -> dict[str, Motion]:
+    """The motions of a library by name; one that happens once may be entered in its first third only."""
+    repertoire = {}
+    for info in library.info.motions:
+        frames = library.network.anchors(info.name)
+        spacing = info.frames / len(frames) / library.info.rate
+        loop = info.plays == "loop"
+        places = 1e-3 * joint_features(library.encoding, frames)
+        velocities = _rate(places, spacing, loop=loop)
+        entries = len(frames) if loop else max(1, int(ENTRY_SHARE * len(frames)))
+        repertoire[info.name] = Motion(
+            info.name, loop, places[:entries], velocities[:entries], _briskness(library.encoding, frames, spacing)
+        )
+    return repertoire
+
+
+def _rate(values: Array, spacing: float, *, loop: bool) -> Array:
+    """Central differences along the first axis, round the corner for loops."""
+    if loop:
+        return (np.roll(values, -1, axis=0) - np.roll(values, 1, axis=0)) / (2.0 * spacing)
+    return np.gradient(values, spacing, axis=0)
+
+
+def _briskness(encoding: BoneDirections, frames: Array, spacing: float) -> Array:
+    """Peak angular accelerations; the root's is that of the brisker hip, whose line it follows."""
+    direction = normalise(frames[:, FIRST_BONE:].reshape(len(frames), -1, 3))
+    bones = np.linalg.norm(np.diff(direction, n=2, axis=0), axis=-1).max(0) / spacing**2
+    hips = [encoding.skeleton.index(encoding.right_hip), encoding.skeleton.index(encoding.left_hip)]
+    return np.maximum(np.concatenate([[bones[hips].max()], bones]), LEAST_BRISKNESS)

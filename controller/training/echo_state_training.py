@@ -1,0 +1,97 @@
+"""Teaching an echo-state network: teacher forcing and one ridge readout a motion (Deliallisi 2017, section 3.3.2).
+
+Every motion is driven several times with a little noise on the state and on the forced output, so that the readout has seen
+what small errors look like and leads back from them; without it many motions drift off or freeze when they run free.
+"""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+
+from controller.generators.echo_state import EchoStateMotion, EchoStateNetwork
+from controller.generators.reservoir import drive, random_reservoir
+from controller.mocap.normalisation import Normalisation
+from controller.training.lesson import Lesson
+from controller.training.ridge import ridge
+
+
+class EchoStateRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True, tag="echo-state"):
+    """The parameters of an echo-state network (names as in Deliallisi 2017, table 4.1).
+
+    Attributes:
+        neurons: N.
+        spectral_radius, feedback_scale, bias_scale: of W, W_back and b.
+        leak: a.
+        ridge: gamma.
+        washout: frames until the state has forgotten its start.
+        state_noise, teacher_noise: standard deviations, in units of the state and of the normalised output.
+        drives: how many noisy runs are learned from.
+        anchor_every: frames between the states that are stored for starting.
+    """
+
+    neurons: int = 1000
+    spectral_radius: float = 1.0
+    feedback_scale: float = 1.0
+    bias_scale: float = 0.3
+    leak: float = 0.6
+    ridge: float = 0.5
+    washout: int = 100
+    state_noise: float = 0.03
+    teacher_noise: float = 0.02
+    drives: int = 3
+    anchor_every: int = 8
+
+
+def train_echo_state(
+    lessons: list[Lesson], normalisation: Normalisation, recipe: EchoStateRecipe, seed: int
+) -> EchoStateNetwork:
+    """One network that holds all lessons.
+
+    Args:
+        lessons: what to learn.
+        normalisation: between the lessons' channels and the encoding's units.
+        recipe: sizes and scales.
+        seed: of everything random.
+    """
+    rng = np.random.default_rng(seed)
+    reservoir = random_reservoir(
+        recipe.neurons,
+        lessons[0].frames.shape[1],
+        spectral_radius=recipe.spectral_radius,
+        input_scale=recipe.feedback_scale,
+        bias_scale=recipe.bias_scale,
+        rng=rng,
+        leak=recipe.leak,
+    )
+    targets = [np.concatenate([lesson.lead_in(recipe.washout), lesson.frames]) for lesson in lessons]
+    # The state after step n has been fed the output of frame n - 1 and is to give frame n.
+    forced = [np.concatenate([target[:1], target[:-1]]) for target in targets]
+    runs = [
+        drive(
+            reservoir,
+            [f + recipe.teacher_noise * rng.standard_normal(f.shape) for f in forced],
+            state_noise=recipe.state_noise,
+            rng=rng,
+        )
+        for _ in range(recipe.drives)
+    ]
+    quiet = drive(reservoir, forced)
+    motions = {}
+    for j, lesson in enumerate(lessons):
+        states = np.concatenate([run[j][recipe.washout :] for run in runs])
+        readout = ridge(states, np.concatenate([lesson.frames] * recipe.drives), recipe.ridge)
+        anchors = slice(recipe.washout, None, recipe.anchor_every)
+        motions[lesson.name] = EchoStateMotion(
+            readout.astype(np.float32),
+            quiet[j][anchors].astype(np.float32),
+            targets[j][anchors].astype(np.float32),
+        )
+    return EchoStateNetwork(
+        reservoir.weights.astype(np.float32),
+        reservoir.input_weights.astype(np.float32),
+        reservoir.bias.astype(np.float32),
+        recipe.leak,
+        normalisation,
+        motions,
+    )

@@ -1,0 +1,34 @@
+"""A lesson: one motion as a trainer sees it, and the signal that drives a reservoir with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller.rotations import Array
+
+
+@dataclass(frozen=True)
+class Lesson:
+    """One motion to learn.
+
+    Attributes:
+        name: of the motion.
+        frames: normalised channels, shape (T, C): one period of a loop, or all of a motion that happens once.
+        loop: which of the two it is.
+    """
+
+    name: str
+    frames: Array
+    loop: bool
+
+    def lead_in(self, washout: int) -> Array:
+        """What precedes the frames while the reservoir forgets its start, shape (washout, C).
+
+        A loop is preceded by its own end, a motion that happens once by its first frame.
+        """
+        if self.loop:
+            repeats = -(-washout // len(self.frames))
+            return np.concatenate([self.frames] * repeats)[len(self.frames) * repeats - washout :]
+        return np.repeat(self.frames[:1], washout, axis=0)

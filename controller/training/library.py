@@ -1,0 +1,300 @@
+"""A motion library: one file with the networks, the skeleton, and where it all comes from.
+
+The file is safetensors: a JSON header and plain arrays, so that loading executes nothing. What is not an array lies in the
+header under "motiondeck" (see docs/library-format.md). Every name, shape and number is checked before anything is used.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save_file
+
+from controller.config import shaped
+from controller.errors import FileFormatError
+from controller.generators.conceptor import ConceptorMotion, ConceptorNetwork
+from controller.generators.echo_state import EchoStateMotion, EchoStateNetwork
+from controller.mocap.bone_directions import BoneDirections
+from controller.mocap.normalisation import Normalisation
+from controller.mocap.skeleton import Skeleton
+
+VERSION = 1
+LARGEST_BYTES = 2**30
+
+Network = ConceptorNetwork | EchoStateNetwork
+Motion = TypeVar("Motion", ConceptorMotion, EchoStateMotion)
+
+
+class MotionInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """What a library knows of one motion.
+
+    Attributes:
+        name: what it is called.
+        plays: "loop" goes on for ever, "once" ends in a pose and holds it.
+        frames: how many frames it was learned from.
+        source: the file it was learned from.
+        nrmse: of the readout over training, mean over channels (Jaeger's nrmse.m).
+        error_mm: median distance to the recorded motion at the end of the free run, mm.
+        passed: whether the self-test passed.
+        reason: why not, or "".
+    """
+
+    name: str
+    plays: Literal["loop", "once"]
+    frames: int
+    source: str
+    nrmse: float
+    error_mm: float
+    passed: bool
+    reason: str = ""
+
+
+class SkeletonInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """A skeleton as the header spells it (see `mocap.skeleton`)."""
+
+    name: str
+    bones: list[str]
+    parent: list[int]
+    rest_direction: list[list[float]]
+    length: list[float]
+    right_hip: str
+    left_hip: str
+
+
+class LibraryInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """The header of a library.
+
+    Attributes:
+        version: of the format.
+        name: of the library.
+        network: which kind of network plays it.
+        encoding: what its channels mean.
+        rate: frames per second.
+        seed: of everything random in training.
+        motions: what it holds.
+        skeleton: whose motions they are.
+        recipe: the training recipe, as it was read.
+        licence: terms under which the library may be passed on.
+        acknowledgement: what the owners of the data ask to be said.
+        leak: of an echo-state network, else 1.
+    """
+
+    version: int
+    name: str
+    network: Literal["conceptor", "echo-state"]
+    encoding: Literal["bone directions"]
+    rate: float
+    seed: int
+    motions: list[MotionInfo]
+    skeleton: SkeletonInfo
+    recipe: dict[str, Any]
+    licence: str
+    acknowledgement: str
+    leak: float = 1.0
+
+
+@dataclass(frozen=True)
+class MotionLibrary:
+    """A library in memory.
+
+    Attributes:
+        info: the header.
+        network: what plays the motions.
+        encoding: between the network's channels and postures.
+    """
+
+    info: LibraryInfo
+    network: Network
+    encoding: BoneDirections
+
+    @property
+    def skeleton(self) -> Skeleton:
+        """Whose motions these are."""
+        return self.encoding.skeleton
+
+
+def describe_skeleton(encoding: BoneDirections) -> SkeletonInfo:
+    """A skeleton as the header spells it."""
+    skeleton = encoding.skeleton
+    return SkeletonInfo(
+        skeleton.name,
+        list(skeleton.bones),
+        skeleton.parent.tolist(),
+        skeleton.rest_direction.tolist(),
+        skeleton.length.tolist(),
+        encoding.right_hip,
+        encoding.left_hip,
+    )
+
+
+def save_library(library: MotionLibrary, path: Path) -> None:
+    """Writes a library under a temporary name and renames it, so that a file is whole or not there.
+
+    Raises:
+        FileFormatError: if the folder cannot be written.
+    """
+    arrays: dict[str, NDArray[Any]] = {}
+    network = library.network
+    for motion in network.motions:
+        part = network[motion]
+        for field in fields(part):
+            arrays[f"motion/{motion}/{field.name}"] = getattr(part, field.name)
+    if isinstance(network, EchoStateNetwork):
+        arrays |= {"weights": network.weights, "feedback": network.feedback, "bias": network.bias}
+        arrays |= {"shift": network.normalisation.shift, "scaling": network.normalisation.scaling}
+    header = {"motiondeck": msgspec.json.encode(library.info).decode()}
+    try:
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        os.close(handle)
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be written ({error.strerror or error})") from None
+    try:
+        save_file({name: np.ascontiguousarray(a) for name, a in arrays.items()}, temporary, metadata=header)
+        Path(temporary).chmod(0o644)
+        Path(temporary).replace(path)
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be written ({error.strerror or error})") from None
+    finally:
+        Path(temporary).unlink(missing_ok=True)
+
+
+def load_library(path: Path) -> MotionLibrary:
+    """Reads and checks a library.
+
+    Raises:
+        FileFormatError: one line that names the file and what is wrong with it.
+    """
+    try:
+        if not path.is_file():
+            raise FileFormatError(f"{path}: there is no such file")
+        if path.stat().st_size > LARGEST_BYTES:
+            raise FileFormatError(f"{path}: larger than {LARGEST_BYTES >> 30} GiB, which is no motion library")
+        with safe_open(path, framework="numpy") as file:
+            header = file.metadata() or {}
+            arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be read ({error.strerror or error})") from None
+    except (SafetensorError, TypeError, ValueError, AttributeError) as error:
+        raise FileFormatError(f"{path}: not a safetensors file, or a damaged one ({error})") from None
+    if "motiondeck" not in header:
+        raise FileFormatError(f"{path}: a safetensors file, but not a motion library (no 'motiondeck' in its header)")
+    info = _read_info(path, header["motiondeck"])
+    encoding = _encoding(path, info.skeleton)
+    network = _Reader(path, arrays).network(info, encoding.channels)
+    return MotionLibrary(info, network, encoding)
+
+
+def _read_info(path: Path, text: str) -> LibraryInfo:
+    try:
+        tree = msgspec.json.decode(text)
+    except (msgspec.DecodeError, RecursionError):
+        raise FileFormatError(f"{path}: its header is damaged") from None
+    version = tree.get("version") if isinstance(tree, dict) else None
+    if version != VERSION:
+        raise FileFormatError(
+            f"{path}: format version {version!r}; this Motiondeck reads version {VERSION}. Train it again with `fit`."
+        )
+    info = shaped(tree, LibraryInfo, f"{path} (header)")
+    names = [motion.name for motion in info.motions]
+    if not names or len(set(names)) < len(names):
+        raise FileFormatError(f"{path}: its header names no motion, or one twice")
+    if not (np.isfinite(info.rate) and info.rate > 0.0 and 0.0 < info.leak <= 1.0):
+        raise FileFormatError(f"{path}: rate {info.rate} Hz or leak {info.leak} is impossible")
+    return info
+
+
+def _encoding(path: Path, info: SkeletonInfo) -> BoneDirections:
+    try:
+        skeleton = Skeleton(
+            info.name,
+            tuple(info.bones),
+            np.array(info.parent, dtype=np.int64),
+            np.array(info.rest_direction, dtype=np.float64),
+            np.array(info.length, dtype=np.float64),
+        )
+    except (FileFormatError, ValueError, OverflowError) as error:
+        raise FileFormatError(f"{path}: {error}") from None
+    for hip in (info.right_hip, info.left_hip):
+        if hip not in skeleton.bones:
+            raise FileFormatError(f"{path}: hip bone '{hip}' is not in its skeleton")
+    return BoneDirections(skeleton, info.right_hip, info.left_hip)
+
+
+class _Reader:
+    """Takes arrays out of a file, each checked for shape, type and finiteness."""
+
+    def __init__(self, path: Path, arrays: dict[str, NDArray[Any]]) -> None:
+        self.path, self.arrays = path, arrays
+
+    def network(self, info: LibraryInfo, channels: int) -> Network:
+        if info.network == "conceptor":
+            parts = {motion.name: self.conceptor(motion.name, channels) for motion in info.motions}
+            sizes = {len(part.bias) for part in parts.values()}
+            if len(sizes) > 1:
+                raise FileFormatError(f"{self.path}: motions of different reservoir sizes {sorted(sizes)}")
+            network: Network = ConceptorNetwork(parts)
+        else:
+            neurons = self.size("bias")
+            network = EchoStateNetwork(
+                self.take("weights", neurons, neurons),
+                self.take("feedback", neurons, channels),
+                self.take("bias", neurons),
+                info.leak,
+                Normalisation(
+                    self.take("shift", channels, kind=np.float64), self.take("scaling", channels, kind=np.float64)
+                ),
+                {motion.name: self.echo_state(motion.name, neurons, channels) for motion in info.motions},
+            )
+        if self.arrays:
+            raise FileFormatError(f"{self.path}: holds array '{next(iter(self.arrays))}', which nothing needs")
+        return network
+
+    def conceptor(self, motion: str, channels: int) -> ConceptorMotion:
+        at = f"motion/{motion}/"
+        neurons, rank, anchors = self.size(at + "bias"), self.size(at + "offset"), self.size(at + "states")
+        return ConceptorMotion(
+            recurrent=self.take(at + "recurrent", neurons, rank),
+            bias=self.take(at + "bias", neurons),
+            project=self.take(at + "project", rank, neurons),
+            offset=self.take(at + "offset", rank),
+            readout=self.take(at + "readout", channels, rank),
+            rest=self.take(at + "rest", channels),
+            states=self.take(at + "states", anchors, rank),
+        )
+
+    def echo_state(self, motion: str, neurons: int, channels: int) -> EchoStateMotion:
+        at = f"motion/{motion}/"
+        anchors = self.size(at + "states")
+        return EchoStateMotion(
+            readout=self.take(at + "readout", channels, neurons),
+            states=self.take(at + "states", anchors, neurons),
+            outputs=self.take(at + "outputs", anchors, channels),
+        )
+
+    def size(self, name: str) -> int:
+        """The length of an array that must be there and not be empty."""
+        array = self.arrays.get(name)
+        if array is None or array.ndim == 0 or len(array) == 0:
+            raise FileFormatError(f"{self.path}: array '{name}' is missing or empty")
+        return len(array)
+
+    def take(self, name: str, *shape: int, kind: type = np.float32) -> NDArray[Any]:
+        array = self.arrays.pop(name, None)
+        if array is None:
+            raise FileFormatError(f"{self.path}: array '{name}' is missing")
+        if array.shape != shape or array.dtype != kind:
+            raise FileFormatError(
+                f"{self.path}: array '{name}' is {array.dtype} of shape {array.shape}, "
+                f"expected {np.dtype(kind)} of shape {shape}"
+            )
+        if not np.isfinite(array).all():
+            raise FileFormatError(f"{self.path}: array '{name}' holds a number that is not finite")
+        return array
