@@ -84,14 +84,45 @@ def between(a: Array, b: Array) -> Array:
 
     Where b = -a every axis across a would do; one of them is taken.
     """
-    w = 1.0 + dot(a, b)
-    opposite = w < 1e-9
-    axis = cross(a, b)
+    cosine = dot(a, b)
+    q = np.concatenate([1.0 + cosine[..., None], cross(a, b)], axis=-1)
+    opposite = cosine < -0.99
     if np.any(opposite):
-        across = np.where(np.abs(a[..., :1]) < 0.9, np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
-        axis = np.where(opposite[..., None], cross(a, np.broadcast_to(across, a.shape)), axis)
-        w = np.where(opposite, 0.0, w)
-    return normalise(np.concatenate([w[..., None], axis], axis=-1))
+        a, b = np.broadcast_arrays(a, b)
+        q[opposite] = _nearly_opposite(a[opposite], b[opposite])
+    return normalise(q)
+
+
+def _nearly_opposite(a: Array, b: Array) -> Array:
+    """As `between`, for b near -a, where 1 + a . b and a x b are too small to be known well.
+
+    With p a unit vector across a such that b = cos t a + sin t p, turning by t about a x p gives b to the last digit
+    even if p itself is not known that well.
+    """
+    cosine = dot(a, b)
+    across = b - cosine[..., None] * a
+    sine = np.sqrt(dot(across, across))
+    any_other = np.where(np.abs(a[..., :1]) < 0.9, np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
+    across = normalise(np.where(sine[..., None] > 1e-14, across, any_other))
+    across = normalise(across - dot(across, a)[..., None] * a)
+    half = 0.5 * np.arctan2(sine, cosine)[..., None]
+    return np.concatenate([np.cos(half), np.sin(half) * cross(a, across)], axis=-1)
+
+
+def _davenport(m: Array) -> Array:
+    """Davenport's symmetric matrices (..., 4, 4) of m (..., 3, 3)."""
+    k = np.empty((*m.shape[:-2], 4, 4))
+    trace = m[..., 0, 0] + m[..., 1, 1] + m[..., 2, 2]
+    k[..., 0, 0] = trace
+    k[..., 1:, 1:] = m + np.swapaxes(m, -1, -2) - trace[..., None, None] * np.eye(3)
+    k[..., 0, 1] = k[..., 1, 0] = m[..., 2, 1] - m[..., 1, 2]
+    k[..., 0, 2] = k[..., 2, 0] = m[..., 0, 2] - m[..., 2, 0]
+    k[..., 0, 3] = k[..., 3, 0] = m[..., 1, 0] - m[..., 0, 1]
+    return k
+
+
+# It is linear in m, so what it makes of the nine unit matrices says it all: in the loop one product does the work.
+_DAVENPORT = _davenport(np.eye(9).reshape(9, 3, 3)).reshape(9, 16)
 
 
 def best_fit(m: Array) -> Array:
@@ -101,13 +132,7 @@ def best_fit(m: Array) -> Array:
     Davenport's q-method: the largest eigenvector of a symmetric 4 x 4 matrix). Nothing is divided by, so half turns
     are as safe as any other rotation.
     """
-    k = np.empty((*m.shape[:-2], 4, 4))
-    trace = m[..., 0, 0] + m[..., 1, 1] + m[..., 2, 2]
-    k[..., 0, 0] = trace
-    k[..., 1:, 1:] = m + np.swapaxes(m, -1, -2) - trace[..., None, None] * np.eye(3)
-    k[..., 0, 1] = k[..., 1, 0] = m[..., 2, 1] - m[..., 1, 2]
-    k[..., 0, 2] = k[..., 2, 0] = m[..., 0, 2] - m[..., 2, 0]
-    k[..., 0, 3] = k[..., 3, 0] = m[..., 1, 0] - m[..., 0, 1]
+    k = (m.reshape(*m.shape[:-2], 9) @ _DAVENPORT).reshape(*m.shape[:-2], 4, 4)
     q = np.linalg.eigh(k)[1][..., -1]
     return np.where(q[..., :1] < 0.0, -q, q)
 

@@ -24,8 +24,8 @@ def fit(
 ) -> None:
     """Train a motion library: read the recordings, close their loops, train the network, and test every motion.
 
-    Each motion then runs free for three times its length and is compared with all recordings. A library in which a motion
-    fails is only written with --allow-failing.
+    Each motion then runs free for three times its length and is compared with all recordings. A library in which a
+    motion fails is only written with --allow-failing.
 
     Example:  motiondeck fit configs/libraries/thesis15.toml --data recordings --out my.safetensors
     """
@@ -99,7 +99,7 @@ def print_table(library: MotionLibrary) -> None:
         ("plays", "left"),
         ("seconds", "right"),
         ("NRMSE", "right"),
-        ("free run [mm]", "right"),
+        ("free run, mm", "right"),
         ("self-test", "left"),
     ):
         table.add_column(name, justify=where)  # pyright: ignore[reportArgumentType]

@@ -10,9 +10,9 @@ from typing import Annotated
 for _library in ("OPENBLAS", "OMP", "MKL"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
 
-import typer
+import typer  # noqa: E402
 
-from controller.cli import fit, library, play, send
+from controller.cli import fit, library, play, send  # noqa: E402
 
 app = typer.Typer(
     name="motiondeck",

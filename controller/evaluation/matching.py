@@ -1,8 +1,8 @@
 """Which motion is this, and how far off is it? Windows of joint positions are compared with windows of every motion.
 
-A window is 24 frames of all joints relative to the root, and the root's height, all in mm. Two windows are as far apart as
-the root mean square distance of their joints. Comparing windows and not frames keeps postures apart that are passed in
-different directions, and needs no alignment in time: a network that plays at a slightly other tempo is not wrong.
+A window is 24 frames of all joints relative to the root, and the root's height, all in mm. Two windows are as far apart
+as the root mean square distance of their joints. Comparing windows and not frames keeps postures apart that are passed
+in different directions, and needs no alignment in time: a network that plays at a slightly other tempo is not wrong.
 """
 
 from __future__ import annotations

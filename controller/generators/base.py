@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,11 +33,11 @@ class FrameNetwork(Protocol):
         """Steps one frame on and writes it into out, shape (channels,)."""
         ...
 
-    def snapshot(self) -> object:
+    def snapshot(self) -> Any:
         """A copy of the state: two runs from one snapshot are identical."""
         ...
 
-    def restore(self, snapshot: object) -> None:
+    def restore(self, snapshot: Any) -> None:
         """Puts the state back to a snapshot."""
         ...
 

@@ -1,7 +1,7 @@
 """Conceptors: one reservoir holds many motions, and a projection picks which of them it plays.
 
-Playback is  x(n+1) = C_j tanh(W x(n) + b),  y(n) = W_out x(n)  (Deliallisi 2017, eqs 3.14, 3.15). Two changes make it robust
-and fast:
+Playback is  x(n+1) = C_j tanh(W x(n) + b),  y(n) = W_out x(n)  (Deliallisi 2017, eqs 3.14, 3.15). Two changes make it
+robust and fast:
 
 - affine: a motion's states lie around a mean m_j, so C_j acts on the difference to it,
 
@@ -18,6 +18,7 @@ and fast:
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,6 +70,10 @@ class ConceptorNetwork:
             raise UnknownNameError.among("motion", motion, self.motions)
         return self._of[motion]
 
+    def twin(self) -> ConceptorNetwork:
+        """The same weights with a state of its own: what one player does, another does not see."""
+        return ConceptorNetwork(self._of)
+
     @property
     def neurons(self) -> int:
         """How many neurons the reservoir has."""
@@ -78,6 +83,10 @@ class ConceptorNetwork:
         """The frames at the anchors of a motion, shape (anchors, channels)."""
         net = self[motion]
         return (net.states @ net.readout.T + net.rest).astype(np.float64)
+
+    def recall(self, motion: str) -> Channels:
+        """What the readout makes of the stored states; here that is what the anchors are."""
+        return self.anchors(motion)
 
     def cue(self, motion: str, anchor: int) -> None:
         """Puts the network into the stored state of an anchor."""
@@ -99,7 +108,7 @@ class ConceptorNetwork:
         """A copy of the state."""
         return self._playing, self._z.copy()
 
-    def restore(self, snapshot: tuple[ConceptorMotion, Float32]) -> None:
+    def restore(self, snapshot: Any) -> None:
         """Puts the state back to a snapshot."""
         self._playing, z = snapshot
         self._z = z.copy()

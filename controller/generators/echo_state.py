@@ -3,13 +3,14 @@
     x(n+1) = (1 - a) x(n) + a tanh(W x(n) + W_back y(n) + b)        (eq. 3.4, teacher-forced with d(n) in training)
     y(n+1) = W_out,j x(n+1)                                         (eq. 3.6)
 
-The state lies in [-1, 1] by construction and the normalised output was trained there, so both are clipped to it: a disturbed
-network then finds its way back instead of feeding its own nonsense to itself.
+The state lies in [-1, 1] by construction and the normalised output was trained there, so both are clipped to it: a
+disturbed network then finds its way back instead of feeding its own nonsense to itself.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,6 +74,10 @@ class EchoStateNetwork:
             raise UnknownNameError.among("motion", motion, self.motions)
         return self._of[motion]
 
+    def twin(self) -> EchoStateNetwork:
+        """The same weights with a state of its own: what one player does, another does not see."""
+        return EchoStateNetwork(self.weights, self.feedback, self.bias, self.leak, self.normalisation, self._of)
+
     @property
     def neurons(self) -> int:
         """How many neurons the reservoir has."""
@@ -81,6 +86,11 @@ class EchoStateNetwork:
     def anchors(self, motion: str) -> Channels:
         """The frames at the anchors of a motion, shape (anchors, channels)."""
         return self.normalisation.invert(self[motion].outputs.astype(np.float64))
+
+    def recall(self, motion: str) -> Channels:
+        """What the readout makes of the stored states, shape (anchors, channels); the anchors are what was taught."""
+        part = self[motion]
+        return self.normalisation.invert((part.states @ part.readout.T).astype(np.float64))
 
     def cue(self, motion: str, anchor: int) -> None:
         """Starts from the recorded state s and output o (section 3.3.3)."""
@@ -108,7 +118,7 @@ class EchoStateNetwork:
         """A copy of the state."""
         return self._playing, self._x.copy(), self._y.copy()
 
-    def restore(self, snapshot: tuple[EchoStateMotion, Float32, Float32]) -> None:
+    def restore(self, snapshot: Any) -> None:
         """Puts the state back to a snapshot."""
         self._playing, x, y = snapshot
         self._x, self._y = x.copy(), y.copy()

@@ -1,7 +1,8 @@
 """From frames to continuous time: plays a frame network at any tempo.
 
-Between two frames p1 and p2 a cubic is laid whose slopes are those of the neighbours (Catmull-Rom), so that velocities do not
-jump at a frame. Being a generator it may look ahead: the network runs two frames ahead of what is played, without delay.
+Between two frames p1 and p2 a cubic is laid whose slopes are those of the neighbours (Catmull-Rom), so that velocities
+do not jump at a frame. Being a generator it may look ahead: the network runs two frames ahead of what is played,
+without delay.
 """
 
 from __future__ import annotations

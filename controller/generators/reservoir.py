@@ -45,7 +45,7 @@ def random_reservoir(
     rng: np.random.Generator,
     leak: float = 1.0,
 ) -> Reservoir:
-    """Weights drawn from U[-1, 1], W scaled to a spectral radius, input weights and bias by a factor (section 3.3.1)."""
+    """Weights drawn from U[-1, 1]; W is scaled to a spectral radius, the others by a factor (section 3.3.1)."""
     weights = rng.uniform(-1.0, 1.0, (neurons, neurons))
     weights *= spectral_radius / largest_eigenvalue(weights, rng)
     return Reservoir(
@@ -61,7 +61,12 @@ def largest_eigenvalue(weights: Array, rng: np.random.Generator) -> float:
     if len(weights) > 100:
         try:
             found = eigs(
-                weights, k=6, ncv=60, tol=1e-4, v0=rng.standard_normal(len(weights)), return_eigenvectors=False
+                weights,
+                k=6,
+                ncv=60,
+                tol=1e-4,  # pyright: ignore[reportArgumentType] (scipy's default 0 misleads it)
+                v0=rng.standard_normal(len(weights)),
+                return_eigenvectors=False,
             )
             return float(np.abs(found).max())
         except ArpackError:

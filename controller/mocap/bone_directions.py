@@ -7,9 +7,9 @@ For a skeleton of B bones a frame has 4 + 3 B channels:
     2, 3         velocity of the root along the ground, forward and left, m/s
     4 + 3 b ...  unit vector of bone b: x forward, y left, z up
 
-The heading is the line from the right hip to the left one, flat, turned by -90 degrees. The x components of the two
-hip bones are therefore zero by construction (channels 5 and 17 of the thesis, counted from 1): what a recording holds
-there is rounding.
+The heading is the line from the right hip to the left one, flat, turned by -90 degrees. Where the root lies on that
+line, the x components of the two hip bones are therefore zero by construction (channels 5 and 17 of the thesis, counted
+from 1): what a recording holds there is rounding.
 """
 
 from __future__ import annotations
@@ -51,9 +51,10 @@ class BoneDirections:
 
     @cached_property
     def silent(self) -> NDArray[np.int64]:
-        """The channels that are zero by construction."""
-        hips = [self.skeleton.index(self.right_hip), self.skeleton.index(self.left_hip)]
-        return np.array([FIRST_BONE + 3 * hip for hip in hips])
+        """The channels that are zero by construction: none where the root lies off the line between the hips."""
+        hips = np.array([self.skeleton.index(self.right_hip), self.skeleton.index(self.left_hip)])
+        opposite = np.allclose(self.skeleton.rest_direction[hips].sum(axis=0), 0.0, atol=1e-6)
+        return FIRST_BONE + 3 * (hips if opposite else hips[:0])
 
     def encode(self, clip: Clip) -> Array:
         """The channels of a clip, shape (T, 4 + 3 B); the first frame's velocities repeat the second's."""

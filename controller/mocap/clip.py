@@ -11,7 +11,7 @@ from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Clip:
     """T frames of a skeleton with B bones.
 
@@ -24,7 +24,7 @@ class Clip:
         source: where it comes from, for provenance.
 
     Raises:
-        FileFormatError: if shapes disagree, a number is not finite, or there are no frames.
+        FileFormatError: if shapes disagree, a number is not finite, the rate is not positive, or there are no frames.
     """
 
     name: str
@@ -42,6 +42,8 @@ class Clip:
                 f"clip '{self.name}': arrays of shape {self.root_position.shape} and {self.rotation.shape} "
                 f"do not hold frames of {len(self.skeleton)} bones"
             )
+        if not (np.isfinite(self.rate) and self.rate > 0.0):
+            raise FileFormatError(f"clip '{self.name}': a rate of {self.rate} frames per second is not possible")
         if not (np.isfinite(self.root_position).all() and np.isfinite(self.rotation).all()):
             raise FileFormatError(f"clip '{self.name}' holds a number that is not finite")
 

@@ -5,14 +5,24 @@ A direction fixes two of a bone's three angles. The third, the twist, follows th
 - the root is turned so that the bones that hang from it fit best;
 - a bone swings the shortest way from where its parent carries it;
 - a bone with several children is then twisted about itself so that they fit best (a chest follows the shoulders).
+
+The loop asks for one frame at a time, and there numpy's calls on arrays of three numbers would cost ten times more than
+the arithmetic. So the walk along the bones is written component by component: for one frame the components are plain
+numbers, for many frames they are arrays, and the same lines serve both.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Any, TypeAlias
+
 import numpy as np
 
 from controller.mocap.skeleton import ROOT, Skeleton
-from controller.rotations import Array, about, best_fit, between, cross, dot, multiply, rotate
+from controller.rotations import Array, best_fit, between
+
+Vector: TypeAlias = Iterable[Any]  # x, y, z: each a float, or an array over the frames
+Quaternion: TypeAlias = Iterable[Any]  # w, x, y, z
 
 
 def orient(skeleton: Skeleton, direction: Array) -> Array:
@@ -20,31 +30,75 @@ def orient(skeleton: Skeleton, direction: Array) -> Array:
 
     Args:
         skeleton: with B bones.
-        direction: unit vectors of the bones, shape (..., B, 3).
+        direction: unit vectors of the bones, shape (..., B, 3), finite.
 
     Returns:
         Unit quaternions, shape (..., 1 + B, 4), with rotate(result[..., 1:, :], rest_direction) == direction.
     """
-    rest = skeleton.rest_direction
-    rotation = np.empty((*direction.shape[:-2], 1 + len(skeleton), 4))
     first = skeleton.children(ROOT)
-    rotation[..., 0, :] = best_fit(np.einsum("...bi,bj->...ij", direction[..., first, :], rest[first]))
-    for bones in skeleton.levels:
-        carried = rotation[..., skeleton.parent[bones] + 1, :]
-        swing = between(rotate(carried, rest[bones]), direction[..., bones, :])
-        rotation[..., bones + 1, :] = multiply(swing, carried)
-        for bone in bones:
-            children = skeleton.children(bone)
-            if len(children) > 1:
-                turned = rotation[..., bone + 1, :]
-                axis = direction[..., bone, :]
-                twist = _twist(axis, rotate(turned[..., None, :], rest[children]), direction[..., children, :])
-                rotation[..., bone + 1, :] = multiply(about(axis, twist), turned)
-    return rotation
+    root = best_fit(np.swapaxes(direction[..., first, :], -1, -2) @ skeleton.rest_direction[first])
+    one_frame = direction.ndim == 2
+    goal: Any = direction.tolist() if one_frame else np.ascontiguousarray(np.moveaxis(direction, (-2, -1), (0, 1)))
+    rotation: list[Quaternion] = [root.tolist() if one_frame else np.moveaxis(root, -1, 0)]
+    for bone, (parent, rest, children) in enumerate(skeleton.walk):
+        carried = rotation[parent + 1]
+        turned = _multiply(_swing(_rotate(carried, rest), goal[bone]), carried)
+        if len(children) > 1:
+            start = [_rotate(turned, skeleton.walk[child][1]) for child in children]
+            turned = _multiply(_twist(goal[bone], start, [goal[child] for child in children]), turned)
+        rotation.append(turned)
+    out = np.array(rotation)
+    return out if one_frame else np.ascontiguousarray(np.moveaxis(out, (0, 1), (-2, -1)))
 
 
-def _twist(axis: Array, start: Array, goal: Array) -> Array:
-    """The angle about axis (..., 3) that best turns vectors start onto goal, shapes (..., n, 3)."""
-    around = axis[..., None, :]
-    across = start - dot(start, around)[..., None] * around
-    return np.arctan2(dot(cross(around, across), goal).sum(-1), dot(across, goal).sum(-1))
+def _rotate(q: Quaternion, v: Vector) -> Vector:
+    """The vector v turned by q."""
+    w, x, y, z = q
+    vx, vy, vz = v
+    tx = 2.0 * (y * vz - z * vy)
+    ty = 2.0 * (z * vx - x * vz)
+    tz = 2.0 * (x * vy - y * vx)
+    return vx + w * tx + y * tz - z * ty, vy + w * ty + z * tx - x * tz, vz + w * tz + x * ty - y * tx
+
+
+def _multiply(p: Quaternion, q: Quaternion) -> Quaternion:
+    """The rotation that turns by q first and by p then."""
+    pw, px, py, pz = p
+    qw, qx, qy, qz = q
+    return (
+        pw * qw - px * qx - py * qy - pz * qz,
+        pw * qx + px * qw + py * qz - pz * qy,
+        pw * qy - px * qz + py * qw + pz * qx,
+        pw * qz + px * qy - py * qx + pz * qw,
+    )
+
+
+def _swing(a: Vector, b: Vector) -> Quaternion:
+    """The least rotation that turns unit vector a onto unit vector b."""
+    ax, ay, az = a
+    bx, by, bz = b
+    w = 1.0 + ax * bx + ay * by + az * bz
+    opposite = w < 0.01
+    if opposite is not False and np.any(opposite):  # the first half spares a plain number the call
+        q = between(np.stack([ax, ay, az], axis=-1), np.stack([bx, by, bz], axis=-1))
+        return q.tolist() if q.ndim == 1 else np.moveaxis(q, -1, 0)
+    x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    scale = (w * w + x * x + y * y + z * z) ** -0.5
+    return w * scale, x * scale, y * scale, z * scale
+
+
+def _twist(axis: Vector, start: list[Vector], goal: list[Vector]) -> Quaternion:
+    """The rotation about a unit axis that best turns the vectors start onto the vectors goal."""
+    ax, ay, az = axis
+    cosine = sine = 0.0
+    for (sx, sy, sz), (gx, gy, gz) in zip(start, goal, strict=True):
+        along = sx * ax + sy * ay + sz * az
+        sx, sy, sz = sx - along * ax, sy - along * ay, sz - along * az
+        cosine += sx * gx + sy * gy + sz * gz
+        sine += (ay * sz - az * sy) * gx + (az * sx - ax * sz) * gy + (ax * sy - ay * sx) * gz
+    turn = cosine + 1j * sine
+    half = (
+        turn + (turn == 0.0)
+    ) ** 0.5  # the root of a complex number has half its angle; no turn where none is better
+    half = half / abs(half)
+    return half.real, half.imag * ax, half.imag * ay, half.imag * az

@@ -14,7 +14,7 @@ from controller.rotations import Array, rotate
 ROOT = -1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Skeleton:
     """B bones in an order in which a parent always precedes its children.
 
@@ -79,6 +79,14 @@ class Skeleton:
         for bone, parent in enumerate(self.parent):
             depth[bone] = 0 if parent == ROOT else depth[parent] + 1
         return tuple(np.flatnonzero(depth == level) for level in range(depth.max() + 1))
+
+    @cached_property
+    def walk(self) -> tuple[tuple[int, list[float], list[int]], ...]:
+        """Parent, rest direction and children of each bone as plain numbers, for code that goes bone by bone."""
+        return tuple(
+            (int(parent), rest.tolist(), self.children(bone).tolist())
+            for bone, (parent, rest) in enumerate(zip(self.parent, self.rest_direction, strict=True))
+        )
 
     @cached_property
     def chain(self) -> Array:

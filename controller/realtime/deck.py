@@ -1,7 +1,7 @@
 """The deck: plays a library's motions, switches them on command, and turns them into joint targets.
 
-Each update goes the way of the data: generator -> channels -> posture -> fade of the last switch -> path -> pose -> joints.
-Whoever drives it (the loop) calls `update` once a tick and hands it commands in between.
+Each update goes the way of the data: generator -> channels -> posture -> fade of the last switch -> path -> pose ->
+joints. Whoever drives it (the loop) calls `update` once a tick and hands it commands in between.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class Deck:
         self._retarget = retarget
         self._repertoire = read_repertoire(library)
         self._check(motion)
-        self._player = FramePlayer(library.network, library.info.rate)
+        self._player = FramePlayer(library.network.twin(), library.info.rate)
         self._player.cue(motion)
         self._fade: Fade | None = None
         self._fade_start = 0.0
@@ -134,7 +134,8 @@ class Deck:
         self.time += dt
         goal = 0.0 if self.paused else self._commanded_speed
         self.speed += float(np.clip(goal - self.speed, -TEMPO_RATE * dt, TEMPO_RATE * dt))
-        shown = self._faded(self._decode(self._player.step(dt * self.speed), self.speed))
+        tempo = self.speed * self._onset()
+        shown = self._faded(self._decode(self._player.step(dt * tempo), tempo))
         if self._fading is not None and self._fading.first_change_s is None:
             self._fading.first_change_s = self.time
         if self._wanted is not None:
@@ -151,12 +152,22 @@ class Deck:
         velocity = (place - self._joints(self.posture)) / dt
         anchor = best_anchor(place, velocity, entering.places, entering.velocities, VELOCITY_REACH)
         self._player.cue_anchor(switch.to, anchor)
-        target_before = self._decode(self._player.step(0.0), self.speed)
-        target = self._decode(self._player.step(dt * self.speed), self.speed)
+        tempo = self.speed if entering.loop else 0.0
+        target_before = self._decode(self._player.step(0.0), tempo)
+        target = self._decode(self._player.step(dt * tempo), tempo)
         bound = _briskness(leaving, entering)
         self._fade = difference((self.posture, shown), (target_before, target), dt, bound)
         self._fade_start = self.time
         self._fading = switch
+
+    def _onset(self) -> float:
+        """The share of the tempo at which a motion that happens once gets going while the fade into it lasts.
+
+        At full tempo half of it would be over before it can be seen.
+        """
+        if self._fade is None or self._repertoire[self._player.motion].loop:
+            return 1.0
+        return min(1.0, (self.time - self._fade_start) / self._fade.duration) ** 2
 
     def _faded(self, target: Posture) -> Posture:
         """The target with what is left of the last switch."""

@@ -11,7 +11,8 @@ from controller.mocap.bone_directions import FIRST_BONE, BoneDirections
 from controller.rotations import Array, normalise
 from controller.training.library import MotionLibrary
 
-ENTRY_SHARE = 0.3
+ENTRY_SHARE = 0.1
+HELD_M = 0.02
 LEAST_BRISKNESS = 4.0
 
 
@@ -35,7 +36,7 @@ class Motion:
 
 
 def read_repertoire(library: MotionLibrary) -> dict[str, Motion]:
-    """The motions of a library by name; one that happens once may be entered in its first third only."""
+    """The motions of a library by name; one that happens once may be entered at its beginning only."""
     repertoire = {}
     for info in library.info.motions:
         frames = library.network.anchors(info.name)
@@ -43,11 +44,17 @@ def read_repertoire(library: MotionLibrary) -> dict[str, Motion]:
         loop = info.plays == "loop"
         places = 1e-3 * joint_features(library.encoding, frames)
         velocities = _rate(places, spacing, loop=loop)
-        entries = len(frames) if loop else max(1, int(ENTRY_SHARE * len(frames)))
+        entries = len(frames) if loop else max(1, int(ENTRY_SHARE * _moving(places)))
         repertoire[info.name] = Motion(
             info.name, loop, places[:entries], velocities[:entries], _briskness(library.encoding, frames, spacing)
         )
     return repertoire
+
+
+def _moving(places: Array) -> int:
+    """How many frames it takes until only the last pose is held."""
+    away = np.abs(places - places[-1]).max(1) > HELD_M
+    return int(np.flatnonzero(away)[-1]) + 1 if away.any() else len(places)
 
 
 def _rate(values: Array, spacing: float, *, loop: bool) -> Array:

@@ -1,9 +1,10 @@
 """Switching motions without a jump: the new motion starts at once, and the difference to the old one fades away.
 
-At the switch the target motion is started where it resembles the present body most (`best_anchor`), and for each bone the
-rotation that leads from the target to what was shown is kept as a rotation vector, with its rate of change. From then on the
-target is shown turned by that vector while it runs out along a quintic that starts with the same value and slope and ends
-with neither (inertialisation, Bollo 2018). Since bones are turned and never mixed, they keep their length.
+At the switch the target motion is started where it resembles the present body most (`best_anchor`), and for each bone
+the rotation that leads from the target to what was shown is kept as a rotation vector, with its rate of change. From
+then on the target is shown turned by that vector while it runs out along a quintic that starts with the same value and
+slope and ends with neither (inertialisation, Bollo 2018). Since bones are turned and never mixed, they keep their
+length.
 """
 
 from __future__ import annotations
@@ -71,7 +72,8 @@ def difference(shown: tuple[Posture, Posture], target: tuple[Posture, Posture], 
 
 
 def duration(turn: Array, rate: Array, bound: Array) -> float:
-    """The time in which a difference can fade with no bone accelerated beyond its bound, within SHORTEST and LONGEST, s.
+    """The time in which a difference can fade with no bone accelerated beyond its bound, within SHORTEST and LONGEST,
+    s.
 
     The fade's acceleration is at most  5.77 |turn| / T^2 + 3.94 |rate| / T;  set equal to the bound and solved for T.
     """

@@ -1,7 +1,8 @@
 """Loading motions into a reservoir and computing their conceptors (Deliallisi 2017, eqs 3.8 - 3.13).
 
-Instead of a whole new W (eq. 3.12) the rule learned here is  W = W* + W_in V,  where V predicts the driving signal from the
-state: the same regression restricted to what the input can do. It needs C N instead of N^2 numbers and plays as well.
+Instead of a whole new W (eq. 3.12) the rule learned here is  W = W* + W_in V,  where V predicts the driving signal from
+the state: the same regression restricted to what the input can do. It needs C N instead of N^2 numbers and plays as
+well.
 """
 
 from __future__ import annotations

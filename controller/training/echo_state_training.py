@@ -1,7 +1,8 @@
 """Teaching an echo-state network: teacher forcing and one ridge readout a motion (Deliallisi 2017, section 3.3.2).
 
-Every motion is driven several times with a little noise on the state and on the forced output, so that the readout has seen
-what small errors look like and leads back from them; without it many motions drift off or freeze when they run free.
+Every motion is driven several times with a little noise on the state and on the forced output, so that the readout has
+seen what small errors look like and leads back from them; without it many motions drift off or freeze when they run
+free.
 """
 
 from __future__ import annotations

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import msgspec
-import numpy as np
 from threadpoolctl import threadpool_limits
 
 from controller.errors import FileFormatError, MotiondeckError
@@ -55,8 +54,8 @@ def fit(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None) 
         progress: is told each step in a few words; there are `steps(recipe)` of them without retries.
 
     Returns:
-        The library of the first seed with which every motion passes the self-test; where none does, that of the seed with
-        which most do.
+        The library of the first seed with which every motion passes the self-test; where none does, that of the seed
+        with which most do.
 
     Raises:
         MotiondeckError: if a recording is missing or damaged.
@@ -125,7 +124,7 @@ def prepare(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: No
             features = joint_features(encoding, channels)
             frames[motion.name] = close_loop(channels, features, at_least=recipe.loop_keeps)
         else:
-            frames[motion.name] = hold_end(channels, np.arange(TURN_RATE, LEFT + 1))
+            frames[motion.name] = hold_end(channels, slice(TURN_RATE, LEFT + 1))
     if len(rates) > 1:
         raise FileFormatError(f"recipe '{recipe.name}' mixes frame rates: {sorted(rates)} Hz")
     loops = {motion.name: motion.plays == "loop" for motion in recipe.motions}
@@ -158,7 +157,7 @@ def _motion_info(
         plays=motion.plays,
         frames=len(syllabus.frames[motion.name]),
         source=motion.file,
-        nrmse=nrmse(network.anchors(motion.name), taught),
+        nrmse=nrmse(network.recall(motion.name), taught),
         error_mm=verdict.error_mm,
         passed=verdict.passed,
         reason=verdict.reason,

@@ -1,8 +1,8 @@
 """Closing a clip, so that a motion can go on for ever or come to rest.
 
-A recording ends; a network must not. A periodic motion is cut where it comes nearest to itself, and what mismatch is left
-is eased out over the frames after the seam, value and velocity (a quintic, so that neither jumps). A motion that happens
-once is eased into a hold after it has ended: the network learns to rest there.
+A recording ends; a network must not. A periodic motion is cut where it comes nearest to itself, and what mismatch is
+left is eased out over the frames after the seam, value and velocity (a quintic, so that neither jumps). A motion that
+happens once is eased into a hold after it has ended: the network learns to rest there.
 """
 
 from __future__ import annotations
@@ -49,18 +49,18 @@ def close_loop(channels: Array, features: Array, *, at_least: float, seam: int =
 
 
 def quintic(s: Array) -> tuple[Array, Array]:
-    """How much is left of an initial value and of an initial slope at s in [0, 1]; both end at 0 with no slope or curve."""
+    """What is left of an initial value and of an initial slope at s in [0, 1]; both end with no slope and no curve."""
     value = 1.0 + s**3 * (-10.0 + s * (15.0 - 6.0 * s))
     slope = s + s**3 * (-6.0 + s * (8.0 - 3.0 * s))
     return value, slope
 
 
-def hold_end(channels: Array, still: Array, ease: int = 36) -> Array:
+def hold_end(channels: Array, still: slice, ease: int = 36) -> Array:
     """A clip that comes to rest: its frames, an eased stop, HOLD_AFTER still frames.
 
     Args:
         channels: the clip, shape (T, C).
-        still: the channels that are velocities, zero while resting, shape (n,).
+        still: the channels that are velocities, zero while resting.
         ease: how many frames the motion takes to come to rest.
     """
     slope = np.gradient(channels, axis=0)
@@ -68,7 +68,7 @@ def hold_end(channels: Array, still: Array, ease: int = 36) -> Array:
     # The slope runs out as (1 - s)^2 (1 + 2 s): what is walked on the way is its integral.
     way = s - s**3 + 0.5 * s**4
     stopping = channels[-1] + slope[-1] * ease * way
-    stopping[:, still] = channels[-1, still] * (1.0 - s) ** 2 * (1.0 + 2.0 * s)
+    stopping[:, still] = channels[-1:, still] * (1.0 - s) ** 2 * (1.0 + 2.0 * s)
     after = np.repeat(stopping[-1:], HOLD_AFTER, axis=0)
     after[:, still] = 0.0
     return np.concatenate([channels, stopping, after])

@@ -2,10 +2,11 @@
 
 Each motion is started at its first anchor and left alone for three times its length. What counts is the last third:
 
-- a loop passes if at least 70 % of its windows are nearest to the motion that was meant, the median distance is under 40 mm
-  or 0.4 of the motion's own spread, and the joints move 0.4 to 2.5 times as fast as in training (still motions excepted);
-- a motion that happens once passes if it went through at least 70 % of its moving windows in order and then holds its last
-  pose to 40 mm.
+- a loop passes if at least 70 % of its windows are nearest to the motion that was meant, the median distance is under
+  40 mm or 0.4 of the motion's own spread, and the joints move 0.4 to 2.5 times as fast as in training (still motions
+  excepted);
+- a motion that happens once passes if it went through at least 70 % of its moving windows in order and then holds its
+  last pose to 40 mm.
 """
 
 from __future__ import annotations

@@ -1,0 +1,92 @@
+"""Pictures of what a library plays: contact sheets and films, drawn off screen and as fast as the machine can."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from controller.cli.resources import find
+from controller.cli.script import Cue
+from controller.realtime.deck import Deck
+from controller.rotations import Array
+from controller.training.library import MotionLibrary, load_library
+
+FILM_HZ = 30.0
+SUBSTEPS = 4
+MOMENTS = 8
+SHEET_SECONDS = {"loop": 1.0, "once": 0.6}
+
+
+def draw_sheet(library: str, robot: str, out: Path) -> None:
+    """One row a motion, MOMENTS pictures each, spread over one period of a loop or the moving part of a single act."""
+    from sim.playback import KinematicPlayback
+    from sim.robot import load_robot
+    from sim.video import contact_sheet
+
+    loaded = load_library(find("library", library, ".safetensors"))
+    body = load_robot(find("robot", robot, ".toml"), loaded.skeleton)
+    rows: list[tuple[str, list[Array]]] = []
+    for motion in loaded.info.motions:
+        deck = Deck(loaded, body.retarget, motion.name)
+        stage = KinematicPlayback(body)
+        # A third of what a single act was learned from is the pose that it holds in the end.
+        seconds = motion.frames / loaded.info.rate * SHEET_SECONDS[motion.plays]
+        moments: list[Array] = []
+        for _ in range(MOMENTS):
+            for _ in range(10):
+                targets, pose = deck.update(seconds / MOMENTS / 10)
+            stage.write(np.clip(targets, body.limits.lower, body.limits.upper), pose)
+            moments.append(stage.qpos.copy())
+        rows.append((motion.name, moments))
+    contact_sheet(body.model, rows, out)
+    print(f"wrote {out} ({len(rows)} motions)", file=sys.stderr)
+
+
+def film(
+    library: MotionLibrary, robot: str, cues: list[Cue], seconds: float, out: Path, size: tuple[int, int]
+) -> dict[str, object]:
+    """Films a script and returns what `play --video --json` says.
+
+    Args:
+        library: what is played.
+        robot: whose body plays it.
+        cues: what is played when.
+        seconds: how long.
+        out: the film, .mp4 or .gif.
+        size: width and height, pixels.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from sim.robot import load_robot
+    from sim.video import render
+
+    body = load_robot(find("robot", robot, ".toml"), library.skeleton)
+    total = max(1, round(seconds * FILM_HZ))
+    columns = (TextColumn("filming"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
+        task = bar.add_task("", total=total)
+        done: Callable[[int], None] = lambda count: bar.update(task, completed=count)  # noqa: E731
+        frames = render(body.model, _frames(library, body, cues, total), out, FILM_HZ, size, True, done)
+    return {"video": str(out), "frames": frames, "fps": FILM_HZ, "bytes": out.stat().st_size}
+
+
+def _frames(library: MotionLibrary, body: object, cues: list[Cue], total: int) -> Iterator[Array]:
+    """One qpos a picture."""
+    from sim.playback import KinematicPlayback
+    from sim.robot import Robot
+
+    assert isinstance(body, Robot)
+    deck = Deck(library, body.retarget, cues[0].motion)
+    stage = KinematicPlayback(body)
+    waiting = list(cues[1:])
+    for _ in range(total):
+        while waiting and waiting[0].at <= deck.time:
+            deck.switch(waiting.pop(0).motion)
+        for _ in range(SUBSTEPS):
+            targets, pose = deck.update(1.0 / FILM_HZ / SUBSTEPS)
+        stage.write(np.clip(targets, body.limits.lower, body.limits.upper), pose)
+        yield stage.qpos

@@ -1,0 +1,85 @@
+"""A servo rig as one of the deck's outputs: joints by name, states read a tick late, tracking measured on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from controller.errors import MotiondeckError
+from controller.mocap.posture import Pose
+from controller.rotations import Array
+
+if TYPE_CHECKING:
+    from hardware.dynamixel_rig import DynamixelRig
+
+
+class RigOutput:
+    """Streams targets to a connected rig and measures how well its joints follow; fits `realtime.interfaces.Output`.
+
+    Args:
+        rig: connected, torque on.
+        joints: the robot's joints in the order of the targets.
+        hz: how often it is written to.
+
+    Raises:
+        MotiondeckError: if the rig has a joint that the robot has not.
+    """
+
+    def __init__(self, rig: DynamixelRig, joints: tuple[str, ...], hz: float) -> None:
+        missing = [name for name in rig.names if name not in joints]
+        if missing:
+            raise MotiondeckError(
+                f"the rig's joints {', '.join(missing)} are not joints of this robot (it has: {', '.join(joints)})"
+            )
+        self.name = "rig"
+        self._rig = rig
+        self._hz = hz
+        self._order = np.array([joints.index(name) for name in rig.names])
+        self._written = rig.positions.copy()
+        self._measured = np.full(len(joints), np.nan)
+        self._measured[self._order] = rig.positions
+        self._squares, self._samples = 0.0, 0
+
+    def write(self, targets: Array, pose: Pose) -> None:
+        """Takes in the state asked for a tick ago, sends the targets, and asks anew; never waits for the wire."""
+        rig = self._rig
+        if rig.collect_state():
+            # The state was taken right after the last write: its targets are what the joints were following.
+            error = rig.positions - self._written
+            self._squares += float(error @ error)
+            self._samples += len(error)
+            self._measured[self._order] = rig.positions
+        self._written[:] = targets[self._order]
+        rig.write(self._written)
+        rig.request_state()
+
+    def measured(self) -> Array | None:
+        """The latest measured positions (J,), rad; NaN for joints that the rig lacks."""
+        return self._measured
+
+    def report(self) -> Mapping[str, object]:
+        """The rig's part of the run's report."""
+        rig = self._rig
+        return {
+            "kind": "dynamixel",
+            "joints": len(rig.names),
+            "hz": self._hz,
+            "write_us": _percentiles(rig.write_us.microseconds),
+            "read_us": _percentiles(rig.read_us.microseconds),
+            "tracking_rmse_rad": (self._squares / self._samples) ** 0.5 if self._samples else None,
+            "faults": rig.faults.total,
+            "faults_by_joint": rig.faults.by_joint(rig.names),
+        }
+
+    def close(self) -> None:
+        """Takes the torque off."""
+        self._rig.close()
+
+
+def _percentiles(microseconds: Array) -> dict[str, float] | None:
+    if not len(microseconds):
+        return None
+    p50, p99, p999 = np.percentile(microseconds, (50.0, 99.0, 99.9))
+    return {"p50": float(p50), "p99": float(p99), "p999": float(p999), "max": float(microseconds.max())}

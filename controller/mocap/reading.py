@@ -1,0 +1,49 @@
+"""One way in for recordings: the reader is chosen by the file's name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from controller.errors import FileFormatError
+from controller.mocap.amc import read_amc
+from controller.mocap.asf import read_asf
+from controller.mocap.clip import Clip
+from controller.mocap.patterns import read_pattern
+
+
+def read_clip(path: str | Path, skeleton: str | Path | None = None) -> Clip:
+    """The clip in a recording.
+
+    Args:
+        path: an Acclaim recording (.amc) or one of Jaeger's MATLAB patterns (.mat); capitals do not matter.
+        skeleton: for .amc, the .asf file it belongs to; None takes the only one in the same folder.
+
+    Raises:
+        FileFormatError: if the file is of another kind, its skeleton is not clear, or reading fails.
+    """
+    match Path(path).suffix.lower():
+        case ".mat":
+            return read_pattern(path)
+        case ".amc":
+            return read_amc(path, read_asf(skeleton or _only_skeleton_beside(path)))
+        case ".asf":
+            raise FileFormatError(f"{path}: a skeleton, not a motion. Give a recording that belongs to it (.amc).")
+        case suffix:
+            raise FileFormatError(
+                f"{path}: no reader for '{suffix}' files. Supported are .amc (Acclaim, with its .asf) and "
+                ".mat (Jaeger's patterns)."
+            )
+
+
+def _only_skeleton_beside(path: str | Path) -> Path:
+    """The one .asf file in the folder of a recording."""
+    if not Path(path).exists():
+        raise FileFormatError(f"{path}: there is no such file. Check the name.")
+    try:
+        found = sorted(other for other in Path(path).parent.iterdir() if other.suffix.lower() == ".asf")
+    except OSError as error:
+        raise FileFormatError(f"{path}: its folder cannot be read ({error.strerror}). Give the skeleton.") from error
+    if len(found) != 1:
+        names = f"{len(found)} .asf files ({', '.join(other.name for other in found)})" if found else "no .asf file"
+        raise FileFormatError(f"{path}: there are {names} beside it. Give the skeleton it was recorded with.")
+    return found[0]

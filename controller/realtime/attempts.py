@@ -1,0 +1,43 @@
+"""Attempts: calls that may raise without harm to the loop, counted, and given up when they never succeed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ParamSpec
+
+P = ParamSpec("P")
+
+FAULTS_TO_GIVE_UP = 20
+
+
+@dataclass
+class Attempts:
+    """One kind of call.
+
+    Attributes:
+        faults: how many have raised.
+        fault: what was raised last.
+    """
+
+    faults: int = 0
+    fault: str = ""
+    _in_a_row: int = 0
+
+    @property
+    def given_up(self) -> bool:
+        """Whether the last FAULTS_TO_GIVE_UP calls have all raised; no further one is made."""
+        return self._in_a_row >= FAULTS_TO_GIVE_UP
+
+    def __call__(self, action: Callable[P, None], *args: P.args, **kwargs: P.kwargs) -> None:
+        """Calls the action, unless given up."""
+        if self.given_up:
+            return
+        try:
+            action(*args, **kwargs)
+        except Exception as error:
+            self.faults += 1
+            self._in_a_row += 1
+            self.fault = f"{type(error).__name__}: {error}"
+        else:
+            self._in_a_row = 0

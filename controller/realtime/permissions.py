@@ -1,0 +1,55 @@
+"""What the operating system may grant a real-time loop: the right of way, and memory that stays in RAM."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import resource
+from dataclasses import dataclass
+
+_FIFO_PRIORITY = 60  # above the kernel's threaded interrupts (50), below its watchdogs (99)
+_MCL_CURRENT, _MCL_FUTURE = 1, 2
+
+
+@dataclass(frozen=True)
+class Permission:
+    """One thing asked of the operating system, whether it was granted, and what to do where it was not."""
+
+    name: str
+    granted: bool
+    remedy: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.name}: granted" if self.granted else f"{self.name}: not permitted. {self.remedy}"
+
+
+def request_realtime() -> list[Permission]:
+    """Asks for SCHED_FIFO for this thread and for locked memory; never fails, but says what was granted.
+
+    Start other processes before: they would inherit the scheduling.
+    """
+    return [_first_in_first_out(), _locked_memory()]
+
+
+def _first_in_first_out() -> Permission:
+    name = "real-time scheduling (SCHED_FIFO)"
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_FIFO_PRIORITY))
+    except (AttributeError, OSError):
+        return Permission(
+            name, False, f"Allow it with 'ulimit -r {_FIFO_PRIORITY}' (limits.conf: rtprio) or CAP_SYS_NICE."
+        )
+    return Permission(name, True)
+
+
+def _locked_memory() -> Permission:
+    name = "memory locked in RAM (mlockall)"
+    remedy = "Allow it with 'ulimit -l unlimited' (limits.conf: memlock) or CAP_IPC_LOCK."
+    unlimited = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] == resource.RLIM_INFINITY or os.geteuid() == 0
+    # Under a limit, locking future memory as well would make every later allocation beyond it fail.
+    flags = _MCL_CURRENT | (_MCL_FUTURE if unlimited else 0)
+    try:
+        granted = ctypes.CDLL(None, use_errno=True).mlockall(flags) == 0
+    except (AttributeError, OSError):
+        granted = False
+    return Permission(name, granted, "" if granted else remedy)

@@ -1,0 +1,129 @@
+"""A small body and three motions made up for tests, so that everything but the readers runs without recordings."""
+
+import numpy as np
+
+from controller.mocap.bone_directions import BoneDirections
+from controller.mocap.normalisation import Normalisation
+from controller.mocap.skeleton import Skeleton
+from controller.training.conceptor_training import ConceptorRecipe, train_conceptors
+from controller.training.lesson import Lesson
+from controller.training.library import (
+    VERSION,
+    LibraryInfo,
+    MotionInfo,
+    MotionLibrary,
+    describe_skeleton,
+)
+from controller.training.loops import hold_end
+
+RATE = 120.0
+RIGHT, LEFT, UP, DOWN = (0, -1, 0), (0, 1, 0), (0, 0, 1), (0, 0, -1)
+BODY = (
+    ("rhip", -1, RIGHT, 0.1),
+    ("rleg", 0, DOWN, 0.8),
+    ("lhip", -1, LEFT, 0.1),
+    ("lleg", 2, DOWN, 0.8),
+    ("back", -1, UP, 0.5),
+    ("head", 4, UP, 0.2),
+    ("rarm", 4, RIGHT, 0.6),
+    ("larm", 4, LEFT, 0.6),
+)
+SMALL_RECIPE = ConceptorRecipe(neurons=300, input_scale=0.5, aperture=100.0, ridge=0.01, rank=30, washout=60)
+
+
+def small_skeleton():
+    names, parents, directions, lengths = zip(*BODY, strict=True)
+    return Skeleton("small", names, np.array(parents), np.array(directions, dtype=float), np.array(lengths))
+
+
+def small_encoding():
+    return BoneDirections(small_skeleton())
+
+
+def swing(angle, axis):
+    """Unit vectors (T, 3) that hang down and swing by angle (T,) along an axis, 0 = forward, 1 = left."""
+    out = np.zeros((len(angle), 3))
+    out[:, axis], out[:, 2] = np.sin(angle), -np.cos(angle)
+    return out
+
+
+def frames_of(height, forward, turn, legs, arms):
+    """Channels (T, 28) of a body whose right and left legs and arms point along four arrays (T, 3)."""
+    count = len(height)
+    channels = np.zeros((count, small_encoding().channels))
+    channels[:, 0], channels[:, 1], channels[:, 2] = height, turn, forward
+    fixed = {"rhip": RIGHT, "lhip": LEFT, "back": UP, "head": UP}
+    moving = {"rleg": legs[0], "lleg": legs[1], "rarm": arms[0], "larm": arms[1]}
+    for bone, (name, *_rest) in enumerate(BODY):
+        channels[:, 4 + 3 * bone : 7 + 3 * bone] = fixed.get(name, moving.get(name))
+    return channels
+
+
+def march(period=96):
+    t = 2 * np.pi * np.arange(period) / period
+    legs = swing(0.6 * np.sin(t), 0), swing(-0.6 * np.sin(t), 0)
+    arms = swing(-0.7 * np.sin(t), 0), swing(0.7 * np.sin(t), 0)
+    return frames_of(0.8 + 0.03 * np.cos(2 * t), 1.2 + 0.1 * np.cos(2 * t), 0.2 * np.sin(t), legs, arms)
+
+
+def wave(period=120):
+    t = 2 * np.pi * np.arange(period) / period
+    legs = swing(-0.2 + 0 * t, 1), swing(0.2 + 0 * t, 1)
+    arms = swing(-2.2 + 0.6 * np.sin(t), 1), swing(2.2 + 0.6 * np.cos(t), 1)
+    return frames_of(0.8 + 0 * t, 0 * t, 0 * t, legs, arms)
+
+
+def bow(count=150):
+    s = 0.5 - 0.5 * np.cos(np.pi * np.arange(count) / (count - 1))
+    legs = swing(1.2 * s, 0), swing(1.2 * s, 0)
+    arms = swing(-0.4 + 0 * s, 1), swing(1.5 * s, 0)
+    return hold_end(frames_of(0.8 - 0.4 * s, 0 * s, 0 * s, legs, arms), slice(1, 4))
+
+
+MOTIONS = {"march": march, "wave": wave, "bow": bow}
+
+
+def references():
+    return {name: make() for name, make in MOTIONS.items()}
+
+
+def lessons():
+    frames = references()
+    normalisation = Normalisation.fit(list(frames.values()))
+    return [Lesson(name, normalisation.apply(f), name != "bow") for name, f in frames.items()], normalisation
+
+
+def small_network(seed=0, recipe=SMALL_RECIPE):
+    taught, normalisation = lessons()
+    return train_conceptors(taught, normalisation, recipe, seed)
+
+
+def small_library(seed=0):
+    """Two loops and a motion that happens once, in a network of 300 neurons."""
+    encoding = small_encoding()
+    motions = [
+        MotionInfo(
+            name=name,
+            plays="once" if name == "bow" else "loop",
+            frames=len(frames),
+            source="synthetic",
+            nrmse=0.01,
+            error_mm=5.0,
+            passed=True,
+        )
+        for name, frames in references().items()
+    ]
+    info = LibraryInfo(
+        version=VERSION,
+        name="small",
+        network="conceptor",
+        encoding="bone directions",
+        rate=RATE,
+        seed=seed,
+        motions=motions,
+        skeleton=describe_skeleton(encoding),
+        recipe={},
+        licence="none needed",
+        acknowledgement="",
+    )
+    return MotionLibrary(info, small_network(seed), encoding)
