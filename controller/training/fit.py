@@ -96,7 +96,7 @@ def fit(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None) 
             for motion in recipe.motions
         ],
         skeleton=describe_skeleton(syllabus.encoding),
-        recipe=msgspec.to_builtins(recipe),
+        recipe=msgspec.json.decode(msgspec.json.encode(recipe)),
         licence=recipe.licence,
         acknowledgement=recipe.acknowledgement,
         leak=1.0 if isinstance(recipe.network, ConceptorRecipe) else recipe.network.leak,
