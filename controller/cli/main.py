@@ -57,3 +57,7 @@ def main() -> None:
 def _is_mistake(error: Exception) -> bool:
     """Whether an error is one that the user can mend; each package has its own family of them."""
     return any(kind.__name__ == "MotiondeckError" for kind in type(error).__mro__)
+
+
+if __name__ == "__main__":
+    main()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,8 +15,13 @@ from controller.realtime.deck import Deck
 from controller.rotations import Array
 from controller.training.library import MotionLibrary, load_library
 
-FILM_HZ = 30.0
-SUBSTEPS = 4
+if TYPE_CHECKING:
+    from sim.playback import KinematicPlayback
+    from sim.robot import Robot
+
+# Pictures a second, and their size: a GIF has to be small to be shown on a page.
+FILM = {".mp4": (30.0, (640, 480)), ".gif": (20.0, (400, 300))}
+STEPS_A_SECOND = 120
 MOMENTS = 8
 SHEET_SECONDS = {"loop": 1.0, "once": 0.6}
 
@@ -36,18 +42,14 @@ def draw_sheet(library: str, robot: str, out: Path) -> None:
         seconds = motion.frames / loaded.info.rate * SHEET_SECONDS[motion.plays]
         moments: list[Array] = []
         for _ in range(MOMENTS):
-            for _ in range(10):
-                targets, pose = deck.update(seconds / MOMENTS / 10)
-            stage.write(np.clip(targets, body.limits.lower, body.limits.upper), pose)
+            _play_on(deck, stage, body, seconds / MOMENTS)
             moments.append(stage.qpos.copy())
         rows.append((motion.name, moments))
     contact_sheet(body.model, rows, out)
     print(f"wrote {out} ({len(rows)} motions)", file=sys.stderr)
 
 
-def film(
-    library: MotionLibrary, robot: str, cues: list[Cue], seconds: float, out: Path, size: tuple[int, int]
-) -> dict[str, object]:
+def film(library: MotionLibrary, robot: str, cues: list[Cue], seconds: float, out: Path) -> dict[str, object]:
     """Films a script and returns what `play --video --json` says.
 
     Args:
@@ -56,7 +58,6 @@ def film(
         cues: what is played when.
         seconds: how long.
         out: the film, .mp4 or .gif.
-        size: width and height, pixels.
     """
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -65,28 +66,34 @@ def film(
     from sim.video import render
 
     body = load_robot(find("robot", robot, ".toml"), library.skeleton)
-    total = max(1, round(seconds * FILM_HZ))
+    hz, size = FILM.get(out.suffix.lower(), FILM[".mp4"])
+    total = max(1, round(seconds * hz))
     columns = (TextColumn("filming"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
         task = bar.add_task("", total=total)
         done: Callable[[int], None] = lambda count: bar.update(task, completed=count)  # noqa: E731
-        frames = render(body.model, _frames(library, body, cues, total), out, FILM_HZ, size, True, done)
-    return {"video": str(out), "frames": frames, "fps": FILM_HZ, "bytes": out.stat().st_size}
+        frames = render(body.model, _frames(library, body, cues, total, hz), out, hz, size, True, done)
+    return {"video": str(out), "frames": frames, "fps": hz, "bytes": out.stat().st_size}
 
 
-def _frames(library: MotionLibrary, body: object, cues: list[Cue], total: int) -> Iterator[Array]:
+def _frames(library: MotionLibrary, body: Robot, cues: list[Cue], total: int, hz: float) -> Iterator[Array]:
     """One qpos a picture."""
     from sim.playback import KinematicPlayback
-    from sim.robot import Robot
 
-    assert isinstance(body, Robot)
     deck = Deck(library, body.retarget, cues[0].motion)
     stage = KinematicPlayback(body)
     waiting = list(cues[1:])
     for _ in range(total):
         while waiting and waiting[0].at <= deck.time:
             deck.switch(waiting.pop(0).motion)
-        for _ in range(SUBSTEPS):
-            targets, pose = deck.update(1.0 / FILM_HZ / SUBSTEPS)
-        stage.write(np.clip(targets, body.limits.lower, body.limits.upper), pose)
+        _play_on(deck, stage, body, 1.0 / hz)
         yield stage.qpos
+
+
+def _play_on(deck: Deck, stage: KinematicPlayback, body: Robot, seconds: float) -> None:
+    """Lets the deck play for so long, in steps of about a tick, and shows where that ends."""
+    steps = max(1, round(seconds * STEPS_A_SECOND))
+    for _ in range(steps - 1):
+        deck.update(seconds / steps)
+    targets, pose = deck.update(seconds / steps)
+    stage.write(np.clip(targets, body.limits.lower, body.limits.upper), pose)

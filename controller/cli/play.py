@@ -1,0 +1,130 @@
+"""`motiondeck play`: the real-time loop, with a page, a terminal, a film or nothing to look at it."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from controller.realtime.commands import DEFAULT_PORT
+
+PAGE_PORT = 8040
+
+
+def play(
+    motion: Annotated[str | None, typer.Argument(help="What to play first; `walk` where the library has it.")] = None,
+    library: Annotated[
+        str, typer.Option("--library", help="A library file, or a shipped one by its name.")
+    ] = "thesis15",
+    robot: Annotated[str, typer.Option("--robot", help="A robot file, or: mannequin, servo20.")] = "mannequin",
+    rig: Annotated[
+        str | None,
+        typer.Option("--rig", help="Stream to servos: a rig file, or 'emulated' for emulated servos of the robot."),
+    ] = None,
+    script: Annotated[
+        str | None, typer.Option("--script", help='What to play when, for example "walk 4, jog 4, walk".')
+    ] = None,
+    seconds: Annotated[float | None, typer.Option("--seconds", help="Stop after so many seconds.")] = None,
+    headless: Annotated[bool, typer.Option("--headless", help="No page and no terminal.")] = False,
+    video: Annotated[
+        Path | None, typer.Option("--video", metavar="FILE", help="Film it (.mp4 or .gif) instead of playing it live.")
+    ] = None,
+    rate: Annotated[float, typer.Option("--rate", help="Ticks of the loop a second.")] = 200.0,
+    kinematic: Annotated[
+        bool, typer.Option("--kinematic", help="Show the targets themselves, without simulated servos and masses.")
+    ] = False,
+    realtime: Annotated[
+        bool,
+        typer.Option("--realtime", help="Ask for real-time scheduling and locked memory, and say what was granted."),
+    ] = False,
+    page_port: Annotated[
+        int, typer.Option("--port", help="The page's port on 127.0.0.1; 0 for any free one.")
+    ] = PAGE_PORT,
+    command_port: Annotated[
+        int, typer.Option("--command-port", help="Where `motiondeck send` reaches the deck; 0 for any free one.")
+    ] = DEFAULT_PORT,
+    as_json: Annotated[bool, typer.Option("--json", help="Print a report as one JSON object in the end.")] = False,
+) -> None:
+    """Play learned motions live and switch them on command.
+
+    Opens a page on 127.0.0.1 with the robot and a button for each motion, and a prompt here: type a motion's name (Tab
+    completes), `speed 1.5`, `pause`, `resume`, `quit`. From another terminal: `motiondeck send switch waltz`.
+
+    [bold]Examples[/]
+
+      motiondeck play
+
+      motiondeck play jog --robot servo20 --rig emulated
+
+      motiondeck play --headless --seconds 10 --script "walk 4, jog 4, walk" --json
+
+      motiondeck play --video walk.mp4 --seconds 6
+    """
+    from controller.cli.resources import find
+    from controller.cli.script import parse_script
+    from controller.errors import MotiondeckError
+    from controller.training.library import load_library
+
+    if seconds is not None and not 0.0 < seconds < 1e8:
+        raise MotiondeckError(f"--seconds {seconds:g} is not a length of time above 0")
+    if script is not None and motion is not None:
+        raise MotiondeckError(f"give either a motion ('{motion}') or a --script, not both")
+    loaded = load_library(find("library", library, ".safetensors"))
+    names = loaded.network.motions
+    first = motion or ("walk" if "walk" in names else names[0])
+    cues = parse_script(script or first, names)
+    if video is not None:
+        if rig is not None:
+            raise MotiondeckError(
+                "a film is not made live, so nothing can be streamed to a rig: leave --rig or --video"
+            )
+        from controller.cli.pictures import film
+
+        length = seconds if seconds is not None else max(6.0, cues[-1].at + 4.0)
+        said = film(loaded, robot, cues, length, video)
+        _print(said, as_json, f"wrote {video} ({length:g} s, {video.stat().st_size / 1e6:.1f} MB)")
+        return
+
+    from controller.cli.session import Session, Settings, summary
+
+    settings = Settings(
+        robot=find("robot", robot, ".toml"),
+        rig=_rig_file(rig, robot),
+        emulated=rig == "emulated",
+        rate=rate,
+        physics=not kinematic,
+        realtime=realtime,
+        command_port=command_port,
+        page_port=None if headless else page_port,
+        terminal=not headless and sys.stdin.isatty(),
+        seconds=seconds,
+    )
+    with Session(loaded, cues, settings) as session:
+        report = session.run()
+    _print(report, as_json, summary(report))
+
+
+def _rig_file(rig: str | None, robot: str) -> Path | None:
+    """The rig file: that of the robot's own name for emulated servos."""
+    from controller.cli.resources import find
+    from controller.errors import MotiondeckError
+
+    if rig is None:
+        return None
+    if rig != "emulated":
+        return find("rig", rig, ".toml")
+    try:
+        return find("rig", Path(robot).stem, ".toml")
+    except MotiondeckError:
+        raise MotiondeckError(
+            f"there is no rig for robot '{Path(robot).stem}' to be emulated. Try: --rig emulated --robot servo20"
+        ) from None
+
+
+def _print(report: dict[str, object], as_json: bool, words: str) -> None:
+    """One JSON object on standard output, or a few words."""
+    import json
+
+    print(json.dumps(report) if as_json else words)

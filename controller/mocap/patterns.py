@@ -7,25 +7,20 @@ are zero by construction; what the files hold there is rounding.
 
 from __future__ import annotations
 
-import io
-import struct
-import zlib
 from pathlib import Path
 
 import numpy as np
-import scipy.io
 
 from controller.errors import FileFormatError
 from controller.mocap.bone_directions import FIRST_BONE, FORWARD, HEIGHT, LEFT, TURN_RATE, BoneDirections
 from controller.mocap.clip import Clip
-from controller.mocap.files import listed, read_bytes
+from controller.mocap.files import listed
+from controller.mocap.mat5 import read_mat
 from controller.mocap.skeleton import ROOT, Skeleton
 from controller.rotations import Array
 
 RATE = 120.0  # Hz, from the scripts that made the patterns; the files do not say
 MILLIMETRE = 0.001  # m
-LARGEST = 16 * 2**20  # bytes; the patterns are smaller than 0.4 MiB
-LARGEST_UNPACKED = 64 * 2**20  # bytes
 
 # Bone, the bone it hangs from, and where it points with arms out sideways, legs down and feet forward. Order and tree
 # are those of Jaeger's patterns; the rest pose is ours, because they have none.
@@ -78,8 +73,8 @@ def read_pattern(path: str | Path) -> Clip:
         )
     if np.any(np.abs(data[:, :FIRST_BONE]) > 1e6):
         raise FileFormatError(f"{path}: nnRawData{pattern} moves further than 1 km. Fetch the file again.")
-    encoding = BoneDirections(thesis_skeleton(lengths[0] * MILLIMETRE, pattern))
-    channels = data.astype(np.float64)
+    encoding = BoneDirections(thesis_skeleton(lengths * MILLIMETRE, pattern))
+    channels = data.copy()
     channels[:, encoding.silent] = 0.0
     norms = np.linalg.norm(channels[:, FIRST_BONE:].reshape(len(channels), -1, 3), axis=-1)
     if np.any(np.abs(norms - 1.0) > 1e-6):
@@ -96,75 +91,26 @@ def read_pattern(path: str | Path) -> Clip:
 
 
 def _fields(path: str | Path) -> tuple[str, Array, Array]:
-    """The pattern's name, its data (T, 61) and its bone lengths (1, 19), as they stand in the file."""
-    content = _unpacked(path, read_bytes(path, LARGEST))
-    try:
-        there = {name: (shape, kind) for name, shape, kind in scipy.io.whosmat(io.BytesIO(content))}
-    except Exception as error:  # a parser of an intricate format may fail in any way on a broken file
-        raise _damaged(path) from error
-    pattern = next((name.removeprefix("nnRawData") for name in there if name.startswith("nnRawData")), "")
-    wanted = {f"nnRawData{pattern}": (None, FIRST_BONE + 3 * len(_TREE)), f"segLengths{pattern}": (1, len(_TREE))}
-    for name, (rows, columns) in wanted.items():
+    """The pattern's name, its data (T, 61) and its bone lengths (19,), as they stand in the file."""
+    there = read_mat(path)
+    data_fields = (name for name in there if name.startswith("nnRawData") and name.isascii() and name.isidentifier())
+    pattern = next(data_fields, "").removeprefix("nnRawData")
+    found: list[Array] = []
+    for name, columns in ((f"nnRawData{pattern}", FIRST_BONE + 3 * len(_TREE)), (f"segLengths{pattern}", len(_TREE))):
         if name not in there:
             raise FileFormatError(
                 f"{path}: there is no field '{name}' (there are: {listed(there) or 'none'}). "
                 "Give one of Jaeger's nnRaw files, with fields nnRawData<name> and segLengths<name>."
             )
-        shape, kind = there[name]
-        if len(shape) != 2 or shape[0] < 1 or shape != (rows or shape[0], columns) or kind != "double":
+        field = there[name]
+        rows = "frames" if name.startswith("nnRawData") else "1"
+        fits = len(field.shape) == 2 and field.shape[1] == columns and (field.shape[0] == 1 or rows == "frames")
+        if field.values is None or not fits or field.values.size == 0:
+            shape = " x ".join(map(str, field.shape))
             raise FileFormatError(
-                f"{path}: field '{name}' is {' x '.join(map(str, shape))} of {kind}; "
-                f"expected {rows or 'frames'} x {columns} of double. Give one of Jaeger's nnRaw files."
+                f"{path}: field '{name}' is {shape} of {field.kind}; expected {rows} x {columns} of double. "
+                "Give one of Jaeger's nnRaw files."
             )
-    try:
-        # Only what was found to be plain numbers is loaded: cells, structs and objects never are.
-        fields = scipy.io.loadmat(io.BytesIO(content), variable_names=list(wanted))
-        data, lengths = (np.asarray(fields[name]) for name in wanted)
-    except Exception as error:
-        raise _damaged(path) from error
-    if {data.dtype.kind, lengths.dtype.kind} - set("fiu") or [data.shape, lengths.shape] != [
-        there[name][0] for name in wanted
-    ]:
-        raise _damaged(path)
-    return pattern, data, lengths
-
-
-def _unpacked(path: str | Path, content: bytes) -> bytes:
-    """The same MAT file with its compressed variables unpacked, but no further than a bound.
-
-    A hostile file of one megabyte may unpack to a gigabyte. The file is a header of 128 bytes and elements, each with
-    its kind and size; kind 15 is compressed (MAT-File Level 5 format, MathWorks).
-    """
-    if content.startswith(b"MATLAB 7.3"):
-        raise FileFormatError(f"{path}: this MAT file is in the 7.3 format. Save it in MATLAB with the option -v7.")
-    if not content.startswith(b"MATLAB 5.0 MAT-file"):
-        raise FileFormatError(f"{path}: this is not a MAT file (version 5). Give one of Jaeger's nnRaw files.")
-    order = ">" if content[126:128] == b"MI" else "<"
-    parts = [content[:128]]
-    place, room = 128, LARGEST_UNPACKED
-    while place + 8 <= len(content):
-        kind, size = struct.unpack_from(order + "II", content, place)
-        part = content[place : place + 8 + size]
-        complete = len(part) == 8 + size
-        if kind == 15 and complete:
-            unpacker = zlib.decompressobj()
-            try:
-                part = unpacker.decompress(part[8:], room)
-            except zlib.error as error:
-                raise _damaged(path) from error
-            complete = unpacker.eof
-        parts.append(part)
-        place += 8 + size
-        room -= len(part)
-        if room <= 0:
-            most = LARGEST_UNPACKED // 2**20
-            raise FileFormatError(
-                f"{path}: unpacks to more than {most} MiB, which no pattern does. Is it the right file?"
-            )
-        if not complete:
-            raise _damaged(path)
-    return b"".join(parts)
-
-
-def _damaged(path: str | Path) -> FileFormatError:
-    return FileFormatError(f"{path}: this MAT file is damaged or cut short. Fetch it again.")
+        found.append(field.values)
+    data, lengths = found
+    return pattern, data, lengths[0]

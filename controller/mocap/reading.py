@@ -44,6 +44,6 @@ def _only_skeleton_beside(path: str | Path) -> Path:
     except OSError as error:
         raise FileFormatError(f"{path}: its folder cannot be read ({error.strerror}). Give the skeleton.") from error
     if len(found) != 1:
-        names = f"{len(found)} .asf files ({', '.join(other.name for other in found)})" if found else "no .asf file"
+        names = f"{len(found)} .asf files ({', '.join(other.name for other in found)})" if found else "no .asf files"
         raise FileFormatError(f"{path}: there are {names} beside it. Give the skeleton it was recorded with.")
     return found[0]

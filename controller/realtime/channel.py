@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from controller.mocap.posture import Pose
@@ -20,7 +19,7 @@ class Channel:
     Attributes:
         output: what is read and written.
         every: 1 for each tick, 2 for each second tick, and so on.
-        measured: the joint positions read last, shape (J,), rad, or None.
+        measured: the joint positions read last, shape (J,), rad, or None; NaN for a joint that is not measured.
         faults: how many reads and writes have raised.
         fault: what was raised last.
         parked: whether the output is left alone.
@@ -57,14 +56,16 @@ class Channel:
         self.parked = self._failed_turns >= FAULTS_TO_PARK
 
     def report(self) -> dict[str, object]:
-        """What the output says of itself, with its name, faults, and whether it was parked."""
+        """What the output says of itself, with its name and whether it was parked; `faults` adds its own to these."""
         try:
-            own: Mapping[str, object] = self.output.report()
+            own = dict(self.output.report())
         except Exception as error:
             self._count(error)
             own = {}
+        inner = own.pop("faults", 0)
+        faults = self.faults + (inner if isinstance(inner, int) else 0)
         last = {"fault": self.fault} if self.fault else {}
-        return {"name": self.output.name, **own, "faults": self.faults, "parked": self.parked, **last}
+        return {"name": self.output.name, "faults": faults, "parked": self.parked, **last, **own}
 
     def _count(self, error: Exception) -> None:
         self._failed = True

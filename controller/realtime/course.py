@@ -74,8 +74,7 @@ def course(
     limits, dt = envelope.limits, source.dt
     first = np.where(np.isfinite(source.targets), source.targets, 0.5 * (limits.lower + limits.upper))
     first = np.clip(first, limits.lower, limits.upper)
-    present = _measured(channels, len(first))
-    envelope.start(first if present is None else present)
+    envelope.start(_measured(channels, first))
     for targets in _walk(Approach.within(limits, envelope.position, first), dt):
         if stop:
             break
@@ -101,12 +100,13 @@ def course(
             yield envelope(targets)
 
 
-def _measured(channels: Sequence[Channel], joints: int) -> Array | None:
-    """Where the joints are, by the first output that knows it of all of them."""
-    for channel in channels:
-        if channel.measured is not None and channel.measured.shape == (joints,) and np.isfinite(channel.measured).all():
-            return channel.measured
-    return None
+def _measured(channels: Sequence[Channel], assumed: Array) -> Array:
+    """Where the joints are: as the first output that knows it says of each, or else as assumed, shape (J,), rad."""
+    present = assumed.copy()
+    for channel in reversed(channels):
+        if channel.measured is not None and channel.measured.shape == present.shape:
+            np.copyto(present, channel.measured, where=np.isfinite(channel.measured))
+    return present
 
 
 def _walk(approach: Approach, dt: float) -> Iterator[Array]:

@@ -16,6 +16,7 @@ import struct
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -31,9 +32,9 @@ _MOST_BYTES = 1 << 26  # more than any state; a header that claims more is not o
 
 
 class _Header(msgspec.Struct, forbid_unknown_fields=True):
-    description: dict[str, object]
+    description: dict[str, Any]
     fields: dict[str, int]
-    writer: int  # process id
+    writer: Annotated[int, msgspec.Meta(gt=0, lt=2**31)]  # its process id
 
 
 class _Layout:
@@ -74,7 +75,7 @@ class StateWriter:
         self.fields = _named(self._values, fields)
 
     @classmethod
-    def create(cls, path: Path, description: Mapping[str, object], fields: Mapping[str, int]) -> StateWriter:
+    def create(cls, path: Path, description: Mapping[str, Any], fields: Mapping[str, int]) -> StateWriter:
         """Makes the file, readable by its owner only, in place of what was there; it appears complete or not at all.
 
         Args:
@@ -153,7 +154,7 @@ class StateReader:
                 memory = mmap.mmap(file.fileno(), layout.size, access=mmap.ACCESS_READ)
         except OSError as error:
             raise FileFormatError(f"{path}: cannot be read ({error.strerror}); is the deck running?") from error
-        except msgspec.MsgspecError as error:
+        except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
             raise FileFormatError(f"{path}: the description of this state is damaged ({error})") from error
         return cls(memory, layout, header)
 

@@ -1,0 +1,200 @@
+"""The terminal: type a motion's name and the deck plays it. A client of the command socket, in a process of its own.
+
+python -m controller.cli.terminal --command-port 47810
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import threading
+from collections.abc import Callable, Iterable, Sequence
+
+from controller.errors import MotiondeckError
+from controller.realtime.commands import (
+    DEFAULT_PORT,
+    Accepted,
+    CommandClient,
+    CommandError,
+    Message,
+    Pause,
+    Refused,
+    Reply,
+    Resume,
+    SetSpeed,
+    Settled,
+    SocketError,
+    State,
+    Status,
+    Stop,
+    Switch,
+)
+from controller.realtime.messages import checked
+
+HELP = """\
+MOTION           switch to a motion (Tab completes); also: switch MOTION
+speed FACTOR     play at 0.1 to 3 times the recorded tempo
+pause, resume    stand still, go on
+status           what is played, and what could be
+stop, quit       bring the joints to rest and end the deck (Ctrl-C too)
+Ctrl-D           leave the terminal; the deck plays on"""
+
+_PLAIN = {"pause": Pause, "resume": Resume, "status": Status, "stop": Stop, "quit": Stop}
+_WORDS = ("switch", "speed", *_PLAIN, "help")
+_ALLOWED = "MOTION, switch MOTION, speed FACTOR, pause, resume, status, stop"
+_HEARTBEAT = 1.0  # s between questions whether the deck is still there
+
+
+def parse_command(words: Sequence[str]) -> Message:
+    """The message that words say: a command and its argument, or just a motion's name.
+
+    Raises:
+        CommandError: if they say none; it names the commands.
+    """
+    match list(words):
+        case ["switch", name]:
+            return checked(Switch(name))
+        case ["speed", factor]:
+            try:
+                number = float(factor)
+            except ValueError:
+                raise CommandError(f"speed takes a number from 0.1 to 3, not '{factor}'") from None
+            return checked(SetSpeed(number))
+        case ["switch" | "speed" as command, *_]:
+            raise CommandError(f"{command} takes one argument. Commands: {_ALLOWED}.")
+        case [command] if command in _PLAIN:
+            return _PLAIN[command]()
+        case [command, _, *_] if command in _PLAIN:
+            raise CommandError(f"{command} takes no argument. Commands: {_ALLOWED}.")
+        case [name]:
+            return checked(Switch(name))
+        case _:
+            raise CommandError(f"'{' '.join(words)}' is no command. Commands: {_ALLOWED}.")
+
+
+def describe(reply: Reply) -> str:
+    """A reply in one line."""
+    match reply:
+        case Accepted():
+            return "accepted"
+        case Refused(reason=reason):
+            return f"refused: {reason}"
+        case Settled(to=to, seconds=seconds):
+            return f"settled on {to} after {seconds:.2f} s"
+        case State():
+            how = "paused" if reply.paused else f"at speed {reply.speed:.2f}"
+            doing = "switching to" if reply.switching else "playing"
+            return f"{doing} {reply.motion}, {how}; motions: {', '.join(reply.motions)}"
+
+
+def converse(client: CommandClient) -> None:
+    """Takes commands from a person, with completion, until it is left or the deck goes away.
+
+    Raises:
+        SocketError: if no deck is running.
+    """
+    from prompt_toolkit import PromptSession
+    from prompt_toolkit.completion import WordCompleter
+    from prompt_toolkit.patch_stdout import patch_stdout
+
+    state = client.request(Status())
+    names = state.motions if isinstance(state, State) else []
+    session: PromptSession[str] = PromptSession(completer=WordCompleter([*names, *_WORDS]))
+    left = threading.Event()
+
+    def end_prompt() -> None:
+        if session.app.is_running:
+            session.app.exit(exception=EOFError)
+
+    def listen() -> None:
+        listen_to(client, left.is_set)
+        if not left.is_set() and session.app.loop is not None:
+            session.app.loop.call_soon_threadsafe(end_prompt)
+
+    print("Type a motion's name (Tab completes), or help.")
+    listener = threading.Thread(target=listen, daemon=True)
+    with patch_stdout():
+        listener.start()
+        while listener.is_alive():
+            try:
+                line = session.prompt("> ")
+            except EOFError:
+                break
+            except KeyboardInterrupt:
+                line = "stop"
+            try:
+                if message := _understood(line):
+                    client.post(message)
+            except SocketError:
+                break
+        left.set()
+        listener.join()
+
+
+def listen_to(client: CommandClient, enough: Callable[[], bool]) -> None:
+    """Prints what the deck answers, until it answers no more or it is enough."""
+    questions: set[int] = set()  # asked here, only to hear whether the deck is still there
+    try:
+        while not enough() and len(questions) < 3:
+            reply = client.receive(_HEARTBEAT)
+            if reply is None:
+                questions.add(client.post(Status()))
+            elif reply.id in questions:
+                questions.clear()
+            else:
+                print(describe(reply))
+    except MotiondeckError:
+        pass
+    if not enough():
+        print("The deck has ended.")
+
+
+def follow(client: CommandClient, lines: Iterable[str]) -> None:
+    """Takes commands from lines, one after the other, and waits for each switch to settle.
+
+    Raises:
+        SocketError: if no deck is running.
+    """
+    for line in lines:
+        message = _understood(line)
+        if message is None:
+            continue
+        reply = client.request(message)
+        print(describe(reply), flush=True)
+        if isinstance(message, Switch) and isinstance(reply, Accepted):
+            settled = client.wait_settled(reply.id)
+            print(describe(settled) if settled else "not settled yet", flush=True)
+
+
+def _understood(line: str) -> Message | None:
+    """The message a line says, or None where there is nothing to send: then it is answered here."""
+    words = line.split()
+    if words == ["help"]:
+        print(HELP, flush=True)
+    elif words:
+        try:
+            return parse_command(words)
+        except CommandError as error:
+            print(error, flush=True)
+    return None
+
+
+def main() -> None:
+    """Runs the terminal until the person leaves, the input ends, or the deck does."""
+    parser = argparse.ArgumentParser(prog="python -m controller.cli.terminal", description="Commands a running deck.")
+    parser.add_argument("--command-port", type=int, default=DEFAULT_PORT, metavar="N", help="where the deck listens")
+    try:
+        client = CommandClient(parser.parse_args().command_port)
+        if sys.stdin.isatty():
+            converse(client)
+        else:
+            follow(client, sys.stdin)
+    except MotiondeckError as error:
+        print(f"motiondeck: {error}", file=sys.stderr)
+        sys.exit(1)
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,251 @@
+"""Commands over a socket: UDP datagrams on the loopback interface, for a loop that never waits.
+
+A datagram comes whole or not at all, so that a slow or broken client has no connection to stall. Whatever arrives is
+read in bounded amounts; what is no command is counted and, as far as there is time, refused.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import socket
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import msgspec
+
+from controller.errors import MotiondeckError
+from controller.realtime.messages import (
+    MOST_BYTES,
+    Accepted,
+    CommandError,
+    Message,
+    Number,
+    Pause,
+    Refused,
+    Reply,
+    Resume,
+    SetSpeed,
+    Settled,
+    State,
+    Status,
+    Stop,
+    Switch,
+    encode,
+    read_message,
+    read_reply,
+)
+
+__all__ = [
+    "DEFAULT_PORT",
+    "Accepted",
+    "Address",
+    "CommandClient",
+    "CommandError",
+    "CommandServer",
+    "Message",
+    "Pause",
+    "Refused",
+    "Reply",
+    "Resume",
+    "SetSpeed",
+    "Settled",
+    "SocketError",
+    "State",
+    "Status",
+    "Stop",
+    "Switch",
+    "Traffic",
+]
+
+DEFAULT_PORT = 47810
+LOOPBACK = "127.0.0.1"
+
+_PER_SENDER = 8  # commands that one sender may have carried out in one poll
+_REFUSALS = 8  # answers to nonsense in one poll: each costs as much as a command
+
+Address = tuple[str, int]
+
+
+class SocketError(MotiondeckError):
+    """A port that cannot be used, or a deck that does not answer; the message says what to do."""
+
+
+@dataclass
+class Traffic:
+    """What a server has seen: commands handed on, datagrams that were none, commands over a sender's share."""
+
+    commands: int = 0
+    malformed: int = 0
+    flooded: int = 0
+
+
+class CommandServer:
+    """Receives commands on a loopback port; never blocks, and never raises once it is open.
+
+    Attributes:
+        port: where it listens.
+        traffic: what has arrived.
+    """
+
+    def __init__(self, port: int = DEFAULT_PORT) -> None:
+        """Listens on 127.0.0.1; port 0 takes a free one.
+
+        Raises:
+            SocketError: if the port is in use or out of range.
+        """
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self._socket.bind((LOOPBACK, port))
+        except (OSError, OverflowError) as error:
+            self._socket.close()
+            raise SocketError(
+                f"command port {port} cannot be used ({_why(error)}): perhaps another deck is running. "
+                "Stop it with 'motiondeck send stop', or give another port with --command-port"
+            ) from error
+        self._socket.setblocking(False)
+        self.port: int = self._socket.getsockname()[1]
+        self.traffic = Traffic()
+
+    def poll(self, limit: int = 64) -> Iterator[tuple[Message, Address]]:
+        """The commands among the next `limit` datagrams, each with whom to answer."""
+        share: dict[Address, int] = {}
+        refusals = 0
+        for _ in range(limit):
+            try:
+                data, sender = self._socket.recvfrom(MOST_BYTES + 1)
+            except BlockingIOError:
+                return
+            except OSError:  # an earlier answer found nobody
+                continue
+            reason = ""
+            try:
+                message = read_message(data)
+            except CommandError as error:
+                self.traffic.malformed += 1
+                reason = str(error)
+            else:
+                share[sender] = share.get(sender, 0) + 1
+                if share[sender] <= _PER_SENDER:
+                    self.traffic.commands += 1
+                    yield message, sender
+                    continue
+                self.traffic.flooded += 1
+                reason = "too many commands at once"
+            if refusals < _REFUSALS:
+                refusals += 1
+                self.reply(sender, Refused(reason, _number_in(data)))
+
+    def reply(self, receiver: Address, reply: Reply) -> None:
+        """Answers a sender; an answer that cannot be delivered at once is dropped."""
+        with contextlib.suppress(OSError):
+            self._socket.sendto(encode(reply), receiver)
+
+    def close(self) -> None:
+        """Gives the port back; may be called twice."""
+        self._socket.close()
+
+
+class CommandClient:
+    """Sends commands to a deck on this machine."""
+
+    def __init__(self, port: int = DEFAULT_PORT, host: str = LOOPBACK) -> None:
+        """Prepares to talk to the deck at a port; nothing is sent yet.
+
+        Raises:
+            SocketError: if there can be no such port.
+        """
+        self._port = port
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self._socket.connect((host, port))
+        except (OSError, OverflowError) as error:
+            self._socket.close()
+            raise SocketError(f"there is no way to a deck on port {port} ({_why(error)})") from error
+        self._numbers = itertools.count(1)
+        self._settled: dict[int, Settled | Refused] = {}
+
+    def post(self, message: Message) -> int:
+        """Sends a command without waiting; returns the number that its answers will carry.
+
+        Raises:
+            SocketError: if no deck is running there.
+        """
+        number = next(self._numbers)
+        data = encode(msgspec.structs.replace(message, id=number))
+        try:
+            self._socket.send(data)
+        except ConnectionRefusedError:  # the news of an earlier datagram; this one was not sent
+            raise self._no_deck() from None
+        return number
+
+    def request(self, message: Message, timeout_s: float = 1.0) -> Reply:
+        """Sends a command and waits for its first answer.
+
+        Raises:
+            SocketError: if no deck answers in time.
+        """
+        number = self.post(message)
+        deadline = time.monotonic() + timeout_s
+        while reply := self.receive(deadline - time.monotonic()):
+            if reply.id == number:
+                return reply
+            if isinstance(reply, Settled):
+                self._settled[reply.id] = reply
+        raise self._no_deck()
+
+    def wait_settled(self, number: int, timeout_s: float = 10.0) -> Settled | Refused | None:
+        """Waits until the switch with this number has settled, or was overtaken by another; None if neither in time.
+
+        Raises:
+            SocketError: if the deck is gone.
+        """
+        deadline = time.monotonic() + timeout_s
+        while number not in self._settled:
+            reply = self.receive(deadline - time.monotonic())
+            if reply is None:
+                return None
+            if isinstance(reply, (Settled, Refused)):
+                self._settled[reply.id] = reply
+        return self._settled.pop(number)
+
+    def receive(self, timeout_s: float) -> Reply | None:
+        """The next answer, whatever command it belongs to, or None when none comes in time.
+
+        Raises:
+            SocketError: if no deck is running there.
+        """
+        self._socket.settimeout(max(timeout_s, 1e-6))
+        try:
+            return read_reply(self._socket.recv(65536))
+        except TimeoutError:
+            return None
+        except ConnectionRefusedError:
+            raise self._no_deck() from None
+
+    def close(self) -> None:
+        """Gives the socket back; may be called twice."""
+        self._socket.close()
+
+    def _no_deck(self) -> SocketError:
+        return SocketError(f"no deck is running on port {self._port}; start one with: motiondeck play")
+
+
+class _Numbered(msgspec.Struct):
+    id: Number = 0
+
+
+_numbered = msgspec.json.Decoder(_Numbered)
+
+
+def _number_in(data: bytes) -> int:
+    """The number of a command that could not be read otherwise, or 0."""
+    try:
+        return _numbered.decode(data).id
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+        return 0
+
+
+def _why(error: Exception) -> str:
+    return getattr(error, "strerror", None) or str(error)
