@@ -1,0 +1,1 @@
+"""What stands where in a servo's memory, as data."""

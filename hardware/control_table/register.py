@@ -1,0 +1,68 @@
+"""A register: one row of a control table, which turns numbers into bytes and counts into SI units."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+# What one of a manual's units is in SI.
+SI_UNITS = {
+    "": 1.0,
+    "pulse": 1.0,
+    "rpm": 2.0 * math.pi / 60.0,
+    "rev/min2": 2.0 * math.pi / 3600.0,
+    "mA": 1e-3,
+    "V": 1.0,
+    "degC": 1.0,
+    "%": 1e-2,
+    "ms": 1e-3,
+    "us": 1e-6,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Register:
+    """One register of a servo.
+
+    Attributes:
+        address: of its first byte.
+        length: 1, 2 or 4 bytes, little-endian.
+        signed: whether it holds negative numbers (two's complement).
+        access: "R", or "RW".
+        memory: "EEPROM" (kept without power, locked while torque is on) or "RAM".
+        minimum, maximum: the range of what may be written, in counts.
+        default: in counts; None where the servo measures or decides it.
+        unit, scale: one count is `scale` units, as in the maker's manual.
+    """
+
+    name: str
+    address: int
+    length: int
+    signed: bool
+    access: Literal["R", "RW"]
+    memory: Literal["EEPROM", "RAM"]
+    minimum: int
+    maximum: int
+    default: int | None
+    unit: str
+    scale: float
+
+    @property
+    def si(self) -> float:
+        """What one count is in SI units (rad/s, rad/s^2, A, s, ...; a pulse stays a pulse)."""
+        return self.scale * SI_UNITS[self.unit]
+
+    def decode(self, data: bytes) -> int:
+        """The count that these `length` bytes hold."""
+        return int.from_bytes(data, "little", signed=self.signed)
+
+    def encode(self, value: int) -> bytes:
+        """The bytes of a count.
+
+        Raises:
+            ValueError: if it is outside the register's range.
+        """
+        if not self.minimum <= value <= self.maximum:
+            raise ValueError(f"{self.name} takes {self.minimum} to {self.maximum}, not {value}")
+        return value.to_bytes(self.length, "little", signed=self.signed)

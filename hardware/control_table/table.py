@@ -1,0 +1,138 @@
+"""A control table: the registers of one servo model, read from text that looks like the table in its manual."""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import dataclass
+from typing import Any, Literal, cast
+
+import numpy as np
+
+from hardware.control_table.register import SI_UNITS, Register
+from hardware.errors import MotiondeckError
+
+
+class UnknownRegisterError(MotiondeckError):
+    """A register name that the model does not have."""
+
+
+@dataclass(frozen=True)
+class ControlTable:
+    """The registers of a model, by name and by address.
+
+    Attributes:
+        model: the maker's name, "XM430-W350".
+        number: the model number a ping answers with.
+        pulses_per_turn: position counts in one turn of the horn.
+        registers: by name, in order of address.
+    """
+
+    model: str
+    number: int
+    pulses_per_turn: int
+    registers: dict[str, Register]
+
+    def __getitem__(self, name: str) -> Register:
+        """The register of this name.
+
+        Raises:
+            UnknownRegisterError: with the nearest names.
+        """
+        try:
+            return self.registers[name]
+        except KeyError:
+            near = difflib.get_close_matches(name, self.registers, n=3, cutoff=0.4) or list(self.registers)
+            raise UnknownRegisterError(
+                f"{self.model} has no register '{name}'. Did you mean {' or '.join(near)}?"
+            ) from None
+
+    @property
+    def size(self) -> int:
+        """How many bytes the whole table spans."""
+        return max(register.address + register.length for register in self.registers.values())
+
+    def block(self, first: str, last: str) -> tuple[int, int]:
+        """Address and length of everything from one register to another, both included."""
+        start, end = self[first], self[last]
+        return start.address, end.address + end.length - start.address
+
+    def dtype(self, first: str | None = None, last: str | None = None) -> np.dtype[Any]:
+        """The layout of the block (all of the table by default) as a numpy record, to read many servos at once."""
+        names = list(self.registers)
+        inside = names[names.index(first) if first else 0 : names.index(last) + 1 if last else None]
+        rows = [self.registers[name] for name in inside]
+        start = rows[0].address
+        return np.dtype(
+            {
+                "names": inside,
+                "formats": [f"<{'i' if row.signed else 'u'}{row.length}" for row in rows],
+                "offsets": [row.address - start for row in rows],
+                "itemsize": rows[-1].address + rows[-1].length - start,
+            }
+        )
+
+
+def parse_table(model: str, number: int, pulses_per_turn: int, text: str) -> ControlTable:
+    """Reads rows of  address, length, name, access, memory, range, default, unit;  # starts a comment.
+
+    A length of `2s` is two bytes, signed; `-` stands for no default and for no unit; `*1:28` behind a name makes 28
+    registers name_1, name_2, ... one behind the other, and a default of `224+` counts up along with them.
+
+    Raises:
+        ValueError: if a row has other columns, overlaps its neighbour, or uses an unknown word; it quotes the row.
+    """
+    registers: dict[str, Register] = {}
+    end = 0
+    for line in text.splitlines():
+        row = line.partition("#")[0].split()
+        if not row:
+            continue
+        try:
+            for register in _registers(row):
+                if register.address < end or register.name in registers:
+                    raise ValueError("overlaps what stands before it")
+                registers[register.name] = register
+                end = register.address + register.length
+        except (ValueError, KeyError) as error:
+            raise ValueError(f"control table of {model}, row '{line.strip()}': {error}") from error
+    return ControlTable(model, number, pulses_per_turn, registers)
+
+
+def _registers(row: list[str]) -> list[Register]:
+    """The register of a row, or all that it stands for."""
+    address, length_word, name, access, memory, range_word, default_word, unit_word = row
+    if access not in ("R", "RW") or memory not in ("EEPROM", "RAM"):
+        raise ValueError("access is R or RW, memory EEPROM or RAM")
+    base, _, span = name.partition("*")
+    first, _, last = span.partition(":")
+    names = [f"{base}_{number}" for number in range(int(first), int(last) + 1)] if span else [base]
+    length = int(length_word.rstrip("s"))
+    minimum, maximum = (int(word) for word in range_word.split(".."))
+    default = None if default_word == "-" else int(default_word.rstrip("+"))
+    scale, unit = _unit(unit_word)
+    return [
+        Register(
+            name=each,
+            address=int(address) + index * length,
+            length=length,
+            signed=length_word.endswith("s"),
+            access=cast(Literal["R", "RW"], access),
+            memory=cast(Literal["EEPROM", "RAM"], memory),
+            minimum=minimum,
+            maximum=maximum,
+            default=default + index if default is not None and default_word.endswith("+") else default,
+            unit=unit,
+            scale=scale,
+        )
+        for index, each in enumerate(names)
+    ]
+
+
+def _unit(word: str) -> tuple[float, str]:
+    """Scale and unit of a word such as 0.229rpm."""
+    if word == "-":
+        return 1.0, ""
+    for unit in sorted(SI_UNITS, key=len, reverse=True):
+        if unit and word.endswith(unit):
+            return float(word.removesuffix(unit)), unit
+    raise ValueError(f"the unit '{word}' is unknown")

@@ -1,0 +1,230 @@
+"""A rig of Dynamixel servos as a real-time loop drives it: angles in, angles out; nothing waits and nothing raises.
+
+A tick is  collect_state, write(targets), request_state:  the answer to a request travels while the loop does other
+things, and is collected a tick later.
+
+Each servo's bus watchdog is armed by the first write, since nothing moves before. When the loop falls silent for
+longer, the servos stop and hold, and get no more goals until `rearm`: a rig never runs after targets that went on
+without it.
+"""
+
+from __future__ import annotations
+
+from types import TracebackType
+
+import numpy as np
+
+from hardware.bus import Bus
+from hardware.errors import PortError
+from hardware.faults import RigFaults
+from hardware.protocol2.instructions import FastReply
+from hardware.rig import RigConfig
+from hardware.scale import Array, RigScale
+from hardware.switching import hold_still, switch_off, switch_on, tell_all
+from hardware.timings import Timings
+
+_WATCHDOG_UNIT = 0.02  # s
+_PATIENCE = 3  # replies in a row that a servo may miss before it is asked only now and then
+_ASK_AGAIN = 50  # requests from one such question to the next
+
+
+class DynamixelRig:
+    """A rig that is switched on; arrays follow the order of the rig file's joints.
+
+    `write`, `request_state` and `collect_state` neither wait nor raise, whatever the servos do; only a port that is
+    gone raises PortError, once, and from then on they do nothing.
+
+    Attributes:
+        config: the rig file.
+        names: of the joints.
+        positions: last measured, shape (J,), rad.
+        velocities: last measured, shape (J,), rad/s.
+        currents: last measured, shape (J,), A, positive in the joint's direction.
+        faults: what went wrong so far.
+        write_us: how long each `write` took.
+        read_us: how long each `request_state` and each `collect_state` took; never the time on the wire.
+    """
+
+    def __init__(self, config: RigConfig, bus: Bus) -> None:
+        """Switches the servos of an open bus on, each where it stands.
+
+        Raises:
+            RigError: if servos are missing, of another model, or not fit to be switched on; it names them all. No
+                torque is left on, and the bus is closed.
+            PortError: if the port vanishes.
+        """
+        self.config = config
+        self.names = config.names
+        self.faults = RigFaults.none(len(config.joints))
+        self.write_us = Timings()
+        self.read_us = Timings()
+        self._bus = bus
+        self._scale = RigScale(config)
+        self._ids = [joint.id for joint in config.joints]
+        self._index = {id: index for index, id in enumerate(self._ids)}
+        goal = config.joints[0].table["goal_position"]
+        self._goal_block = (goal.address, goal.length)
+        self._entries = np.zeros(len(self._ids), dtype=[("id", "u1"), ("goal", "<i4")])
+        self._entries["id"] = self._ids
+        self._missed_in_a_row = np.zeros(len(self._ids), dtype=np.int64)
+        self._requests = 0
+        self._last_word = 0.0
+        self._armed = self._stopped = self._gone = self._closed = False
+        try:
+            self._goals = switch_on(config, bus)
+        except BaseException:
+            self.close()
+            raise
+        self.positions = self._goals.copy()
+        self.velocities = np.zeros(len(self._ids))
+        self.currents = np.zeros(len(self._ids))
+
+    @classmethod
+    def connect(cls, config: RigConfig, port: str | None = None) -> DynamixelRig:
+        """Opens the port (the rig file's own, unless another is named) and switches the rig on.
+
+        Raises:
+            RigError: as the constructor.
+            PortError: if the port cannot be opened, or vanishes.
+        """
+        return cls(config, Bus.open(port or config.port, config.baud))
+
+    def __enter__(self) -> DynamixelRig:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the bus was silent for so long that the servos' watchdogs have stopped them; see `rearm`."""
+        # One unit earlier than the servos, which count in units: rather stopped here and not there than the reverse.
+        patience = self.config.watchdog_ms * 1e-3 - _WATCHDOG_UNIT
+        return self._stopped or (self._armed and self._bus.port.now() - self._last_word > patience)
+
+    def write(self, targets: Array) -> None:
+        """Sends the targets (J,), rad, as one sync write of goal positions.
+
+        Targets beyond a limit are clipped, those that are no finite number leave the joint's goal as it was; both are
+        counted.
+        """
+        if self._gone:
+            return
+        with self.write_us:
+            finite = np.isfinite(targets)
+            wanted = np.where(finite, targets, self._goals)
+            goals = np.clip(wanted, self._scale.lower, self._scale.upper)
+            self.faults.clipped[:] += wanted != goals
+            self.faults.refused[:] += ~finite
+            try:
+                sent = self._send(goals)
+            except PortError:
+                self._gone = True
+                raise
+            if sent:
+                self._goals = goals
+            else:
+                self.faults.unsent[:] += 1
+
+    def request_state(self) -> None:
+        """Asks the servos for position, velocity and current; nothing happens while an answer is under way."""
+        if self._gone:
+            return
+        with self.read_us:
+            try:
+                self._stopped = self.stopped
+                if self._bus.request(self._line(), *self._scale.state_block):
+                    self._requests += 1
+                    self._last_word = self._bus.port.now()
+            except PortError:
+                self._gone = True
+                raise
+
+    def collect_state(self) -> bool:
+        """Takes the answer if it has come in the meantime; whether anything new was measured."""
+        if self._gone:
+            return False
+        with self.read_us:
+            try:
+                reply = self._bus.collect()
+            except PortError:
+                self._gone = True
+                raise
+            return reply is not None and self._take(reply)
+
+    def rearm(self) -> None:
+        """Lets the servos take goals again after a watchdog stop, each starting from where it stands.
+
+        Waits for answers: not for use inside the loop.
+
+        Raises:
+            RigError: if a servo does not answer, or stands outside its limits.
+            PortError: if the port is gone.
+        """
+        self._goals = hold_still(self.config, self._bus)
+        self._stopped = self._armed = False
+
+    def close(self) -> list[str]:
+        """Takes the torque off every servo that still hears, and gives the port back; may be called twice.
+
+        Returns:
+            The joints that did not confirm that their torque is off.
+        """
+        if self._closed:
+            return []
+        self._closed = self._gone = True
+        unconfirmed = switch_off(self.config, self._bus)
+        self._bus.close()
+        return unconfirmed
+
+    def _send(self, goals: Array) -> bool:
+        """One sync write of goals, and before the first one the watchdog; False if the servos did not get them."""
+        self._stopped = self.stopped
+        if self._stopped:
+            return False
+        if not self._armed:
+            self._armed = tell_all(
+                self.config, self._bus, "bus_watchdog", round(self.config.watchdog_ms * 1e-3 / _WATCHDOG_UNIT)
+            )
+        self._entries["goal"] = self._scale.pulses(goals)
+        sent = self._bus.sync_write(*self._goal_block, self._entries.tobytes())
+        self._last_word = self._bus.port.now()
+        return sent
+
+    def _take(self, reply: FastReply) -> bool:
+        """Counts what is missing in a reply and keeps what was measured; whether anything was."""
+        for id in reply.silent:
+            self._missed_in_a_row[self._index[id]] += 1
+        for id in (*reply.silent, *reply.unheard):
+            self.faults.missed[self._index[id]] += 1
+        for id in reply.corrupt:
+            self.faults.corrupt[self._index[id]] += 1
+        heard: list[int] = []
+        blocks: list[bytes] = []
+        for id, status in reply.statuses.items():
+            index = self._index[id]
+            self._missed_in_a_row[index] = 0
+            self.faults.alert[index] += status.alert
+            if not status.error:
+                heard.append(index)
+                blocks.append(status.params)
+        if heard:
+            state = self._scale.state(heard, b"".join(blocks))
+            self.positions[heard], self.velocities[heard], self.currents[heard] = state
+        return bool(heard)
+
+    def _line(self) -> list[int]:
+        """Whom to ask, in which order.
+
+        A silent servo may hush all that stand behind it, so who missed a reply stands last; who missed several is asked
+        only now and then, one at a time, because waiting for it makes everybody's state older.
+        """
+        if not self._missed_in_a_row.any():
+            return self._ids
+        missed = list(zip(self._ids, self._missed_in_a_row, strict=True))
+        good = [id for id, count in missed if count == 0]
+        doubtful = [id for id, count in missed if 0 < count < _PATIENCE]
+        lost = [id for id, count in missed if count >= _PATIENCE]
+        turn, rest = divmod(self._requests, _ASK_AGAIN)
+        again = [lost[turn % len(lost)]] if lost and (rest == 0 or not good + doubtful) else []
+        return good + doubtful + again

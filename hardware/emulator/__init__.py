@@ -1,0 +1,1 @@
+"""Emulated servo rigs: the same bytes as real servos, without the hardware."""

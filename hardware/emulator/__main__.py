@@ -1,0 +1,28 @@
+"""python -m hardware.emulator RIG.toml: prints the port of an emulated rig and serves it until it is killed."""
+
+from __future__ import annotations
+
+import sys
+
+from hardware.emulator.pty_server import serve
+from hardware.errors import MotiondeckError
+from hardware.rig import load_rig
+
+
+def main() -> int:
+    """Serves the rig file named on the command line; 0 when interrupted or left alone, 1 if the file is no good."""
+    if len(sys.argv) != 2:
+        print("usage: python -m hardware.emulator RIG.toml", file=sys.stderr)
+        return 2
+    try:
+        serve(load_rig(sys.argv[1]), lambda port: print(port, flush=True))
+    except MotiondeckError as error:
+        print(f"motiondeck: {error}", file=sys.stderr)
+        return 1
+    except (KeyboardInterrupt, BrokenPipeError):
+        pass
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

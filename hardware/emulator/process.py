@@ -1,0 +1,59 @@
+"""The emulator as a process of its own, for whoever needs a rig and has none."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from types import TracebackType
+
+from hardware.errors import PortError
+from hardware.rig import load_rig
+
+
+class EmulatorProcess:
+    """A running emulator; it ends with `stop`, with the `with` block, or with the process that started it.
+
+    Attributes:
+        port: what a client opens.
+    """
+
+    def __init__(self, process: subprocess.Popen[str], port: str) -> None:
+        self._process = process
+        self.port = port
+
+    def __enter__(self) -> EmulatorProcess:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.stop()
+
+    @property
+    def pid(self) -> int:
+        """Its process id."""
+        return self._process.pid
+
+    def stop(self) -> None:
+        """Ends the emulator; may be called twice."""
+        self._process.kill()
+        self._process.wait()
+        if self._process.stdout is not None:
+            self._process.stdout.close()
+
+
+def start_emulator(path: str | Path) -> EmulatorProcess:
+    """Emulates the rig of a rig file in a process of its own.
+
+    Raises:
+        RigFileError: if the file is not good.
+        PortError: if the emulator does not start.
+    """
+    load_rig(path)
+    command = [sys.executable, "-m", "hardware.emulator", str(path)]
+    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True)
+    port = process.stdout.readline().strip() if process.stdout is not None else ""
+    emulator = EmulatorProcess(process, port)
+    if not port:
+        emulator.stop()
+        raise PortError(f"the emulator for {path} did not start; what it said stands above.")
+    return emulator

@@ -1,0 +1,31 @@
+"""What can go wrong between a rig file and a turning servo, said in one line with the remedy."""
+
+from __future__ import annotations
+
+
+class MotiondeckError(Exception):
+    """A mistake that the user can mend; the command line prints it without a traceback."""
+
+
+class RigFileError(MotiondeckError):
+    """A rig file that cannot be read or says something impossible; the message names the place and what is allowed."""
+
+
+class PortError(MotiondeckError):
+    """A serial port that cannot be opened, or that vanished while in use."""
+
+
+class ServoError(MotiondeckError):
+    """A servo that did not do what it was told."""
+
+
+class NoReplyError(ServoError):
+    """A servo that stayed silent until the deadline, in every attempt."""
+
+
+class RefusedError(ServoError):
+    """A servo that answered with an error number."""
+
+
+class RigError(MotiondeckError):
+    """A rig that is not as its file says, or not fit to be switched on; the message names the joints."""

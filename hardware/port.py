@@ -1,0 +1,111 @@
+"""A port: the way bytes reach a bus; here over a serial device, without ever waiting in a busy loop."""
+
+from __future__ import annotations
+
+import errno
+import os
+import select
+import time
+from typing import Protocol
+
+import serial
+
+from hardware.errors import PortError
+
+
+class Port(Protocol):
+    """What a bus needs of its wire. Any call may raise PortError when the device is gone."""
+
+    name: str
+
+    def send(self, data: bytes) -> bool:
+        """Hands the bytes over without waiting; False if the device would not take them all."""
+        ...
+
+    def receive(self) -> bytes:
+        """What has arrived since the last call, without waiting."""
+        ...
+
+    def wait(self, seconds: float) -> bool:
+        """Sleeps until something can be received, at most so long; whether something can."""
+        ...
+
+    def now(self) -> float:
+        """The time on the clock that `wait` waits by, s."""
+        ...
+
+    def close(self) -> None:
+        """Gives the device back; may be called twice."""
+        ...
+
+
+class SerialPort:
+    """A serial device, held exclusively, 8N1."""
+
+    def __init__(self, name: str, baud: int) -> None:
+        """Opens the device.
+
+        Raises:
+            PortError: if there is none, it is in use, or it cannot do this baud rate.
+        """
+        self.name = name
+        try:
+            self._serial = serial.Serial(name, baud, timeout=0, exclusive=True)
+        except (OSError, ValueError) as error:
+            raise PortError(f"cannot open the port {name} at {baud} baud: {_reason(error)}") from error
+        self._fd = self._serial.fileno()
+        self._poll = select.poll()
+        self._poll.register(self._fd, select.POLLIN)
+
+    def send(self, data: bytes) -> bool:
+        """Hands the bytes over without waiting; False if the device would not take them all."""
+        try:
+            return os.write(self._fd, data) == len(data)
+        except BlockingIOError:
+            return False
+        except OSError as error:
+            raise self._vanished() from error
+
+    def receive(self) -> bytes:
+        """What has arrived since the last call, without waiting."""
+        if not self.wait(0.0):
+            return b""
+        try:
+            data = os.read(self._fd, 65536)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            raise self._vanished() from error
+        if not data:  # an unplugged adapter reads as the end of the file
+            raise self._vanished()
+        return data
+
+    def wait(self, seconds: float) -> bool:
+        """Sleeps until something can be received, at most so long; whether something can."""
+        events = self._poll.poll(max(0.0, seconds) * 1e3)
+        if events and events[0][1] & (select.POLLHUP | select.POLLERR | select.POLLNVAL):
+            raise self._vanished()
+        return bool(events)
+
+    def now(self) -> float:
+        """The monotonic clock, s."""
+        return time.monotonic()
+
+    def close(self) -> None:
+        """Gives the device back; may be called twice."""
+        self._serial.close()
+
+    def _vanished(self) -> PortError:
+        return PortError(f"the port {self.name} is gone: plug the adapter in again and start anew.")
+
+
+def _reason(error: OSError | ValueError) -> str:
+    """Why a port would not open, and what to do."""
+    number = getattr(error, "errno", None)
+    if "exclusively lock" in str(error) or number in (errno.EBUSY, errno.EAGAIN):
+        return "another program is using it. Close that one first."
+    if number == errno.ENOENT:
+        return "there is no such device. Plug the adapter in, or name its port."
+    if number == errno.EACCES:
+        return "permission denied. Join the group that owns it (often 'dialout') and log in again."
+    return str(error)

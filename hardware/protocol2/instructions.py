@@ -1,0 +1,162 @@
+"""The instructions of Protocol 2.0, each as the bytes of one frame, and the joint reply to a fast sync read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+from hardware.protocol2.crc import checksum
+from hardware.protocol2.frames import ALERT, BROADCAST, HEADER, STATUS, Status, build
+
+PING = 0x01
+READ = 0x02
+WRITE = 0x03
+REG_WRITE = 0x04
+ACTION = 0x05
+REBOOT = 0x08
+SYNC_READ = 0x82
+SYNC_WRITE = 0x83
+FAST_SYNC_READ = 0x8A
+BULK_READ = 0x92
+BULK_WRITE = 0x93
+
+ERRORS = {
+    1: "result fail",
+    2: "instruction not possible",
+    3: "bad checksum",
+    4: "value out of range",
+    5: "wrong data length",
+    6: "value beyond a limit set in the servo",
+    7: "register not accessible (read-only, undefined, or EEPROM while torque is on)",
+}
+
+_FAST_HEAD = 8  # header, BROADCAST, length, STATUS: what the first servo sends before its piece
+
+
+def words(*values: int) -> bytes:
+    """16-bit numbers, little-endian."""
+    return b"".join(value.to_bytes(2, "little") for value in values)
+
+
+def ping(id: int) -> bytes:
+    """Are you there? Answered with model number (2 bytes) and firmware version."""
+    return build(id, PING)
+
+
+def read(id: int, address: int, length: int) -> bytes:
+    """Asks one servo for `length` bytes of its control table."""
+    return build(id, READ, words(address, length))
+
+
+def write(id: int, address: int, data: bytes) -> bytes:
+    """Writes bytes into a servo's control table."""
+    return build(id, WRITE, words(address) + data)
+
+
+def reg_write(id: int, address: int, data: bytes) -> bytes:
+    """A write that waits for `action`."""
+    return build(id, REG_WRITE, words(address) + data)
+
+
+def action(id: int = BROADCAST) -> bytes:
+    """Carries out what was registered by `reg_write`."""
+    return build(id, ACTION)
+
+
+def reboot(id: int) -> bytes:
+    """Restarts a servo: the only way to bring it back from a shutdown."""
+    return build(id, REBOOT)
+
+
+def sync_read(address: int, length: int, ids: Iterable[int]) -> bytes:
+    """Asks many servos for the same registers; each answers with its own status, in this order."""
+    return build(BROADCAST, SYNC_READ, words(address, length) + bytes(ids))
+
+
+def fast_sync_read(address: int, length: int, ids: Iterable[int]) -> bytes:
+    """As `sync_read`, but all answer in one frame: see `fast_reply`."""
+    return build(BROADCAST, FAST_SYNC_READ, words(address, length) + bytes(ids))
+
+
+def sync_write(address: int, length: int, entries: bytes) -> bytes:
+    """Writes the same registers of many servos at once, unanswered; entries are ID and `length` bytes, repeated."""
+    return build(BROADCAST, SYNC_WRITE, words(address, length) + entries)
+
+
+def bulk_read(blocks: Iterable[tuple[int, int, int]]) -> bytes:
+    """Asks each (id, address, length) for its own registers; each answers with its own status, in this order."""
+    return build(BROADCAST, BULK_READ, b"".join(bytes((id,)) + words(a, length) for id, a, length in blocks))
+
+
+def bulk_write(blocks: Iterable[tuple[int, int, bytes]]) -> bytes:
+    """Writes (id, address, data) for many servos at once, unanswered."""
+    return build(BROADCAST, BULK_WRITE, b"".join(bytes((id,)) + words(a, len(data)) + data for id, a, data in blocks))
+
+
+def status_length(length: int) -> int:
+    """How many bytes a status with `length` parameter bytes has on the wire when nothing in it needs stuffing."""
+    return 11 + length
+
+
+def fast_reply_length(count: int, length: int) -> int:
+    """How many bytes the joint reply of `count` servos, `length` bytes each, has on the wire."""
+    return _FAST_HEAD + count * (length + 4)
+
+
+class FastReply(NamedTuple):
+    """What could be understood of the joint reply to a fast sync read.
+
+    Attributes:
+        statuses: of the servos that were heard, by ID.
+        corrupt: IDs whose piece came with a bad checksum.
+        silent: IDs that said nothing when it was their turn.
+        unheard: IDs behind the last silent one, which a servo that waits for its turn could not follow.
+    """
+
+    statuses: dict[int, Status]
+    corrupt: list[int]
+    silent: list[int]
+    unheard: list[int]
+
+
+def fast_reply_start(received: bytes) -> int:
+    """Where the joint reply begins in what was received; -1 if nowhere yet."""
+    start = received.find(HEADER + bytes((BROADCAST,)))
+    while start >= 0 and received[start + 7 : start + 8] not in (b"", bytes((STATUS,))):
+        start = received.find(HEADER + bytes((BROADCAST,)), start + 1)
+    return start
+
+
+def fast_reply(received: bytes, ids: Sequence[int], length: int) -> FastReply:
+    """Reads the joint reply of the servos `ids`, asked in this order for `length` bytes each.
+
+    Behind FF FF FD 00 FE LENGTH 55 each servo sends  error, ID, data, CRC,  where its CRC covers everything on the wire
+    before it, the earlier CRCs included. So a reply that breaks off is good up to there; and because the next piece is
+    checked from the CRC as it arrived, a corrupt byte costs only the servo that it belongs to.
+    """
+    statuses: dict[int, Status] = {}
+    corrupt: list[int] = []
+    silent: list[int] = []
+    start = fast_reply_start(received)
+    turn = 0
+    if start >= 0:
+        piece = start + _FAST_HEAD
+        size = length + 4
+        crc = checksum(received[start:piece])
+        while turn < len(ids) and piece + size <= len(received):
+            tail = received[piece + size - 2 : piece + size]
+            said = tail[0] | tail[1] << 8
+            error, id = received[piece], received[piece + 1]
+            if checksum(received[piece : piece + size - 2], crc) != said:
+                corrupt.append(ids[turn])
+            elif id in ids[turn:]:
+                while ids[turn] != id:
+                    silent.append(ids[turn])
+                    turn += 1
+                statuses[id] = Status(id, error & ~ALERT, bool(error & ALERT), received[piece + 2 : piece + size - 2])
+            else:
+                break
+            crc = checksum(tail, said)
+            piece += size
+            turn += 1
+    return FastReply(statuses, corrupt, silent + list(ids[turn : turn + 1]), list(ids[turn + 1 :]))

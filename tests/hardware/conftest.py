@@ -1,0 +1,40 @@
+from pathlib import Path
+
+import pytest
+
+from hardware.bus import Bus
+from hardware.emulator.bus import EmulatedBus
+from hardware.emulator.port import EmulatedPort
+from hardware.rig import RigConfig, RigJoint
+
+
+@pytest.fixture(scope="session")
+def servo20_file():
+    return Path(__file__).parents[2] / "configs" / "rigs" / "servo20.toml"
+
+
+@pytest.fixture
+def rig_of_four():
+    """Four joints, ids 1 to 4; the second is mounted the other way round and the third has its zero elsewhere."""
+
+    def joint(id, direction=1, zero=2048, lower=-1.5, upper=1.5):
+        return RigJoint(f"joint_{id}", id, "XM430-W350", direction, zero, lower, upper, velocity=4.0)
+
+    return RigConfig(
+        "emulated", 1_000_000, 100.0, (joint(1), joint(2, direction=-1), joint(3, zero=1500, lower=-1.0), joint(4))
+    )
+
+
+@pytest.fixture
+def port(rig_of_four):
+    return EmulatedPort(EmulatedBus(rig_of_four))
+
+
+@pytest.fixture
+def servos(port):
+    return port.bus
+
+
+@pytest.fixture
+def bus(port):
+    return Bus(port, 1_000_000)

@@ -1,0 +1,101 @@
+"""Bytes from the maker's e-Manual, and the joint reply to a fast read."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hardware.protocol2 import instructions as wire
+from hardware.protocol2.crc import checksum
+from hardware.protocol2.frames import build_status
+
+GOLDEN = {
+    "ping": (wire.ping(1), "FFFFFD00 01 0300 01 194E"),
+    "read": (wire.read(1, 132, 4), "FFFFFD00 01 0700 02 84000400 1D15"),
+    "write": (wire.write(1, 116, (512).to_bytes(4, "little")), "FFFFFD00 01 0900 03 740000020000 CA89"),
+    "action": (wire.action(1), "FFFFFD00 01 0300 05 02CE"),
+    "reboot": (wire.reboot(1), "FFFFFD00 01 0300 08 2F4E"),
+    "sync read": (wire.sync_read(132, 4, [1, 2]), "FFFFFD00 FE 0900 82 84000400 0102 CEFA"),
+    "fast sync read": (wire.fast_sync_read(132, 4, [3, 7, 4]), "FFFFFD00 FE 0A00 8A 84000400 030704 20F2"),
+    "status of a ping": (build_status(1, 0, bytes.fromhex("060426")), "FFFFFD00 01 0700 55 00 060426 655D"),
+    "status of a read": (build_status(1, 0, bytes.fromhex("A6000000")), "FFFFFD00 01 0800 55 00 A6000000 8CC0"),
+    "status of a write": (build_status(1), "FFFFFD00 01 0400 55 00 A10C"),
+}
+
+# The joint reply of the ids 3, 7 and 4, of which the e-Manual prints the first two pieces.
+PIECE_3 = bytes.fromhex("FFFFFD00FE190055 0003A6000000 8408")
+PIECE_7 = bytes.fromhex("00071F080000 16CA")
+
+
+def joint_reply(ids, values, length=4):
+    """As servos write it one behind the other."""
+    size = 1 + len(ids) * (length + 4)
+    reply = bytes.fromhex("FFFFFD00FE") + size.to_bytes(2, "little") + b"\x55"
+    for id, value in zip(ids, values, strict=True):
+        reply += bytes((0, id)) + value.to_bytes(length, "little")
+        reply += checksum(reply).to_bytes(2, "little")
+    return reply
+
+
+@pytest.mark.parametrize("name", GOLDEN)
+def test_frames_are_those_of_the_manual(name):
+    built, printed = GOLDEN[name]
+    assert built == bytes.fromhex(printed)
+
+
+def test_group_writes_say_who_gets_what():
+    assert wire.sync_write(116, 1, b"\x01\xaa\x02\xbb")[7:-2] == bytes.fromhex("83 7400 0100 01AA 02BB")
+    assert wire.bulk_write([(1, 116, b"\xaa"), (2, 65, b"\x01\x02")])[7:-2] == bytes.fromhex(
+        "93 01 7400 0100 AA 02 4100 0200 0102"
+    )
+    assert wire.bulk_read([(1, 132, 4), (2, 146, 1)])[7:-2] == bytes.fromhex("92 01 8400 0400 02 9200 0100")
+    assert wire.reg_write(1, 65, b"\x01")[7:-2] == bytes.fromhex("04 4100 01")
+
+
+def test_the_manuals_joint_reply_is_understood():
+    whole = joint_reply([3, 7, 4], [0xA6, 0x81F, 0x55])
+    assert whole.startswith(PIECE_3 + PIECE_7)
+    reply = wire.fast_reply(whole, [3, 7, 4], 4)
+    assert [(id, int.from_bytes(status.params, "little")) for id, status in reply.statuses.items()] == [
+        (3, 0xA6),
+        (7, 0x81F),
+        (4, 0x55),
+    ]
+    assert reply[1:] == ([], [], [])
+    assert len(whole) == wire.fast_reply_length(3, 4)
+
+
+def test_a_reply_that_breaks_off_is_good_up_to_there():
+    reply = wire.fast_reply(PIECE_3 + PIECE_7[:-1], [3, 7, 4], 4)
+    assert list(reply.statuses) == [3]
+    assert (reply.silent, reply.unheard) == ([7], [4])
+
+
+def test_a_servo_that_is_left_out_costs_only_itself():
+    reply = wire.fast_reply(PIECE_3 + PIECE_7, [3, 5, 7], 4)
+    assert list(reply.statuses) == [3, 7]
+    assert reply.silent == [5]
+
+
+def test_a_corrupt_byte_costs_only_its_servo():
+    damaged = bytearray(joint_reply([3, 7, 4], [1, 2, 3]))
+    damaged[8 + 8 + 3] ^= 0x40
+    reply = wire.fast_reply(bytes(damaged), [3, 7, 4], 4)
+    assert reply.corrupt == [7]
+    assert {id: status.params[0] for id, status in reply.statuses.items()} == {3: 1, 4: 3}
+
+
+@given(st.binary(max_size=40), st.lists(st.integers(0, 252), min_size=1, max_size=6, unique=True), st.integers(0, 10))
+def test_no_bytes_make_the_reader_of_joint_replies_raise(received, ids, length):
+    head = bytes.fromhex("FFFFFD00FE190055")
+    for start in (b"", head, head + b"\x00" + bytes(ids)):
+        reply = wire.fast_reply(start + received, ids, length)
+        assert {*reply.statuses, *reply.corrupt, *reply.silent, *reply.unheard} == set(ids)
+
+
+@given(st.binary(max_size=12), st.lists(st.integers(0, 252), min_size=1, max_size=5, unique=True), st.data())
+def test_a_joint_reply_is_found_behind_noise(noise, ids, data):
+    values = data.draw(st.lists(st.integers(0, 2**32 - 1), min_size=len(ids), max_size=len(ids)))
+    reply = wire.fast_reply(noise + joint_reply(ids, values), ids, 4)
+    assert {id: int.from_bytes(status.params, "little") for id, status in reply.statuses.items()} == dict(
+        zip(ids, values, strict=True)
+    )
