@@ -6,6 +6,7 @@ python -m controller.cli.terminal --command-port 47810
 from __future__ import annotations
 
 import argparse
+import asyncio
 import sys
 import threading
 from collections.abc import Callable, Iterable, Sequence
@@ -42,7 +43,8 @@ Ctrl-D           leave the terminal; the deck plays on"""
 _PLAIN = {"pause": Pause, "resume": Resume, "status": Status, "stop": Stop, "quit": Stop}
 _WORDS = ("switch", "speed", *_PLAIN, "help")
 _ALLOWED = "MOTION, switch MOTION, speed FACTOR, pause, resume, status, stop"
-_HEARTBEAT = 1.0  # s between questions whether the deck is still there
+_HEARTBEAT = 0.3  # s of silence before asking whether the deck is still there; three questions are asked
+_STARTING = 5.0  # s that a deck may take from opening its port to answering
 
 
 def parse_command(words: Sequence[str]) -> Message:
@@ -87,7 +89,11 @@ def describe(reply: Reply) -> str:
             return f"{doing} {reply.motion}, {how}; motions: {', '.join(reply.motions)}"
 
 
-def converse(client: CommandClient) -> None:
+class _Interrupted(Exception):
+    """Ctrl-C at the prompt; a KeyboardInterrupt would end asyncio's loop as well."""
+
+
+async def converse(client: CommandClient) -> None:
     """Takes commands from a person, with completion, until it is left or the deck goes away.
 
     Raises:
@@ -97,30 +103,24 @@ def converse(client: CommandClient) -> None:
     from prompt_toolkit.completion import WordCompleter
     from prompt_toolkit.patch_stdout import patch_stdout
 
-    state = client.request(Status())
+    state = client.request(Status(), _STARTING)
     names = state.motions if isinstance(state, State) else []
-    session: PromptSession[str] = PromptSession(completer=WordCompleter([*names, *_WORDS]))
-    left = threading.Event()
-
-    def end_prompt() -> None:
-        if session.app.is_running:
-            session.app.exit(exception=EOFError)
-
-    def listen() -> None:
-        listen_to(client, left.is_set)
-        if not left.is_set() and session.app.loop is not None:
-            session.app.loop.call_soon_threadsafe(end_prompt)
-
+    session: PromptSession[str] = PromptSession(
+        completer=WordCompleter([*names, *_WORDS]), interrupt_exception=_Interrupted
+    )
     print("Type a motion's name (Tab completes), or help.")
-    listener = threading.Thread(target=listen, daemon=True)
+    left = threading.Event()
     with patch_stdout():
-        listener.start()
-        while listener.is_alive():
+        listening = asyncio.create_task(asyncio.to_thread(listen_to, client, left.is_set))
+        while not listening.done():
+            typing = asyncio.create_task(session.prompt_async("> "))
+            await asyncio.wait((typing, listening), return_when=asyncio.FIRST_COMPLETED)
+            typing.cancel()  # in vain if it is done
             try:
-                line = session.prompt("> ")
-            except EOFError:
+                line = await typing
+            except (EOFError, asyncio.CancelledError):
                 break
-            except KeyboardInterrupt:
+            except _Interrupted:
                 line = "stop"
             try:
                 if message := _understood(line):
@@ -128,7 +128,7 @@ def converse(client: CommandClient) -> None:
             except SocketError:
                 break
         left.set()
-        listener.join()
+        await listening
 
 
 def listen_to(client: CommandClient, enough: Callable[[], bool]) -> None:
@@ -159,7 +159,7 @@ def follow(client: CommandClient, lines: Iterable[str]) -> None:
         message = _understood(line)
         if message is None:
             continue
-        reply = client.request(message)
+        reply = client.request(message, _STARTING)
         print(describe(reply), flush=True)
         if isinstance(message, Switch) and isinstance(reply, Accepted):
             settled = client.wait_settled(reply.id)
@@ -186,7 +186,7 @@ def main() -> None:
     try:
         client = CommandClient(parser.parse_args().command_port)
         if sys.stdin.isatty():
-            converse(client)
+            asyncio.run(converse(client))
         else:
             follow(client, sys.stdin)
     except MotiondeckError as error:

@@ -1,0 +1,342 @@
+import socket
+import threading
+from contextlib import closing
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from controller.errors import UnknownNameError
+from controller.mocap.posture import Pose
+from controller.realtime.clock import VirtualClock
+from controller.realtime.command_desk import CommandDesk
+from controller.realtime.commands import (
+    Accepted,
+    CommandClient,
+    CommandServer,
+    Message,
+    Pause,
+    Refused,
+    Reply,
+    Resume,
+    SetSpeed,
+    Settled,
+    SocketError,
+    State,
+    Status,
+    Stop,
+    Switch,
+)
+from controller.realtime.interfaces import JointLimits
+from controller.realtime.loop import run
+from controller.realtime.messages import CommandError, encode, read_message, read_reply
+from controller.realtime.safety import SafetyEnvelope
+from controller.realtime.stop import StopRequest
+
+
+@dataclass
+class Progress:
+    commanded_s: float
+    settled_s: float | None = None
+
+
+@dataclass
+class TinyDeck:
+    """A deck whose switches settle after 3 updates, unless another comes before."""
+
+    motions: tuple[str, ...] = ("walk", "jog", "waltz")
+    motion: str = "walk"
+    speed: float = 1.0
+    paused: bool = False
+    time: float = 0.0
+    under_way: Progress | None = None
+    done: list[str] = field(default_factory=list)
+
+    @property
+    def settled(self):
+        return self.under_way is None
+
+    def switch(self, to):
+        if to not in self.motions:
+            raise UnknownNameError.among("motion", to, self.motions)
+        self.motion, self.under_way = to, Progress(self.time)
+        return self.under_way
+
+    def set_speed(self, factor):
+        self.speed = factor
+
+    def pause(self):
+        self.paused = True
+
+    def resume(self):
+        self.paused = False
+
+    def update(self, dt):
+        self.time += dt
+        if self.under_way and self.time - self.under_way.commanded_s > 2.5 * dt:
+            self.under_way.settled_s, self.under_way = self.time, None
+        return np.zeros(1), Pose(np.zeros(3), np.array(0.0), np.array([[1.0, 0.0, 0.0, 0.0]]))
+
+
+class Stage:
+    """A deck, its desk and a client, brought forward tick by tick."""
+
+    def __init__(self):
+        self.deck, self.server, self.stop = TinyDeck(), CommandServer(0), StopRequest()
+        self.desk = CommandDesk(self.deck, self.server)
+        self.client = CommandClient(self.server.port)
+
+    def tick(self):
+        self.desk(self.stop)
+        self.deck.update(0.01)
+
+    def ask(self, message):
+        number = self.client.post(message)
+        self.tick()
+        reply = self.client.receive(1.0)
+        assert reply is not None
+        assert reply.id == number
+        return reply
+
+    def send_raw(self, *datagrams):
+        """Throws bytes at the server from a socket of its own, and returns the answers."""
+        with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as thrower:
+            thrower.settimeout(0.0)
+            for data in datagrams:
+                thrower.sendto(data, ("127.0.0.1", self.server.port))
+            self.tick()
+            replies = []
+            while True:
+                try:
+                    replies.append(read_reply(thrower.recv(65536)))
+                except BlockingIOError:
+                    return replies
+
+
+@pytest.fixture
+def stage():
+    stage = Stage()
+    with closing(stage.server), closing(stage.client):
+        yield stage
+
+
+def test_every_command_does_what_it_says(stage):
+    assert isinstance(stage.ask(SetSpeed(1.5)), Accepted)
+    assert isinstance(stage.ask(Pause()), Accepted)
+    reply = stage.ask(Status())
+    assert reply == State("walk", ["walk", "jog", "waltz"], 1.5, True, False, reply.id)
+    assert isinstance(stage.ask(Resume()), Accepted)
+    assert not stage.deck.paused
+    assert not stage.stop
+    assert isinstance(stage.ask(Stop()), Accepted)
+    assert stage.stop.reason == "stopped on command"
+
+
+def test_a_switch_is_answered_again_when_it_has_settled(stage):
+    accepted = stage.ask(Switch("jog"))
+    for _ in range(5):
+        stage.tick()
+    assert stage.client.wait_settled(accepted.id, 1.0) == Settled("jog", pytest.approx(0.03), accepted.id)
+
+
+def test_a_switch_overtaken_by_another_is_said_to_be(stage):
+    first, second = stage.ask(Switch("jog")), stage.ask(Switch("waltz"))
+    for _ in range(5):
+        stage.tick()
+    assert stage.client.wait_settled(second.id, 1.0).to == "waltz"
+    overtaken = stage.client.wait_settled(first.id, 1.0)
+    assert isinstance(overtaken, Refused)
+    assert "overtaken" in overtaken.reason
+
+
+def test_waiting_for_a_switch_that_does_not_settle_ends(stage):
+    assert stage.client.wait_settled(stage.ask(Switch("jog")).id, 0.01) is None
+
+
+def test_what_the_deck_refuses_is_refused_with_its_reason(stage):
+    reply = stage.ask(Switch("walz"))
+    assert isinstance(reply, Refused)
+    assert "waltz" in reply.reason
+
+
+@pytest.mark.parametrize("factor", [0.05, 3.5, -1.0])
+def test_a_speed_out_of_range_is_refused_and_says_the_range(stage, factor):
+    reply = stage.ask(SetSpeed(factor))
+    assert isinstance(reply, Refused)
+    assert "from 0.1 to 3" in reply.reason
+    assert stage.deck.speed == 1.0
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        (b"", "no command"),
+        (b'{"type":"dance"}', "switch MOTION, speed FACTOR"),
+        (b'{"type":"switch"}', "to"),
+        (b'{"type":"switch","to":""}', "1 to 100 characters"),
+        (b'{"type":"switch","to":"' + b"a" * 101 + b'"}', "1 to 100 characters"),
+        (b'{"type":"speed","factor":"fast"}', "float"),
+        (b'{"type":"speed","factor":1e999}', "no command"),
+        (b'{"type":"pause","for":3}', "for"),
+        (b'{"type":"pause","id":-1}', "id"),
+        (b'{"type":"pause","id":99999999999999999999999}', "no command"),
+        (b"[" * 2000, "no command"),
+        (b"x" * 3000, "too long"),
+    ],
+)
+def test_nonsense_is_refused_with_what_would_have_been_right(stage, data, said):
+    (reply,) = stage.send_raw(data)
+    assert isinstance(reply, Refused)
+    assert said in reply.reason
+    assert stage.server.traffic.malformed == 1
+
+
+def test_a_refusal_carries_the_number_of_what_it_refuses(stage):
+    assert [reply.id for reply in stage.send_raw(b'{"type":"dance","id":12}', b'{"id":"x"}')] == [12, 0]
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    st.lists(
+        st.one_of(
+            st.binary(max_size=200),
+            st.builds(
+                lambda message, place, byte: message[:place] + bytes([byte]) + message[place + 1 :],
+                st.sampled_from([encode(Switch("jog", 3)), encode(SetSpeed(1.5, 2**40)), encode(Status())]),
+                st.integers(0, 40),
+                st.integers(0, 255),
+            ),
+            st.recursive(st.none() | st.integers() | st.text(max_size=5), lambda x: st.lists(x, max_size=3)).map(
+                lambda value: repr(value).encode()
+            ),
+        ),
+        max_size=20,
+    )
+)
+def test_whatever_bytes_arrive_nothing_raises_and_the_next_command_works(datagrams):
+    stage = Stage()
+    with closing(stage.server), closing(stage.client):
+        stage.send_raw(*datagrams)
+        traffic = stage.server.traffic
+        assert traffic.commands + traffic.malformed + traffic.flooded == len(datagrams)
+        assert isinstance(stage.ask(Status()), State)
+
+
+@given(st.binary(max_size=300))
+def test_reading_bytes_gives_a_message_or_a_command_error(data):
+    for read, kinds in ((read_message, Message), (read_reply, Reply)):
+        try:
+            assert isinstance(read(data), kinds)
+        except CommandError:
+            continue
+
+
+@given(st.text(min_size=1, max_size=100), st.integers(0, 2**53 - 1))
+def test_messages_survive_the_wire(name, number):
+    try:
+        data = encode(Switch(name, number))
+    except UnicodeEncodeError:
+        return
+    assert read_message(data) == Switch(name, number)
+
+
+def test_a_flood_from_one_client_leaves_room_for_another(stage):
+    with closing(CommandClient(stage.server.port)) as flooder:
+        for _ in range(50):
+            flooder.post(Switch("jog"))
+        assert isinstance(stage.ask(Pause()), Accepted)
+        assert (stage.server.traffic.commands, stage.server.traffic.flooded) == (9, 42)
+        replies = [flooder.receive(0.1) for _ in range(16)]
+    assert [type(reply) for reply in replies] == [Accepted] * 8 + [Refused] * 8
+
+
+def test_one_poll_takes_a_bounded_number(stage):
+    stage.client.post(Pause())
+    stage.client.post(Pause())
+    stage.client.post(Resume())
+    assert [message.id for message, _ in stage.server.poll(limit=2)] == [1, 2]
+    assert [message.id for message, _ in stage.server.poll(limit=2)] == [3]
+    assert list(stage.server.poll()) == []
+
+
+def test_a_flood_does_not_cost_the_loop_a_tick(stage):
+    limits = JointLimits(*(np.array([x]) for x in (-1.0, 1.0, 1.0, 10.0, 100.0)))
+    data = [encode(Status(3)), b"nonsense", b"{" * 5000]
+    clock = VirtualClock(200.0)
+    with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as flooder:
+
+        def commands(stop):
+            for _ in range(20):
+                for datagram in data:
+                    flooder.sendto(datagram, ("127.0.0.1", stage.server.port))
+            stage.desk(stop)
+
+        report = run(stage.deck, [], clock, SafetyEnvelope(limits, clock.period), seconds=1.0, commands=commands)
+    assert (report.ticks, report.faults) == (200, {"deck": 0, "commands": 0, "telemetry": 0})
+    assert stage.server.traffic.malformed > 1000
+
+
+def test_answering_nobody_does_no_harm(stage):
+    with closing(CommandClient(stage.server.port)) as gone:
+        gone.post(Switch("jog"))
+    for _ in range(10):
+        stage.tick()
+    assert isinstance(stage.ask(Status()), State)
+
+
+def test_a_port_in_use_is_said_in_one_line(stage):
+    with pytest.raises(SocketError, match=f"port {stage.server.port} cannot be used.*another deck") as caught:
+        CommandServer(stage.server.port)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("port", [-1, 70_000])
+def test_a_port_that_cannot_be_is_refused(port):
+    with pytest.raises(SocketError, match=str(port)):
+        CommandServer(port)
+    with pytest.raises(SocketError, match=str(port)):
+        CommandClient(port)
+
+
+def test_the_server_listens_on_this_machine_only(stage):
+    assert stage.server._socket.getsockname()[0] == "127.0.0.1"
+
+
+def test_with_no_deck_running_the_client_says_how_to_start_one():
+    server = CommandServer(0)
+    server.close()
+    with closing(CommandClient(server.port)) as client:
+        for _ in range(2):
+            with pytest.raises(SocketError, match=f"no deck is running on port {server.port}.*motiondeck play"):
+                client.request(Status(), timeout_s=0.5)
+
+
+def test_a_deck_that_does_not_answer_is_none(stage):
+    with pytest.raises(SocketError, match="no deck is running"):
+        stage.client.request(Status(), timeout_s=0.01)
+
+
+def test_a_client_waits_for_its_own_answer(stage):
+    stage.client.post(Switch("jog"))
+    stage.client.post(Pause())
+    for _ in range(5):
+        stage.tick()
+    finished = threading.Event()
+
+    def serve():
+        while not finished.is_set():
+            stage.tick()
+            finished.wait(0.002)
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    try:
+        reply = stage.client.request(Status(), timeout_s=5.0)
+        assert isinstance(reply, State)
+        assert (reply.id, reply.motion, reply.paused) == (3, "jog", True)
+        assert stage.client.wait_settled(1, 5.0).to == "jog"
+    finally:
+        finished.set()
+        thread.join()
