@@ -1,0 +1,112 @@
+"""Layout: where the coordinates of a robot's joints live in MuJoCo's qpos and qvel.
+
+A robot's joints are those its actuators drive, in the actuators' order. A hinge has one coordinate, its angle; a ball
+joint has three, the components of its rotation vector, driven by three actuators in a row.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.errors import FileFormatError
+from controller.rotations import Array, dot, from_rotation_vector, to_rotation_vector
+
+FREE_ROOT = 7
+
+
+@dataclass(frozen=True)
+class Layout:
+    """J coordinates in nq numbers, of which the first seven are the free root's position and quaternion.
+
+    Attributes:
+        joints: the names of the coordinates, length J.
+        hinge: which coordinates are hinge angles, shape (H,).
+        hinge_qpos: where they live, shape (H,).
+        ball: which coordinates are rotation vectors, shape (N, 3).
+        ball_qpos: where their quaternions live, shape (N, 4).
+    """
+
+    joints: tuple[str, ...]
+    hinge: NDArray[np.int64]
+    hinge_qpos: NDArray[np.int64]
+    ball: NDArray[np.int64]
+    ball_qpos: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, model: mujoco.MjModel) -> Layout:
+        """Reads the layout of a model.
+
+        Raises:
+            FileFormatError: if the first joint is not a free one, an actuator drives no joint or a sliding one, or a
+                ball joint has not three actuators in a row; it names the culprit.
+        """
+        name = model.names[: model.names.index(b"\0")].decode()
+        if model.njnt == 0 or model.jnt_type[0] != mujoco.mjtJoint.mjJNT_FREE:
+            raise FileFormatError(f"robot '{name}': its first joint is not a free joint")
+        names, hinge, hinge_qpos, ball, ball_qpos = [], [], [], [], []
+        for index in range(model.nu):
+            servo = model.actuator(index)
+            joint = int(model.actuator_trnid[index, 0])
+            kind = model.jnt_type[joint]
+            names.append(servo.name)
+            driven = model.actuator_trntype[index] == mujoco.mjtTrn.mjTRN_JOINT
+            if driven and kind == mujoco.mjtJoint.mjJNT_HINGE:
+                hinge.append(index)
+                hinge_qpos.append(model.jnt_qposadr[joint])
+            elif driven and kind == mujoco.mjtJoint.mjJNT_BALL:
+                axis = np.argmax(model.actuator_gear[index, :3])
+                if axis == 0:
+                    ball.append([index, index + 1, index + 2])
+                    ball_qpos.append(model.jnt_qposadr[joint] + np.arange(4))
+                if not ball or ball[-1][axis] != index or model.actuator_trnid[ball[-1][0], 0] != joint:
+                    raise FileFormatError(
+                        f"robot '{name}': ball joint of '{servo.name}' has not x, y, z servos in a row"
+                    )
+            else:
+                raise FileFormatError(f"robot '{name}': actuator '{servo.name}' drives no hinge and no ball joint")
+        return cls(
+            tuple(names),
+            np.array(hinge, dtype=np.int64),
+            np.array(hinge_qpos, dtype=np.int64),
+            np.array(ball, dtype=np.int64).reshape(-1, 3),
+            np.array(ball_qpos, dtype=np.int64).reshape(-1, 4),
+        )
+
+    def place(self, targets: Array, qpos: Array) -> None:
+        """Writes joint coordinates (J,) into qpos (nq,); the root is left alone."""
+        if len(self.hinge):
+            qpos[self.hinge_qpos] = targets[self.hinge]
+        if len(self.ball):
+            qpos[self.ball_qpos] = from_rotation_vector(targets[self.ball])
+
+    def read(self, qpos: Array, near: Array, out: Array) -> None:
+        """Reads joint coordinates into out (J,).
+
+        A rotation has many rotation vectors, whole turns apart; each joint gives the one closest to near (J,).
+        """
+        if len(self.hinge):
+            out[self.hinge] = qpos[self.hinge_qpos]
+        if len(self.ball):
+            out[self.ball] = nearest_turn(to_rotation_vector(qpos[self.ball_qpos]), near[self.ball])
+
+
+def nearest_turn(vector: Array, near: Array) -> Array:
+    """Rotation vectors (N, 3) of |angle| <= pi, lengthened or turned round by whole turns to come closest to near.
+
+    It keeps a joint that turns past a half turn from jumping to the other side.
+    """
+    angle = np.sqrt(dot(vector, vector))
+    turning = angle > 1e-9
+    axis = vector / np.where(turning, angle, 1.0)[:, None]
+    # Along the axis, near reads (near . axis); the turn that comes closest to it is the one to take.
+    turns = np.rint((dot(near, axis) - angle) / (2.0 * np.pi))
+    if not turns.any():
+        return vector
+    return vector + (2.0 * np.pi * turns)[:, None] * axis

@@ -1,0 +1,230 @@
+"""Retargeting: carries the pose of a human skeleton to the joints of a robot, one call a tick.
+
+Both retargeters remember their last answer, so that where several answers are right they give the one next to it;
+`reset()` forgets it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import atan2, cos, hypot, pi, sin, sqrt
+
+import numpy as np
+
+from controller.errors import FileFormatError
+from controller.mocap.posture import Pose
+from controller.mocap.skeleton import ROOT, Skeleton
+from controller.rotations import Array, to_rotation_vector
+from sim.anatomy import Part, Side, anatomy
+from sim.flesh import FOOT_SLOPE
+from sim.layout import nearest_turn
+
+Vector = Sequence[float]
+
+# conj(p) q = (left multiplication by conj(p)) q: where each entry of that 4 x 4 matrix sits in p, and its sign.
+_ENTRY = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]])
+_SIGN = np.array([[1.0, 1.0, 1.0, 1.0], [-1.0, 1.0, 1.0, -1.0], [-1.0, -1.0, 1.0, 1.0], [-1.0, 1.0, -1.0, 1.0]])
+
+
+_ARM = ("shoulder_pitch", "shoulder_roll", "elbow")
+_LEG = ("hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle_pitch", "ankle_roll")
+SERVO_HUMANOID_JOINTS = (
+    "head_pan",
+    "head_tilt",
+    *(f"{side}_{joint}" for joints in (_ARM, _LEG) for side in ("r", "l") for joint in joints),
+)
+
+# An angle may move this many times as far as the bones that lead it ...
+GAIN = 4.0
+# ... and settle by this much a tick besides, rad.
+SETTLE = 0.02
+# So far past the end of its range, rad, a joint waits for its goal to come back before it goes the other way round.
+WAIT = 0.6
+
+
+class MannequinRetargeter:
+    """A pose as the rotation vectors of the mannequin's ball joints, each bone seen from its parent."""
+
+    def __init__(self, skeleton: Skeleton) -> None:
+        self._parent = skeleton.parent + 1
+        self._last = np.zeros((len(skeleton), 3))
+
+    def reset(self) -> None:
+        """Forgets the last pose."""
+        self._last[:] = 0.0
+
+    def __call__(self, pose: Pose) -> Array:
+        """Targets (3 B,), rad; they follow a joint past a half turn without a jump."""
+        from_parent = pose.rotation[self._parent][:, _ENTRY] * _SIGN
+        relative = np.matmul(from_parent, pose.rotation[1:, :, None])[:, :, 0]
+        self._last = nearest_turn(to_rotation_vector(relative), self._last)
+        return self._last.reshape(-1)
+
+
+class ServoHumanoidRetargeter:
+    """A pose as the angles of a humanoid with two servos at each shoulder, one at each elbow and six in each leg.
+
+    Arms are seen from the chest, legs from the pelvis; all angles are closed forms of bone directions. Where a
+    direction says little about an angle (the pitch of an arm held out sideways, say), the angle may move at most GAIN
+    times as far as the bones of its limb did, so that it never jumps; elsewhere the bound is out of its way.
+    """
+
+    def __init__(self, skeleton: Skeleton, joints: Sequence[str], lower: Array, upper: Array) -> None:
+        """Finds the bones it needs.
+
+        Args:
+            skeleton: whose poses will come.
+            joints: the robot's joints, in the order of SERVO_HUMANOID_JOINTS.
+            lower, upper: their ranges, shape (20,), rad.
+
+        Raises:
+            FileFormatError: if the skeleton lacks a limb, or the robot has other joints.
+        """
+        if tuple(joints) != SERVO_HUMANOID_JOINTS:
+            raise FileFormatError(f"a servo humanoid has the joints {', '.join(SERVO_HUMANOID_JOINTS)}")
+        parts = anatomy(skeleton)
+
+        def bone(part: Part, side: Side) -> int:
+            found = parts.first(part, side)
+            if found is None:
+                raise FileFormatError(f"skeleton '{skeleton.name}' has no {side} {part}; the servo humanoid needs one")
+            return found
+
+        shoulder = parts.first("clavicle", "right")
+        chest = int(skeleton.parent[bone("upper arm", "right") if shoulder is None else shoulder])
+        arms = [bone(part, side) for side in ("right", "left") for part in ("upper arm", "forearm")]
+        legs = [bone(part, side) for side in ("right", "left") for part in ("thigh", "shank", "foot")]
+        head = parts.first("head")
+        bones = [*arms, *legs, chest if head is None else head]
+        seen_from = [chest] * len(arms) + [ROOT] * len(legs) + [chest]
+        vector = [*skeleton.rest_direction[[*arms, *legs]], np.array([1.0, 0.0, 0.0])]
+        self._bones = np.array(bones) + 1
+        self._seen_from = np.array(seen_from) + 1
+        self._turn = np.stack([_turning(v) for v in vector])
+        self._lower, self._upper = lower.tolist(), upper.tolist()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets the last pose: the next one is taken as it comes."""
+        self._direction: Array | None = None
+        self._last = [0.0] * len(SERVO_HUMANOID_JOINTS)
+        self._across: list[Vector] = [(0.0, 1.0, 0.0), (0.0, 1.0, 0.0)]
+
+    def __call__(self, pose: Pose) -> Array:
+        """Targets (20,), rad, within the robot's range."""
+        from_frame = pose.rotation[self._seen_from][:, _ENTRY] * _SIGN
+        q = np.matmul(from_frame, pose.rotation[self._bones][:, :, None])
+        products = np.matmul(q, q.transpose(0, 2, 1)).reshape(len(q), 1, 16)
+        direction = np.matmul(products, self._turn)[:, 0]
+        if self._direction is None:
+            moved = [10.0] * len(q)
+        else:
+            step = direction - self._direction
+            moved = np.sqrt(np.einsum("ij,ij->i", step, step)).tolist()
+        self._direction = direction
+        d = direction.tolist()
+        w, x, y, z = pose.rotation[0].tolist()
+        up = (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y))
+
+        last = self._last
+        angles = last.copy()
+        self._head(angles, d[10], moved[10])
+        self._arm(angles, 2, d[0], d[1], moved[0], moved[1])
+        self._arm(angles, 5, d[2], d[3], moved[2], moved[3])
+        self._leg(angles, 8, 0, d[4], d[5], d[6], up, max(moved[4:7]))
+        self._leg(angles, 14, 1, d[7], d[8], d[9], up, max(moved[7:10]))
+        self._last = angles
+        return np.array(angles)
+
+    def _head(self, angles: list[float], ahead: Vector, moved: float) -> None:
+        """Pan and tilt so that the face looks ahead as the human's does."""
+        level = hypot(ahead[0], ahead[1])
+        self._follow(angles, 0, atan2(ahead[1], ahead[0]), moved, level)
+        self._follow(angles, 1, atan2(-ahead[2], level), moved, 1.0)
+
+    def _arm(
+        self, angles: list[float], joint: int, upper: Vector, fore: Vector, upper_moved: float, moved: float
+    ) -> None:
+        """Upper arm = Ry(pitch) Rx(roll) (0, 0, -1) = (-cos roll sin pitch, sin roll, -cos roll cos pitch)."""
+        x, y, z = upper
+        # Held out sideways the arm has no pitch: the less it has, the slower the pitch goes where it should.
+        certain = hypot(x, z)
+        if certain > 1e-3:
+            self._follow(angles, joint, atan2(-x, -z), upper_moved, certain)
+        self._follow(angles, joint + 1, atan2(y, certain), upper_moved, 1.0)
+        self._follow(angles, joint + 2, _angle_between(upper, fore), upper_moved + moved, 1.0)
+
+    def _leg(
+        self,
+        angles: list[float],
+        joint: int,
+        leg: int,
+        thigh: Vector,
+        shank: Vector,
+        foot: Vector,
+        up: Vector,
+        moved: float,
+    ) -> None:
+        """Thigh frame (x, y, z) = Rz(yaw) Rx(roll) Ry(pitch), with z up the thigh and y across the leg."""
+        # Two planes tell which way a leg faces: that of the bent knee and that of the foot; both contain the shank.
+        bend, spread, memory = _cross(thigh, shank), _cross(foot, shank), self._across[leg]
+        across = [2.0 * b + s + 0.1 * m for b, s, m in zip(bend, spread, memory, strict=True)]
+        along = _dot(across, thigh)
+        across = [a - along * t for a, t in zip(across, thigh, strict=True)]
+        length = sqrt(_dot(across, across))
+        if length > 1e-3:
+            self._across[leg] = [a / length for a in across]
+        across = self._across[leg]
+        ahead = _cross(thigh, across)  # z is -thigh, so y × z = thigh × y
+
+        level = hypot(across[0], across[1])
+        self._follow(angles, joint, atan2(-across[0], across[1]), moved, level)
+        self._follow(angles, joint + 1, atan2(across[2], level), moved, 1.0)
+        self._follow(angles, joint + 2, atan2(-ahead[2], -thigh[2]), moved, level)
+        self._follow(angles, joint + 3, _angle_between(thigh, shank), moved, 1.0)
+
+        # In the plane of the leg the foot is pitched by knee and ankle together.
+        pitch = atan2(_dot(foot, thigh), _dot(foot, ahead))
+        self._follow(angles, joint + 4, pitch - angles[joint + 3] - FOOT_SLOPE, moved, 1.0)
+        # The less the leg lies, the more the sole is kept level sideways.
+        total = angles[joint + 3] + angles[joint + 4]
+        sole_up = [sin(total) * a - cos(total) * t for a, t in zip(ahead, thigh, strict=True)]
+        upright = max(-_dot(shank, up), 0.0) ** 2
+        roll = atan2(-_dot(across, up), max(_dot(sole_up, up), 0.3))
+        self._follow(angles, joint + 5, upright * roll, moved, 1.0)
+
+    def _follow(self, angles: list[float], joint: int, goal: float, moved: float, certain: float) -> None:
+        """Moves one angle towards its goal, the near way round, within its range and its pace."""
+        last, lower, upper = self._last[joint], self._lower[joint], self._upper[joint]
+        goal += 2.0 * pi * round((last - goal) / (2.0 * pi))
+        # Past the end of its range a joint waits there, but not if the goal can be reached from the other side.
+        other = goal - 2.0 * pi if goal > upper else goal + 2.0 * pi
+        if (goal > upper + WAIT or goal < lower - WAIT) and lower <= other <= upper:
+            goal = other
+        goal = min(max(goal, lower), upper)
+        most = GAIN * moved + SETTLE * certain
+        angles[joint] = last + min(max(goal - last, -most), most)
+
+
+def _turning(v: Array) -> Array:
+    """The matrix that turns the 16 products q_i q_j of a quaternion into the vector q v q*, shape (16, 3)."""
+
+    def turned(q: Array) -> Array:
+        w, u = q[0], q[1:]
+        return (w * w - u @ u) * v + 2.0 * (u @ v) * u + 2.0 * w * np.cross(u, v)
+
+    e = np.eye(4)
+    return np.array([0.5 * (turned(e[i] + e[j]) - turned(e[i]) - turned(e[j])) for i in range(4) for j in range(4)])
+
+
+def _dot(a: Vector, b: Vector) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _cross(a: Vector, b: Vector) -> Vector:
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+def _angle_between(a: Vector, b: Vector) -> float:
+    c = _cross(a, b)
+    return atan2(sqrt(_dot(c, c)), _dot(a, b))

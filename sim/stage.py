@@ -1,0 +1,127 @@
+"""The stage every robot stands on: floor, light and sky, and the gantry that carries its root."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+import mujoco
+
+GANTRY = "gantry"
+FLOOR = "floor"
+
+TIMESTEP = 0.0025
+HORIZON = (0.80, 0.85, 0.90)
+
+
+def set_stage(spec: mujoco.MjSpec, height: float) -> None:
+    """Adds a chequered floor at z = 0, a sky and soft light from above, and the settings of a fast off-screen picture.
+
+    Nothing on stage touches anything: a gantry carries the robot, so contacts would only fight it.
+
+    Args:
+        spec: the robot, so far in the void.
+        height: of its root above the floor when it stands, m: sets the size of the floor's squares.
+    """
+    spec.option.timestep = TIMESTEP
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    # Without contacts the few constraints converge in a step or two; the cap keeps a bad tick short.
+    spec.option.iterations = 20
+    spec.visual.quality.offsamples = 0
+    spec.visual.quality.shadowsize = 2048
+    spec.visual.global_.offwidth = 1920
+    spec.visual.global_.offheight = 1080
+    spec.visual.headlight.ambient = [0.42, 0.42, 0.44]
+    spec.visual.headlight.diffuse = [0.30, 0.30, 0.30]
+    spec.visual.headlight.specular = [0.0, 0.0, 0.0]
+    spec.visual.rgba.haze = [*HORIZON, 1.0]
+
+    spec.add_texture(
+        name="sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=[0.93, 0.95, 0.97],
+        rgb2=list(HORIZON),
+        width=64,
+        height=384,
+    )
+    spec.add_texture(
+        name=FLOOR,
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
+        rgb1=[0.78, 0.81, 0.84],
+        rgb2=[0.70, 0.74, 0.78],
+        mark=mujoco.mjtMark.mjMARK_EDGE,
+        markrgb=[0.86, 0.89, 0.92],
+        width=256,
+        height=256,
+    )
+    floor = spec.add_material(
+        name=FLOOR, texrepeat=[0.9 / height, 0.9 / height], texuniform=True, reflectance=0.0, specular=0.1
+    )
+    floor.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = FLOOR
+    spec.worldbody.add_geom(
+        name=FLOOR,
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=[0.0, 0.0, 0.05],
+        material=FLOOR,
+        contype=0,
+        conaffinity=0,
+    )
+
+    # Even light far out; the shadow is the lamp's.
+    spec.worldbody.add_light(
+        name="day",
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        castshadow=False,
+        pos=[0.0, 0.0, 10.0],
+        dir=[-0.2, 0.5, -1.0],
+        diffuse=[0.36, 0.36, 0.37],
+        specular=[0.0, 0.0, 0.0],
+    )
+
+
+def add_lamp(root: mujoco.MjsBody, height: float) -> None:
+    """Adds a lamp that goes along with the robot, so that its shadow stays sharp wherever it walks.
+
+    Args:
+        root: the body it follows.
+        height: of the root above the floor, m: sets how far away the lamp hangs.
+    """
+    at = [0.4 * height, -1.5 * height, 3.8 * height]
+    root.add_light(
+        name="lamp",
+        type=mujoco.mjtLightType.mjLIGHT_SPOT,
+        mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK,
+        pos=at,
+        dir=[-component for component in at],
+        cutoff=80.0,
+        exponent=0.0,
+        attenuation=[1.0, 0.0, 0.0],
+        diffuse=[0.36, 0.35, 0.33],
+        specular=[0.2, 0.2, 0.2],
+    )
+
+
+def add_gantry(spec: mujoco.MjSpec, root: mujoco.MjsBody) -> None:
+    """Adds a body that follows commands exactly and a weld that pulls the robot's free root along with it."""
+    spec.worldbody.add_body(name=GANTRY, mocap=True, pos=root.pos)
+    weld = spec.add_equality(
+        name=GANTRY,
+        type=mujoco.mjtEq.mjEQ_WELD,
+        objtype=mujoco.mjtObj.mjOBJ_BODY,
+        name1=GANTRY,
+        name2=root.name,
+        solref=[2.0 * TIMESTEP, 1.0],
+        solimp=[0.95, 0.99, 0.001, 0.5, 2.0],
+    )
+    # Anchor, relative pose and torque scale; an all-zero relative quaternion would mean "as in the initial pose".
+    weld.data[:11] = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
+
+
+def body_height(model: mujoco.MjModel) -> float:
+    """How far a robot reaches above the floor in its initial pose, m."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    moving = model.body_weldid[model.geom_bodyid] != 0
+    return float((data.geom_xpos[moving, 2] + model.geom_rbound[moving]).max()) if moving.any() else 1.0

@@ -1,0 +1,93 @@
+"""The view in the browser: the robot as it moves, a button for each motion, and how the loop is doing.
+
+Runs as a process of its own (`python -m sim.viewer`), reads the latest state from shared memory and sends commands over
+loopback, so that nothing it does can hold up the loop.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import sys
+import time
+from pathlib import Path
+
+# The page draws; this process needs no OpenGL, and starts sooner without.
+os.environ.setdefault("MUJOCO_GL", "disable")
+
+import mujoco
+import numpy as np
+
+from controller.errors import FileFormatError, MotiondeckError
+from controller.realtime.commands import CommandClient
+from controller.realtime.telemetry import StateReader
+from sim.panel import Panel
+from sim.private_page import PrivatePage
+from sim.scene import Follower, Scene
+
+PICTURES_PER_SECOND = 50.0
+HEALTH_PER_SECOND = 4.0
+
+
+def view(state: Path, command_port: int, port: int) -> None:
+    """Shows a deck until it ends or the process that started this one is gone.
+
+    Raises:
+        MotiondeckError: if there is no such deck, or the port is taken.
+    """
+    parent = os.getppid()
+    reader = StateReader.open(state)
+    description = reader.description
+    motions = [str(motion) for motion in description["motions"]]
+    try:
+        model = mujoco.MjModel.from_xml_path(str(description["model_file"]))
+    except ValueError as error:
+        raise FileFormatError(f"{description['model_file']}: MuJoCo refuses it: {error}") from error
+    page = PrivatePage(port, label=f"Motiondeck · {description['robot']}")
+    scene = Scene(page, model)
+    panel = Panel(page, motions, CommandClient(command_port))
+    follower = Follower()
+    last_picture = last_health = 0.0
+    last_tick = -1.0
+    try:
+        while not reader.ended and os.getppid() == parent:
+            now = time.monotonic()
+            latest = reader.read()
+            if latest is not None and latest["tick"][0] != last_tick and np.isfinite(latest["qpos"]).all():
+                last_tick = latest["tick"][0]
+                centre = follower.follow(latest["qpos"][:2], min(now - last_picture, 0.1))
+                scene.show(latest["qpos"], centre)
+                last_picture = now
+                if now - last_health >= 1.0 / HEALTH_PER_SECOND:
+                    panel.show(latest)
+                    last_health = now
+            time.sleep(max(0.0, now + 1.0 / PICTURES_PER_SECOND - time.monotonic()))
+    finally:
+        page.stop()
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command line of the view's process; returns its exit code."""
+    parser = argparse.ArgumentParser(prog="python -m sim.viewer", description="Shows a running deck in the browser.")
+    parser.add_argument("--state", type=Path, required=True, help="the deck's shared state file")
+    parser.add_argument("--command-port", type=int, required=True, help="where the deck takes commands, on loopback")
+    parser.add_argument("--port", type=int, required=True, help="where to serve the page, on loopback")
+    options = parser.parse_args(arguments)
+    try:
+        # viser announces itself on standard output, which belongs to the deck that started this process.
+        with Path(os.devnull).open("w") as nowhere, contextlib.redirect_stdout(nowhere):
+            view(options.state, options.command_port, options.port)
+    except MotiondeckError as error:
+        print(f"motiondeck: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return 0
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
