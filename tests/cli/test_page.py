@@ -1,0 +1,113 @@
+"""The page of a running deck, pressed by a real browser."""
+
+import io
+import json
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image
+
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+COMMAND_PORT = "47921"
+
+pytestmark = pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed (Debian: apt-get install chromium)")
+
+
+@pytest.fixture(scope="module")
+def address():
+    """A deck that plays walk, and its page."""
+    deck = subprocess.Popen(
+        [sys.executable, "-m", "controller.cli.main", "play", "walk", "--port", "0", "--command-port", COMMAND_PORT],
+        stdin=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert deck.stderr is not None
+    try:
+        first = deck.stderr.readline()
+        assert first.startswith("page: http://127.0.0.1:"), first
+        yield first.split()[1]
+    finally:
+        deck.terminate()
+        deck.communicate(timeout=30)
+
+
+@pytest.fixture(scope="module")
+def page(address):
+    sync_api = pytest.importorskip("playwright.sync_api")
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=BROWSER,
+            args=["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
+        )
+        page = browser.new_page(viewport={"width": 800, "height": 600})
+        for _ in range(100):
+            try:
+                page.goto(address)
+                break
+            except sync_api.Error:
+                page.wait_for_timeout(100)
+        page.get_by_role("button", name="jog").wait_for(timeout=30_000)
+        yield page
+        browser.close()
+
+
+def picture(page):
+    """What the page shows left of the panel, as grey values."""
+    png = page.screenshot(clip={"x": 100, "y": 50, "width": 400, "height": 500})
+    return np.asarray(Image.open(io.BytesIO(png)).convert("L"), dtype=float)
+
+
+def state():
+    said = subprocess.run(
+        [sys.executable, "-m", "controller.cli.main", "send", "status", "--json", "--command-port", COMMAND_PORT],
+        capture_output=True,
+        text=True,
+        timeout=30,
+        check=True,
+    )
+    return json.loads(said.stdout)
+
+
+def until(page, condition):
+    for _ in range(100):
+        if condition():
+            return True
+        page.wait_for_timeout(100)
+    return False
+
+
+def test_a_body_is_in_view_and_moves(page):
+    assert until(page, lambda: picture(page).std() > 10.0)
+    first = picture(page)
+    assert until(page, lambda: np.abs(picture(page) - first).mean() > 1.0)
+
+
+def test_a_button_switches_the_motion(page):
+    assert state()["motion"] == "walk"
+    before = picture(page)
+    page.get_by_role("button", name="crawl").click()
+    assert until(page, lambda: state()["motion"] == "crawl" and not state()["switching"])
+    # Who crawls leaves the upper half of the picture.
+    upper = slice(0, 180)
+    assert until(page, lambda: picture(page)[upper].std() < 0.8 * before[upper].std())
+
+
+def test_there_is_a_button_for_each_motion_and_one_to_pause(page):
+    for motion in state()["motions"]:
+        assert page.get_by_role("button", name=motion, exact=True).count() == 1
+    page.get_by_role("button", name="Pause").click()
+    assert until(page, lambda: state()["paused"])
+
+
+def test_the_page_says_how_the_loop_is_doing(page):
+    text = page.inner_text("body")
+    for word in ("Hz", "p50", "p99.9", "overruns"):
+        assert word in text
+
+
+def test_nobody_can_publish_the_page(page):
+    assert page.get_by_role("button", name="Share").count() == 0
