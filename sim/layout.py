@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from controller.errors import FileFormatError
 from controller.rotations import Array, dot, from_rotation_vector, to_rotation_vector
 
-FREE_ROOT = 7
+# How many coordinates, and so servos, a joint has; slides are of no use to a motion of rotations.
+_COORDINATES = {int(mujoco.mjtJoint.mjJNT_HINGE): 1, int(mujoco.mjtJoint.mjJNT_BALL): 3}
 
 
 @dataclass(frozen=True)
@@ -50,29 +51,27 @@ class Layout:
         name = model.names[: model.names.index(b"\0")].decode()
         if model.njnt == 0 or model.jnt_type[0] != mujoco.mjtJoint.mjJNT_FREE:
             raise FileFormatError(f"robot '{name}': its first joint is not a free joint")
-        names, hinge, hinge_qpos, ball, ball_qpos = [], [], [], [], []
-        for index in range(model.nu):
-            servo = model.actuator(index)
-            joint = int(model.actuator_trnid[index, 0])
-            kind = model.jnt_type[joint]
-            names.append(servo.name)
-            driven = model.actuator_trntype[index] == mujoco.mjtTrn.mjTRN_JOINT
-            if driven and kind == mujoco.mjtJoint.mjJNT_HINGE:
+        hinge, hinge_qpos, ball, ball_qpos = [], [], [], []
+        index = 0
+        while index < model.nu:
+            servo, joint = model.actuator(index).name, int(model.actuator_trnid[index, 0])
+            if model.actuator_trntype[index] != mujoco.mjtTrn.mjTRN_JOINT or model.jnt_type[joint] not in _COORDINATES:
+                raise FileFormatError(f"robot '{name}': actuator '{servo}' drives no hinge and no ball joint")
+            count = _COORDINATES[model.jnt_type[joint]]
+            row = slice(index, index + count)
+            if count == 1:
                 hinge.append(index)
                 hinge_qpos.append(model.jnt_qposadr[joint])
-            elif driven and kind == mujoco.mjtJoint.mjJNT_BALL:
-                axis = np.argmax(model.actuator_gear[index, :3])
-                if axis == 0:
-                    ball.append([index, index + 1, index + 2])
-                    ball_qpos.append(model.jnt_qposadr[joint] + np.arange(4))
-                if not ball or ball[-1][axis] != index or model.actuator_trnid[ball[-1][0], 0] != joint:
-                    raise FileFormatError(
-                        f"robot '{name}': ball joint of '{servo.name}' has not x, y, z servos in a row"
-                    )
+            elif np.array_equal(model.actuator_gear[row, :3], np.eye(3)) and np.all(
+                model.actuator_trnid[row, 0] == joint
+            ):
+                ball.append(index + np.arange(3))
+                ball_qpos.append(model.jnt_qposadr[joint] + np.arange(4))
             else:
-                raise FileFormatError(f"robot '{name}': actuator '{servo.name}' drives no hinge and no ball joint")
+                raise FileFormatError(f"robot '{name}': ball joint of '{servo}' has not x, y, z servos in a row")
+            index += count
         return cls(
-            tuple(names),
+            tuple(model.actuator(index).name for index in range(model.nu)),
             np.array(hinge, dtype=np.int64),
             np.array(hinge_qpos, dtype=np.int64),
             np.array(ball, dtype=np.int64).reshape(-1, 3),

@@ -18,7 +18,7 @@ from sim.anatomy import Part, anatomy
 from sim.flesh import Solid, flesh, masses, pelvis
 from sim.stage import add_gantry, add_lamp, set_stage
 
-ROOT_BODY = "root"
+ROOT_BODY = "(root)"  # no bone is called that
 
 # How far a bone may turn away from the rest pose (arms out), rad: wider than people are, for recordings are noisy.
 REACH: dict[Part, float] = {

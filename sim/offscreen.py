@@ -24,10 +24,10 @@ Image = NDArray[np.uint8]
 AZIMUTH = 145.0
 ELEVATION = -12.0
 # The camera stands this many body heights away and looks at a point this much of a body height above the ground.
-DISTANCE = 1.65
-LOOK_HEIGHT = 0.46
+DISTANCE = 1.8
+LOOK_HEIGHT = 0.48
 # A share of the way to the root that the camera goes with each picture: it follows without copying every sway.
-FOLLOW = 0.25
+FOLLOW = 0.5
 
 INSTALL = (
     "no off-screen OpenGL found. Install EGL (Debian: apt install libegl1 libgl1 libgl1-mesa-dri) or OSMesa "

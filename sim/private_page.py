@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import logging
 import os
 import socket
 from collections.abc import Iterator
@@ -39,6 +40,8 @@ class PrivatePage(viser.ViserServer):
     def __init__(self, port: int, label: str) -> None:
         _check_free(port)
         os.environ.pop("_VISER_PORT_OVERRIDE", None)
+        # Whoever knocks and goes away again is not worth a traceback in the deck's terminal.
+        logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
         with _own_pages_only(port):
             super().__init__(host=LOOPBACK, port=port, label=label, verbose=False)
         if self.get_port() != port:

@@ -168,7 +168,10 @@ class ServoHumanoidRetargeter:
         """Thigh frame (x, y, z) = Rz(yaw) Rx(roll) Ry(pitch), with z up the thigh and y across the leg."""
         # Two planes tell which way a leg faces: that of the bent knee and that of the foot; both contain the shank.
         bend, spread, memory = _cross(thigh, shank), _cross(foot, shank), self._across[leg]
-        across = [2.0 * b + s + 0.1 * m for b, s, m in zip(bend, spread, memory, strict=True)]
+        across = [2.0 * b + s for b, s in zip(bend, spread, strict=True)]
+        # A straight leg with its toes pointed faces nowhere: then it keeps facing where it did.
+        faint = max(0.5 - sqrt(_dot(across, across)), 0.0)
+        across = [a + faint * m for a, m in zip(across, memory, strict=True)]
         along = _dot(across, thigh)
         across = [a - along * t for a, t in zip(across, thigh, strict=True)]
         length = sqrt(_dot(across, across))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import mujoco
 
-GANTRY = "gantry"
+GANTRY = "(gantry)"
 FLOOR = "floor"
 
 TIMESTEP = 0.0025

@@ -131,11 +131,12 @@ def _write_mp4(pictures: Iterator[bytes], path: Path, fps: float, size: tuple[in
 
 
 def _write_gif(pictures: Iterator[bytes], path: Path, fps: float, size: tuple[int, int]) -> None:
-    # One palette for all frames, and no dithering, keep the floor from flickering and the file small.
+    # One palette for all frames and no dithering keep the floor from flickering and the file small; it covers the range
+    # of colours rather than their areas, or the floor would take them all.
     images = (Image.frombytes("RGB", size, picture) for picture in pictures)
     first = next(images, None)
     if first is None:
         return
-    palette = first.quantize(GIF_COLOURS, dither=Image.Dither.NONE)
+    palette = first.quantize(GIF_COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     rest = (image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images)
     palette.save(path, save_all=True, append_images=rest, duration=round(1000.0 / fps), loop=0, optimize=True)

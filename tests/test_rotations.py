@@ -123,3 +123,11 @@ def test_functions_broadcast_over_leading_axes():
     turned = r.rotate(q, v)
     assert turned.shape == (7, 5, 3)
     assert np.allclose(turned[2, 3], oracle(q[2, 0]).apply(v[3]))
+
+
+def test_one_rotation_turns_many_as_it_turns_each():
+    rng = np.random.default_rng(7)
+    p, q = (r.normalise(rng.standard_normal(shape)) for shape in ((4,), (5, 6, 4)))
+    each = r.multiply(np.broadcast_to(p, q.shape), q)
+    np.testing.assert_allclose(r.multiply(p, q), each, atol=1e-15)
+    np.testing.assert_allclose(r.multiply(p, q[0, 0]), each[0, 0], atol=1e-15)

@@ -1,0 +1,93 @@
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from simulated_bodies import human, random_pose, skeletons
+
+from controller.mocap.patterns import read_pattern
+from controller.mocap.posture import Pose
+from sim.flesh import stature
+from sim.layout import Layout
+from sim.mannequin import build_mannequin
+from sim.retarget import MannequinRetargeter
+
+
+def joint_error(model, skeleton, poses):
+    """How far any joint of the mannequin is from where forward kinematics of the skeleton has it, m."""
+    layout, retarget, data = Layout.of(model), MannequinRetargeter(skeleton), mujoco.MjData(model)
+    worst = 0.0
+    for pose in poses:
+        data.qpos[:3], data.qpos[3:7] = pose.root_position, pose.rotation[0]
+        layout.place(retarget(pose), data.qpos)
+        mujoco.mj_kinematics(model, data)
+        ends = np.array([data.site(bone).xpos for bone in skeleton.bones])
+        joints = skeleton.joints(pose.root_position, pose.rotation)
+        worst = max(worst, float(np.abs(ends - joints[1:]).max()))
+    return worst
+
+
+@settings(max_examples=40)
+@given(skeletons(), st.integers(0, 2**32 - 1))
+def test_any_pose_of_any_skeleton_plays_back_exactly(skeleton, seed):
+    random = np.random.default_rng(seed)
+    model = build_mannequin(skeleton).compile()
+    assert joint_error(model, skeleton, [random_pose(skeleton, random) for _ in range(3)]) <= 1e-6
+
+
+@pytest.mark.parametrize("motion", ["Walk", "CartWheel", "Crawl", "Waltz", "Box2"])
+def test_recorded_motions_play_back_exactly(mocap_data, motion):
+    file = mocap_data / "jaeger" / f"nnRaw{motion}.mat"
+    if not file.is_file():
+        pytest.skip(f"there is no {file}")
+    clip = read_pattern(file)
+    model = build_mannequin(clip.skeleton).compile()
+    frames = range(0, len(clip), 7)
+    poses = [Pose(clip.root_position[f], np.zeros(()), clip.rotation[f]) for f in frames]
+    assert joint_error(model, clip.skeleton, poses) <= 1e-6
+
+
+def test_it_weighs_what_a_person_of_its_size_weighs():
+    model = build_mannequin(human()).compile()
+    assert 20.0 < model.body_mass.sum() / stature(human()) ** 2 < 27.0
+
+
+def test_it_stands_on_the_floor_and_reaches_as_high_as_a_person():
+    body = human()
+    model = build_mannequin(body).compile()
+    data = mujoco.MjData(model)
+    data.qpos[2] = body.leg_length + 0.06
+    mujoco.mj_kinematics(model, data)
+    moving = model.body_weldid[model.geom_bodyid] != 0
+    top = (data.geom_xpos[moving, 2] + model.geom_rbound[moving]).max()
+    assert 0.9 * stature(body) < top < 1.1 * stature(body)
+
+
+def test_left_and_right_limbs_differ_in_colour():
+    model = build_mannequin(human()).compile()
+    colours = {
+        side: {model.mat(int(m)).name for m in model.geom_matid[model.geom_bodyid == model.body(f"{side}kne").id]}
+        for side in "lr"
+    }
+    assert colours["l"].isdisjoint(colours["r"])
+
+
+@settings(max_examples=20)
+@given(skeletons())
+def test_nothing_touches_anything(skeleton):
+    model = build_mannequin(skeleton).compile()
+    data = mujoco.MjData(model)
+    data.qpos[2] = -0.1
+    mujoco.mj_forward(model, data)
+    assert data.ncon == 0
+
+
+def test_the_model_survives_being_saved(tmp_path):
+    spec = build_mannequin(human())
+    model = spec.compile()
+    spec.to_file(str(tmp_path / "mannequin.xml"))
+    again = mujoco.MjModel.from_xml_path(str(tmp_path / "mannequin.xml"))
+    assert Layout.of(again).joints == Layout.of(model).joints
+    assert np.allclose(again.jnt_range, model.jnt_range)
+    assert np.allclose(again.actuator_gainprm, model.actuator_gainprm, rtol=1e-4)
+    assert np.allclose(again.geom_size, model.geom_size, atol=1e-4)
