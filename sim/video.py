@@ -95,7 +95,8 @@ def contact_sheet(
             for column, qpos in enumerate(poses[:FRAMES_A_ROW]):
                 picture = Image.fromarray(screen.draw(qpos, cut=True))
                 sheet.paste(picture, (margin + column * width, row * height))
-        sheet.save(unfinished)
+        # A palette of 256 colours makes a quarter of the file, and nobody sees it.
+        (sheet.quantize(256, dither=Image.Dither.NONE) if path.suffix.lower() == ".png" else sheet).save(unfinished)
 
 
 @contextmanager

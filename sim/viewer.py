@@ -34,12 +34,17 @@ HEALTH_PER_SECOND = 4.0
 
 
 def view(state: Path, command_port: int, port: int) -> None:
-    """Shows a deck until it ends or the process that started this one is gone.
+    """Shows a deck until it ends or the process that started this one is gone; waits for its state file to appear.
 
     Raises:
         MotiondeckError: if there is no such deck, or the port is taken.
     """
     parent = os.getppid()
+    # The deck starts this process first and loads its robot meanwhile, so that the page is there sooner.
+    while not state.exists():
+        if os.getppid() != parent:
+            return
+        time.sleep(0.01)
     reader = StateReader.open(state)
     description = reader.description
     motions = [str(motion) for motion in description["motions"]]
