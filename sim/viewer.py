@@ -31,6 +31,7 @@ from sim.scene import Follower, Scene
 
 PICTURES_PER_SECOND = 50.0
 HEALTH_PER_SECOND = 4.0
+LONGEST_WAIT = 60.0  # s for a deck that is starting
 
 
 def view(state: Path, command_port: int, port: int) -> None:
@@ -41,9 +42,8 @@ def view(state: Path, command_port: int, port: int) -> None:
     """
     parent = os.getppid()
     # The deck starts this process first and loads its robot meanwhile, so that the page is there sooner.
-    while not state.exists():
-        if os.getppid() != parent:
-            return
+    latest_start = time.monotonic() + LONGEST_WAIT
+    while not state.exists() and os.getppid() == parent and time.monotonic() < latest_start:
         time.sleep(0.01)
     reader = StateReader.open(state)
     description = reader.description

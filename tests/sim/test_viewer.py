@@ -103,6 +103,10 @@ def until(condition, what):
     return found
 
 
+# The figure covers about 0.02 of the scene; a scene without it, nothing.
+IN_VIEW = 0.01
+
+
 def figure_share(page):
     """How much of the middle of the scene is neither sky nor floor: strongly coloured, or dark."""
     picture = page.screenshot(clip={"x": 150, "y": 40, "width": 300, "height": 420})
@@ -120,7 +124,7 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
     try:
         until(lambda: reachable(port), "the page")
         page.goto(f"http://127.0.0.1:{port}/")
-        until(lambda: figure_share(page) > 0.02, "the figure")
+        until(lambda: figure_share(page) > IN_VIEW, "the figure")
         page.get_by_text("200.0 Hz").wait_for()
         page.get_by_text("412 µs").wait_for()
 
@@ -146,7 +150,7 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
         page.get_by_text("not while someone is watching").wait_for()
 
         # By now it has walked several metres: the view has gone along.
-        assert figure_share(page) > 0.02
+        until(lambda: figure_share(page) > IN_VIEW, "the figure that has walked on")
         assert not page.get_by_role("button", name="Share").count()
         elsewhere = [url for url in asked if not url.startswith((f"http://127.0.0.1:{port}", "data:", "blob:"))]
         assert elsewhere == []
@@ -185,7 +189,8 @@ def test_the_view_ends_with_the_process_that_started_it(deck, tmp_path):
             os.kill(viewer, 9)
 
 
-def test_without_a_deck_there_is_one_clear_line(tmp_path, capsys):
+def test_without_a_deck_there_is_one_clear_line(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("sim.viewer.LONGEST_WAIT", 0.1)
     assert main(["--state", str(tmp_path / "none"), "--command-port", "1", "--port", str(free_port())]) == 1
     said = capsys.readouterr().err
     assert said.startswith("motiondeck: ")
