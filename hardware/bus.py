@@ -6,14 +6,12 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from hardware.control_table.models import MODELS
+from hardware.control_table.models import model_name
 from hardware.errors import NoReplyError, RefusedError
 from hardware.port import Port, SerialPort
 from hardware.protocol2 import instructions
-from hardware.protocol2.frames import Parser, Status, as_status
+from hardware.protocol2.frames import BROADCAST, Parser, Status, as_status
 from hardware.protocol2.instructions import FastReply
-
-_MODEL_NAMES = {table.number: table.model for table in MODELS.values()}
 
 
 class Identity(NamedTuple):
@@ -27,18 +25,19 @@ class Identity(NamedTuple):
     @property
     def model(self) -> str:
         """The model's name, or its number where the model is not known."""
-        return _MODEL_NAMES.get(self.model_number, f"model number {self.model_number}")
+        return model_name(self.model_number)
 
 
 _Ask = Callable[[Sequence[int]], dict[int, Status]]
 
 
 class _Request(NamedTuple):
-    """A fast sync read under way."""
+    """A sync read under way."""
 
     ids: tuple[int, ...]
     length: int
     deadline: float
+    fast: bool
 
 
 class Bus:
@@ -139,22 +138,28 @@ class Bus:
             self._pending = None
             if not self.request(line, address, length):
                 return {}
-            while (reply := self.collect()) is None:
+            while True:
                 self.port.wait(self._margin)
-            return reply.statuses
+                if (reply := self.collect()) is not None:
+                    return reply.statuses
 
         return self._by_turns(ids, ask)
 
-    def request(self, ids: Sequence[int], address: int, length: int) -> bool:
-        """Starts a fast sync read without waiting for its reply; False if one is under way or the port is full."""
+    def request(self, ids: Sequence[int], address: int, length: int, fast: bool = True) -> bool:
+        """Starts a sync read without waiting for its reply; False if one is under way or the port is full.
+
+        A fast one asks for a joint reply, which not every model gives.
+        """
         if self._pending is not None:
             return False
         self.port.receive()  # what came too late for the last request
-        frame = instructions.fast_sync_read(address, length, ids)
+        ask = instructions.fast_sync_read if fast else instructions.sync_read
+        frame = ask(address, length, ids)
         if not self.port.send(frame):
             return False
-        count = len(frame) + instructions.fast_reply_length(len(ids), length)
-        self._pending = _Request(tuple(ids), length, self.port.now() + self.wire_time(count) + self._margin)
+        size = instructions.fast_reply_length if fast else _single_replies_length
+        count = len(frame) + size(len(ids), length)
+        self._pending = _Request(tuple(ids), length, self.port.now() + self.wire_time(count) + self._margin, fast)
         self._received = b""
         return True
 
@@ -165,13 +170,77 @@ class Bus:
             return None
         late = self.port.now() >= pending.deadline
         self._received += self.port.receive()
-        start = instructions.fast_reply_start(self._received)
-        needed = instructions.fast_reply_length(len(pending.ids), pending.length)
-        complete = start >= 0 and len(self._received) - start >= needed
+        if not pending.fast:
+            reply = _single_replies(self._received, pending)
+            complete = len(reply.statuses) == len(pending.ids)
+        else:
+            start = instructions.fast_reply_start(self._received)
+            needed = instructions.fast_reply_length(len(pending.ids), pending.length)
+            reply = None
+            complete = start >= 0 and len(self._received) - start >= needed
         if not complete and not late:
             return None
         self._pending = None
-        return instructions.fast_reply(self._received, pending.ids, pending.length)
+        return reply or instructions.fast_reply(self._received, pending.ids, pending.length)
+
+    def bulk_read(self, blocks: Sequence[tuple[int, int, int]]) -> dict[int, Status]:
+        """Reads (id, address, length) of each servo, one status each; who stays silent is missing from the answer."""
+        of = {id: (address, length) for id, address, length in blocks}
+
+        def ask(line: Sequence[int]) -> dict[int, Status]:
+            longest = max(of[id][1] for id in line)
+            frame = instructions.bulk_read((id, *of[id]) for id in line)
+            return self._gather(frame, line, longest, {id: of[id][1] for id in line})
+
+        return self._by_turns(list(of), ask)
+
+    def factory_reset(self, id: int, keep: int = instructions.RESET_BUT_ID_AND_BAUD) -> Status:
+        """Puts a servo's EEPROM back to what it was in the box; it restarts.
+
+        Raises:
+            NoReplyError: if the servo stays silent.
+            RefusedError: if it answers with an error number.
+        """
+        return self._insist(instructions.factory_reset(id, keep), id, 0, "reset")
+
+    def clear_turns(self, id: int) -> Status:
+        """Makes a servo's position one within a turn again.
+
+        Raises:
+            NoReplyError: if the servo stays silent.
+            RefusedError: if it answers with an error number: it moves, or does not know the instruction.
+        """
+        return self._insist(instructions.clear_turns(id), id, 0, "clear turns")
+
+    def backup(self, id: int, restore: bool = False) -> Status:
+        """Stores a servo's EEPROM in itself, or brings back what was stored.
+
+        Raises:
+            NoReplyError: if the servo stays silent.
+            RefusedError: if it answers with an error number: torque is on, or nothing is stored.
+        """
+        return self._insist(instructions.backup(id, restore), id, 0, "restore" if restore else "back up")
+
+    def ping_all(self) -> list[Identity]:
+        """Who answers a broadcast ping, in order of ID; waits for the slowest of 253 servos."""
+        self._pending = None
+        self.port.receive()
+        if not self.port.send(instructions.ping(BROADCAST)):
+            return []
+        # Each waits for its turn, at most its return delay of 508 us and its own 14 bytes.
+        deadline = self.port.now() + 253 * (self.wire_time(instructions.status_length(3)) + 5.08e-4) + self._margin
+        quiet = 0.1 + self._margin
+        parser, found = Parser(), {}
+        last = self.port.now()
+        while (now := self.port.now()) < min(deadline, last + quiet):
+            self.port.wait(min(deadline, last + quiet) - now)
+            for frame in parser.feed(self.port.receive()):
+                last = self.port.now()
+                status = as_status(frame)
+                if status is not None and len(status.params) == 3:
+                    number, firmware = status.params[0] | status.params[1] << 8, status.params[2]
+                    found[status.id] = Identity(status.id, number, firmware, status.alert)
+        return [found[id] for id in sorted(found)]
 
     def close(self) -> None:
         """Gives the port back; may be called twice."""
@@ -197,7 +266,9 @@ class Bus:
                 return status
         return None
 
-    def _gather(self, frame: bytes, ids: Sequence[int], length: int) -> dict[int, Status]:
+    def _gather(
+        self, frame: bytes, ids: Sequence[int], length: int, lengths: dict[int, int] | None = None
+    ) -> dict[int, Status]:
         """Sends a frame and waits until all these servos have answered or the deadline is over.
 
         An answer of another length than expected, unless it says why, is one that came too late for an earlier call.
@@ -213,7 +284,9 @@ class Bus:
         while len(heard) < len(ids) and (left := deadline - self.port.now()) > 0.0 and self.port.wait(left):
             for answer in parser.feed(self.port.receive()):
                 status = as_status(answer)
-                if status is not None and status.id in ids and (status.error or len(status.params) == length):
+                if status is None or status.id not in ids:
+                    continue
+                if status.error or len(status.params) == (lengths[status.id] if lengths else length):
                     heard[status.id] = status
         return heard
 
@@ -235,3 +308,26 @@ class Bus:
                 if silent[head] <= self._retries:
                     line.append(head)
         return heard
+
+
+def _single_replies_length(count: int, length: int) -> int:
+    return count * instructions.status_length(length)
+
+
+def _single_replies(received: bytes, pending: _Request) -> FastReply:
+    """What single statuses say, in the words of a joint reply."""
+    heard = {
+        status.id: status
+        for frame in Parser().feed(received)
+        if (status := as_status(frame)) is not None
+        and status.id in pending.ids
+        and (status.error or len(status.params) == pending.length)
+    }
+    missing = [index for index, id in enumerate(pending.ids) if id not in heard]
+    last = max((index for index, id in enumerate(pending.ids) if id in heard), default=-1)
+    silent = [index for index in missing if index < last] or missing[:1]
+    if missing and silent[-1] < last and missing[-1] > last:
+        silent.append(last + 1)
+    return FastReply(
+        heard, [], [pending.ids[index] for index in silent], [pending.ids[i] for i in missing if i not in silent]
+    )

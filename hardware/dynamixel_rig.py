@@ -13,14 +13,15 @@ from __future__ import annotations
 from types import TracebackType
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hardware.bus import Bus
-from hardware.errors import PortError
+from hardware.errors import MotiondeckError, PortError
 from hardware.faults import RigFaults
 from hardware.protocol2.instructions import FastReply
 from hardware.rig import RigConfig
-from hardware.scale import Array, RigScale
-from hardware.switching import hold_still, switch_off, switch_on, tell_all
+from hardware.scale import Array, RigScale, RigState
+from hardware.switching import hold_still, knows_fast_reads, switch_off, switch_on, tell_all
 from hardware.timings import Timings
 
 _WATCHDOG_UNIT = 0.02  # s
@@ -40,6 +41,13 @@ class DynamixelRig:
         positions: last measured, shape (J,), rad.
         velocities: last measured, shape (J,), rad/s.
         currents: last measured, shape (J,), A, positive in the joint's direction.
+        temperatures: last measured, shape (J,), degC; NaN where the loop does not read them.
+        errors: last hardware error bits, shape (J,).
+        torque: whether torque was on, shape (J,); where the loop does not read it, true.
+        goals: last sent, shape (J,), rad.
+        missed_in_a_row: how many replies each joint has missed since its last one, shape (J,).
+        bus: what the servos are on.
+        gone: whether the port is gone, or the rig closed.
         faults: what went wrong so far.
         write_us: how long each `write` took.
         read_us: how long each `request_state` and each `collect_state` took; never the time on the wire.
@@ -58,7 +66,7 @@ class DynamixelRig:
         self.faults = RigFaults.none(len(config.joints))
         self.write_us = Timings()
         self.read_us = Timings()
-        self._bus = bus
+        self.bus = bus
         self._scale = RigScale(config)
         self._ids = [joint.id for joint in config.joints]
         self._index = {id: index for index, id in enumerate(self._ids)}
@@ -66,18 +74,25 @@ class DynamixelRig:
         self._goal_block = (goal.address, goal.length)
         self._entries = np.zeros(len(self._ids), dtype=[("id", "u1"), ("goal", "<i4")])
         self._entries["id"] = self._ids
-        self._missed_in_a_row = np.zeros(len(self._ids), dtype=np.int64)
+        self.missed_in_a_row = np.zeros(len(self._ids), dtype=np.int64)
         self._requests = 0
         self._last_word = 0.0
-        self._armed = self._stopped = self._gone = self._closed = False
+        self._armed = self._stopped = self.gone = self._closed = False
+        self._reads_next = 0.0
+        self._held = False
         try:
-            self._goals = switch_on(config, bus)
+            self.goals = switch_on(config, bus)
+            self._fast = knows_fast_reads(config, bus)
         except BaseException:
             self.close()
             raise
-        self.positions = self._goals.copy()
+        self._held = True
+        self.positions = self.goals.copy()
         self.velocities = np.zeros(len(self._ids))
         self.currents = np.zeros(len(self._ids))
+        self.temperatures = np.full(len(self._ids), np.nan)
+        self.errors = np.zeros(len(self._ids), dtype=np.int64)
+        self.torque = np.ones(len(self._ids), dtype=np.bool_)
 
     @classmethod
     def connect(cls, config: RigConfig, port: str | None = None) -> DynamixelRig:
@@ -100,7 +115,7 @@ class DynamixelRig:
         """Whether the bus was silent for so long that the servos' watchdogs have stopped them; see `rearm`."""
         # One unit earlier than the servos, which count in units: rather stopped here and not there than the reverse.
         patience = self.config.watchdog_ms * 1e-3 - _WATCHDOG_UNIT
-        return self._stopped or (self._armed and self._bus.port.now() - self._last_word > patience)
+        return self._stopped or (self._armed and self.bus.port.now() - self._last_word > patience)
 
     def write(self, targets: Array) -> None:
         """Sends the targets (J,), rad, as one sync write of goal positions.
@@ -108,47 +123,53 @@ class DynamixelRig:
         Targets beyond a limit are clipped, those that are no finite number leave the joint's goal as it was; both are
         counted.
         """
-        if self._gone:
+        if self.gone:
             return
         with self.write_us:
             finite = np.isfinite(targets)
-            wanted = np.where(finite, targets, self._goals)
+            wanted = np.where(finite, targets, self.goals)
             goals = np.clip(wanted, self._scale.lower, self._scale.upper)
             self.faults.clipped[:] += wanted != goals
             self.faults.refused[:] += ~finite
             try:
                 sent = self._send(goals)
             except PortError:
-                self._gone = True
+                self.gone = True
                 raise
             if sent:
-                self._goals = goals
+                self.goals = goals
             else:
                 self.faults.unsent[:] += 1
 
     def request_state(self) -> None:
         """Asks the servos for position, velocity and current; nothing happens while an answer is under way."""
-        if self._gone:
+        if self.gone:
             return
         with self.read_us:
             try:
                 self._stopped = self.stopped
-                if self._bus.request(self._line(), *self._scale.state_block):
+                now = self.bus.port.now()
+                if now < self._reads_next:
+                    return
+                if self.bus.request(self._line(), *self._scale.state_block, self._fast):
                     self._requests += 1
-                    self._last_word = self._bus.port.now()
+                    self._last_word = now
+                    if self.config.read_hz:
+                        # Half a tick of grace: a loop's ticks are never quite on time.
+                        self._reads_next = now + 1.0 / self.config.read_hz - 0.5 / self.config.rate_hz
             except PortError:
-                self._gone = True
+                self.gone = True
                 raise
 
     def collect_state(self) -> bool:
         """Takes the answer if it has come in the meantime; whether anything new was measured."""
-        if self._gone:
+        if self.gone:
             return False
         with self.read_us:
             try:
-                reply = self._bus.collect()
+                reply = self.bus.collect()
             except PortError:
-                self._gone = True
+                self.gone = True
                 raise
             return reply is not None and self._take(reply)
 
@@ -161,21 +182,44 @@ class DynamixelRig:
             RigError: if a servo does not answer, or stands outside its limits.
             PortError: if the port is gone.
         """
-        self._goals = hold_still(self.config, self._bus)
-        self._stopped = self._armed = False
+        self.attach(self.bus, hold_still(self.config, self.bus))
+
+    def attach(self, bus: Bus, held: Array) -> None:
+        """Goes on over this bus, on which the servos hold at these angles (J,), rad."""
+        if self._closed:
+            return
+        self.bus, self.goals = bus, held
+        self.positions = held.copy()
+        self.missed_in_a_row[:] = 0
+        self.torque[:], self.errors[:] = True, 0
+        self._stopped = self._armed = self.gone = False
+
+    def now(self) -> float:
+        """The time on the port's clock, s."""
+        return self.bus.port.now()
 
     def close(self) -> list[str]:
-        """Takes the torque off every servo that still hears, and gives the port back; may be called twice.
+        """Ends as the rig file says: torque off, or each joint held where it is; may be called twice.
 
         Returns:
-            The joints that did not confirm that their torque is off.
+            The joints that did not confirm it.
         """
         if self._closed:
             return []
-        self._closed = self._gone = True
-        unconfirmed = switch_off(self.config, self._bus)
-        self._bus.close()
+        self._closed = self.gone = True
+        unconfirmed = self._hold_for_good() if self._held and self.config.on_exit == "hold" else None
+        if unconfirmed is None:
+            unconfirmed = switch_off(self.config, self.bus)
+        self.bus.close()
         return unconfirmed
+
+    def _hold_for_good(self) -> list[str] | None:
+        """Has the servos hold where they are, without a watchdog; None if that does not work."""
+        try:
+            hold_still(self.config, self.bus)
+        except MotiondeckError:
+            return None
+        return []
 
     def _send(self, goals: Array) -> bool:
         """One sync write of goals, and before the first one the watchdog; False if the servos did not get them."""
@@ -184,17 +228,17 @@ class DynamixelRig:
             return False
         if not self._armed:
             self._armed = tell_all(
-                self.config, self._bus, "bus_watchdog", round(self.config.watchdog_ms * 1e-3 / _WATCHDOG_UNIT)
+                self.config, self.bus, "bus_watchdog", round(self.config.watchdog_ms * 1e-3 / _WATCHDOG_UNIT)
             )
         self._entries["goal"] = self._scale.pulses(goals)
-        sent = self._bus.sync_write(*self._goal_block, self._entries.tobytes())
-        self._last_word = self._bus.port.now()
+        sent = self.bus.sync_write(*self._goal_block, self._entries.tobytes())
+        self._last_word = self.bus.port.now()
         return sent
 
     def _take(self, reply: FastReply) -> bool:
         """Counts what is missing in a reply and keeps what was measured; whether anything was."""
         for id in reply.silent:
-            self._missed_in_a_row[self._index[id]] += 1
+            self.missed_in_a_row[self._index[id]] += 1
         for id in (*reply.silent, *reply.unheard):
             self.faults.missed[self._index[id]] += 1
         for id in reply.corrupt:
@@ -203,15 +247,27 @@ class DynamixelRig:
         blocks: list[bytes] = []
         for id, status in reply.statuses.items():
             index = self._index[id]
-            self._missed_in_a_row[index] = 0
+            self.missed_in_a_row[index] = 0
             self.faults.alert[index] += status.alert
             if not status.error:
                 heard.append(index)
                 blocks.append(status.params)
         if heard:
-            state = self._scale.state(heard, b"".join(blocks))
-            self.positions[heard], self.velocities[heard], self.currents[heard] = state
+            self._keep(np.array(heard), self._scale.state(heard, b"".join(blocks)))
         return bool(heard)
+
+    def _keep(self, heard: NDArray[np.int64], state: RigState) -> None:
+        """Takes over what some joints measured; one that has restarted shows nothing but zeros."""
+        positions, velocities, currents, temperatures, errors, torque = state
+        if len(torque):
+            blank = ~torque & (temperatures == 0.0)
+            self.torque[heard] = torque
+            self.errors[heard] = np.where(blank, 0, errors)
+            self.temperatures[heard] = np.where(blank, self.temperatures[heard], temperatures)
+            known = ~blank
+            heard = heard[known]
+            positions, velocities, currents = positions[known], velocities[known], currents[known]
+        self.positions[heard], self.velocities[heard], self.currents[heard] = positions, velocities, currents
 
     def _line(self) -> list[int]:
         """Whom to ask, in which order.
@@ -219,12 +275,13 @@ class DynamixelRig:
         A silent servo may hush all that stand behind it, so who missed a reply stands last; who missed several is asked
         only now and then, one at a time, because waiting for it makes everybody's state older.
         """
-        if not self._missed_in_a_row.any():
+        if not self.missed_in_a_row.any():
             return self._ids
-        missed = list(zip(self._ids, self._missed_in_a_row, strict=True))
+        missed = list(zip(self._ids, self.missed_in_a_row, strict=True))
         good = [id for id, count in missed if count == 0]
         doubtful = [id for id, count in missed if 0 < count < _PATIENCE]
         lost = [id for id, count in missed if count >= _PATIENCE]
-        turn, rest = divmod(self._requests, _ASK_AGAIN)
+        # Each of them once in _ASK_AGAIN requests, however many they are.
+        turn, rest = divmod(self._requests, max(1, _ASK_AGAIN // max(1, len(lost))))
         again = [lost[turn % len(lost)]] if lost and (rest == 0 or not good + doubtful) else []
         return good + doubtful + again

@@ -68,17 +68,17 @@ class SerialPort:
 
     def receive(self) -> bytes:
         """What has arrived since the last call, without waiting."""
-        if not self.wait(0.0):
-            return b""
-        try:
-            data = os.read(self._fd, 65536)
-        except BlockingIOError:
-            return b""
-        except OSError as error:
-            raise self._vanished() from error
-        if not data:  # an unplugged adapter reads as the end of the file
-            raise self._vanished()
-        return data
+        # Nothing to read looks like an unplugged adapter; when asked, the system tells the two apart.
+        for _ in range(2):
+            try:
+                data = os.read(self._fd, 65536)
+            except BlockingIOError:
+                return b""
+            except OSError as error:
+                raise self._vanished() from error
+            if data or not self.wait(0.0):
+                return data
+        raise self._vanished()
 
     def wait(self, seconds: float) -> bool:
         """Sleeps until something can be received, at most so long; whether something can."""

@@ -15,11 +15,16 @@ from hardware.control_table.models import MODELS
 from hardware.control_table.table import ControlTable
 from hardware.errors import RigFileError
 
+# The loop reads and writes one block of addresses for all.
+_IN_ONE_BLOCK = ("torque_enable", "status_return_level", "bus_watchdog", "goal_position", "present_velocity",
+                 "present_position", "indirect_data_1")  # fmt: skip
+_NEEDED = (*_IN_ONE_BLOCK[:-1], "hardware_error_status", "shutdown", "operating_mode", "profile_velocity",
+           "profile_acceleration", "min_position_limit", "max_position_limit")  # fmt: skip
 BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
 
 
 class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One servo as a joint: angle = direction * (pulses - zero) * 2 pi / pulses_per_turn.
+    """One servo as a joint: angle = direction * (pulses - zero) * 2 pi / (pulses_per_turn * gear).
 
     Attributes:
         name: of the robot's joint.
@@ -29,6 +34,9 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         zero: the servo's position at angle 0, pulses.
         lower, upper: what the joint may do, rad; within the servo's one turn.
         velocity: its limit, rad/s.
+        acceleration: its limit, rad/s^2; 0 for none.
+        current: its limit, A; 0 for the servo's own.
+        gear: turns of the horn for one turn of the joint.
     """
 
     name: str
@@ -39,18 +47,31 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     lower: float
     upper: float
     velocity: Annotated[float, msgspec.Meta(gt=0)]
+    acceleration: Annotated[float, msgspec.Meta(ge=0)] = 0.0
+    current: Annotated[float, msgspec.Meta(ge=0)] = 0.0
+    gear: Annotated[float, msgspec.Meta(gt=0)] = 1.0
 
     def __post_init__(self) -> None:
         if self.model not in MODELS:
-            raise ValueError(f"model '{self.model}' is unknown; known are {', '.join(MODELS)}")
+            near = MODELS.near(self.model)
+            raise ValueError(
+                f"model '{self.model}' is unknown. " + (f"Did you mean {' or '.join(near)}?" if near else "")
+            )
         if not (math.isfinite(self.velocity) and self.lower < self.upper):
             raise ValueError("limits must be finite numbers with lower < upper")
-        top = self.table.pulses_per_turn - 1
+        missing = [name for name in _NEEDED if name not in self.table.registers]
+        if missing or self.table["goal_position"].length != 4:
+            raise ValueError(f"model '{self.model}' cannot be a joint of a rig: its control table is of another kind")
+        if not (math.isfinite(self.acceleration) and math.isfinite(self.current) and math.isfinite(self.gear)):
+            raise ValueError("acceleration, current and gear must be finite numbers")
+        if self.current and "current_limit" not in self.table.registers:
+            raise ValueError(f"model '{self.model}' measures no current, so it takes no limit of it")
+        bottom, top = self.table.one_turn
         low, high = sorted((self.pulses(self.lower), self.pulses(self.upper)))
-        if not (low >= 0 and high <= top):
+        if not (low >= bottom and high <= top):
             raise ValueError(
                 f"limits {self.lower} to {self.upper} rad with zero {self.zero} reach from {low:.0f} to {high:.0f} "
-                f"pulses, outside the servo's one turn (0 to {top})"
+                f"pulses, outside the servo's one turn ({bottom} to {top})"
             )
 
     @property
@@ -59,9 +80,15 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return MODELS[self.model]
 
     @property
+    def hottest(self) -> float:
+        """The temperature at which the servo shuts down, degC."""
+        register = self.table.registers.get("temperature_limit")
+        return float(register.default) if register is not None and register.default else 80.0
+
+    @property
     def pulses_per_radian(self) -> float:
         """Pulses for one rad, negative where the servo turns the other way."""
-        return self.direction * self.table.pulses_per_turn / (2.0 * math.pi)
+        return self.direction * self.gear * self.table.pulses_per_turn / (2.0 * math.pi)
 
     def pulses(self, angle: float) -> float:
         """The servo's position (not rounded) at a joint angle in rad."""
@@ -77,6 +104,10 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         rate_hz: how often targets are sent.
         joints: in the order of every array about this rig.
         watchdog_ms: silence on the bus after which the servos stop by themselves; 20 to 2540.
+        read_hz: how often the state is read; 0 for as often as targets are sent.
+        on_exit: what the servos do in the end: "off", or "hold" where they are.
+        on_loss: what happens when a joint is lost for good: "stop" the rig, or "go on" without it.
+        reconnect_s: for how long a port that vanished is looked for; 0 for not at all.
     """
 
     port: Annotated[str, msgspec.Meta(min_length=1)]
@@ -84,13 +115,20 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     rate_hz: Annotated[float, msgspec.Meta(gt=0, le=1000)]
     joints: Annotated[tuple[RigJoint, ...], msgspec.Meta(min_length=1)]
     watchdog_ms: Annotated[int, msgspec.Meta(ge=20, le=2540)] = 200
+    read_hz: Annotated[float, msgspec.Meta(ge=0)] = 0.0
+    on_exit: Literal["off", "hold"] = "off"
+    on_loss: Literal["stop", "go on"] = "stop"
+    reconnect_s: Annotated[float, msgspec.Meta(ge=0, le=3600)] = 10.0
 
     def __post_init__(self) -> None:
         if self.baud not in BAUD_RATES:
             raise ValueError(f"baud {self.baud} is none of {', '.join(map(str, BAUD_RATES))}")
-        models = {joint.model for joint in self.joints}
-        if len(models) > 1:  # the loop reads and writes one block of addresses for all
-            raise ValueError(f"one rig of several models ({', '.join(sorted(models))}) is not possible yet")
+        if not 0 <= self.read_hz <= self.rate_hz:
+            raise ValueError(f"read_hz {self.read_hz:g} must be from 0 to rate_hz, {self.rate_hz:g}")
+        layouts = {tuple(joint.table.place(name) for name in _IN_ONE_BLOCK): joint.model for joint in self.joints}
+        if len(layouts) > 1:
+            models = " and ".join(layouts.values())
+            raise ValueError(f"{models} keep their registers in different places: give each kind a rig of its own")
         for key in ("id", "name"):
             owners = Counter(getattr(joint, key) for joint in self.joints)
             twice = [str(value) for value, count in owners.items() if count > 1]
@@ -138,5 +176,6 @@ def _explain(message: str) -> str:
         hint = f" Did you mean {near[0]}?" if near else ""
         what = f"unknown key '{unknown[1]}'.{hint} The keys here are {', '.join(keys)}"
     elif what.startswith("Invalid enum value"):
-        what = f"{what.removeprefix('Invalid enum value ')} is not allowed; -1 and 1 are"
+        allowed = {"on_exit": "'off' and 'hold'", "on_loss": "'stop' and 'go on'"}.get(place, "-1 and 1")
+        what = f"{what.removeprefix('Invalid enum value ')} is not allowed; {allowed} are"
     return f"{place}: {what}." if place else f"{what}."

@@ -7,9 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+import msgspec
 import numpy as np
 
 from hardware.bus import Bus
+from hardware.control_table.servo_traits import TRAITS
 from hardware.errors import NoReplyError, PortError, RigError, ServoError
 from hardware.rig import RigConfig, RigJoint
 from hardware.scale import Array, RigScale
@@ -38,15 +40,29 @@ def switch_on(config: RigConfig, bus: Bus) -> Array:
         _write(config, bus, "torque_enable", [0] * len(config.joints))
         _refuse_shut_down(config, bus)
         _settle(config, bus, "operating_mode", [_POSITION_MODE] * len(config.joints))
-        scale = RigScale(config)
-        ends = np.sort([scale.pulses(scale.lower), scale.pulses(scale.upper)], axis=0)
+        ends = _ends(RigScale(config))
         _settle(config, bus, "min_position_limit", [int(pulses) for pulses in ends[0]])
         _settle(config, bus, "max_position_limit", [int(pulses) for pulses in ends[1]])
+        _limit_current(config, bus)
+        show_state(config, bus)
         held = hold_still(config, bus)
         _write(config, bus, "torque_enable", [1] * len(config.joints))
     except ServoError as error:
         raise RigError(str(error)) from error
     return held
+
+
+def show_state(config: RigConfig, bus: Bus) -> None:
+    """Points the servos' indirect cells at what the loop reads.
+
+    Raises:
+        ServoError: if a servo does not answer, or refuses.
+        PortError: if the port vanishes.
+    """
+    block = RigScale(config).block
+    if block.pointers:
+        for joint in config.joints:
+            bus.write(joint.id, block.pointer_address, block.pointers)
 
 
 def hold_still(config: RigConfig, bus: Bus) -> Array:
@@ -76,6 +92,65 @@ def hold_still(config: RigConfig, bus: Bus) -> Array:
     except ServoError as error:
         raise RigError(str(error)) from error
     return goals
+
+
+def resume(config: RigConfig, bus: Bus) -> Array:
+    """Brings a rig back that was switched on before: identities and settings verified, each joint where it stands.
+
+    A servo that has kept torque and settings just holds; one that has lost them is switched on anew.
+
+    Returns:
+        The angles (J,), rad, at which the joints now hold.
+
+    Raises:
+        RigError: as `switch_on`.
+        PortError: if the port vanishes.
+    """
+    _check_identities(config, bus)
+    tell_all(config, bus, "status_return_level", _ANSWER_EVERYTHING)
+    try:
+        _refuse_shut_down(config, bus)
+        ends = _ends(RigScale(config))
+        held = zip(
+            _read(config, bus, "torque_enable"),
+            _read(config, bus, "operating_mode"),
+            _read(config, bus, "min_position_limit"),
+            _read(config, bus, "max_position_limit"),
+            strict=True,
+        )
+        lost = [
+            joint
+            for joint, is_set, low, high in zip(config.joints, held, *ends.astype(np.int64).tolist(), strict=True)
+            if is_set != (1, _POSITION_MODE, low, high)
+        ]
+        if lost:
+            switch_on(msgspec.structs.replace(config, joints=tuple(lost)), bus)
+        show_state(config, bus)
+    except ServoError as error:
+        raise RigError(str(error)) from error
+    return hold_still(config, bus)
+
+
+def knows_fast_reads(config: RigConfig, bus: Bus) -> bool:
+    """Whether model and firmware of every servo answer fast sync reads.
+
+    Raises:
+        RigError: if a servo does not answer.
+        PortError: if the port vanishes.
+    """
+    since = [TRAITS[joint.model].fast_read if joint.model in TRAITS else None for joint in config.joints]
+    if None in since:
+        return False
+    try:
+        found = _read(config, bus, "firmware_version")
+    except ServoError as error:
+        raise RigError(str(error)) from error
+    return all(first is not None and firmware >= first for firmware, first in zip(found, since, strict=True))
+
+
+def describe_errors(bits: int) -> str:
+    """The hardware error bits in words."""
+    return ", ".join(text for bit, text in _HARDWARE_ERRORS.items() if bits & bit) or "no error"
 
 
 def switch_off(config: RigConfig, bus: Bus) -> list[str]:
@@ -128,7 +203,7 @@ def _refuse_shut_down(config: RigConfig, bus: Bus) -> None:
     """Names the servos that a hardware problem has switched off."""
     errors = zip(_read(config, bus, "shutdown"), _read(config, bus, "hardware_error_status"), strict=True)
     down = [
-        f"{joint.name} (id {joint.id}: {', '.join(text for bit, text in _HARDWARE_ERRORS.items() if found & bit)})"
+        f"{joint.name} (id {joint.id}: {describe_errors(found)})"
         for joint, (mask, found) in zip(config.joints, errors, strict=True)
         if mask & found
     ]
@@ -137,21 +212,40 @@ def _refuse_shut_down(config: RigConfig, bus: Bus) -> None:
 
 
 def _limit_speed(config: RigConfig, bus: Bus) -> None:
-    """Has each servo keep to its joint's velocity limit by itself; a profile velocity of 0 would mean no limit."""
-    profile = config.joints[0].table["profile_velocity"]
-    counts = [max(1, min(round(joint.velocity / profile.si), profile.maximum)) for joint in config.joints]
-    _write(config, bus, "profile_velocity", counts)
-    _write(config, bus, "profile_acceleration", [0] * len(counts))
+    """Has each servo keep to its joint's limits by itself; a profile velocity of 0 would mean no limit."""
+    speeds = [_counts(joint, "profile_velocity", joint.velocity * joint.gear, 1) for joint in config.joints]
+    rates = [_counts(joint, "profile_acceleration", joint.acceleration * joint.gear, 0) for joint in config.joints]
+    _write(config, bus, "profile_velocity", speeds)
+    _write(config, bus, "profile_acceleration", rates)
+
+
+def _limit_current(config: RigConfig, bus: Bus) -> None:
+    """Writes the current limit where the rig file has one."""
+    for joint in config.joints:
+        if joint.current:
+            one = msgspec.structs.replace(config, joints=(joint,))
+            _settle(one, bus, "current_limit", [_counts(joint, "current_limit", joint.current, 1)])
+
+
+def _counts(joint: RigJoint, name: str, value: float, least: int) -> int:
+    """A value in SI units as what a register of the joint takes, 0 for 0."""
+    register = joint.table[name]
+    return max(least if value else 0, min(round(value / register.si), register.maximum))
+
+
+def _ends(scale: RigScale) -> Array:
+    """The lowest and the highest position of each servo, shape (2, J), pulses."""
+    return np.sort([scale.pulses(scale.lower), scale.pulses(scale.upper)], axis=0)
 
 
 def _positions(config: RigConfig, bus: Bus, scale: RigScale) -> Array:
     """Where the joints stand, shape (J,), rad."""
-    statuses = bus.fast_sync_read([joint.id for joint in config.joints], *scale.state_block)
+    statuses = bus.sync_read([joint.id for joint in config.joints], *scale.state_block)
     silent = [joint for joint in config.joints if joint.id not in statuses]
     if silent:
         raise NoReplyError(f"no position from {_who(silent)}. Check their cables and power.")
     blocks = b"".join(statuses[joint.id].params for joint in config.joints)
-    return scale.state(list(range(len(config.joints))), blocks)[0]
+    return scale.state(list(range(len(config.joints))), blocks).positions
 
 
 def _write(config: RigConfig, bus: Bus, name: str, values: Sequence[int]) -> None:

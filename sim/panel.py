@@ -1,4 +1,4 @@
-"""The panel of the page: a button for each motion, speed, pause and stop, and how the loop is doing."""
+"""The panel of the page: a button for each motion, speed, pause, home, halt and stop, and how the loop is doing."""
 
 from __future__ import annotations
 
@@ -9,11 +9,25 @@ import numpy as np
 import viser
 
 from controller.errors import MotiondeckError
-from controller.realtime.commands import CommandClient, Message, Pause, Refused, Resume, SetSpeed, Stop, Switch
+from controller.realtime.commands import (
+    CommandClient,
+    EmergencyStop,
+    Home,
+    Message,
+    Pause,
+    Queue,
+    Refused,
+    Reset,
+    Resume,
+    SetSpeed,
+    Stop,
+    Switch,
+)
+from controller.realtime.messages import FASTEST, SLOWEST
+from controller.realtime.recording import MODES
 from controller.rotations import Array
 from sim.private_page import PrivatePage
 
-SLOWEST, FASTEST = 0.1, 3.0
 ANSWER_WITHIN = 1.0
 # A hand on the slider keeps it for so long before the deck's own speed is shown again, s.
 HAND_ON = 1.0
@@ -29,19 +43,25 @@ class Panel:
         self._page, self._commands = page, commands
         self._lock = Lock()
         self._current = -1
-        self._paused = False
+        self._paused = self._halted = False
         self._moved = 0.0
         gui = page.gui
         gui.configure_theme(show_share_button=False, show_logo=False, brand_color=CURRENT)
         self._health = gui.add_html("")
         self._buttons = [gui.add_button(motion, color=OTHERS) for motion in motions]
         for motion, button in zip(motions, self._buttons, strict=True):
-            button.on_click(lambda _, motion=motion: self._send(Switch(to=motion)))
+            button.on_click(lambda _, motion=motion: self._send(Queue(motion) if self._queue.value else Switch(motion)))
+        self._queue = gui.add_checkbox("after the present one", False, hint="Queue a motion instead of switching now")
         gui.add_divider()
         self._speed = gui.add_slider("speed", min=SLOWEST, max=FASTEST, step=0.05, initial_value=1.0)
         self._speed.on_update(self._speed_moved)
         self._pause = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE, color="gray")
         self._pause.on_click(lambda _: self._send(Resume() if self._paused else Pause()))
+        gui.add_button("Home", icon=viser.Icon.HOME, color="gray").on_click(lambda _: self._send(Home()))
+        self._halt = gui.add_button(
+            "Halt", icon=viser.Icon.ALERT_OCTAGON, color="orange", hint="Emergency stop: brake at once and hold"
+        )
+        self._halt.on_click(lambda _: self._send(Reset() if self._halted else EmergencyStop()))
         gui.add_button("Stop", icon=viser.Icon.PLAYER_STOP, color="red").on_click(lambda _: self._send(Stop()))
 
     def show(self, state: dict[str, Array]) -> None:
@@ -58,6 +78,10 @@ class Panel:
             self._paused = paused
             self._pause.label = "Resume" if paused else "Pause"
             self._pause.icon = viser.Icon.PLAYER_PLAY if paused else viser.Icon.PLAYER_PAUSE
+        halted = int(_number(state, "mode", 0.0)) == MODES.index("emergency stop")
+        if halted != self._halted:
+            self._halted = halted
+            self._halt.label = "Reset" if halted else "Halt"
         speed = round(_number(state, "speed", 1.0), 2)
         if abs(speed - self._speed.value) > 0.024 and time.monotonic() - self._moved > HAND_ON:
             self._speed.value = min(max(speed, SLOWEST), FASTEST)

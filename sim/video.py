@@ -106,8 +106,15 @@ def _written_whole(path: Path) -> Iterator[Path]:
         raise PictureError(f"{path}: there is no folder {path.parent}")
     unfinished = path.with_name(f".{path.stem}.unfinished{path.suffix}")
     try:
+        # Better to learn now that nothing can be written here than after minutes of drawing.
+        unfinished.touch()
+    except OSError as error:
+        raise PictureError(f"{path}: cannot be written ({error.strerror})") from error
+    try:
         yield unfinished
         unfinished.replace(path)
+    except OSError as error:
+        raise PictureError(f"{path}: cannot be written ({error.strerror})") from error
     finally:
         unfinished.unlink(missing_ok=True)
 

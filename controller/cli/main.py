@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import signal
 import sys
 from typing import Annotated
+
+# While modules are still being imported Ctrl-C ends the program without a word.
+signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 # Two BLAS threads cost a loop eight milliseconds at p99; this must be said before numpy is imported.
 for _library in ("OPENBLAS", "OMP", "MKL"):
@@ -12,7 +17,7 @@ for _library in ("OPENBLAS", "OMP", "MKL"):
 
 import typer  # noqa: E402
 
-from controller.cli import fit, library, play, send  # noqa: E402
+from controller.cli import evaluate, fit, library, play, plot, recognize, replay, rig, segment, send  # noqa: E402
 
 app = typer.Typer(
     name="motiondeck",
@@ -24,8 +29,14 @@ app = typer.Typer(
 )
 app.command("play")(play.play)
 app.command("send")(send.send)
+app.command("replay")(replay.replay)
+app.command("plot")(plot.plot)
 app.command("fit")(fit.fit)
+app.command("evaluate")(evaluate.evaluate)
 app.add_typer(library.app, name="library")
+app.add_typer(rig.app, name="rig")
+app.add_typer(recognize.app, name="recognize")
+app.command("segment")(segment.segment)
 
 
 @app.callback()
@@ -39,6 +50,7 @@ def options(
 
 def main() -> None:
     """Runs the command line; a user's mistake ends in one clear line and exit code 1."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         app()
     except KeyboardInterrupt:
@@ -47,6 +59,12 @@ def main() -> None:
         # Whoever read our output has gone (`| head`); there is nobody left to tell.
         sys.stdout = None
         sys.exit(141)
+    except OSError as error:
+        if "MOTIONDECK_DEBUG" in os.environ or error.errno != errno.ENOSPC:
+            raise
+        print("motiondeck: no space is left where the output goes", file=sys.stderr)
+        sys.stdout = None
+        sys.exit(1)
     except Exception as error:
         if "MOTIONDECK_DEBUG" in os.environ or not _is_mistake(error):
             raise

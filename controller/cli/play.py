@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from controller.realtime.commands import DEFAULT_PORT
+from controller.realtime.commands import DEFAULT_PORT, Switch
 
 PAGE_PORT = 8040
 
@@ -24,12 +24,19 @@ def play(
         typer.Option("--rig", help="Stream to servos: a rig file, or 'emulated' for emulated servos of the robot."),
     ] = None,
     script: Annotated[
-        str | None, typer.Option("--script", help='What to play when, for example "walk 4, jog 4, walk".')
+        str | None,
+        typer.Option("--script", help='What to play when: "walk 4, jog 4, walk", or a timeline file.'),
     ] = None,
     seconds: Annotated[float | None, typer.Option("--seconds", help="Stop after so many seconds.")] = None,
     headless: Annotated[bool, typer.Option("--headless", help="No page and no terminal.")] = False,
     video: Annotated[
         Path | None, typer.Option("--video", metavar="FILE", help="Film it (.mp4 or .gif) instead of playing it live.")
+    ] = None,
+    direct: Annotated[
+        bool, typer.Option("--direct", help="Switch at once and straight, never by way of other motions.")
+    ] = False,
+    record: Annotated[
+        Path | None, typer.Option("--record", metavar="FILE", help="Record every tick, for `replay` and `plot`.")
     ] = None,
     rate: Annotated[float, typer.Option("--rate", help="Ticks of the loop a second.")] = 200.0,
     kinematic: Annotated[
@@ -39,6 +46,7 @@ def play(
         bool,
         typer.Option("--realtime", help="Ask for real-time scheduling and locked memory, and say what was granted."),
     ] = False,
+    core: Annotated[int | None, typer.Option("--core", help="Run the loop on this core of the CPU only.")] = None,
     page_port: Annotated[
         int, typer.Option("--port", help="The page's port on 127.0.0.1; 0 for any free one.")
     ] = PAGE_PORT,
@@ -60,11 +68,13 @@ def play(
 
       motiondeck play --headless --seconds 10 --script "walk 4, jog 4, walk" --json
 
+      motiondeck play --headless --script show.toml --record show.rec
+
       motiondeck play --video walk.mp4 --seconds 6
     """
     from controller.cli.resources import find
-    from controller.cli.script import parse_script
-    from controller.errors import MotiondeckError
+    from controller.cli.script import Cue, Timed, parse_script, read_timeline
+    from controller.errors import MotiondeckError, UnknownNameError
     from controller.training.library import load_library
 
     if seconds is not None and not 0.0 < seconds < 1e8:
@@ -73,40 +83,59 @@ def play(
         raise MotiondeckError(f"give either a motion ('{motion}') or a --script, not both")
     loaded = load_library(find("library", library, ".safetensors"))
     names = loaded.network.motions
-    first = motion or ("walk" if "walk" in names else names[0])
-    cues = parse_script(script or first, names)
+    if motion is not None and motion not in names:
+        raise UnknownNameError.among("motion", motion, names)
+    first, timeline = motion or ("walk" if "walk" in names else names[0]), []
+    if script is not None and script.endswith(".toml"):
+        first, timeline = read_timeline(Path(script), names)
+    elif script is not None:
+        cues, length = parse_script(script, names)
+        first, timeline = cues[0].motion, [Timed(cue.at, Switch(cue.motion)) for cue in cues[1:]]
+        seconds = seconds if seconds is not None else length
     if video is not None:
         if rig is not None:
             raise MotiondeckError(
                 "a film is not made live, so nothing can be streamed to a rig: leave --rig or --video"
             )
+        if record is not None:
+            raise MotiondeckError("a film is not made live, so there are no ticks to record: leave --record or --video")
         from controller.cli.pictures import film
 
+        cues = [Cue(0.0, first)]
+        for timed in timeline:
+            if not isinstance(timed.message, Switch):
+                raise MotiondeckError(f"{script}: in a film there can be switches only")
+            cues.append(Cue(timed.at, timed.message.to))
         length = seconds if seconds is not None else max(6.0, cues[-1].at + 4.0)
         said = film(loaded, robot, cues, length, video)
         _print(said, as_json, f"wrote {video} ({length:g} s, {video.stat().st_size / 1e6:.1f} MB)")
         return
 
     from controller.cli.session import Session, Settings, summary
+    from controller.realtime.deck import Deck
 
     settings = Settings(
         robot=find("robot", robot, ".toml"),
-        rig=_rig_file(rig, robot),
+        rig=rig_file(rig, robot),
         emulated=rig == "emulated",
         rate=rate,
         physics=not kinematic,
         realtime=realtime,
         command_port=command_port,
         page_port=None if headless else page_port,
-        terminal=not headless and sys.stdin.isatty(),
+        terminal=not (headless or as_json) and sys.stdin.isatty() and sys.stdout.isatty(),
         seconds=seconds,
+        record=record,
+        core=core,
     )
-    with Session(loaded, cues, settings) as session:
+    with Session(loaded, lambda retarget: Deck(loaded, retarget, first, direct=direct), timeline, settings) as session:
         report = session.run()
     _print(report, as_json, summary(report))
+    if any(output["parked"] for output in report["outputs"]):
+        raise typer.Exit(1)
 
 
-def _rig_file(rig: str | None, robot: str) -> Path | None:
+def rig_file(rig: str | None, robot: str) -> Path | None:
     """The rig file: that of the robot's own name for emulated servos."""
     from controller.cli.resources import find
     from controller.errors import MotiondeckError
@@ -123,7 +152,7 @@ def _rig_file(rig: str | None, robot: str) -> Path | None:
         ) from None
 
 
-def _print(report: dict[str, object], as_json: bool, words: str) -> None:
+def _print(report: dict[str, Any], as_json: bool, words: str) -> None:
     """One JSON object on standard output, or a few words."""
     import json
 

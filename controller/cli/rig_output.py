@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,7 @@ from controller.mocap.posture import Pose
 from controller.rotations import Array
 
 if TYPE_CHECKING:
-    from hardware.dynamixel_rig import DynamixelRig
+    from hardware.supervised_rig import SupervisedRig
 
 
 class RigOutput:
@@ -27,7 +28,7 @@ class RigOutput:
         MotiondeckError: if the rig has a joint that the robot has not.
     """
 
-    def __init__(self, rig: DynamixelRig, joints: tuple[str, ...], hz: float) -> None:
+    def __init__(self, rig: SupervisedRig, joints: tuple[str, ...], hz: float) -> None:
         missing = [name for name in rig.names if name not in joints]
         if missing:
             raise MotiondeckError(
@@ -41,9 +42,23 @@ class RigOutput:
         self._measured = np.full(len(joints), np.nan)
         self._measured[self._order] = rig.positions
         self._squares, self._samples = 0.0, 0
+        self._lost = ""
 
     def write(self, targets: Array, pose: Pose) -> None:
-        """Takes in the state asked for a tick ago, sends the targets, and asks anew; never waits for the wire."""
+        """Takes in the state asked for a tick ago, sends the targets, and asks anew; never waits for the wire.
+
+        Raises:
+            MotiondeckError: if the rig has stopped for good, at this and every later write.
+        """
+        if self._lost:
+            raise MotiondeckError(self._lost)
+        try:
+            self._exchange(targets)
+        except Exception as error:
+            self._lost = str(error)
+            raise
+
+    def _exchange(self, targets: Array) -> None:
         rig = self._rig
         if rig.collect_state():
             # The state was taken right after the last write: its targets are what the joints were following.
@@ -69,13 +84,25 @@ class RigOutput:
             "write_us": _percentiles(rig.write_us.microseconds),
             "read_us": _percentiles(rig.read_us.microseconds),
             "tracking_rmse_rad": (self._squares / self._samples) ** 0.5 if self._samples else None,
+            "recoveries": rig.recoveries,
+            "hottest_degc": _hottest(rig.temperatures),
             "faults": rig.faults.total,
             "faults_by_joint": rig.faults.by_joint(rig.names),
         }
 
     def close(self) -> None:
-        """Takes the torque off."""
-        self._rig.close()
+        """Takes the torque off, and names the joints of which that is not certain."""
+        unconfirmed = self._rig.close()
+        if unconfirmed:
+            print(
+                f"motiondeck: torque may still be on: {', '.join(unconfirmed)}. Switch the power off first.",
+                file=sys.stderr,
+            )
+
+
+def _hottest(temperatures: Array) -> float | None:
+    known = temperatures[np.isfinite(temperatures)]
+    return float(known.max()) if len(known) else None
 
 
 def _percentiles(microseconds: Array) -> dict[str, float] | None:

@@ -1,11 +1,25 @@
-"""Scripts on the command line: "walk 4, jog 4, walk" plays walk for 4 s, then jog for 4 s, then walk for the rest."""
+"""Scripts: "walk 4, jog 4, walk" on the command line, or a timeline of any commands in a file.
+
+motion = "walk"              # what is played first
+
+[[commands]]
+at = 4.0                     # s since play began
+say = "switch jog"           # what one would type at the prompt
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
-from controller.errors import MotiondeckError, UnknownNameError
+import msgspec
+
+from controller.cli.terminal import parse_command
+from controller.config import read_toml
+from controller.errors import FileFormatError, MotiondeckError, UnknownNameError
+from controller.realtime.messages import CommandError, Message, Queue, Switch
 
 
 @dataclass(frozen=True)
@@ -16,11 +30,58 @@ class Cue:
     motion: str
 
 
-def parse_script(text: str, motions: Iterable[str]) -> list[Cue]:
-    """The cues of a script; the first one is at 0 s.
+@dataclass(frozen=True)
+class Timed:
+    """A command and when it is given, s after the start."""
+
+    at: float
+    message: Message
+
+
+class _Line(msgspec.Struct, forbid_unknown_fields=True):
+    at: float
+    say: str
+
+
+class _File(msgspec.Struct, forbid_unknown_fields=True):
+    motion: str
+    commands: list[_Line] = []
+
+
+def read_timeline(path: Path, motions: Iterable[str]) -> tuple[str, list[Timed]]:
+    """What a timeline file plays first, and its commands in the order of their times.
 
     Args:
-        text: motions separated by commas, each but the last followed by its seconds.
+        path: a TOML file.
+        motions: the names that may be used.
+
+    Raises:
+        FileFormatError: naming the file, the command that is wrong, and what it should be.
+    """
+    known = list(motions)
+    file = read_toml(path, _File)
+    if file.motion not in known:
+        raise FileFormatError(f"{path}: {UnknownNameError.among('motion', file.motion, known)}")
+    timeline: list[Timed] = []
+    for number, line in enumerate(file.commands, start=1):
+        place = f"{path}, command {number}"
+        if not (math.isfinite(line.at) and line.at >= 0.0):
+            raise FileFormatError(f"{place}: at = {line.at} is not a number of seconds from 0 on")
+        try:
+            message = parse_command(line.say.split())
+        except CommandError as error:
+            raise FileFormatError(f"{place}: {error}") from None
+        if isinstance(message, Switch | Queue) and message.to not in known:
+            raise FileFormatError(f"{place}: {UnknownNameError.among('motion', message.to, known)}")
+        timeline.append(Timed(line.at, message))
+    return file.motion, sorted(timeline, key=lambda timed: timed.at)
+
+
+def parse_script(text: str, motions: Iterable[str]) -> tuple[list[Cue], float | None]:
+    """The cues of a script, the first one at 0 s, and how long it takes, if its last part says so.
+
+    Args:
+        text: motions separated by commas, each but the last followed by its seconds; the last one's may be left out.
         motions: the names that may be used.
 
     Raises:
@@ -44,7 +105,7 @@ def parse_script(text: str, motions: Iterable[str]) -> list[Cue]:
             )
         cues.append(Cue(at, words[0]))
         at += _seconds(words[1], place) if len(words) == 2 else 0.0
-    return cues
+    return cues, at if at > cues[-1].at else None
 
 
 def _seconds(word: str, place: int) -> float:

@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 import json
+import sys
 from typing import Annotated
 
 import typer
 
 from controller.realtime.commands import DEFAULT_PORT
 
+_LONGEST_WAIT = 120.0  # s for --wait: by way of other motions it may take a while
+
 
 def send(
     words: Annotated[
         list[str],
-        typer.Argument(metavar="COMMAND", help="switch MOTION | speed FACTOR | pause | resume | status | stop"),
+        typer.Argument(
+            metavar="COMMAND",
+            help="switch MOTION [direct] | queue MOTION | speed FACTOR [SECONDS] | pause | resume | home | estop "
+            "| reset | status | stop",
+        ),
     ],
-    wait: Annotated[bool, typer.Option("--wait", help="Wait until a switch has settled.")] = False,
+    wait: Annotated[bool, typer.Option("--wait", help="Wait until a switch, or a queued motion, has settled.")] = False,
     command_port: Annotated[int, typer.Option("--command-port", help="The deck's command port.")] = DEFAULT_PORT,
     as_json: Annotated[bool, typer.Option("--json", help="Print the deck's answer as one JSON object.")] = False,
 ) -> None:
@@ -25,30 +32,23 @@ def send(
     """
     import msgspec
 
-    from controller.cli.terminal import parse_command
+    from controller.cli.terminal import describe, parse_command
     from controller.realtime.commands import CommandClient
-    from controller.realtime.messages import Accepted, Refused, Settled, State, Switch
+    from controller.realtime.messages import Accepted, Queue, Refused, Switch
 
     request = parse_command(words)
     client = CommandClient(command_port)
     try:
         answer = client.request(request)
-        if wait and isinstance(request, Switch) and isinstance(answer, Accepted):
-            answer = client.wait_settled(answer.id) or answer
+        if wait and isinstance(request, Switch | Queue) and isinstance(answer, Accepted):
+            if answer.after or answer.via:
+                print(describe(answer), file=sys.stderr)
+            answer = client.wait_settled(answer.id, _LONGEST_WAIT) or answer
     finally:
         client.close()
     if as_json:
         print(json.dumps(msgspec.to_builtins(answer)))
     else:
-        match answer:
-            case Refused(reason=reason):
-                print(f"refused: {reason}")
-            case Settled(to=motion, seconds=seconds):
-                print(f"settled on {motion} after {seconds:.2f} s")
-            case State() as state:
-                print(f"{state.motion} at {state.speed:g} times{', paused' if state.paused else ''}")
-                print(f"motions: {', '.join(state.motions)}")
-            case _:
-                print("accepted")
+        print(describe(answer))
     if isinstance(answer, Refused):
         raise typer.Exit(1)

@@ -17,10 +17,14 @@ from controller.realtime.commands import (
     Accepted,
     CommandClient,
     CommandError,
+    EmergencyStop,
+    Home,
     Message,
     Pause,
+    Queue,
     Refused,
     Reply,
+    Reset,
     Resume,
     SetSpeed,
     Settled,
@@ -30,19 +34,32 @@ from controller.realtime.commands import (
     Stop,
     Switch,
 )
-from controller.realtime.messages import checked
+from controller.realtime.messages import COMMANDS, FASTEST, SLOWEST, checked
 
 HELP = """\
 MOTION           switch to a motion (Tab completes); also: switch MOTION
-speed FACTOR     play at 0.1 to 3 times the recorded tempo
+switch MOTION direct   at once and straight, however far it is
+queue MOTION     play it when the present motion has ended or gone round
+speed FACTOR     play at 0.1 to 3 times the recorded tempo; speed FACTOR SECONDS takes its time
 pause, resume    stand still, go on
+home             go to the rest pose; resume or a motion goes on
+estop            brake at once and hold; reset releases it, resume goes on
 status           what is played, and what could be
 stop, quit       bring the joints to rest and end the deck (Ctrl-C too)
 Ctrl-D           leave the terminal; the deck plays on"""
 
-_PLAIN = {"pause": Pause, "resume": Resume, "status": Status, "stop": Stop, "quit": Stop}
-_WORDS = ("switch", "speed", *_PLAIN, "help")
-_ALLOWED = "MOTION, switch MOTION, speed FACTOR, pause, resume, status, stop"
+_PLAIN = {
+    "pause": Pause,
+    "resume": Resume,
+    "home": Home,
+    "estop": EmergencyStop,
+    "reset": Reset,
+    "status": Status,
+    "stop": Stop,
+    "quit": Stop,
+}
+_WORDS = ("switch", "queue", "speed", *_PLAIN, "help")
+_ALLOWED = f"MOTION, {COMMANDS}"
 _HEARTBEAT = 0.3  # s of silence before asking whether the deck is still there; three questions are asked
 _STARTING = 5.0  # s that a deck may take from opening its port to answering
 
@@ -56,13 +73,15 @@ def parse_command(words: Sequence[str]) -> Message:
     match list(words):
         case ["switch", name]:
             return checked(Switch(name))
+        case ["switch", name, "direct"]:
+            return checked(Switch(name, direct=True))
+        case ["queue", name]:
+            return checked(Queue(name))
         case ["speed", factor]:
-            try:
-                number = float(factor)
-            except ValueError:
-                raise CommandError(f"speed takes a number from 0.1 to 3, not '{factor}'") from None
-            return checked(SetSpeed(number))
-        case ["switch" | "speed" as command, *_]:
+            return checked(SetSpeed(_number(factor)))
+        case ["speed", factor, over]:
+            return checked(SetSpeed(_number(factor), over=_number(over)))
+        case ["switch" | "queue" | "speed" as command, *_]:
             raise CommandError(f"{command} takes one argument. Commands: {_ALLOWED}.")
         case [command] if command in _PLAIN:
             return _PLAIN[command]()
@@ -74,11 +93,18 @@ def parse_command(words: Sequence[str]) -> Message:
             raise CommandError(f"'{' '.join(words)}' is no command. Commands: {_ALLOWED}.")
 
 
+def _number(word: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        raise CommandError(f"speed takes a number from {SLOWEST:g} to {FASTEST:g}, not '{word}'") from None
+
+
 def describe(reply: Reply) -> str:
     """A reply in one line."""
     match reply:
-        case Accepted():
-            return "accepted"
+        case Accepted(after=after, via=via):
+            return "accepted" + (f", after {after}" if after else "") + (f", by way of {', '.join(via)}" if via else "")
         case Refused(reason=reason):
             return f"refused: {reason}"
         case Settled(to=to, seconds=seconds):
@@ -86,7 +112,9 @@ def describe(reply: Reply) -> str:
         case State():
             how = "paused" if reply.paused else f"at speed {reply.speed:.2f}"
             doing = "switching to" if reply.switching else "playing"
-            return f"{doing} {reply.motion}, {how}; motions: {', '.join(reply.motions)}"
+            mode = "" if reply.mode == "playing" else f"{reply.mode}; "
+            queue = f"; next: {', '.join(reply.queue)}" if reply.queue else ""
+            return f"{mode}{doing} {reply.motion}, {how}{queue}; motions: {', '.join(reply.motions)}"
 
 
 class _Interrupted(Exception):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from controller.rotations import Array
 
@@ -22,3 +23,8 @@ def nrmse(output: Array, target: Array) -> float:
         return 0.0
     squared = np.square(output - target).mean(0)[moving]
     return float(np.sqrt(squared / variance[moving]).mean())
+
+
+def mabs(weights: NDArray[np.floating]) -> float:
+    """The mean absolute value of a matrix (eq. 3.5): the smaller, the less a network overfits."""
+    return float(np.abs(weights).mean())

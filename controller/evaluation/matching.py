@@ -43,6 +43,11 @@ def windows(features: Array, *, wrap: bool = False) -> Array:
     return features[starts[:, None] + np.arange(0, WINDOW, STRIDE)].reshape(len(starts), -1)
 
 
+def window_count(frames: int) -> int:
+    """How many windows a run of some frames has."""
+    return max(0, (frames - WINDOW) // STRIDE + 1)
+
+
 @dataclass(frozen=True)
 class Match:
     """How the windows of a run compare with the motions of a library.
@@ -75,13 +80,15 @@ class Matcher:
         """How many windows a motion has."""
         return len(self._windows[motion])
 
-    def match(self, run: Array, meant: int) -> Match:
-        """Compares a run of features (T, F) with all motions."""
+    def match(self, run: Array, meant: int, *, alone: bool = False) -> Match:
+        """Compares a run of features (T, F) with all motions, or with the one that was meant alone."""
         seen = windows(run)
         square = np.square(seen).sum(1)
-        nearest = np.empty((len(self._windows), len(seen)))
+        nearest = np.full((len(self._windows), len(seen)), np.inf)
         place = np.empty(0, dtype=np.int64)
         for j, (reference, reference_square) in enumerate(zip(self._windows, self._square, strict=True)):
+            if alone and j != meant:
+                continue
             distance = square[:, None] + reference_square - 2.0 * seen @ reference.T
             nearest[j] = distance.min(1)
             if j == meant:

@@ -51,18 +51,24 @@ class ConceptorMotion:
     rest: Float32
     states: Float32
 
+    @property
+    def reach(self) -> float:
+        """The largest |z| that playing leads to, with room to spare."""
+        return 2.0 * float(np.sqrt(np.square(self.states).sum(1).max()))
+
 
 class ConceptorNetwork:
     """Plays the motions of one reservoir frame by frame; fits `base.FrameNetwork`."""
 
     def __init__(self, motions: dict[str, ConceptorMotion]) -> None:
         self._of = motions
+        self._reach = {name: part.reach for name, part in motions.items()}
         self.motions = tuple(motions)
         first = next(iter(motions.values()))
         self.channels = len(first.rest)
         self._hidden = np.zeros(len(first.bias), dtype=np.float32)
         self._frame = np.zeros(self.channels, dtype=np.float32)
-        self._playing = first
+        self._playing, self._bound = first, self._reach[self.motions[0]]
         self._z = first.states[0].copy()
 
     def __getitem__(self, motion: str) -> ConceptorMotion:
@@ -90,7 +96,7 @@ class ConceptorNetwork:
 
     def cue(self, motion: str, anchor: int) -> None:
         """Puts the network into the stored state of an anchor."""
-        self._playing = self[motion]
+        self._playing, self._bound = self[motion], self._reach[motion]
         self._z = self._playing.states[anchor].copy()
 
     def advance(self, out: Channels) -> None:
@@ -104,11 +110,15 @@ class ConceptorNetwork:
         np.dot(net.readout, z, out=self._frame)
         np.add(self._frame, net.rest, out=out, casting="same_kind")
 
-    def snapshot(self) -> tuple[ConceptorMotion, Float32]:
+    def astray(self) -> bool:
+        """Whether the state is one that no playing leads to."""
+        return not np.dot(self._z, self._z) <= self._bound**2
+
+    def snapshot(self) -> tuple[ConceptorMotion, float, Float32]:
         """A copy of the state."""
-        return self._playing, self._z.copy()
+        return self._playing, self._bound, self._z.copy()
 
     def restore(self, snapshot: Any) -> None:
         """Puts the state back to a snapshot."""
-        self._playing, z = snapshot
+        self._playing, self._bound, z = snapshot
         self._z = z.copy()

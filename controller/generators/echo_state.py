@@ -49,6 +49,10 @@ class EchoStateNetwork:
         leak: a in (0, 1].
         normalisation: between normalised channels and the encoding's units.
         motions: a readout and anchors for each.
+        clipped: whether state and output are kept in the range of training (the thesis lets them go).
+
+    Attributes:
+        state_bound, output_bound: how large a number of x and of y may become.
     """
 
     def __init__(
@@ -59,9 +63,13 @@ class EchoStateNetwork:
         leak: float,
         normalisation: Normalisation,
         motions: dict[str, EchoStateMotion],
+        *,
+        clipped: bool = True,
     ) -> None:
         self.weights, self.feedback, self.bias, self.leak = weights, feedback, bias, leak
         self.normalisation = normalisation
+        self.clipped = clipped
+        self.state_bound, self.output_bound = (1.0, OUTPUT_BOUND) if clipped else (np.inf, np.inf)
         self._of = motions
         self.motions = tuple(motions)
         self.channels = feedback.shape[1]
@@ -76,7 +84,9 @@ class EchoStateNetwork:
 
     def twin(self) -> EchoStateNetwork:
         """The same weights with a state of its own: what one player does, another does not see."""
-        return EchoStateNetwork(self.weights, self.feedback, self.bias, self.leak, self.normalisation, self._of)
+        return EchoStateNetwork(
+            self.weights, self.feedback, self.bias, self.leak, self.normalisation, self._of, clipped=self.clipped
+        )
 
     @property
     def neurons(self) -> int:
@@ -101,6 +111,7 @@ class EchoStateNetwork:
     def advance(self, out: Channels) -> None:
         """Steps one frame on and writes it into out, shape (channels,)."""
         x, hidden = self._x, self._hidden
+        np.clip(x, -self.state_bound, self.state_bound, out=x)
         np.dot(self.weights, x, out=hidden)
         np.dot(self.feedback, self._y, out=self._fed_back)
         np.add(hidden, self._fed_back, out=hidden)
@@ -109,10 +120,13 @@ class EchoStateNetwork:
         np.multiply(hidden, self.leak, out=hidden)
         np.multiply(x, 1.0 - self.leak, out=x)
         np.add(x, hidden, out=x)
-        np.clip(x, -1.0, 1.0, out=x)
         np.dot(self._playing.readout, x, out=self._y)
-        np.clip(self._y, -OUTPUT_BOUND, OUTPUT_BOUND, out=self._y)
+        np.clip(self._y, -self.output_bound, self.output_bound, out=self._y)
         out[:] = self.normalisation.invert(self._y)
+
+    def astray(self) -> bool:
+        """Whether the state is one that no playing leads to: |x| is at most 1."""
+        return not np.abs(self._x).max() <= 1.0 + 1e-4
 
     def snapshot(self) -> tuple[EchoStateMotion, Float32, Float32]:
         """A copy of the state."""

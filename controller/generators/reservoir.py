@@ -79,9 +79,10 @@ def drive(
     signals: list[Array],
     *,
     state_noise: float = 0.0,
+    starts: Array | None = None,
     rng: np.random.Generator | None = None,
 ) -> list[Array]:
-    """The states that signals leave in the reservoir, each started from x = 0.
+    """The states that signals leave in the reservoir, each started from x = 0 unless it is given a start.
 
     All signals run side by side, the longest first, so that every step is one product with W.
 
@@ -89,6 +90,7 @@ def drive(
         reservoir: what is driven.
         signals: arrays (T_j, C); row n is the input of step n.
         state_noise: standard deviation of noise added to the state before each step; needs rng.
+        starts: the states to start from, shape (signals, N).
         rng: source of the noise.
 
     Returns:
@@ -101,7 +103,7 @@ def drive(
     for column, j in enumerate(order):
         inputs[: lengths[column], column] = signals[j]
     states = np.zeros((longest, len(signals), len(reservoir)))
-    x = np.zeros((len(signals), len(reservoir)))
+    x = np.zeros((len(signals), len(reservoir))) if starts is None else starts[order]
     for n in range(longest):
         live = int(np.searchsorted(-lengths, -n, side="left"))
         x = x[:live]

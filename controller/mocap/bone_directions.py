@@ -20,6 +20,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.errors import FileFormatError
 from controller.mocap.clip import Clip
 from controller.mocap.orientation import orient
 from controller.mocap.posture import Posture, walk_path
@@ -27,6 +28,9 @@ from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array, conjugate, multiply, normalise, rotate, yaw
 
 HEIGHT, TURN_RATE, FORWARD, LEFT, FIRST_BONE = 0, 1, 2, 3, 4
+
+# What Jaeger's patterns and the CMU recordings call the bones that lead to the hips.
+HIPS = (("rhip", "lhip"), ("rhipjoint", "lhipjoint"))
 
 
 @dataclass(frozen=True)
@@ -43,6 +47,19 @@ class BoneDirections:
     left_hip: str = "lhip"
 
     name = "bone directions"
+
+    @classmethod
+    def of(cls, skeleton: Skeleton) -> BoneDirections:
+        """The encoding for a skeleton whose hips bear one of the usual names.
+
+        Raises:
+            FileFormatError: if they do not.
+        """
+        for right, left in HIPS:
+            if right in skeleton.bones and left in skeleton.bones:
+                return cls(skeleton, right, left)
+        known = " or ".join("/".join(pair) for pair in HIPS)
+        raise FileFormatError(f"skeleton '{skeleton.name}' has no bones {known}, which tell where it faces")
 
     @property
     def channels(self) -> int:

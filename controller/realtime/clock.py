@@ -32,6 +32,11 @@ class Clock(Protocol):
         """How many ticks came more than a period late."""
         ...
 
+    @property
+    def skipped(self) -> int:
+        """How many ticks never ran."""
+        ...
+
     def now(self) -> int:
         """The present time, ns."""
         ...
@@ -111,6 +116,7 @@ class VirtualClock:
 
     Attributes:
         rate: ticks per virtual second, 1 to 10000.
+        overruns, skipped: none, ever.
 
     Raises:
         RateError: if the rate is out of range.
@@ -118,6 +124,7 @@ class VirtualClock:
 
     rate: float
     overruns: int = field(default=0, init=False)
+    skipped: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
         self._period = _period_ns(self.rate)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from controller.errors import MotiondeckError
@@ -11,10 +11,13 @@ from controller.realtime.commands import (
     Accepted,
     Address,
     CommandServer,
+    EmergencyStop,
+    Home,
     Message,
-    Pause,
+    Queue,
     Refused,
     Reply,
+    Reset,
     Resume,
     SetSpeed,
     Settled,
@@ -29,10 +32,16 @@ _MOST_AWAITED = 256  # switches whose end somebody waits for
 
 
 class Progress(Protocol):
-    """A switch under way, as the deck keeps it: its times, s since the deck's start; None while still to come."""
+    """A switch under way, as the deck keeps it.
+
+    Its times are s since the deck's start, None while still to come; the rest is what `deck.Switch` says of it.
+    """
 
     commanded_s: float
     settled_s: float | None
+    after: str
+    via: tuple[str, ...]
+    overtaken: bool
 
 
 class Commandable(Protocol):
@@ -63,11 +72,20 @@ class Commandable(Protocol):
         """Whether no switch is under way."""
         ...
 
-    def switch(self, to: str) -> Progress:
+    @property
+    def queue(self) -> list[str]:
+        """What is played next."""
+        ...
+
+    def switch(self, to: str, *, direct: bool = False) -> Progress:
         """Starts a switch."""
         ...
 
-    def set_speed(self, factor: float) -> None:
+    def enqueue(self, to: str) -> Progress:
+        """Plays a motion after all others."""
+        ...
+
+    def set_speed(self, factor: float, over: float = 0.0) -> None:
         """Plays at another tempo."""
         ...
 
@@ -81,43 +99,101 @@ class Commandable(Protocol):
 
 
 class CommandDesk:
-    """Carries out the commands that have come, once a tick; it never waits, and no client can make it raise."""
+    """Carries out the commands that have come, once a tick; it never waits, and no client can make it raise.
 
-    def __init__(self, deck: Commandable, server: CommandServer) -> None:
+    Args:
+        deck: what is commanded.
+        server: where commands come from.
+        note: is told of each command and its answer.
+    """
+
+    def __init__(
+        self, deck: Commandable, server: CommandServer, note: Callable[[Message, Reply], None] | None = None
+    ) -> None:
         self._deck = deck
         self._server = server
-        self._awaited: deque[tuple[Address, Switch, Progress]] = deque(maxlen=_MOST_AWAITED)
+        self._note = note
+        self._awaited: deque[tuple[Address, Switch | Queue, Progress]] = deque(maxlen=_MOST_AWAITED)
 
     def __call__(self, stop: StopRequest) -> None:
         """Answers what has come, and those who wait for a switch that has settled or been overtaken."""
         for message, sender in self._server.poll():
-            self._server.reply(sender, self._answer(message, sender, stop))
+            reply, progress = self.carry_out(message, stop)
+            if progress is not None and isinstance(message, Switch | Queue):
+                self._awaited.append((sender, message, progress))
+            self._server.reply(sender, reply)
         for _ in range(len(self._awaited)):
             sender, message, progress = self._awaited.popleft()
             if progress.settled_s is not None:
                 took = progress.settled_s - progress.commanded_s
                 self._server.reply(sender, Settled(message.to, took, message.id))
-            elif self._deck.settled:
+            elif progress.overtaken:
                 self._server.reply(sender, Refused(f"the switch to {message.to} was overtaken by another", message.id))
             else:
                 self._awaited.append((sender, message, progress))
 
-    def _answer(self, message: Message, sender: Address, stop: StopRequest) -> Reply:
+    def carry_out(self, message: Message, stop: StopRequest) -> tuple[Reply, Progress | None]:
+        """Does what a command says; the answer, and for a switch what becomes of it."""
+        reply, progress = self._do(message, stop)
+        if self._note is not None:
+            self._note(message, reply)
+        return reply, progress
+
+    def _do(self, message: Message, stop: StopRequest) -> tuple[Reply, Progress | None]:
         deck = self._deck
+        progress: Progress | None = None
         try:
             match message:
-                case Switch(to=to):
-                    self._awaited.append((sender, message, deck.switch(to)))
-                case SetSpeed(factor=factor):
-                    deck.set_speed(factor)
-                case Pause():
+                case Status():
+                    return self._state(message, stop), None
+                case EmergencyStop():
+                    stop.halt()
                     deck.pause()
-                case Resume():
-                    deck.resume()
+                case Reset():
+                    stop.reset()
                 case Stop():
                     stop.ask("stopped on command")
-                case Status():
-                    return State(deck.motion, list(deck.motions), deck.speed, deck.paused, not deck.settled, message.id)
+                case Home():
+                    stop.go_home()
+                    deck.pause()
+                case Resume():
+                    stop.play()
+                    deck.resume()
+                case _:
+                    stop.check_released()
+                    progress = self._play(message, stop)
         except MotiondeckError as error:
-            return Refused(str(error), message.id)
-        return Accepted(message.id)
+            return Refused(str(error), message.id), None
+        if progress is None:
+            return Accepted(message.id), None
+        return Accepted(message.id, progress.after, list(progress.via)), progress
+
+    def _play(self, message: Message, stop: StopRequest) -> Progress | None:
+        """Carries out what concerns the deck alone; who asks for a motion wants the joints to follow it."""
+        deck = self._deck
+        match message:
+            case Switch(to=to, direct=direct):
+                progress = deck.switch(to, direct=direct)
+            case Queue(to=to):
+                progress = deck.enqueue(to)
+            case SetSpeed(factor=factor, over=over):
+                return deck.set_speed(factor, over)
+            case _:
+                return deck.pause()
+        if stop.mode != "playing":
+            stop.play()
+            deck.resume()
+        return progress
+
+    def _state(self, message: Message, stop: StopRequest) -> State:
+        deck = self._deck
+        return State(
+            motion=deck.motion,
+            motions=list(deck.motions),
+            speed=deck.speed,
+            paused=deck.paused,
+            switching=not deck.settled,
+            id=message.id,
+            queue=deck.queue,
+            mode=stop.mode,
+        )

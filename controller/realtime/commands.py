@@ -10,6 +10,7 @@ import contextlib
 import itertools
 import socket
 import time
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -20,11 +21,15 @@ from controller.realtime.messages import (
     MOST_BYTES,
     Accepted,
     CommandError,
+    EmergencyStop,
+    Home,
     Message,
     Number,
     Pause,
+    Queue,
     Refused,
     Reply,
+    Reset,
     Resume,
     SetSpeed,
     Settled,
@@ -44,10 +49,14 @@ __all__ = [
     "CommandClient",
     "CommandError",
     "CommandServer",
+    "EmergencyStop",
+    "Home",
     "Message",
     "Pause",
+    "Queue",
     "Refused",
     "Reply",
+    "Reset",
     "Resume",
     "SetSpeed",
     "Settled",
@@ -64,6 +73,8 @@ LOOPBACK = "127.0.0.1"
 
 _PER_SENDER = 8  # commands that one sender may have carried out in one poll
 _REFUSALS = 8  # answers to nonsense in one poll: each costs as much as a command
+_TAKEN = 320  # datagrams taken from the system in one poll
+_WAITING = 256  # of those kept for the polls after it
 
 Address = tuple[str, int]
 
@@ -105,20 +116,17 @@ class CommandServer:
                 "Stop it with 'motiondeck send stop', or give another port with --command-port"
             ) from error
         self._socket.setblocking(False)
+        self._waiting: deque[tuple[bytes, Address]] = deque()
         self.port: int = self._socket.getsockname()[1]
         self.traffic = Traffic()
 
     def poll(self, limit: int = 64) -> Iterator[tuple[Message, Address]]:
-        """The commands among the next `limit` datagrams, each with whom to answer."""
+        """The commands among the next `limit` datagrams, each with whom to answer; an emergency stop comes first."""
+        self._take()
         share: dict[Address, int] = {}
         refusals = 0
-        for _ in range(limit):
-            try:
-                data, sender = self._socket.recvfrom(MOST_BYTES + 1)
-            except BlockingIOError:
-                return
-            except OSError:  # an earlier answer found nobody
-                continue
+        for _ in range(min(limit, len(self._waiting))):
+            data, sender = self._waiting.popleft()
             reason = ""
             try:
                 message = read_message(data)
@@ -127,7 +135,7 @@ class CommandServer:
                 reason = str(error)
             else:
                 share[sender] = share.get(sender, 0) + 1
-                if share[sender] <= _PER_SENDER:
+                if share[sender] <= _PER_SENDER or isinstance(message, EmergencyStop):
                     self.traffic.commands += 1
                     yield message, sender
                     continue
@@ -136,6 +144,23 @@ class CommandServer:
             if refusals < _REFUSALS:
                 refusals += 1
                 self.reply(sender, Refused(reason, _number_in(data)))
+
+    def _take(self) -> None:
+        """Takes in what has arrived, an emergency stop at the head; what is too much is dropped and counted."""
+        for _ in range(_TAKEN):
+            try:
+                data, sender = self._socket.recvfrom(MOST_BYTES + 1)
+            except BlockingIOError:
+                return
+            except OSError:  # an earlier answer found nobody
+                continue
+            if b'"estop"' in data:
+                self._waiting.appendleft((data, sender))
+            else:
+                self._waiting.append((data, sender))
+            if len(self._waiting) > _WAITING:
+                self._waiting.pop()
+                self.traffic.flooded += 1
 
     def reply(self, receiver: Address, reply: Reply) -> None:
         """Answers a sender; an answer that cannot be delivered at once is dropped."""

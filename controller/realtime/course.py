@@ -1,4 +1,4 @@
-"""The course of a run, target by target: approach the first pose, play, come to rest, go to the rest pose."""
+"""The course of a run, target by target: approach, play, home, emergency stop, and in the end the way to rest."""
 
 from __future__ import annotations
 
@@ -32,6 +32,7 @@ class Source:
         targets: shape (J,), rad.
         pose: where they come from.
         attempts: how the updates went.
+        updates: how many there were after the first one.
     """
 
     def __init__(self, deck: Player, dt: float) -> None:
@@ -39,11 +40,13 @@ class Source:
         self._deck = deck
         self.dt = dt
         self.attempts = Attempts()
+        self.updates = 0
         targets, self.pose = deck.update(dt)
         self.targets = targets.copy()
 
     def update(self) -> None:
         """Lets the deck go on by one tick."""
+        self.updates += 1
         self.attempts(self._take)
 
     def _take(self) -> None:
@@ -63,41 +66,83 @@ def course(
 ) -> Iterator[Array]:
     """The safe targets (J,), rad, of each tick of a run; it ends by itself after a stop was asked for.
 
+    A change of mode begins with braking in the very tick that it is noticed in. While the emergency stop is on, an end
+    leaves the joints where they stand.
+
     Args:
         source: what is played.
         channels: where the joints are measured before the first step is taken.
         envelope: what every target passes.
         stop: ends the play; it is asked for here when the time is over or the deck fails for good.
         seconds: how long to play.
-        rest: joint positions (J,), rad, to go to in the end, if any.
+        rest: joint positions (J,), rad, to go home to and to end at; without them the joints stay where they stop.
     """
-    limits, dt = envelope.limits, source.dt
-    first = np.where(np.isfinite(source.targets), source.targets, 0.5 * (limits.lower + limits.upper))
-    first = np.clip(first, limits.lower, limits.upper)
-    envelope.start(_measured(channels, first))
-    for targets in _walk(Approach.within(limits, envelope.position, first), dt):
-        if stop:
-            break
-        yield envelope(targets)
-
-    ticks = seconds / dt - 0.5
-    played = 0
+    envelope.start(_measured(channels, _reachable(source.targets, envelope)))
+    ticks = seconds / source.dt - 0.5
+    legs = {
+        "playing": lambda: _follow(source, envelope),
+        "home": lambda: _stand(source, envelope, rest, stop),
+        "held": lambda: _stand(source, envelope, None, stop),
+        "emergency stop": lambda: _stand(source, envelope, None, stop),
+    }
+    mode, leg = "", iter(())
     while not stop:
-        if played > ticks:
-            stop.ask("played to the end")
-            break
-        source.update()
         if source.attempts.given_up:
             stop.ask(f"the deck keeps failing: {source.attempts.fault}")
             break
-        yield envelope(source.targets)
-        played += 1
+        if source.updates > ticks:
+            stop.ask("played to the end")
+            break
+        if stop.mode != mode:
+            mode = stop.mode
+            leg = legs[mode]()
+        yield next(leg)
 
+    way_home = _come_to(rest, envelope, source.dt)
+    while not stop.emergency:
+        targets = next(way_home, None)
+        if targets is None:
+            break
+        yield targets
     while not envelope.at_rest:
         yield envelope.brake()
-    if rest is not None:
-        for targets in _walk(Approach.within(limits, envelope.position, rest), dt):
+
+
+def _follow(source: Source, envelope: SafetyEnvelope) -> Iterator[Array]:
+    """Slowly to where the deck is, and then with it."""
+    yield from _come_to(_reachable(source.targets, envelope), envelope, source.dt)
+    while True:
+        source.update()
+        yield envelope(source.targets)
+
+
+def _stand(source: Source, envelope: SafetyEnvelope, place: Array | None, stop: StopRequest) -> Iterator[Array]:
+    """Slowly to a place, or to rest where there is none, and there for ever; the deck's time goes on."""
+    for targets in _come_to(place, envelope, source.dt):
+        source.update()
+        yield targets
+    while True:
+        stop.halted = True
+        source.update()
+        yield envelope.brake()
+
+
+def _come_to(place: Array | None, envelope: SafetyEnvelope, dt: float) -> Iterator[Array]:
+    """To rest, and from there slowly to a place (J,), rad, if there is one."""
+    while not envelope.at_rest:
+        yield envelope.brake()
+    if place is not None:
+        for targets in _walk(Approach.within(envelope.limits, envelope.position, place), dt):
             yield envelope(targets)
+        while not envelope.at_rest:
+            yield envelope.brake()
+
+
+def _reachable(targets: Array, envelope: SafetyEnvelope) -> Array:
+    """Targets (J,) brought inside the position limits; a joint without a finite one is put in the middle."""
+    limits = envelope.limits
+    known = np.where(np.isfinite(targets), targets, 0.5 * (limits.lower + limits.upper))
+    return np.clip(known, limits.lower, limits.upper)
 
 
 def _measured(channels: Sequence[Channel], assumed: Array) -> Array:

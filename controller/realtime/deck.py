@@ -7,6 +7,7 @@ joints. Whoever drives it (the loop) calls `update` once a tick and hands it com
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,12 +16,12 @@ from controller.errors import MotiondeckError, UnknownNameError
 from controller.generators.frame_player import FramePlayer
 from controller.mocap.posture import Pose, Posture
 from controller.realtime.interfaces import Retargeter
+from controller.realtime.messages import FASTEST, SLOWEST
 from controller.realtime.repertoire import Motion, read_repertoire
+from controller.realtime.routes import Routes
 from controller.realtime.transition import Fade, best_anchor, difference
 from controller.rotations import Array, multiply, yaw
 from controller.training.library import MotionLibrary
-
-SLOWEST, FASTEST = 0.1, 3.0
 
 # How fast the tempo itself may change, 1/s: a pause takes 0.4 s.
 TEMPO_RATE = 2.5
@@ -29,6 +30,7 @@ TEMPO_RATE = 2.5
 VELOCITY_REACH = 8.0 / 120.0
 
 REMEMBERED_SWITCHES = 10_000
+MOST_QUEUED = 32
 
 
 @dataclass(slots=True)
@@ -40,12 +42,18 @@ class Switch:
         commanded_s: when the command came.
         first_change_s: the first tick whose targets it changed.
         settled_s: when nothing was left of the motion before.
+        after: the motion whose end is awaited first, or "".
+        via: the motions on the way.
+        overtaken: whether another command came before it had settled.
     """
 
     to: str
     commanded_s: float
     first_change_s: float | None = None
     settled_s: float | None = None
+    after: str = ""
+    via: tuple[str, ...] = ()
+    overtaken: bool = False
 
 
 class Deck:
@@ -55,32 +63,42 @@ class Deck:
         library: the motions.
         retarget: from the skeleton's poses to the robot's joints.
         motion: what to play first.
+        direct: whether every switch goes straight to its motion, at once.
 
     Attributes:
         time: s since the start, in ticks of the loop.
         switches: what was commanded, the latest REMEMBERED_SWITCHES of it.
         speed: the tempo that is being played; it follows the commanded one smoothly.
+        commanded_speed: the tempo that was commanded.
         paused: whether the deck stands still on command.
         posture, pose: what is shown.
     """
 
-    def __init__(self, library: MotionLibrary, retarget: Retargeter, motion: str) -> None:
+    def __init__(self, library: MotionLibrary, retarget: Retargeter, motion: str, *, direct: bool = False) -> None:
         self.motions = library.network.motions
         self._encoding = library.encoding
         self._retarget = retarget
         self._repertoire = read_repertoire(library)
+        self._routes = Routes.between(self._repertoire)
+        self._direct = direct
         self._check(motion)
         self._player = FramePlayer(library.network.twin(), library.info.rate)
         self._player.cue(motion)
         self._fade: Fade | None = None
         self._fade_start = 0.0
-        self._wanted: Switch | None = None
-        self._fading: Switch | None = None
+        self._current: Switch | None = None  # the switch that is being carried out
+        self._fading: Switch | None = None  # the switch that the fade belongs to
+        self._ahead: deque[str] = deque()  # the motions that the current one has still to begin
+        self._queued: deque[Switch] = deque()
+        self._waits = False  # whether the next of them waits for the end of what is played
+        self._at = 0.0  # s into the motion
+        self._end = self._repertoire[motion].seconds  # the place at which it has ended or gone round
         self.time = 0.0
         self.switches: deque[Switch] = deque(maxlen=REMEMBERED_SWITCHES)
         self.speed = 1.0
         self.paused = False
-        self._commanded_speed = 1.0
+        self.commanded_speed = 1.0
+        self._tempo_rate = TEMPO_RATE
         self._root_xy = np.zeros(2)
         self._heading = 0.0
         self._before = self.posture = self._decode(self._player.step(0.0), 1.0)
@@ -89,83 +107,167 @@ class Deck:
     @property
     def motion(self) -> str:
         """What is played, or being switched to."""
-        return self._wanted.to if self._wanted else self._player.motion
+        return self._current.to if self._current else self._player.motion
+
+    @property
+    def playing(self) -> str:
+        """What is played now: where the way to `motion` has led so far."""
+        return self._player.motion
 
     @property
     def settled(self) -> bool:
         """Whether no switch is under way."""
-        return self._wanted is None and self._fade is None
+        return self._current is None and self._fade is None
 
-    def switch(self, to: str) -> Switch:
-        """Starts a switch at the next update; a switch to the loop that is playing is settled at once.
+    @property
+    def queue(self) -> list[str]:
+        """What is played after the present motion."""
+        return [switch.to for switch in self._queued]
+
+    def switch(self, to: str, *, direct: bool = False) -> Switch:
+        """Starts a switch at the next update, or when the motion that happens once has ended; the queue is forgotten.
+
+        A switch to the loop that is playing is settled at once; asked for again, a switch under way goes on. Where the
+        motion is too far away, the switch goes by way of others.
+
+        Args:
+            to: the motion.
+            direct: go straight there at the next update, whatever is played.
 
         Raises:
             UnknownNameError: if there is no such motion; it names the nearest.
         """
         self._check(to)
+        direct = direct or self._direct
+        loop = self._repertoire[to].loop
+        self._forget(self._queued)
+        self._queued.clear()
+        current = self._current
+        if current is not None and current.to == to and loop and not (direct and self._ahead):
+            return current
+        if current is not None:
+            self._forget([current])
+        self._ahead.clear()
         switch = Switch(to, self.time)
         self.switches.append(switch)
-        if to == self.motion and self._repertoire[to].loop:
-            switch.first_change_s = switch.settled_s = self.time
-        else:
-            self._wanted = switch
+        self._set_out(switch, direct)
         return switch
 
-    def set_speed(self, factor: float) -> None:
-        """Plays at another tempo, SLOWEST to FASTEST times as fast as recorded.
+    def enqueue(self, to: str) -> Switch:
+        """Plays a motion after what is played and queued.
 
         Raises:
-            MotiondeckError: if the factor is outside.
+            UnknownNameError: if there is no such motion; it names the nearest.
+            MotiondeckError: if MOST_QUEUED are waiting.
+        """
+        self._check(to)
+        if len(self._queued) >= MOST_QUEUED:
+            raise MotiondeckError(f"{MOST_QUEUED} motions are queued, and no more can be")
+        switch = Switch(to, self.time)
+        self.switches.append(switch)
+        self._queued.append(switch)
+        if self._here.loop and self._at >= self._end:
+            rounds = np.floor((self._at - self._end) / self._here.seconds) + 1.0
+            self._end += float(rounds) * self._here.seconds
+        return switch
+
+    def set_speed(self, factor: float, over: float = 0.0) -> None:
+        """Plays at another tempo, SLOWEST to FASTEST times as fast as recorded.
+
+        Args:
+            factor: the tempo.
+            over: how long the change takes, s; never less than is smooth.
+
+        Raises:
+            MotiondeckError: if the factor is outside, or the time is negative.
         """
         if not SLOWEST <= factor <= FASTEST:
             raise MotiondeckError(f"speed {factor:g} is not between {SLOWEST:g} and {FASTEST:g}")
-        self._commanded_speed = factor
+        if not over >= 0.0:
+            raise MotiondeckError(f"a change of speed cannot take {over:g} s")
+        self.commanded_speed = factor
+        self._tempo_rate = min(TEMPO_RATE, abs(factor - self.speed) / over) if over > 0.0 else TEMPO_RATE
 
     def pause(self) -> None:
         """Comes to a standstill and stays there."""
         self.paused = True
+        self._tempo_rate = TEMPO_RATE
 
     def resume(self) -> None:
         """Goes on after a pause."""
         self.paused = False
+        self._tempo_rate = TEMPO_RATE
 
     def update(self, dt: float) -> tuple[Array, Pose]:
         """Goes dt seconds on; the joint targets (J,), rad, and the pose they come from."""
         self.time += dt
-        goal = 0.0 if self.paused else self._commanded_speed
-        self.speed += float(np.clip(goal - self.speed, -TEMPO_RATE * dt, TEMPO_RATE * dt))
+        goal = 0.0 if self.paused else self.commanded_speed
+        self.speed += float(np.clip(goal - self.speed, -self._tempo_rate * dt, self._tempo_rate * dt))
         tempo = self.speed * self._onset()
+        self._at += dt * tempo
         shown = self._faded(self._decode(self._player.step(dt * tempo), tempo))
         if self._fading is not None and self._fading.first_change_s is None:
             self._fading.first_change_s = self.time
-        if self._wanted is not None:
-            self._begin(self._wanted, shown, dt)
-            self._wanted = None
+        if self._is_due():
+            self._begin(self._ahead.popleft(), shown, dt)
         self._before, self.posture = self.posture, shown
         self.pose = self._place(shown, dt)
         return self._retarget(self.pose), self.pose
 
-    def _begin(self, switch: Switch, shown: Posture, dt: float) -> None:
-        """Starts the wanted motion where it resembles the body most, and the fade towards it."""
-        leaving, entering = self._repertoire[self._player.motion], self._repertoire[switch.to]
+    @property
+    def _here(self) -> Motion:
+        """The motion that is played."""
+        return self._repertoire[self._player.motion]
+
+    def _forget(self, switches: Iterable[Switch]) -> None:
+        for switch in switches:
+            switch.overtaken = True
+
+    def _set_out(self, switch: Switch, direct: bool) -> None:
+        """Makes a switch the current one and lays out its way."""
+        here = self._here
+        if switch.to == here.name and here.loop:
+            switch.first_change_s = switch.settled_s = self.time
+            self._current = None
+            return
+        if not direct:
+            switch.via = self._routes.by_way_of(here.name, switch.to)
+            switch.after = "" if here.loop or self._at >= self._end else here.name
+        self._current = switch
+        self._ahead.extend((*switch.via, switch.to))
+        self._waits = bool(switch.after)
+
+    def _is_due(self) -> bool:
+        """Whether the next motion is to begin now."""
+        over = self._fade is None and self._at >= self._end
+        if self._current is None and self._queued and over:
+            self._set_out(self._queued.popleft(), self._direct)
+        return bool(self._ahead) and (over or not self._waits)
+
+    def _begin(self, motion: str, shown: Posture, dt: float) -> None:
+        """Starts a motion where it resembles the body most, and the fade towards it."""
+        leaving, entering = self._here, self._repertoire[motion]
         place = self._joints(shown)
         velocity = (place - self._joints(self.posture)) / dt
         anchor = best_anchor(place, velocity, entering.places, entering.velocities, VELOCITY_REACH)
-        self._player.cue_anchor(switch.to, anchor)
+        self._player.cue_anchor(motion, anchor)
+        self._at = anchor * entering.spacing
+        self._end = entering.seconds + (self._at if entering.loop else 0.0)
+        self._waits = True  # only motions that happen once lie on a way, and they are finished
         tempo = self.speed if entering.loop else 0.0
         target_before = self._decode(self._player.step(0.0), tempo)
         target = self._decode(self._player.step(dt * tempo), tempo)
         bound = _briskness(leaving, entering)
         self._fade = difference((self.posture, shown), (target_before, target), dt, bound)
         self._fade_start = self.time
-        self._fading = switch
+        self._fading = self._current
 
     def _onset(self) -> float:
         """The share of the tempo at which a motion that happens once gets going while the fade into it lasts.
 
         At full tempo half of it would be over before it can be seen.
         """
-        if self._fade is None or self._repertoire[self._player.motion].loop:
+        if self._fade is None or self._here.loop:
             return 1.0
         return min(1.0, (self.time - self._fade_start) / self._fade.duration) ** 2
 
@@ -178,7 +280,9 @@ class Deck:
             return self._fade.apply(target, elapsed)
         self._fade = None
         if self._fading is not None:
-            self._fading.settled_s = self.time
+            if self._fading is self._current and not self._ahead:
+                self._fading.settled_s = self.time
+                self._current = None
             self._fading = None
         return target
 

@@ -35,6 +35,8 @@ class LoopState:
         seconds: for how long the loop has been running.
         overruns: ticks that came more than a period late.
         lateness, work: how late the ticks came and how long their work took.
+        late_ns: how late the present tick came, ns.
+        work_ns: how long the work of the tick before took, ns.
     """
 
     targets: Array
@@ -44,6 +46,8 @@ class LoopState:
     overruns: int = 0
     lateness: DurationHistogram = field(default_factory=DurationHistogram)
     work: DurationHistogram = field(default_factory=DurationHistogram)
+    late_ns: int = 0
+    work_ns: int = 0
 
     @property
     def rate(self) -> float:
@@ -58,6 +62,7 @@ class LoopReport(msgspec.Struct, frozen=True):
         rate_hz: ticks per second that were achieved.
         ticks: how many ran.
         overruns: how many came more than a period late.
+        skipped: how many never ran, because the ones before took too long.
         lateness_us, work_us: how late they came and how long their work took, us.
         outputs: name, faults, parked and its own report for each output.
         reason: why the loop ended.
@@ -68,6 +73,7 @@ class LoopReport(msgspec.Struct, frozen=True):
     rate_hz: float
     ticks: int
     overruns: int
+    skipped: int
     lateness_us: Percentiles
     work_us: Percentiles
     outputs: list[dict[str, object]]
@@ -125,8 +131,10 @@ def run(
                 state.targets, state.pose = targets, source.pose
                 if publish and state.tick % publish_every == 0:
                     publishing(publish, state)
-                state.work.add(clock.now() - began)
-                state.lateness.add(clock.wait())
+                state.work_ns = clock.now() - began
+                state.work.add(state.work_ns)
+                state.late_ns = clock.wait()
+                state.lateness.add(state.late_ns)
                 state.tick += 1
                 state.overruns = clock.overruns
                 state.seconds = (clock.now() - start) * 1e-9
@@ -139,6 +147,7 @@ def run(
         rate_hz=state.rate,
         ticks=state.tick,
         overruns=state.overruns,
+        skipped=clock.skipped,
         lateness_us=state.lateness.percentiles(),
         work_us=state.work.percentiles(),
         outputs=[channel.report() for channel in channels],

@@ -1,19 +1,20 @@
 """Messages: what a deck can be told, and what it answers; typed, and JSON on the wire.
 
 Every command carries a number that its answers repeat. It is answered at once by Accepted, Refused or State; a Switch
-that was accepted is answered once more when it has settled.
+or Queue that was accepted is answered once more when it has settled.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 
 from controller.errors import MotiondeckError
 
 SLOWEST, FASTEST = 0.1, 3.0
+LONGEST_RAMP = 60.0
 LONGEST_NAME = 100
 MOST_BYTES = 2048
 """No message is longer than this."""
@@ -22,22 +23,44 @@ MOST_BYTES = 2048
 Number = Annotated[int, msgspec.Meta(ge=0, lt=2**53)]
 
 
+Mode = Literal["playing", "home", "held", "emergency stop"]
+
+
 class CommandError(MotiondeckError):
     """A command that cannot be understood or carried out; the message says what can be."""
 
 
 class Switch(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="switch"):
-    """Play another motion."""
+    """Play another motion now, or after a motion that happens once; what was queued is forgotten.
+
+    Attributes:
+        to: the motion.
+        direct: whether to go there at once and straight, however far it is.
+    """
+
+    to: str
+    id: Number = 0
+    direct: bool = False
+
+
+class Queue(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="queue"):
+    """Play a motion after what is played and queued: a loop goes round to its end, what happens once is finished."""
 
     to: str
     id: Number = 0
 
 
 class SetSpeed(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="speed"):
-    """Play at another tempo: 1 is as fast as recorded."""
+    """Play at another tempo.
+
+    Attributes:
+        factor: 1 is as fast as recorded.
+        over: how many seconds the change takes; 0 for as quickly as is smooth.
+    """
 
     factor: float
     id: Number = 0
+    over: float = 0.0
 
 
 class Pause(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="pause"):
@@ -47,7 +70,25 @@ class Pause(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="pause"
 
 
 class Resume(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="resume"):
-    """Go on after a pause."""
+    """Go on after a pause, from home, or after the emergency stop was reset."""
+
+    id: Number = 0
+
+
+class Home(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="home"):
+    """Go slowly to the rest pose and stay there."""
+
+    id: Number = 0
+
+
+class EmergencyStop(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="estop"):
+    """Brake every joint as hard as its limits allow, at once, and stay there until Reset."""
+
+    id: Number = 0
+
+
+class Reset(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="reset"):
+    """Release the emergency stop; nothing moves before Resume, Switch or Home."""
 
     id: Number = 0
 
@@ -65,9 +106,17 @@ class Status(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="statu
 
 
 class Accepted(msgspec.Struct, frozen=True, tag="accepted"):
-    """The command is being carried out."""
+    """The command is being carried out.
+
+    Attributes:
+        id: of the command.
+        after: the motion whose end is awaited first, or "".
+        via: the motions on the way.
+    """
 
     id: Number
+    after: str = ""
+    via: list[str] = []  # msgspec copies an empty default
 
 
 class Refused(msgspec.Struct, frozen=True, tag="refused"):
@@ -86,7 +135,18 @@ class Settled(msgspec.Struct, frozen=True, tag="settled"):
 
 
 class State(msgspec.Struct, frozen=True, tag="state"):
-    """What is played: the motion, its tempo, whether a switch is under way; and all motions there are."""
+    """What is played, and what could be.
+
+    Attributes:
+        motion: what is played, or being switched to.
+        motions: all there are.
+        speed: the tempo.
+        paused: whether it stands still on command.
+        switching: whether a switch is under way.
+        id: of the command.
+        queue: what is played next.
+        mode: whether the joints follow the motion, stand at home, are held, or are held by the emergency stop.
+    """
 
     motion: str
     motions: list[str]
@@ -94,12 +154,14 @@ class State(msgspec.Struct, frozen=True, tag="state"):
     paused: bool
     switching: bool
     id: Number
+    queue: list[str] = []
+    mode: Mode = "playing"
 
 
-Message = Switch | SetSpeed | Pause | Resume | Stop | Status
+Message = Switch | Queue | SetSpeed | Pause | Resume | Home | EmergencyStop | Reset | Stop | Status
 Reply = Accepted | Refused | Settled | State
 
-COMMANDS = "switch MOTION, speed FACTOR, pause, resume, status, stop"
+COMMANDS = "switch MOTION, queue MOTION, speed FACTOR, pause, resume, home, estop, reset, status, stop"
 
 encode = msgspec.json.Encoder().encode
 _messages = msgspec.json.Decoder(Message)
@@ -139,8 +201,10 @@ def checked(message: Message) -> Message:
         CommandError: if they do not; it says what is allowed.
     """
     match message:
-        case Switch(to=name) if not 0 < len(name) <= LONGEST_NAME:
+        case Switch(to=name) | Queue(to=name) if not 0 < len(name) <= LONGEST_NAME:
             raise CommandError(f"a motion's name has 1 to {LONGEST_NAME} characters")
         case SetSpeed(factor=factor) if not (math.isfinite(factor) and SLOWEST <= factor <= FASTEST):
             raise CommandError(f"speed {factor:g} is not allowed; give a factor from {SLOWEST:g} to {FASTEST:g}")
+        case SetSpeed(over=over) if not 0.0 <= over <= LONGEST_RAMP:
+            raise CommandError(f"a change of speed may take 0 to {LONGEST_RAMP:g} s, not {over:g}")
     return message

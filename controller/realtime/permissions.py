@@ -5,6 +5,8 @@ from __future__ import annotations
 import ctypes
 import os
 import resource
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
 _FIFO_PRIORITY = 60  # above the kernel's threaded interrupts (50), below its watchdogs (99)
@@ -23,12 +25,46 @@ class Permission:
         return f"{self.name}: granted" if self.granted else f"{self.name}: not permitted. {self.remedy}"
 
 
+@contextmanager
+def handed_back() -> Iterator[None]:
+    """Gives this thread the scheduling and the cores back that it had before the block, and unlocks the memory."""
+    try:
+        policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
+        cores = os.sched_getaffinity(0)
+    except (AttributeError, OSError):
+        yield
+        return
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            if os.sched_getaffinity(0) != cores:
+                os.sched_setaffinity(0, cores)
+            if os.sched_getscheduler(0) != policy:
+                os.sched_setscheduler(0, policy, parameters)
+                ctypes.CDLL(None).munlockall()
+
+
 def request_realtime() -> list[Permission]:
     """Asks for SCHED_FIFO for this thread and for locked memory; never fails, but says what was granted.
 
     Start other processes before: they would inherit the scheduling.
     """
     return [_first_in_first_out(), _locked_memory()]
+
+
+def request_core(core: int) -> Permission:
+    """Asks that this thread runs on one core only; never fails, but says whether that was granted."""
+    name = f"core {core} (CPU affinity)"
+    available: list[int] = []
+    try:
+        available = sorted(os.sched_getaffinity(0))
+        os.sched_setaffinity(0, {core})
+    except AttributeError:
+        return Permission(name, False, "This system has no CPU affinity.")
+    except (OSError, ValueError, OverflowError):
+        return Permission(name, False, f"There are cores {', '.join(map(str, available))}.")
+    return Permission(name, True)
 
 
 def _first_in_first_out() -> Permission:

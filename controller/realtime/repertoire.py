@@ -1,4 +1,4 @@
-"""What the deck knows of the motions of a library: where each can be entered and how briskly its bones turn."""
+"""What the deck knows of the motions of a library: where each can be entered and left, and how briskly it turns."""
 
 from __future__ import annotations
 
@@ -25,6 +25,9 @@ class Motion:
         loop: whether it goes on for ever.
         places, velocities: joint positions in the heading frame and their rates at the anchors where it may be entered,
             shape (A, F), m and m/s.
+        exits: the same positions where it may be left: anywhere in a loop, else its last pose, shape (E, F), m.
+        spacing: from anchor to anchor, s.
+        seconds: how long a loop's round takes, or how long it takes until only the last pose is held.
         briskness: the largest angular acceleration of the root and of each bone, shape (1 + B,), rad/s^2.
     """
 
@@ -32,6 +35,9 @@ class Motion:
     loop: bool
     places: Array
     velocities: Array
+    exits: Array
+    spacing: float
+    seconds: float
     briskness: Array
 
 
@@ -44,9 +50,17 @@ def read_repertoire(library: MotionLibrary) -> dict[str, Motion]:
         loop = info.plays == "loop"
         places = 1e-3 * joint_features(library.encoding, frames)
         velocities = _rate(places, spacing, loop=loop)
-        entries = len(frames) if loop else max(1, int(ENTRY_SHARE * _moving(places)))
+        moving = len(frames) if loop else _moving(places)
+        entries = moving if loop else max(1, int(ENTRY_SHARE * moving))
         repertoire[info.name] = Motion(
-            info.name, loop, places[:entries], velocities[:entries], _briskness(library.encoding, frames, spacing)
+            name=info.name,
+            loop=loop,
+            places=places[:entries],
+            velocities=velocities[:entries],
+            exits=places if loop else places[-1:],
+            spacing=spacing,
+            seconds=moving * spacing,
+            briskness=_briskness(library.encoding, frames, spacing),
         )
     return repertoire
 

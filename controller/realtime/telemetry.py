@@ -1,4 +1,4 @@
-"""Telemetry: the latest state of the loop in shared memory, for readers in other processes that may look or not.
+"""Telemetry: the latest states of the loop in shared memory, for readers in other processes that may look or not.
 
 A memory-mapped file holds a JSON description, then a ring of slots. The writer fills the slot after the latest one and
 then points at it; it takes no lock and knows of no reader. A slot carries its number before and behind its values and
@@ -27,6 +27,7 @@ from controller.rotations import Array
 
 _MAGIC = b"MDTELEM1"
 _SLOTS = 8
+_MOST_SLOTS = 1 << 16
 _RETRIES = 64
 _MOST_BYTES = 1 << 26  # more than any state; a header that claims more is not ours
 
@@ -35,28 +36,31 @@ class _Header(msgspec.Struct, forbid_unknown_fields=True):
     description: dict[str, Any]
     fields: dict[str, int]
     writer: Annotated[int, msgspec.Meta(gt=0, lt=2**31)]  # its process id
+    slots: Annotated[int, msgspec.Meta(gt=1, le=_MOST_SLOTS)] = _SLOTS
 
 
 class _Layout:
     """Where everything lies in the file, and views of it."""
 
-    def __init__(self, header_bytes: int, fields: Mapping[str, int]) -> None:
+    def __init__(self, header_bytes: int, fields: Mapping[str, int], slots: int) -> None:
+        self.slots = slots
         self.values = sum(fields.values())
         self.control = -(-(16 + header_bytes) // 64) * 64
         self.slot = self.control + 64
         self.words = self.values + 3
-        self.size = self.slot + 8 * _SLOTS * self.words
+        self.size = self.slot + 8 * slots * self.words
 
     def control_of(self, memory: mmap.mmap) -> NDArray[np.uint64]:
         return np.frombuffer(memory, np.uint64, 2, self.control)
 
     def slots_of(self, memory: mmap.mmap) -> NDArray[np.uint64]:
-        return np.frombuffer(memory, np.uint64, _SLOTS * self.words, self.slot).reshape(_SLOTS, self.words)
+        return np.frombuffer(memory, np.uint64, self.slots * self.words, self.slot).reshape(self.slots, self.words)
 
 
-def _named(values: Array, fields: Mapping[str, int]) -> dict[str, Array]:
+def named(values: Array, fields: Mapping[str, int]) -> dict[str, Array]:
+    """Of values (..., V) those of each field, by its name: views of shape (..., size)."""
     ends = np.cumsum([*fields.values()]).tolist()
-    return {name: values[end - size : end] for (name, size), end in zip(fields.items(), ends, strict=True)}
+    return {name: values[..., end - size : end] for (name, size), end in zip(fields.items(), ends, strict=True)}
 
 
 class StateWriter:
@@ -72,19 +76,22 @@ class StateWriter:
         self._values = np.zeros(layout.values)
         self._words = self._values.view(np.uint64)
         self._number = 0
-        self.fields = _named(self._values, fields)
+        self.fields = named(self._values, fields)
 
     @classmethod
-    def create(cls, path: Path, description: Mapping[str, Any], fields: Mapping[str, int]) -> StateWriter:
+    def create(
+        cls, path: Path, description: Mapping[str, Any], fields: Mapping[str, int], slots: int = _SLOTS
+    ) -> StateWriter:
         """Makes the file, readable by its owner only, in place of what was there; it appears complete or not at all.
 
         Args:
             path: a file in a directory of the owner's; the caller removes both at the end.
             description: anything JSON can say.
             fields: the name of each field and how many numbers it holds.
+            slots: how many states are kept, for readers that want every one of them; at least 2.
         """
-        header = msgspec.json.encode(_Header(dict(description), dict(fields), os.getpid()))
-        layout = _Layout(len(header), fields)
+        header = msgspec.json.encode(_Header(dict(description), dict(fields), os.getpid(), slots))
+        layout = _Layout(len(header), fields, slots)
         draft = path.with_name(f".{path.name}.{os.getpid()}")
         draft.unlink(missing_ok=True)
         handle = os.open(draft, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600)
@@ -102,7 +109,7 @@ class StateWriter:
         for name, value in values.items():
             self.fields[name][:] = value
         self._number += 1
-        slot = self._slots[self._number % _SLOTS]
+        slot = self._slots[self._number % len(self._slots)]
         slot[0] = 0  # in the making
         slot[1:-2] = self._words
         slot[-2] = zlib.crc32(self._values.data)
@@ -120,11 +127,12 @@ class StateReader:
 
     Attributes:
         description: what the writer said of itself.
+        fields: the name of each field and how many numbers it holds.
     """
 
     def __init__(self, memory: mmap.mmap, layout: _Layout, header: _Header) -> None:
         self.description = header.description
-        self._fields = header.fields
+        self.fields = header.fields
         self._writer = header.writer
         self._control = layout.control_of(memory)
         self._slots = layout.slots_of(memory)
@@ -144,7 +152,7 @@ class StateReader:
                     raise FileFormatError(f"{path}: this is not the state of a motion deck")
                 header = msgspec.json.decode(file.read(length), type=_Header)
                 sizes = header.fields.values()
-                layout = _Layout(length, header.fields)
+                layout = _Layout(length, header.fields, header.slots)
                 if (
                     min(sizes, default=0) < 0
                     or layout.size > _MOST_BYTES
@@ -177,10 +185,29 @@ class StateReader:
             number = int(self._control[0])
             if number == 0:
                 return None
-            shared = self._slots[number % _SLOTS]
-            slot = shared.copy()
-            values = slot[1:-2].view(np.float64)
-            untouched = slot[0] == slot[-1] == shared[0] == number
-            if untouched and slot[-2] == zlib.crc32(values.data):
-                return _named(values, self._fields)
+            values = self._take(number)
+            if values is not None:
+                return named(values, self.fields)
         return None
+
+    def since(self, number: int) -> tuple[int, Array]:
+        """All states after the one with a number (0 for all), oldest first, and the number of the last one.
+
+        What the writer has overwritten meanwhile is missing.
+
+        Returns:
+            The number to go on from, and the values of all fields, shape (states, V).
+        """
+        latest = int(self._control[0])
+        oldest = max(number + 1, latest - len(self._slots) + 1)
+        taken = [self._take(n) for n in range(oldest, latest + 1)]
+        rows = [values for values in taken if values is not None]
+        return latest, np.array(rows).reshape(len(rows), -1) if rows else np.empty((0, sum(self.fields.values())))
+
+    def _take(self, number: int) -> Array | None:
+        """A copy of the values of a state, or None where it is torn or overwritten."""
+        shared = self._slots[number % len(self._slots)]
+        slot = shared.copy()
+        values = slot[1:-2].view(np.float64)
+        untouched = slot[0] == slot[-1] == shared[0] == number
+        return values if untouched and slot[-2] == zlib.crc32(values.data) else None

@@ -1,11 +1,16 @@
 """Loading motions into a reservoir and computing their conceptors (Deliallisi 2017, eqs 3.8 - 3.13).
 
-Instead of a whole new W (eq. 3.12) the rule learned here is  W = W* + W_in V,  where V predicts the driving signal from
-the state: the same regression restricted to what the input can do. It needs C N instead of N^2 numbers and plays as
-well.
+Two ways to learn what the input did, so that the network goes on without it:
+
+- "weights", the thesis's: a whole new W by ridge regression on  W* x(n-1) + W_in p(n)  (eqs 3.11, 3.12);
+- "input", ours:  W = W* + W_in V,  where V predicts the driving signal from the state: the same regression restricted
+  to what the input can do. It needs C N instead of N^2 numbers and plays as well.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
 
 import msgspec
 import numpy as np
@@ -26,7 +31,10 @@ class ConceptorRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, k
         neurons: N.
         spectral_radius: of W*.
         input_scale, bias_scale: of W_in and b.
-        aperture: alpha, for every motion.
+        form: "affine" conceptors act about the mean state of their motion, "plain" ones about zero.
+        learns: "input" learns V only, "weights" all of W.
+        aperture: alpha, for every motion that has none of its own.
+        apertures: alpha of single motions.
         ridge: gamma of both regressions.
         rank: k, how many directions of a conceptor are kept.
         washout: frames until the state has forgotten its start.
@@ -37,11 +45,32 @@ class ConceptorRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, k
     spectral_radius: float = 1.6
     input_scale: float = 1.0
     bias_scale: float = 0.8
+    form: Literal["affine", "plain"] = "affine"
+    learns: Literal["input", "weights"] = "input"
     aperture: float = 10.0
+    apertures: dict[str, float] = msgspec.field(default_factory=dict)
     ridge: float = 1.0
     rank: int = 50
     washout: int = 100
     anchor_every: int = 2
+
+
+@dataclass(frozen=True)
+class LoadedReservoir:
+    """A reservoir that goes on by itself as its lessons drove it.
+
+    Attributes:
+        reservoir: as it was drawn, with W*, W_in and b.
+        weights: W, shape (N, N).
+        readout: W_out, shape (C, N).
+        before, states: of each lesson, shape (T_j, N): the state before and after each frame.
+    """
+
+    reservoir: Reservoir
+    weights: Array
+    readout: Array
+    before: list[Array]
+    states: list[Array]
 
 
 def train_conceptors(
@@ -55,6 +84,11 @@ def train_conceptors(
         recipe: sizes and scales.
         seed: of everything random.
     """
+    return conceptor_network(load_reservoir(lessons, recipe, seed), lessons, normalisation, recipe)
+
+
+def load_reservoir(lessons: list[Lesson], recipe: ConceptorRecipe, seed: int) -> LoadedReservoir:
+    """Drives a random reservoir with all lessons and learns W and W_out (eqs 3.8 and 3.11 - 3.13)."""
     rng = np.random.default_rng(seed)
     reservoir = random_reservoir(
         recipe.neurons,
@@ -64,57 +98,63 @@ def train_conceptors(
         bias_scale=recipe.bias_scale,
         rng=rng,
     )
-    signals = [np.concatenate([lesson.lead_in(recipe.washout), lesson.frames]) for lesson in lessons]
-    driven = drive(reservoir, signals)
-    states, before, inputs = [], [], []
-    for lesson, x in zip(lessons, driven, strict=True):
-        states.append(x[recipe.washout :])
-        before.append(x[recipe.washout - 1 : -1])
-        inputs.append(lesson.frames)
-    predict_input = ridge(np.concatenate(before), np.concatenate(inputs), recipe.ridge)
-    readout = ridge(np.concatenate(states), np.concatenate(inputs), recipe.ridge)
+    driven = drive(reservoir, [np.concatenate([lesson.lead_in(recipe.washout), lesson.frames]) for lesson in lessons])
+    states = [x[len(x) - len(lesson.frames) :] for lesson, x in zip(lessons, driven, strict=True)]
+    before = [x[len(x) - len(lesson.frames) - 1 : -1] for lesson, x in zip(lessons, driven, strict=True)]
+    was, inputs = np.concatenate(before), np.concatenate([lesson.frames for lesson in lessons])
+    if recipe.learns == "weights":
+        weights = ridge(was, what_drove(reservoir, was, inputs), recipe.ridge)
+    else:
+        weights = reservoir.weights + reservoir.input_weights @ ridge(was, inputs, recipe.ridge)
+    return LoadedReservoir(reservoir, weights, ridge(np.concatenate(states), inputs, recipe.ridge), before, states)
+
+
+def what_drove(reservoir: Reservoir, before: Array, inputs: Array) -> Array:
+    """D = W* x(n-1) + W_in p(n), shape (T, N): what a new W has to say from the state alone (eq. 3.11)."""
+    return before @ reservoir.weights.T + inputs @ reservoir.input_weights.T
+
+
+def conceptor_network(
+    loaded: LoadedReservoir, lessons: list[Lesson], normalisation: Normalisation, recipe: ConceptorRecipe
+) -> ConceptorNetwork:
+    """The conceptors of all lessons of a loaded reservoir, as a network that plays."""
     return ConceptorNetwork(
         {
-            lesson.name: _motion(x, reservoir, predict_input, readout, normalisation, recipe)
-            for lesson, x in zip(lessons, states, strict=True)
+            lesson.name: _motion(
+                states, loaded, normalisation, recipe, recipe.apertures.get(lesson.name, recipe.aperture)
+            )
+            for lesson, states in zip(lessons, loaded.states, strict=True)
         }
     )
 
 
 def _motion(
-    states: Array,
-    reservoir: Reservoir,
-    predict_input: Array,
-    readout: Array,
-    normalisation: Normalisation,
-    recipe: ConceptorRecipe,
+    states: Array, loaded: LoadedReservoir, normalisation: Normalisation, recipe: ConceptorRecipe, aperture: float
 ) -> ConceptorMotion:
-    """The affine conceptor of one motion's states (T, N), cut to its first k directions."""
-    mean = states.mean(0)
+    """The conceptor of one motion's states (T, N), cut to its first k directions (eqs 3.9, 3.10)."""
+    neurons = states.shape[1]
+    mean = states.mean(0) if recipe.form == "affine" else np.zeros(neurons)
     centred = states - mean
-    gram = centred @ centred.T / len(reservoir)
-    rank = min(recipe.rank, len(states) - 1)
+    gram = centred @ centred.T / neurons
+    rank = min(recipe.rank, len(states) - 1, neurons)
     values, vectors = eigh(gram, subset_by_index=(len(states) - rank, len(states) - 1))
     values, vectors = values[::-1], vectors[:, ::-1]
-    directions = centred.T @ vectors / np.sqrt(len(reservoir) * np.maximum(values, 1e-12))
-    singular = values / (values + recipe.aperture**-2)
-    recurrent = reservoir.weights @ directions + reservoir.input_weights @ (predict_input @ directions)
-    bias = reservoir.weights @ mean + reservoir.input_weights @ (predict_input @ mean) + reservoir.bias
+    directions = centred.T @ vectors / np.sqrt(neurons * np.maximum(values, 1e-12))
+    singular = values / (values + aperture**-2)
     project = singular[:, None] * directions.T
     # Going back to the encoding's units is affine, so it can be part of the readout.
-    zero = normalisation.invert(np.zeros(len(readout)))
-    channels = (normalisation.invert((readout @ directions).T) - zero).T
-    rest = normalisation.invert(readout @ mean)
+    zero = normalisation.invert(np.zeros(len(loaded.readout)))
+    channels = (normalisation.invert((loaded.readout @ directions).T) - zero).T
     return ConceptorMotion(
         *(
             np.ascontiguousarray(a, dtype=np.float32)
             for a in (
-                recurrent,
-                bias,
+                loaded.weights @ directions,
+                loaded.weights @ mean + loaded.reservoir.bias,
                 project,
                 project @ mean,
                 channels,
-                rest,
+                normalisation.invert(loaded.readout @ mean),
                 (centred @ directions)[:: recipe.anchor_every],
             )
         )

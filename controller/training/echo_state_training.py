@@ -13,6 +13,7 @@ import numpy as np
 from controller.generators.echo_state import EchoStateMotion, EchoStateNetwork
 from controller.generators.reservoir import drive, random_reservoir
 from controller.mocap.normalisation import Normalisation
+from controller.rotations import Array
 from controller.training.lesson import Lesson
 from controller.training.ridge import ridge
 
@@ -28,6 +29,9 @@ class EchoStateRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, k
         washout: frames until the state has forgotten its start.
         state_noise, teacher_noise: standard deviations, in units of the state and of the normalised output.
         drives: how many noisy runs are learned from.
+        wrong_starts: how many further runs of the motions that happen once begin at their first frame in a random
+            state.
+        clipped: whether state and output are kept in the range of training when the network runs free.
         anchor_every: frames between the states that are stored for starting.
     """
 
@@ -41,6 +45,8 @@ class EchoStateRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, k
     state_noise: float = 0.03
     teacher_noise: float = 0.02
     drives: int = 3
+    wrong_starts: int = 0
+    clipped: bool = True
     anchor_every: int = 8
 
 
@@ -77,12 +83,26 @@ def train_echo_state(
         )
         for _ in range(recipe.drives)
     ]
+    once = [j for j, lesson in enumerate(lessons) if not lesson.loop]
+    wrong: dict[int, list[Array]] = {j: [] for j in once}
+    for _ in range(recipe.wrong_starts if once else 0):
+        signals = [forced[j][len(forced[j]) - len(lessons[j].frames) :] for j in once]
+        started = drive(
+            reservoir,
+            [f + recipe.teacher_noise * rng.standard_normal(f.shape) for f in signals],
+            state_noise=recipe.state_noise,
+            starts=rng.uniform(-1.0, 1.0, (len(once), len(reservoir))),
+            rng=rng,
+        )
+        for j, states in zip(once, started, strict=True):
+            wrong[j].append(states)
     quiet = drive(reservoir, forced)
     motions = {}
     for j, lesson in enumerate(lessons):
-        states = np.concatenate([run[j][recipe.washout :] for run in runs])
-        readout = ridge(states, np.concatenate([lesson.frames] * recipe.drives), recipe.ridge)
-        anchors = slice(recipe.washout, None, recipe.anchor_every)
+        first = len(targets[j]) - len(lesson.frames)
+        learned = [run[j][first:] for run in runs] + wrong.get(j, [])
+        readout = ridge(np.concatenate(learned), np.concatenate([lesson.frames] * len(learned)), recipe.ridge)
+        anchors = slice(first, None, recipe.anchor_every)
         motions[lesson.name] = EchoStateMotion(
             readout.astype(np.float32),
             quiet[j][anchors].astype(np.float32),
@@ -95,4 +115,5 @@ def train_echo_state(
         recipe.leak,
         normalisation,
         motions,
+        clipped=recipe.clipped,
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 from threadpoolctl import threadpool_limits
@@ -17,15 +18,34 @@ from controller.mocap.clip import Clip
 from controller.mocap.normalisation import Normalisation
 from controller.mocap.reading import read_clip
 from controller.rotations import Array
+from controller.training.centralized_training import CentralizedRecipe, train_centralized_network
 from controller.training.conceptor_training import ConceptorRecipe, train_conceptors
-from controller.training.echo_state_training import train_echo_state
+from controller.training.echo_state_training import EchoStateRecipe, train_echo_state
 from controller.training.lesson import Lesson
-from controller.training.library import VERSION, LibraryInfo, MotionInfo, MotionLibrary, Network, describe_skeleton
+from controller.training.library import (
+    VERSION,
+    AnyNetwork,
+    LibraryInfo,
+    MotionInfo,
+    MotionLibrary,
+    Network,
+    describe_skeleton,
+)
 from controller.training.loops import close_loop, hold_end
 from controller.training.recipe import LibraryRecipe, MotionRecipe
-from controller.training.self_test import Verdict, self_test
+from controller.training.self_test import Judge, Verdict, self_test
+from controller.training.stress_test import stress_test
+
+SHORTEST = 48  # frames of a recording: two windows of the self-test
 
 Progress = Callable[[str], None]
+Kind = ConceptorRecipe | EchoStateRecipe | CentralizedRecipe
+
+_KINDS: dict[type, Literal["conceptor", "echo-state", "centralized"]] = {
+    ConceptorRecipe: "conceptor",
+    EchoStateRecipe: "echo-state",
+    CentralizedRecipe: "centralized",
+}
 
 
 @dataclass(frozen=True)
@@ -37,12 +57,27 @@ class Syllabus:
         rate: frames per second.
         frames: what each motion is learned from, shape (T, channels), in the encoding's units.
         loops: whether it is a loop.
+        before: what was recorded before those frames, of each motion, or nothing.
     """
 
     encoding: BoneDirections
     rate: float
     frames: dict[str, Array]
     loops: dict[str, bool]
+    before: dict[str, Array]
+
+    def lessons(self) -> tuple[list[Lesson], Normalisation]:
+        """What a trainer is given, and the normalisation of its channels."""
+        normalisation = Normalisation.fit([*self.frames.values(), *self.before.values()])
+        return [
+            Lesson(
+                name,
+                normalisation.apply(frames),
+                self.loops[name],
+                normalisation.apply(self.before[name]) if name in self.before else None,
+            )
+            for name, frames in self.frames.items()
+        ], normalisation
 
 
 def fit(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None) -> MotionLibrary:
@@ -61,21 +96,23 @@ def fit(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None) 
         MotiondeckError: if a recording is missing or damaged.
     """
     syllabus = prepare(recipe, data, progress)
-    normalisation = Normalisation.fit(list(syllabus.frames.values()))
-    lessons = [
-        Lesson(name, normalisation.apply(frames), syllabus.loops[name]) for name, frames in syllabus.frames.items()
-    ]
-    best: tuple[int, int, Network, dict[str, Verdict]] | None = None
+    lessons, normalisation = syllabus.lessons()
+    best: tuple[int, int, AnyNetwork, dict[str, Verdict]] | None = None
     # Two BLAS threads on a busy machine wait for each other longer than they help.
     with threadpool_limits(1):
         for seed in recipe.seeds:
             progress(f"training (seed {seed})")
-            if isinstance(recipe.network, ConceptorRecipe):
-                network: Network = train_conceptors(lessons, normalisation, recipe.network, seed)
+            judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, holds=not recipe.as_recorded)
+            if isinstance(recipe.network, CentralizedRecipe):
+                # Its state is a place on a closed curve and nothing else: no disturbance leads away from it.
+                plan, rate = recipe.network, syllabus.rate
+                network: AnyNetwork = train_centralized_network(lessons, normalisation, plan, rate, seed)
+                progress("self-test")
+                verdicts = self_test(network, judge)
             else:
-                network = train_echo_state(lessons, normalisation, recipe.network, seed)
-            progress("self-test")
-            verdicts = self_test(network, syllabus.encoding, syllabus.frames, syllabus.loops)
+                network = reservoir = teach(lessons, normalisation, recipe.network, seed)
+                progress("self-test")
+                verdicts = stress_test(reservoir, self_test(reservoir, judge), judge, seed)
             passed = sum(verdict.passed for verdict in verdicts.values())
             if best is None or passed > best[0]:
                 best = (passed, seed, network, verdicts)
@@ -84,10 +121,17 @@ def fit(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None) 
     if best is None:
         raise MotiondeckError(f"recipe '{recipe.name}' names no seed")
     _, seed, network, verdicts = best
+    return assemble(recipe, syllabus, network, seed, verdicts)
+
+
+def assemble(
+    recipe: LibraryRecipe, syllabus: Syllabus, network: AnyNetwork, seed: int, verdicts: dict[str, Verdict]
+) -> MotionLibrary:
+    """A library of a trained network and of all that is known about it."""
     info = LibraryInfo(
         version=VERSION,
         name=recipe.name,
-        network="conceptor" if isinstance(recipe.network, ConceptorRecipe) else "echo-state",
+        network=_KINDS[type(recipe.network)],
         encoding="bone directions",
         rate=syllabus.rate,
         seed=seed,
@@ -99,9 +143,23 @@ def fit(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None) 
         recipe=msgspec.json.decode(msgspec.json.encode(recipe)),
         licence=recipe.licence,
         acknowledgement=recipe.acknowledgement,
-        leak=1.0 if isinstance(recipe.network, ConceptorRecipe) else recipe.network.leak,
+        leak=recipe.network.leak if isinstance(recipe.network, EchoStateRecipe) else 1.0,
+        clipped=recipe.network.clipped if isinstance(recipe.network, EchoStateRecipe) else True,
     )
     return MotionLibrary(info, network, syllabus.encoding)
+
+
+def teach(lessons: list[Lesson], normalisation: Normalisation, recipe: Kind, seed: int) -> Network:
+    """The reservoir of a recipe, of whichever kind it is.
+
+    Raises:
+        MotiondeckError: if the recipe is for a centralized network.
+    """
+    if isinstance(recipe, CentralizedRecipe):
+        raise MotiondeckError("this is measured for reservoirs only, and the recipe is for a centralized network")
+    if isinstance(recipe, ConceptorRecipe):
+        return train_conceptors(lessons, normalisation, recipe, seed)
+    return train_echo_state(lessons, normalisation, recipe, seed)
 
 
 def steps(recipe: LibraryRecipe) -> int:
@@ -110,16 +168,26 @@ def steps(recipe: LibraryRecipe) -> int:
 
 
 def prepare(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None) -> Syllabus:
-    """Reads a recipe's recordings, carries them to one body, and closes their loops or holds their ends."""
-    body = read_clip(_find(data, recipe.body)).skeleton
-    encoding = BoneDirections(body)
+    """Reads a recipe's recordings, carries them to one body, and closes their loops or holds their ends.
+
+    A recipe that wants them as recorded gets them so.
+    """
+    body = read_clip(find_recording(data, recipe.body)).skeleton
+    encoding = BoneDirections.of(body)
     frames: dict[str, Array] = {}
+    before: dict[str, Array] = {}
     rates: set[float] = set()
     for motion in recipe.motions:
         progress(f"reading {motion.name}")
-        clip = _cut(read_clip(_find(data, motion.file)), motion).carried_to(body)
+        clip = _cut(read_clip(find_recording(data, motion.file)), motion)
         rates.add(clip.rate)
-        channels = encoding.encode(clip)
+        if recipe.as_recorded and not isinstance(recipe.network, CentralizedRecipe):
+            channels, washout = BoneDirections.of(clip.skeleton).encode(clip), recipe.network.washout
+            if len(channels) < 2 * washout:
+                raise FileFormatError(f"motion '{motion.name}' is shorter than twice the washout of {washout} frames")
+            before[motion.name], frames[motion.name] = channels[:washout], channels[washout:]
+            continue
+        channels = encoding.encode(clip.carried_to(body))
         if motion.plays == "loop":
             features = joint_features(encoding, channels)
             frames[motion.name] = close_loop(channels, features, at_least=recipe.loop_keeps)
@@ -128,11 +196,15 @@ def prepare(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: No
     if len(rates) > 1:
         raise FileFormatError(f"recipe '{recipe.name}' mixes frame rates: {sorted(rates)} Hz")
     loops = {motion.name: motion.plays == "loop" for motion in recipe.motions}
-    return Syllabus(encoding, rates.pop(), frames, loops)
+    return Syllabus(encoding, rates.pop(), frames, loops, before)
 
 
-def _find(data: Path, file: str) -> Path:
-    """A recording below the data folder, or directly in it."""
+def find_recording(data: Path, file: str) -> Path:
+    """A recording below the data folder, or directly in it.
+
+    Raises:
+        FileFormatError: if it is in neither.
+    """
     for path in (data / file, data / Path(file).name):
         if path.exists():
             return path
@@ -140,16 +212,16 @@ def _find(data: Path, file: str) -> Path:
 
 
 def _cut(clip: Clip, motion: MotionRecipe) -> Clip:
-    if motion.frames is None:
-        return clip
-    first, end = motion.frames
+    first, end = motion.frames or (0, len(clip))
     if not 0 <= first < end <= len(clip):
         raise FileFormatError(f"motion '{motion.name}': frames {first} to {end} are not in a clip of {len(clip)}")
+    if end - first < SHORTEST:
+        raise FileFormatError(f"motion '{motion.name}': {end - first} frames are too few; {SHORTEST} are the least")
     return replace(clip, root_position=clip.root_position[first:end], rotation=clip.rotation[first:end])
 
 
 def _motion_info(
-    motion: MotionRecipe, syllabus: Syllabus, network: Network, verdict: Verdict, anchor_every: int
+    motion: MotionRecipe, syllabus: Syllabus, network: AnyNetwork, verdict: Verdict, anchor_every: int
 ) -> MotionInfo:
     taught = syllabus.frames[motion.name][::anchor_every]
     return MotionInfo(

@@ -17,17 +17,22 @@ class Lesson:
         name: of the motion.
         frames: normalised channels, shape (T, C): one period of a loop, or all of a motion that happens once.
         loop: which of the two it is.
+        before: what was recorded before the frames, shape (T', C), or None.
     """
 
     name: str
     frames: Array
     loop: bool
+    before: Array | None = None
 
     def lead_in(self, washout: int) -> Array:
         """What precedes the frames while the reservoir forgets its start, shape (washout, C).
 
-        A loop is preceded by its own end, a motion that happens once by its first frame.
+        Where nothing was recorded before them, a loop is preceded by its own end, a motion that happens once by its
+        first frame.
         """
+        if self.before is not None:
+            return self.before
         if self.loop:
             repeats = -(-washout // len(self.frames))
             return np.concatenate([self.frames] * repeats)[len(self.frames) * repeats - washout :]

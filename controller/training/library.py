@@ -20,7 +20,8 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
 from controller.config import shaped
-from controller.errors import FileFormatError
+from controller.errors import FileFormatError, MotiondeckError
+from controller.generators.centralized_network import CentralizedNetwork, StoredMotion
 from controller.generators.conceptor import ConceptorMotion, ConceptorNetwork
 from controller.generators.echo_state import EchoStateMotion, EchoStateNetwork
 from controller.mocap.bone_directions import BoneDirections
@@ -29,8 +30,10 @@ from controller.mocap.skeleton import Skeleton
 
 VERSION = 1
 LARGEST_BYTES = 2**30
+FEWEST_ANCHORS = 3  # with fewer nobody can tell how a motion moves
 
 Network = ConceptorNetwork | EchoStateNetwork
+AnyNetwork = Network | CentralizedNetwork
 Motion = TypeVar("Motion", ConceptorMotion, EchoStateMotion)
 
 
@@ -86,11 +89,12 @@ class LibraryInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
         licence: terms under which the library may be passed on.
         acknowledgement: what the owners of the data ask to be said.
         leak: of an echo-state network, else 1.
+        clipped: whether an echo-state network keeps its state and output in the range of training.
     """
 
     version: int
     name: str
-    network: Literal["conceptor", "echo-state"]
+    network: Literal["conceptor", "echo-state", "centralized"]
     encoding: Literal["bone directions"]
     rate: float
     seed: int
@@ -100,6 +104,7 @@ class LibraryInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
     licence: str
     acknowledgement: str
     leak: float = 1.0
+    clipped: bool = True
 
 
 @dataclass(frozen=True)
@@ -113,8 +118,21 @@ class MotionLibrary:
     """
 
     info: LibraryInfo
-    network: Network
+    network: AnyNetwork
     encoding: BoneDirections
+
+    @property
+    def reservoir(self) -> Network:
+        """The network, where only one with a reservoir will do.
+
+        Raises:
+            MotiondeckError: if it is a centralized one.
+        """
+        if isinstance(self.network, CentralizedNetwork):
+            raise MotiondeckError(
+                f"library '{self.info.name}' holds a centralized network; this is for reservoirs only"
+            )
+        return self.network
 
     @property
     def skeleton(self) -> Skeleton:
@@ -207,8 +225,11 @@ def _read_info(path: Path, text: str) -> LibraryInfo:
     names = [motion.name for motion in info.motions]
     if not names or len(set(names)) < len(names):
         raise FileFormatError(f"{path}: its header names no motion, or one twice")
-    if not (np.isfinite(info.rate) and info.rate > 0.0 and 0.0 < info.leak <= 1.0):
+    if not (1.0 <= info.rate <= 1000.0 and 0.0 < info.leak <= 1.0):
         raise FileFormatError(f"{path}: rate {info.rate} Hz or leak {info.leak} is impossible")
+    for motion in info.motions:
+        if not (motion.name and motion.frames >= FEWEST_ANCHORS):
+            raise FileFormatError(f"{path}: its header has a motion '{motion.name}' of {motion.frames} frames")
     return info
 
 
@@ -235,13 +256,15 @@ class _Reader:
     def __init__(self, path: Path, arrays: dict[str, NDArray[Any]]) -> None:
         self.path, self.arrays = path, arrays
 
-    def network(self, info: LibraryInfo, channels: int) -> Network:
+    def network(self, info: LibraryInfo, channels: int) -> AnyNetwork:
         if info.network == "conceptor":
             parts = {motion.name: self.conceptor(motion.name, channels) for motion in info.motions}
             sizes = {len(part.bias) for part in parts.values()}
             if len(sizes) > 1:
                 raise FileFormatError(f"{self.path}: motions of different reservoir sizes {sorted(sizes)}")
-            network: Network = ConceptorNetwork(parts)
+            network: AnyNetwork = ConceptorNetwork(parts)
+        elif info.network == "centralized":
+            network = self.centralized(info, channels)
         else:
             neurons = self.size("bias")
             network = EchoStateNetwork(
@@ -253,6 +276,7 @@ class _Reader:
                     self.take("shift", channels, kind=np.float64), self.take("scaling", channels, kind=np.float64)
                 ),
                 {motion.name: self.echo_state(motion.name, neurons, channels) for motion in info.motions},
+                clipped=info.clipped,
             )
         if self.arrays:
             raise FileFormatError(f"{self.path}: holds array '{next(iter(self.arrays))}', which nothing needs")
@@ -279,6 +303,25 @@ class _Reader:
             states=self.take(at + "states", anchors, neurons),
             outputs=self.take(at + "outputs", anchors, channels),
         )
+
+    def centralized(self, info: LibraryInfo, channels: int) -> CentralizedNetwork:
+        motions = {}
+        for motion in info.motions:
+            at = f"motion/{motion.name}/"
+            n, m = self.size(at + "frequency"), self.size(at + "sharpness")
+            stored = StoredMotion(
+                frequency=self.take(at + "frequency", n, kind=np.float64),
+                phase=self.take(at + "phase", n, kind=np.float64),
+                places=self.take(at + "places", m, 2 * n, kind=np.float64),
+                sharpness=self.take(at + "sharpness", m, kind=np.float64),
+                weights=self.take(at + "weights", channels, m, kind=np.float64),
+                rest=self.take(at + "rest", channels, kind=np.float64),
+            )
+            try:
+                motions[motion.name] = stored.revive(motion.frames, info.rate, loop=motion.plays == "loop")
+            except MotiondeckError as error:
+                raise FileFormatError(f"{self.path}: motion '{motion.name}': {error}") from None
+        return CentralizedNetwork(motions, info.rate)
 
     def size(self, name: str) -> int:
         """The length of an array that must be there and not be empty."""

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Literal
 
 import msgspec
 
-from controller.config import read_toml
+from controller.config import read_toml, shaped
 from controller.errors import FileFormatError
+from controller.training.centralized_training import CentralizedRecipe
 from controller.training.conceptor_training import ConceptorRecipe
 from controller.training.echo_state_training import EchoStateRecipe
+
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}")
+"""What a motion may be called, so that prompts and scripts can say it."""
 
 
 class MotionRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -37,19 +42,33 @@ class LibraryRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_
         network: its kind and parameters.
         motions: what it learns.
         body: the recording whose skeleton all motions are carried to.
+        as_recorded: learn the recordings as they are, each on its own body, no loop closed and no end held; the first
+            frames, as many as the washout, only lead in. This is what the thesis does.
         loop_keeps: the least share of a recording that its loop keeps.
         seeds: tried in turn until every motion passes the self-test.
         licence, acknowledgement: go into the library.
     """
 
     name: str
-    network: ConceptorRecipe | EchoStateRecipe
+    network: ConceptorRecipe | EchoStateRecipe | CentralizedRecipe
     motions: list[MotionRecipe]
     body: str
+    as_recorded: bool = False
     loop_keeps: float = 0.6
     seeds: list[int] = msgspec.field(default_factory=lambda: [0, 1, 2, 3, 4])
     licence: str
     acknowledgement: str = ""
+
+    @property
+    def reservoir(self) -> ConceptorRecipe | EchoStateRecipe:
+        """The network, where only one with a reservoir will do.
+
+        Raises:
+            FileFormatError: if it is a centralized one.
+        """
+        if isinstance(self.network, CentralizedRecipe):
+            raise FileFormatError(f"recipe '{self.name}' is for a centralized network; this is for reservoirs only")
+        return self.network
 
 
 def read_recipe(path: Path) -> LibraryRecipe:
@@ -58,26 +77,51 @@ def read_recipe(path: Path) -> LibraryRecipe:
     Raises:
         FileFormatError: one line that names the file, the key and what is allowed.
     """
-    recipe = read_toml(path, LibraryRecipe)
+    return _checked(read_toml(path, LibraryRecipe), path)
+
+
+def recipe_of(tree: object, path: Path) -> LibraryRecipe:
+    """The recipe that a library was trained from, out of its header.
+
+    Raises:
+        FileFormatError: if there is none in it.
+    """
+    return _checked(shaped(tree, LibraryRecipe, f"{path} (its recipe)"), path)
+
+
+def _checked(recipe: LibraryRecipe, path: Path) -> LibraryRecipe:
     names = [motion.name for motion in recipe.motions]
     twice = {name for name in names if names.count(name) > 1}
     if twice:
         raise FileFormatError(f"{path}: two motions are called '{twice.pop()}'")
     if not names:
         raise FileFormatError(f"{path}: there are no [[motions]] in it")
-    if not recipe.seeds:
-        raise FileFormatError(f"{path}: seeds is empty; give at least one whole number")
+    for name in names:
+        if not NAME.fullmatch(name):
+            raise FileFormatError(f"{path}: motion '{name}' cannot be typed; use letters, digits, - and _ (at most 40)")
+    if not recipe.seeds or min(recipe.seeds) < 0:
+        raise FileFormatError(f"{path}: seeds is {recipe.seeds}; give at least one whole number, none below 0")
     if not 0.1 <= recipe.loop_keeps < 1.0:
         raise FileFormatError(f"{path}: loop_keeps is {recipe.loop_keeps}; it lies between 0.1 and 1")
     _check_network(path, recipe.network)
+    if isinstance(recipe.network, CentralizedRecipe) and recipe.as_recorded:
+        raise FileFormatError(f"{path}: as_recorded is for reservoirs; centralized networks play closed loops and ends")
+    if isinstance(recipe.network, ConceptorRecipe):
+        for name, aperture in recipe.network.apertures.items():
+            if name not in names:
+                raise FileFormatError(f"{path}: network.apertures names '{name}', which is none of its motions")
+            if not 0.0 < aperture <= 1e6:
+                raise FileFormatError(f"{path}: the aperture of '{name}' is {aperture}; it lies between 0 and 1e6")
     return recipe
 
 
-def _check_network(path: Path, network: ConceptorRecipe | EchoStateRecipe) -> None:
+def _check_network(path: Path, network: ConceptorRecipe | EchoStateRecipe | CentralizedRecipe) -> None:
     """Refuses sizes and scales that no network can have."""
     for field in network.__struct_fields__:
         value = getattr(network, field)
-        least = 0 if field.endswith("noise") else 1 if isinstance(value, int) else 1e-9
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            continue
+        least = 0 if field.endswith(("noise", "wrong_starts")) else 1 if isinstance(value, int) else 1e-9
         most = 20_000 if field == "neurons" else 1.0 if field == "leak" else 1e6
         if not least <= value <= most:
             raise FileFormatError(f"{path}: network.{field} is {value}; it lies between {least} and {most}")

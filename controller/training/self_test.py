@@ -15,7 +15,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.evaluation.matching import LOST_MM, Matcher, activity, joint_features, rising_length, windows
+from controller.evaluation.matching import (
+    LOST_MM,
+    STRIDE,
+    Matcher,
+    activity,
+    joint_features,
+    rising_length,
+    window_count,
+    windows,
+)
 from controller.generators.base import FrameNetwork
 from controller.mocap.bone_directions import BoneDirections
 from controller.rotations import Array
@@ -50,54 +59,73 @@ def run_free(network: FrameNetwork, motion: str, frames: int) -> Array:
     return out
 
 
-def self_test(
-    network: FrameNetwork, encoding: BoneDirections, references: dict[str, Array], loops: dict[str, bool]
-) -> dict[str, Verdict]:
-    """Runs every motion of a network free and judges it.
+def self_test(network: FrameNetwork, judge: Judge) -> dict[str, Verdict]:
+    """Runs every motion of a network free and judges it: one verdict a motion."""
+    return {name: judge(name, run_free(network, name, RUN_LENGTHS * judge.length(name))) for name in judge.loops}
+
+
+class Judge:
+    """Knows every motion and says whether a run is the one that was meant.
 
     Args:
-        network: what is tested.
-        encoding: of its channels.
+        encoding: of the channels.
         references: the frames that each motion was learned from, shape (T_j, channels); loops as one period.
         loops: whether each motion is a loop.
-
-    Returns:
-        One verdict a motion.
+        holds: whether a motion that happens once was taught to hold its end.
     """
-    names = list(references)
-    features = [joint_features(encoding, references[name]) for name in names]
-    matcher = Matcher(features, [loops[name] for name in names])
-    return {
-        name: judge(
-            joint_features(encoding, run_free(network, name, RUN_LENGTHS * len(references[name]))),
-            matcher,
-            index,
-            features[index],
-            loop=loops[name],
-        )
-        for index, name in enumerate(names)
-    }
+
+    def __init__(
+        self, encoding: BoneDirections, references: dict[str, Array], loops: dict[str, bool], *, holds: bool = True
+    ) -> None:
+        self.encoding, self.loops, self.holds = encoding, loops, holds
+        self._names = list(references)
+        self._features = [joint_features(encoding, frames) for frames in references.values()]
+        self._matcher = Matcher(self._features, [loops[name] for name in self._names])
+
+    def length(self, motion: str) -> int:
+        """How many frames a motion was learned from."""
+        return len(self._features[self._names.index(motion)])
+
+    def end(self, motion: str) -> Array:
+        """The features of a motion's last frame, shape (F,)."""
+        return self._features[self._names.index(motion)][-1]
+
+    def __call__(self, motion: str, run: Array) -> Verdict:
+        """The verdict on the channels (T, C) of a run."""
+        index = self._names.index(motion)
+        features = joint_features(self.encoding, run)
+        return judge(features, self._matcher, index, self._features[index], loop=self.loops[motion], holds=self.holds)
 
 
-def judge(run: Array, matcher: Matcher, index: int, reference: Array, *, loop: bool) -> Verdict:
+def judge(run: Array, matcher: Matcher, index: int, reference: Array, *, loop: bool, holds: bool = True) -> Verdict:
     """The verdict on one run of features (T, F) of the motion at an index, learned from reference features."""
     if not np.isfinite(run).all():
         return Verdict(False, np.inf, 0.0, "the network ran away")
-    found = matcher.match(run, index)
-    last = slice(2 * len(found.motion) // 3, None)
-    error = float(np.median(found.distance[last]))
-    if not loop:
-        own = windows(reference)
-        moving = np.square(np.diff(own, axis=0)).mean(1) > STILL_MM**2
-        places = found.place[found.place < len(moving)]
-        passed_through = rising_length(places[moving[places]]) / max(1, int(moving.sum()))
-        end = float(np.sqrt(np.square(run[-1] - reference[-1]).sum() / (len(run[-1]) / 3.0)))
-        if passed_through < 0.7:
-            return Verdict(False, error, 1.0, f"went through {passed_through:.0%} of the motion only")
-        if end > LOST_MM:
-            return Verdict(False, error, 1.0, f"holds a pose {end:.0f} mm away from the last one")
-        return Verdict(True, error, 1.0, "")
-    right = float(np.mean(found.motion[last] == index))
+    if loop:
+        return _judge_loop(run, matcher, index, reference)
+    return _judge_once(run, matcher, index, reference, holds=holds)
+
+
+def _judge_once(run: Array, matcher: Matcher, index: int, reference: Array, *, holds: bool) -> Verdict:
+    """The verdict on features (T, F) of a motion that happens once, learned from reference features."""
+    found = matcher.match(run, index, alone=True)
+    error = float(np.median(found.distance[2 * len(found.distance) // 3 :]))
+    moving = np.square(np.diff(windows(reference), axis=0)).mean(1) > STILL_MM**2
+    places = found.place[found.place < len(moving)]
+    passed_through = rising_length(places[moving[places]]) / max(1, int(moving.sum()))
+    end = float(np.sqrt(np.square(run[-1] - reference[-1]).sum() / (len(run[-1]) / 3.0)))
+    if passed_through < 0.7:
+        return Verdict(False, error, 1.0, f"went through {passed_through:.0%} of the motion only")
+    if holds and end > LOST_MM:
+        return Verdict(False, error, 1.0, f"holds a pose {end:.0f} mm away from the last one")
+    return Verdict(True, error, 1.0, "")
+
+
+def _judge_loop(run: Array, matcher: Matcher, index: int, reference: Array) -> Verdict:
+    """The verdict on features (T, F) of a loop, by the last third of its windows."""
+    found = matcher.match(run[STRIDE * (2 * window_count(len(run)) // 3) :], index)
+    error = float(np.median(found.distance))
+    right = float(np.mean(found.motion == index))
     bound = max(LOST_MM, 0.4 * matcher.spread(index))
     own = activity(reference)
     pace = activity(run[2 * len(run) // 3 :]) / own if own > STILL_MM else 1.0

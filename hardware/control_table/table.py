@@ -51,6 +51,19 @@ class ControlTable:
         """How many bytes the whole table spans."""
         return max(register.address + register.length for register in self.registers.values())
 
+    @property
+    def one_turn(self) -> tuple[int, int]:
+        """The lowest and the highest position of position mode."""
+        low = self["min_position_limit"]
+        if low.minimum == 0:
+            return 0, self.pulses_per_turn - 1
+        return -(self.pulses_per_turn // 2), self.pulses_per_turn // 2
+
+    def place(self, name: str) -> tuple[int, int] | None:
+        """Address and length of a register, None where the model has none of this name."""
+        register = self.registers.get(name)
+        return None if register is None else (register.address, register.length)
+
     def block(self, first: str, last: str) -> tuple[int, int]:
         """Address and length of everything from one register to another, both included."""
         start, end = self[first], self[last]

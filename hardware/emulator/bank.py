@@ -1,16 +1,8 @@
-"""A bank of servos of one model: their memories side by side, and their motion, advanced all at once.
+"""A bank of servos of one model: their memories side by side, and how time passes for them.
 
 The memory of all servos is one block of bytes. numpy sees it as a table with a column for each register, so motion is
-computed on columns, and the bus reads and writes rows as plain bytes: nothing is ever copied between the two.
-
-In position mode (operating modes 3, 4 and 5) each servo does, in steps of at most 2 ms:
-
-    path   trapezoidal profile from where it is to the goal, within profile velocity and acceleration (0: at once)
-    u      = clip(P / 128 * (path - shaft), +- goal PWM)           position P gain, register 84
-    speed  += (u / full_pwm * no_load_speed - speed) * (1 - exp(-dt / lag))
-    shaft  += speed * dt
-
-The I, D and feed-forward gains, load and heat have no effect yet, and the drive mode knows only its reverse bit.
+computed on columns (see `drive`), and the bus reads and writes rows as plain bytes: nothing is ever copied between the
+two.
 """
 
 from __future__ import annotations
@@ -19,19 +11,27 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hardware.control_table.table import ControlTable
-from hardware.emulator.motor import MOTORS
+from hardware.emulator.drive import CURRENT, POSITION_MODES, PWM, VELOCITY, Drive
+from hardware.emulator.motor import motor_of
 
 TRIPPED = -1
 """What the bus watchdog register says once it has stopped the servo."""
 
+VOLTAGE, HEAT, OVERLOAD = 0x01, 0x04, 0x20
+"""Bits of the hardware error status that the bank finds by itself."""
+
 _SHORTEST_STEP = 0.001
-_LONGEST_STEP = 0.002
-_SUPPLY = 120  # 0.1 V
-_PROFILE_ONGOING = 0x02
 _IN_POSITION = 0x01
+_PROFILE_ONGOING = 0x02
 _IN_POSITION_WINDOW = 20  # pulses; the manual gives no figure
+_RECTANGLE, _TRIANGLE, _TRAPEZOID = 0x10, 0x20, 0x30
+_OFFSET_IN_ONE_TURN = 1024  # pulses: position mode ignores homing offsets beyond
+_OVERLOADED = 0.8  # of the stall current ...
+_OVERLOAD_TIME = 1.0  # s ... for so long; estimates, the manual gives no figure
+_LOWEST_VOLTAGE = 0.45  # of the nominal voltage: below, the servo restarts; an estimate
 
 
 class ServoBank:
@@ -41,10 +41,8 @@ class ServoBank:
         table: their control table.
         memory: all their bytes, `table.size` a servo.
         registers: the same bytes as a numpy record array, shape (n,).
-        shaft: where each horn really is, shape (n,), pulses, any number of turns.
-        speed: of each horn, shape (n,), pulses/s.
-        path: where the profile has led so far, shape (n,), pulses of the shaft.
-        target: where it leads to, shape (n,), pulses of the shaft.
+        drive: their motors; its `shaft`, `load`, `jammed`, `supply` and `temperature` may be set from outside.
+        browned_out: rows whose voltage has broken down since the bus last looked.
     """
 
     def __init__(self, table: ControlTable, ids: Sequence[int], shaft: Sequence[float]) -> None:
@@ -56,46 +54,104 @@ class ServoBank:
         for register in table.registers.values():
             self.registers[register.name] = register.default or 0
         self.registers["id"] = ids
-        self.shaft = np.array(shaft, dtype=np.float64)
-        self.speed = np.zeros(count)
-        self.path = self.shaft.copy()
-        self._path_speed = np.zeros(count)
-        self.target = self.shaft.copy()
+        self.browned_out: set[int] = set()
+        self.drive = Drive(motor_of(table.model), table.pulses_per_turn, np.array(shaft, dtype=np.float64))
+        self._shape = np.zeros(count, dtype=np.int64)  # of the profile under way, as the moving status shows it
+        self._overload = np.zeros(count)  # s
         self._time = 0.0
         self._shown = False
-        self._motor = MOTORS[table.model]
-        self._no_load = self._motor.no_load_speed / 60.0 * table.pulses_per_turn
+        self._measures_current = "present_current" in table.registers
         self._pulses_per_radian = table.pulses_per_turn / (2.0 * math.pi)
+        self.settle()
         self.show()
         self.registers["goal_position"] = self.registers["present_position"]
 
-    def restart(self, row: int) -> None:
-        """Gives a servo the memory it has after power-up: its EEPROM stays, its horn counts from one turn again."""
+    @property
+    def shaft(self) -> NDArray[np.float64]:
+        """Where each horn really is, shape (n,), pulses, any number of turns."""
+        return self.drive.shaft
+
+    def restart(self, row: int, restored: dict[str, int] | None = None) -> None:
+        """Gives a servo the memory it has after power-up: its EEPROM stays, its horn counts from one turn again.
+
+        Args:
+            row: which servo.
+            restored: RAM registers that startup configuration brings back.
+        """
         for register in self.table.registers.values():
             if register.memory == "RAM":
                 self.registers[register.name][row] = register.default or 0
         self.registers["goal_pwm"][row] = self.registers["pwm_limit"][row]
-        self.registers["goal_current"][row] = self.registers["current_limit"][row]
+        if self._measures_current:
+            self.registers["goal_current"][row] = self.registers["current_limit"][row]
+        for name, value in (restored or {}).items():
+            self.registers[name][row] = value
+        self._overload[row] = 0.0
         self.to_one_turn(row)
+        self.settle()
         self._shown = False
         self.show()
         self.registers["goal_position"][row] = self.registers["present_position"][row]
 
+    def reset(self, row: int, keep: Sequence[str]) -> None:
+        """Puts the EEPROM of a servo back to its defaults, but for the registers in `keep`."""
+        for register in self.table.registers.values():
+            fixed = register.access == "R" or register.name in keep
+            if register.memory == "EEPROM" and not fixed and register.default is not None:
+                self.registers[register.name][row] = register.default
+
     def to_one_turn(self, row: int) -> None:
         """Forgets whole turns: position mode starts from within one."""
-        self.shaft[row] %= self.table.pulses_per_turn
+        self.drive.shaft[row] %= self.table.pulses_per_turn
         self.halt(row)
 
     def halt(self, row: int) -> None:
-        """Makes the servo stay where it comes to rest, whatever its goal register says."""
-        self.path[row] = self.target[row] = self.shaft[row] + self.speed[row] * self._motor.lag
-        self._path_speed[row] = 0.0
+        """Makes the servo stay where it comes to rest, whatever its goal registers say."""
+        self.drive.halt(row)
+        self._shown = False
+
+    def settle(self) -> None:
+        """Has the motors know what the registers say, after any that matters to them was written."""
+        registers, drive = self.registers, self.drive
+        sign = np.where(registers["drive_mode"] & 1, -1.0, 1.0).astype(np.float64)
+        drive.mode = registers["operating_mode"].astype(np.int64)
+        drive.sign = sign
+        one_turn = (drive.mode == 3) & (np.abs(registers["homing_offset"]) > _OFFSET_IN_ONE_TURN)
+        drive.offset = np.where(one_turn, 0.0, registers["homing_offset"].astype(np.float64))
+        drive.on = registers["torque_enable"] != 0
+        drive.p_gain = registers["position_p_gain"] / 128.0
+        drive.i_gain = registers["position_i_gain"] / 65.536  # a 1 kHz loop sums 65536ths
+        drive.d_gain = registers["position_d_gain"] / 16e3  # and takes differences from one ms to the next
+        drive.ff_gain = registers["feedforward_1st_gain"] / 4e3
+        drive.most_pwm = np.abs(registers["goal_pwm"].astype(np.float64))
+        drive.goal_pwm = sign * registers["goal_pwm"].astype(np.float64)
+        unit = self.table["goal_velocity"].si * self._pulses_per_radian
+        drive.goal_speed = sign * registers["goal_velocity"].astype(np.float64) * unit
+        if self._measures_current:
+            stall = drive.motor.stall_current / self.table["goal_current"].scale
+            drive.goal_current = sign * registers["goal_current"].astype(np.float64) / stall
+        drive.plan()
 
     def pursue(self, row: int) -> None:
-        """Sets off for the goal position that stands in the register."""
-        registers = self.registers
-        sign = 1.0 - 2.0 * (registers["drive_mode"][row] & 1)
-        self.target[row] = sign * (float(registers["goal_position"][row]) - float(registers["homing_offset"][row]))
+        """Sets off for what stands in the goal registers, by the profile in force now."""
+        registers, drive = self.registers, self.drive
+        if drive.mode[row] not in POSITION_MODES:
+            return
+        drive.target[row] = drive.sign[row] * (float(registers["goal_position"][row]) - drive.offset[row])
+        speed, acceleration = self._profile(row, abs(float(drive.target[row] - drive.path[row])))
+        drive.top_speed[row], drive.acceleration[row] = speed, acceleration
+        if speed == math.inf:
+            self._shape[row] = 0
+        elif acceleration == math.inf:
+            self._shape[row] = _RECTANGLE
+        else:
+            short = abs(drive.target[row] - drive.path[row]) < speed * speed / acceleration
+            self._shape[row] = _TRIANGLE if short else _TRAPEZOID
+
+    def accelerate(self, row: int) -> None:
+        """Takes over the acceleration for velocity mode."""
+        if self.drive.mode[row] == VELOCITY:
+            self.drive.acceleration[row] = self._profile(row, 0.0)[1]
 
     def live_until(self, now: float, fed: float) -> None:
         """Lets time pass until `now` (or 1 ms less), with the last word on the bus at `fed`.
@@ -108,87 +164,90 @@ class ServoBank:
         if now - self._time >= _SHORTEST_STEP:
             self._advance(now - self._time)
 
+    def _profile(self, row: int, distance: float) -> tuple[float, float]:
+        """Top speed (pulses/s) and acceleration (pulses/s^2) of the profile registers for a way so long, pulses."""
+        top, rate = int(self.registers["profile_velocity"][row]), int(self.registers["profile_acceleration"][row])
+        if self.registers["drive_mode"][row] & 4:
+            # Time-based: the registers are ms for the whole way and ms of it for speeding up, at most half.
+            whole, ramp = top * 1e-3, min(rate, top / 2) * 1e-3
+            if whole == 0.0:
+                return math.inf, math.inf
+            speed = max(distance / (whole - ramp), 1e-6)
+            return speed, speed / ramp if ramp else math.inf
+        speed = top * self.table["profile_velocity"].si * self._pulses_per_radian if top else math.inf
+        limited = rate > 0 and (top > 0 or self.drive.mode[row] == VELOCITY)
+        return speed, rate * self.table["profile_acceleration"].si * self._pulses_per_radian if limited else math.inf
+
     def _next_trip(self, fed: float) -> tuple[float, int] | None:
         """When which watchdog trips next if the bus stays silent; None while none counts."""
-        limit = self.registers["bus_watchdog"].astype(np.int64)
-        counting = (limit > 0) & (self.registers["torque_enable"] != 0)
+        limit = self.registers["bus_watchdog"]
+        counting = (limit > 0) & self.drive.on
         if not counting.any():
             return None
-        row = int(np.argmin(np.where(counting, limit, 1000)))
+        row = int(np.argmin(np.where(counting, limit.astype(np.int64), 1000)))
         return fed + float(limit[row]) * self.table["bus_watchdog"].si, row
 
     def _trip(self, row: int) -> None:
         """Stops a servo and has it hold, torque still on, until a 0 is written to the watchdog."""
         self.registers["bus_watchdog"][row] = TRIPPED
         self.registers["profile_velocity"][row] = self.registers["profile_acceleration"][row] = 0
+        self.registers["goal_velocity"][row] = 0
+        if self.drive.mode[row] in (CURRENT, PWM):
+            # What these modes hold with is a force, and none is the only one that stands still.
+            self.registers["goal_pwm"][row] = 0
+            if self._measures_current:
+                self.registers["goal_current"][row] = 0
+        self.settle()
         self.halt(row)
 
     def _advance(self, seconds: float) -> None:
-        self._time += max(0.0, seconds)
-        if seconds > 0.0 and not self._at_rest():
-            self._move(seconds)
+        if seconds <= 0.0:
+            return
+        self._time += seconds
         self._shown = False
+        self.drive.advance(seconds)
+        self._protect(seconds)
 
-    def _at_rest(self) -> bool:
-        """Whether moving on would change nothing that anybody can see."""
-        driven = self.registers["torque_enable"] != 0
-        unsettled = (np.abs(self.target - self.shaft) > 0.05) & driven
-        return not (unsettled | (np.abs(self.speed) > 0.05)).any()
-
-    def _move(self, seconds: float) -> None:
-        """Integrates the motion in the module's first lines."""
-        registers, table = self.registers, self.table
-        steps = math.ceil(seconds / _LONGEST_STEP)
-        dt = seconds / steps
-        driven = registers["torque_enable"] != 0
-        gain = registers["position_p_gain"] / 128.0
-        most = np.abs(registers["goal_pwm"].astype(np.float64)) * driven
-        speed_per_pwm = self._no_load / self._motor.full_pwm
-        approach = -math.expm1(-dt / self._motor.lag)
-        top, rate = registers["profile_velocity"], registers["profile_acceleration"]
-        to_pulses = self._pulses_per_radian
-        top_speed = np.where(top > 0, top * (table["profile_velocity"].si * to_pulses), np.inf)
-        acceleration = np.where((top > 0) & (rate > 0), rate * (table["profile_acceleration"].si * to_pulses), np.inf)
-        self.path = np.where(driven, self.path, self.shaft)
-        self._path_speed = np.where(driven, self._path_speed, 0.0)
-        target = np.where(driven, self.target, self.shaft)
-        for _ in range(steps):
-            left = target - self.path
-            distance = np.abs(left)
-            # From this speed, braking in steps of dt ends at the goal; it is sqrt(2 a d) for small dt.
-            braking = 2.0 * distance / (np.sqrt(0.25 * dt * dt + 2.0 * distance / acceleration) + 0.5 * dt)
-            wanted = np.copysign(np.minimum(np.minimum(top_speed, braking), distance / dt), left)
-            change = acceleration * dt
-            self._path_speed += np.clip(wanted - self._path_speed, -change, change)
-            self.path += self._path_speed * dt
-            drive = np.clip(gain * (self.path - self.shaft), -most, most)
-            self.speed += (drive * speed_per_pwm - self.speed) * approach
-            self.shaft += self.speed * dt
+    def _protect(self, seconds: float) -> None:
+        """Notices heat, overload and a wrong voltage, and shuts down the servos that are told to."""
+        registers, drive = self.registers, self.drive
+        self._overload = np.where(np.abs(drive.current) > _OVERLOADED, self._overload + seconds, 0.0)
+        tenths = drive.supply * 10.0
+        found = HEAT * (drive.temperature > registers["temperature_limit"])
+        found |= OVERLOAD * (self._overload > _OVERLOAD_TIME)
+        found |= VOLTAGE * ((tenths > registers["max_voltage_limit"]) | (tenths < registers["min_voltage_limit"]))
+        if not found.any():
+            return
+        registers["hardware_error_status"] |= found.astype(np.uint8)
+        down = (registers["hardware_error_status"] & registers["shutdown"] != 0) & drive.on
+        if down.any():
+            registers["torque_enable"][down] = 0
+            self.settle()
+        self.browned_out |= set(np.flatnonzero(drive.supply < _LOWEST_VOLTAGE * drive.motor.voltage).tolist())
 
     def show(self) -> None:
         """Brings the registers that a servo measures up to date."""
         if self._shown:
             return
         self._shown = True
-        registers, table = self.registers, self.table
+        registers, table, drive = self.registers, self.table, self.drive
         per_speed = 1.0 / (table["present_velocity"].si * self._pulses_per_radian)
-        sign = 1.0 - 2.0 * (registers["drive_mode"] & 1)
-        offset = registers["homing_offset"]
-        velocity = np.rint(sign * self.speed * per_speed)
-        registers["present_position"] = np.rint(sign * self.shaft + offset)
+        velocity = np.rint(drive.sign * drive.speed * per_speed)
+        registers["present_position"] = np.rint(drive.sign * drive.shaft + drive.offset)
         registers["present_velocity"] = velocity
-        registers["position_trajectory"] = np.rint(sign * self.path + offset)
-        registers["velocity_trajectory"] = np.rint(sign * self._path_speed * per_speed)
-        driven = registers["torque_enable"] != 0
-        most = np.abs(registers["goal_pwm"].astype(np.float64))
-        pwm = np.clip(registers["position_p_gain"] / 128.0 * (self.path - self.shaft), -most, most) * driven
-        stall = self._motor.stall_current / table["present_current"].scale
-        current = stall * (pwm / self._motor.full_pwm - self.speed / self._no_load) * driven
-        registers["present_pwm"] = np.rint(sign * pwm)
-        registers["present_current"] = np.clip(np.rint(sign * current), -1193, 1193)
+        registers["position_trajectory"] = np.rint(drive.sign * drive.path + drive.offset)
+        registers["velocity_trajectory"] = np.rint(drive.sign * drive.path_speed * per_speed)
+        registers["present_pwm"] = np.rint(drive.sign * drive.pwm)
+        if self._measures_current:
+            most = table["present_current"].maximum
+            stall = drive.motor.stall_current / table["present_current"].scale
+            registers["present_current"] = np.clip(np.rint(drive.sign * drive.current * stall), -most, most)
+        else:
+            registers["present_load"] = np.clip(np.rint(drive.sign * drive.current * 1e3), -1000, 1000)
         registers["moving"] = np.abs(velocity) > registers["moving_threshold"]
-        arrived = np.abs(self.target - self.shaft) <= _IN_POSITION_WINDOW
-        ongoing = (np.abs(self.target - self.path) > 0.5) & driven
-        registers["moving_status"] = _IN_POSITION * arrived + _PROFILE_ONGOING * ongoing
+        arrived = np.abs(drive.target - drive.shaft) <= _IN_POSITION_WINDOW
+        ongoing = (np.abs(drive.target - drive.path) > 0.5) & drive.on
+        registers["moving_status"] = _IN_POSITION * arrived + (_PROFILE_ONGOING | self._shape) * ongoing
         registers["realtime_tick"] = int(self._time * 1e3) % 32768
-        registers["present_input_voltage"] = _SUPPLY
+        registers["present_input_voltage"] = np.rint(drive.supply * 10.0)
+        registers["present_temperature"] = np.rint(drive.temperature)

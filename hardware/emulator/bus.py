@@ -1,27 +1,45 @@
-"""An emulated bus: bytes and the time in, bytes out; no port, no clock and no thread of its own.
+"""An emulated bus: bytes and the time in, the servos' answers out; no port, no clock and no thread of its own.
 
-Where the e-Manual is silent: in a sync read a servo waits for the one before it in the list, so a dead one hushes all
-behind it (`strict`; otherwise they answer anyway), and any instruction on the bus feeds every servo's watchdog.
-
-Not emulated yet: factory reset, clear, backup (answered with error 2), the time that bytes take, return delay, baud
-rate, and a second servo with the same ID.
+Where the e-Manual is silent: in a sync or bulk read a servo waits for the one before it in the list, so a dead one
+hushes all behind it (`strict`; otherwise they answer anyway); any instruction on the bus feeds every servo's watchdog;
+servos that share an ID all obey, and what they answer at the same time mixes on the wire.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from typing import NamedTuple
 
 from hardware.emulator.bank import ServoBank
-from hardware.emulator.device import INSTRUCTION, LENGTH, Device
+from hardware.emulator.device import ACCESS, BAUD_RATES, INSTRUCTION, LENGTH, RANGE, Device
 from hardware.protocol2 import instructions as wire
 from hardware.protocol2.crc import checksum
 from hardware.protocol2.frames import ALERT, BROADCAST, HEADER, STATUS, Frame, Parser, build_status
 from hardware.rig import RigConfig
 
-_BOOT_TIME = 0.1  # s a servo is deaf after a reboot; the manual gives no figure
-_ID_ADDRESS = 7
-_FAST_READ_FIRMWARE = 45
+BOOT_TIME = 0.1
+"""How long a servo is deaf after a reboot, s; the manual gives no figure."""
+
+LONGEST_GAP = 1.5e-3
+"""The silence inside an instruction after which servos forget its beginning, s."""
+
+_BAD_CHECKSUM = 3
+_NEWER_FIRMWARE = 42  # a factory reset of everything is no longer taken from a broadcast
+
+
+class Answer(NamedTuple):
+    """What the servos put on the wire in one go.
+
+    Attributes:
+        delay: how long they waited before, s.
+        data: the bytes.
+        id: who speaks; BROADCAST where several write one frame.
+    """
+
+    delay: float
+    data: bytes
+    id: int
 
 
 class EmulatedBus:
@@ -30,12 +48,21 @@ class EmulatedBus:
     Attributes:
         devices: the servos, in the order of the rig.
         strict: whether a servo keeps silent when the one before it in a sync read does.
+        baud: at which the host speaks, bits/s; a servo set to another hears nothing.
+        longest_gap: the silence inside an instruction that the servos forgive, s; None for any.
     """
 
-    def __init__(self, config: RigConfig, strict: bool = True) -> None:
-        """Switches the rig on, every servo at its zero."""
+    def __init__(self, config: RigConfig, strict: bool = True, longest_gap: float | None = LONGEST_GAP) -> None:
+        """Switches the rig on, every servo at its zero and set to the rig's baud rate.
+
+        Raises:
+            RigError: if a model cannot be emulated.
+        """
         self.strict = strict
+        self.baud = config.baud
+        self.longest_gap = longest_gap
         self._time = 0.0
+        self._heard = 0.0
         self._fed = 0.0
         self._parser = Parser()
         by_model: defaultdict[str, list[int]] = defaultdict(list)
@@ -46,69 +73,111 @@ class EmulatedBus:
         for members in by_model.values():
             joints = [config.joints[index] for index in members]
             bank = ServoBank(joints[0].table, [joint.id for joint in joints], [float(joint.zero) for joint in joints])
+            bank.registers["baud_rate"] = BAUD_RATES.index(config.baud)
             self._banks.append(bank)
             placed |= {index: Device(bank, row) for row, index in enumerate(members)}
         self.devices = [placed[index] for index in range(len(config.joints))]
-        self._by_id: dict[int, Device] = {}
-        self._index()
+        self.reindex()
 
     def __getitem__(self, id: int) -> Device:
         """The servo with this ID."""
-        return self._by_id[id]
+        return self._by_id[id][0]
 
-    def exchange(self, data: bytes, now: float) -> bytes:
-        """Puts bytes onto the wire at the time `now` (s, never running back) and takes the servos' answers off it."""
+    def exchange(self, data: bytes, now: float) -> list[Answer]:
+        """Puts bytes onto the wire, the last of them at the time `now` (s), and gives what the servos answer."""
         self.advance(now)
-        answers = b""
+        if self.longest_gap is not None and now - self._heard > self.longest_gap and self._parser.waiting:
+            self._parser = Parser()
+        self._heard = now
+        answers: list[Answer] = []
         for frame in self._parser.feed(data):
             if frame.instruction != STATUS:
-                self._fed = now
+                self._fed = self._time
                 answers += self._answer(frame)
+        for id in self._parser.damaged:
+            for device in self._hearing(id):
+                answers += self._status(device, id, _BAD_CHECKSUM, b"", 2)
         return answers
 
     def advance(self, now: float) -> None:
-        """Lets the servos live until the time `now`, s."""
+        """Lets the servos live until the time `now`, s; a time that is past already changes nothing."""
+        if now <= self._time:
+            return
         for bank in self._banks:
             bank.live_until(now, self._fed)
+            if bank.browned_out:
+                for device in self.devices:
+                    if device.bank is bank and device.row in bank.browned_out:
+                        device.reboot(now + BOOT_TIME)
+                bank.browned_out.clear()
         self._time = now
+
+    def feed(self, at: float) -> None:
+        """Has the watchdogs hear a word at the time `at`, s, without any bytes."""
+        self._fed = max(self._fed, at)
 
     @property
     def moving(self) -> bool:
         """Whether any servo says so itself: it turns faster than its moving threshold."""
-        return any(device["moving"] for device in self.devices)
+        return any(device.moving for device in self.devices)
 
-    def _index(self) -> None:
-        self._by_id = {device["id"]: device for device in self.devices}
+    def reindex(self) -> None:
+        """Finds out anew who listens to which ID, after one was changed."""
+        self._by_id: defaultdict[int, list[Device]] = defaultdict(list)
+        self._shadows: defaultdict[int, list[Device]] = defaultdict(list)
+        for device in self.devices:
+            self._by_id[device.id].append(device)
+            if device.shadow_id <= 252 and device.shadow_id != device.id:
+                self._shadows[device.shadow_id].append(device)
 
-    def _hearing(self, id: int) -> Device | None:
-        """The servo with this ID if it is alive and awake."""
-        device = self._by_id.get(id)
-        return device if device is not None and not device.dead and self._time >= device.asleep_until else None
+    def _awake(self, devices: list[Device]) -> list[Device]:
+        """Those of them that live, are not starting up, and listen at the host's speed."""
+        return [d for d in devices if not d.dead and self._time >= d.asleep_until and d.baud == self.baud]
 
-    def _all(self) -> Iterator[tuple[int, Device]]:
-        """Every servo that hears, by ID."""
-        for id in sorted(self._by_id):
-            if (device := self._hearing(id)) is not None:
-                yield id, device
+    def _hearing(self, id: int) -> list[Device]:
+        """The servos with this ID that hear."""
+        return self._awake(self._by_id[id]) if id in self._by_id else []
 
-    def _answer(self, frame: Frame) -> bytes:
+    def _answer(self, frame: Frame) -> list[Answer]:
         """What the servos send back on one instruction."""
         group = _GROUP.get(frame.instruction)
         if group is not None:
-            return group(self, frame.params) if frame.id == BROADCAST else b""
+            return group(self, frame.params) if frame.id == BROADCAST else []
         if frame.id == BROADCAST:
             if frame.instruction == wire.PING:
-                return b"".join(self._alone(device, id, frame) for id, device in self._all())
-            if frame.instruction != wire.READ:
-                for id, device in list(self._all()):
-                    self._alone(device, id, frame)
-            return b""
-        device = self._hearing(frame.id)
-        return b"" if device is None else self._alone(device, frame.id, frame)
+                return [said for id in sorted(self._by_id) for said in self._together(id, frame)]
+            reset_all = frame.instruction == wire.FACTORY_RESET and frame.params == bytes((wire.RESET_ALL,))
+            for device in self._awake(self.devices):
+                if frame.instruction != wire.READ and not (reset_all and device["firmware_version"] >= _NEWER_FIRMWARE):
+                    self._alone(device, device.id, frame)
+            return []
+        answers = self._together(frame.id, frame)
+        for device in self._awake(self._shadows.get(frame.id, [])):
+            if frame.instruction not in (wire.PING, wire.READ):
+                self._alone(device, frame.id, frame, shadow=True)
+        return answers
 
-    def _alone(self, device: Device, id: int, frame: Frame) -> bytes:
+    def _together(self, id: int, frame: Frame) -> list[Answer]:
+        """The answers of all servos with this ID, mixed into one where there are several."""
+        answers = [said for device in self._hearing(id) for said in self._alone(device, id, frame)]
+        return answers if len(answers) < 2 else [self._mixed(answers)]
+
+    def _mixed(self, answers: list[Answer]) -> Answer:
+        """Answers given at the same time: a 0 on the wire wins against a 1, as it does where drivers share a line."""
+        first = min(answer.delay for answer in answers)
+        late = [round((answer.delay - first) * self.baud / 10) for answer in answers]
+        mixed = bytearray(b"\xff" * max(start + len(answer.data) for start, answer in zip(late, answers, strict=True)))
+        for start, answer in zip(late, answers, strict=True):
+            for place, byte in enumerate(answer.data, start):
+                mixed[place] &= byte
+        return Answer(first, bytes(mixed), answers[0].id)
+
+    def _alone(self, device: Device, id: int, frame: Frame, shadow: bool = False) -> list[Answer]:
         """Does what an instruction to a single servo says, and gives its status."""
         params, error, answer, level = frame.params, 0, b"", 2
+        deaf_until = self._time + BOOT_TIME
+        # The answer leaves before what the instruction does to ID, speed and answering.
+        said = self._status(device, id, 0, b"", 2)
         match frame.instruction:
             case wire.PING:
                 answer, level = device.read(0, 2) or b"", 0
@@ -117,27 +186,36 @@ class EmulatedBus:
                 level = 1
                 answer, error = self._read(device, params)
             case wire.WRITE if len(params) > 2:
-                error = self._write(device, _word(params, 0), params[2:])
+                error = self._write(device, _word(params, 0), params[2:], shadow)
             case wire.REG_WRITE if len(params) > 2:
-                error = device.register(_word(params, 0), params[2:])
+                error = ACCESS if shadow else device.register(_word(params, 0), params[2:])
             case wire.WRITE | wire.REG_WRITE:
                 error = LENGTH
             case wire.ACTION:
                 error = device.act()
-                self._index()
+                self.reindex()
             case wire.REBOOT:
-                status = self._status(device, id, 0, b"", 2)
-                device.reboot(self._time + _BOOT_TIME)
-                return status
+                device.reboot(deaf_until)
+                return said
+            case wire.FACTORY_RESET if not shadow:
+                if len(params) == 1 and device.factory_reset(params[0], deaf_until):
+                    self.reindex()
+                    return said
+                error = RANGE if len(params) == 1 else LENGTH
+            case wire.CLEAR:
+                error = device.clear(params)
+            case wire.BACKUP if not shadow:
+                error = device.back_up(params, deaf_until)
+                self.reindex()
             case _:
                 error = INSTRUCTION
         return self._status(device, id, error, answer, level)
 
-    def _status(self, device: Device, id: int, error: int, params: bytes, level: int) -> bytes:
+    def _status(self, device: Device, id: int, error: int, params: bytes, level: int) -> list[Answer]:
         """A status as the servo sends it, nothing if its status return level is below `level`."""
         if device["status_return_level"] < level:
-            return b""
-        return build_status(id, error, params, device.alert)
+            return []
+        return [Answer(device.return_delay, build_status(id, error, params, device.alert), id)]
 
     def _read(self, device: Device, params: bytes) -> tuple[bytes, int]:
         if len(params) != 4:
@@ -145,44 +223,50 @@ class EmulatedBus:
         data = device.read(_word(params, 0), _word(params, 2))
         return (b"", LENGTH) if data is None else (data, 0)
 
-    def _write(self, device: Device, address: int, data: bytes) -> int:
-        error = device.write(address, data)
-        if address <= _ID_ADDRESS < address + len(data):
-            self._index()
+    def _write(self, device: Device, address: int, data: bytes, shadow: bool = False) -> int:
+        error = device.write(address, data, shadow)
+        if address <= _LAST_ID_ADDRESS and not error:
+            self.reindex()
         return error
 
-    def _sync_read(self, params: bytes) -> bytes:
-        return self._in_turn([(id, params[:4]) for id in params[4:]]) if len(params) > 4 else b""
+    def _sync_read(self, params: bytes) -> list[Answer]:
+        return self._in_turn([(id, params[:4]) for id in params[4:]]) if len(params) > 4 else []
 
-    def _bulk_read(self, params: bytes) -> bytes:
+    def _bulk_read(self, params: bytes) -> list[Answer]:
         return self._in_turn([(block[0], block[1:]) for block in _blocks(params, 5)])
 
-    def _in_turn(self, asked: list[tuple[int, bytes]]) -> bytes:
+    def _in_turn(self, asked: list[tuple[int, bytes]]) -> list[Answer]:
         """The statuses of servos that answer one behind the other."""
-        answers = b""
+        answers: list[Answer] = []
         for id, params in asked:
-            device = self._hearing(id)
-            status = b""
-            if device is not None:
+            said = []
+            for device in self._hearing(id):
                 data, error = self._read(device, params)
-                status = self._status(device, id, error, data, 1)
-            if not status and self.strict:
+                said += self._status(device, id, error, data, 1)
+            if not said and self.strict:
                 break
-            answers += status
+            answers += said if len(said) < 2 else [self._mixed(said)]
         return answers
 
-    def _fast_sync_read(self, params: bytes) -> bytes:
-        """One frame that the servos write together, each with a CRC over all that was sent before it."""
+    def _fast_sync_read(self, params: bytes) -> list[Answer]:
         if len(params) <= 4:
-            return b""
-        address, length, ids = _word(params, 0), _word(params, 2), params[4:]
-        size = wire.fast_reply_length(len(ids), length) - 7
+            return []
+        address, length = _word(params, 0), _word(params, 2)
+        return self._in_one_frame([(id, address, length) for id in params[4:]])
+
+    def _fast_bulk_read(self, params: bytes) -> list[Answer]:
+        return self._in_one_frame([(block[0], _word(block, 1), _word(block, 3)) for block in _blocks(params, 5)])
+
+    def _in_one_frame(self, asked: list[tuple[int, int, int]]) -> list[Answer]:
+        """One frame that the servos write together, each with a CRC over all that was sent before it."""
+        size = 1 + sum(length + 4 for _, _, length in asked)
         answer = HEADER + bytes((BROADCAST, size & 0xFF, size >> 8 & 0xFF, STATUS))
         crc = checksum(answer)
-        spoken = False
-        for id in ids:
-            device = self._hearing(id)
-            if device is None or device["status_return_level"] < 1 or device["firmware_version"] < _FAST_READ_FIRMWARE:
+        delay: float | None = None
+        pieces = [answer]
+        for id, address, length in asked:
+            device = next(iter(self._hearing(id)), None)
+            if device is None or device["status_return_level"] < 1 or not device.answers_fast_reads:
                 if self.strict:
                     break
                 continue
@@ -190,32 +274,41 @@ class EmulatedBus:
             error = (LENGTH if data is None else 0) | (ALERT if device.alert else 0)
             piece = bytes((error, id)) + (data if data is not None else bytes(length))
             tail = checksum(piece, crc).to_bytes(2, "little")
-            crc = checksum(piece + tail, crc)
-            answer += piece + tail
-            spoken = True
-        return answer if spoken else b""
+            crc = checksum(tail, checksum(piece, crc))
+            pieces.append(piece + tail)
+            delay = device.return_delay if delay is None else delay
+        return [] if delay is None else [Answer(delay, b"".join(pieces), BROADCAST)]
 
-    def _sync_write(self, params: bytes) -> bytes:
+    def _sync_write(self, params: bytes) -> list[Answer]:
         if len(params) > 4 and (length := _word(params, 2)) > 0:
             address = _word(params, 0)
             for entry in _blocks(params[4:], length + 1):
-                if (device := self._hearing(entry[0])) is not None:
-                    self._write(device, address, entry[1:])
-        return b""
+                self._write_unanswered(entry[0], address, entry[1:])
+        return []
 
-    def _bulk_write(self, params: bytes) -> bytes:
+    def _bulk_write(self, params: bytes) -> list[Answer]:
         while len(params) > 5:
             id, address, length = params[0], _word(params, 1), _word(params, 3)
             data, params = params[5 : 5 + length], params[5 + length :]
-            if len(data) == length and (device := self._hearing(id)) is not None:
-                self._write(device, address, data)
-        return b""
+            if len(data) == length:
+                self._write_unanswered(id, address, data)
+        return []
+
+    def _write_unanswered(self, id: int, address: int, data: bytes) -> None:
+        for device in self._hearing(id):
+            self._write(device, address, data)
+        if id in self._shadows:
+            for device in self._awake(self._shadows[id]):
+                self._write(device, address, data, shadow=True)
 
 
-_GROUP: dict[int, Callable[[EmulatedBus, bytes], bytes]] = {
+_LAST_ID_ADDRESS = 12  # of the ID, the baud rate and the second ID
+
+_GROUP: dict[int, Callable[[EmulatedBus, bytes], list[Answer]]] = {
     wire.SYNC_READ: EmulatedBus._sync_read,
     wire.BULK_READ: EmulatedBus._bulk_read,
     wire.FAST_SYNC_READ: EmulatedBus._fast_sync_read,
+    wire.FAST_BULK_READ: EmulatedBus._fast_bulk_read,
     wire.SYNC_WRITE: EmulatedBus._sync_write,
     wire.BULK_WRITE: EmulatedBus._bulk_write,
 }

@@ -1,17 +1,39 @@
 """One emulated servo as the bus sees it: which reads and writes it allows, and what they set off.
 
 Where the e-Manual is silent: a goal beyond the user's limits is error 6 and one beyond the register's range error 4; a
-watchdog that has tripped takes nothing but 0; torque on a servo in shutdown is refused with error 1.
+watchdog that has tripped takes nothing but 0; torque on a servo in shutdown is refused with error 1; a servo changes to
+its new baud rate after it has answered at the old one.
 """
 
 from __future__ import annotations
 
 from hardware.control_table.register import Register
+from hardware.control_table.servo_traits import TRAITS
 from hardware.emulator.bank import TRIPPED, ServoBank
+from hardware.protocol2.instructions import (
+    BACKUP_RESTORE,
+    BACKUP_STORE,
+    CLEAR_TURNS,
+    RESET_ALL,
+    RESET_BUT_ID,
+    RESET_BUT_ID_AND_BAUD,
+)
 
 RESULT_FAIL, INSTRUCTION, RANGE, LENGTH, LIMIT, ACCESS = 1, 2, 4, 5, 6, 7
 
-_POSITION_MODES = (3, 4, 5)
+BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
+"""Bits/s, by what stands in the baud rate register."""
+
+_FOLLOWER, _ON_BY_GOAL = 2, 8
+_TORQUE_AT_START, _RESTORE_RAM = 1, 2
+_RESTORED = ("led", "bus_watchdog", "position_p_gain", "position_i_gain", "position_d_gain", "velocity_i_gain",
+             "velocity_p_gain", "feedforward_1st_gain", "feedforward_2nd_gain", "profile_velocity",
+             "profile_acceleration")  # fmt: skip
+_NEWER_FIRMWARE = 45  # startup configuration, backup, torque on by goal update
+# What the motors have to be told about when it changes.
+_MATTERS = frozenset({"torque_enable", "operating_mode", "drive_mode", "homing_offset", "goal_pwm", "goal_current",
+                      "goal_velocity", "position_p_gain", "position_i_gain", "position_d_gain",
+                      "feedforward_1st_gain"})  # fmt: skip
 _GOALS = frozenset({"goal_pwm", "goal_current", "goal_velocity", "goal_position"})
 _LIMITED_BY = {"goal_pwm": "pwm_limit", "goal_current": "current_limit", "goal_velocity": "velocity_limit"}
 
@@ -20,6 +42,7 @@ class Device:
     """A servo: row `row` of a bank.
 
     Attributes:
+        model: the maker's name.
         dead: set it, and the servo neither hears nor answers, like one whose cable is cut.
         asleep_until: the servo is deaf before this time, s, as after a reboot.
     """
@@ -29,7 +52,11 @@ class Device:
         self.row = row
         self.dead = False
         self.asleep_until = 0.0
+        self.model = bank.table.model
         self._table = bank.table
+        self._modes = TRAITS[self.model].modes
+        self._has_follower = "540" in self.model
+        self._backup: bytes | None = None
         size = bank.table.size
         self._memory = memoryview(bank.memory)[row * size : (row + 1) * size]
         self._places = {
@@ -53,6 +80,39 @@ class Device:
     def __setitem__(self, name: str, value: int) -> None:
         """Puts a value into a register, with no rule asked and no effect: for the servo itself, and for tests."""
         self._store(self._table[name], value)
+        if name in _MATTERS:
+            self.bank.settle()
+
+    @property
+    def id(self) -> int:
+        """Its ID."""
+        return self._get("id")
+
+    @property
+    def shadow_id(self) -> int:
+        """The second ID it listens to, without answering; above 252 for none."""
+        return self._get("secondary_id")
+
+    @property
+    def baud(self) -> int:
+        """The speed at which it hears and answers, bits/s."""
+        return BAUD_RATES[self._get("baud_rate")]
+
+    @property
+    def return_delay(self) -> float:
+        """How long it waits before it answers, s."""
+        return 2e-6 * self._get("return_delay_time")
+
+    @property
+    def answers_fast_reads(self) -> bool:
+        """Whether its model and firmware know the fast reads."""
+        since = TRAITS[self.model].fast_read
+        return since is not None and self._get("firmware_version") >= since
+
+    @property
+    def moving(self) -> bool:
+        """Whether it says itself that it moves: it turns faster than its moving threshold."""
+        return self["moving"] != 0
 
     @property
     def alert(self) -> bool:
@@ -67,7 +127,7 @@ class Device:
     def fail(self, bits: int) -> None:
         """Gives the servo a hardware problem: 1 voltage, 4 heat, 8 encoder, 16 shock, 32 overload."""
         self["hardware_error_status"] = self._get("hardware_error_status") | bits
-        if self.shut_down:
+        if self.shut_down and self._get("torque_enable"):
             self["torque_enable"] = 0
 
     def read(self, address: int, length: int) -> bytes | None:
@@ -76,20 +136,33 @@ class Device:
         if length == 0 or end > len(self._memory):
             return None
         self.bank.show()
+        if end <= self._first_cell:
+            return bytes(self._memory[address:end])
         data = bytearray(self._memory[address:end])
         for cell in range(max(address, self._first_cell), end):
             if cell in self._cells:
                 data[cell - address] = self._memory[self._behind(cell)]
         return bytes(data)
 
-    def write(self, address: int, data: bytes) -> int:
-        """Writes bytes if every rule allows all of them; the error number, 0 for none."""
+    def write(self, address: int, data: bytes, shadow: bool = False) -> int:
+        """Writes bytes if every rule allows all of them; the error number, 0 for none.
+
+        As a `shadow` (spoken to by its second ID) it keeps its EEPROM as it is.
+        """
         plan = self._plan(address, data)
         if isinstance(plan, int):
             return plan
+        if shadow and any(register.memory == "EEPROM" for register, _ in plan):
+            return ACCESS
         was_on = self._get("torque_enable")
         for register, value in plan:
             self._store(register, value)
+        by_goal = not was_on and self._get("drive_mode") & _ON_BY_GOAL and not self.shut_down
+        if by_goal and any(register.name in _GOALS for register, _ in plan):
+            self._store(self._table["torque_enable"], 1)
+            plan.insert(0, (self._table["torque_enable"], 1))
+        if any(register.name in _MATTERS for register, _ in plan):
+            self.bank.settle()
         for register, value in plan:
             self._take_effect(register.name, value, switched_on=not was_on)
         return 0
@@ -113,9 +186,54 @@ class Device:
 
     def reboot(self, deaf_until: float) -> None:
         """Starts the servo anew; it hears nothing for a while."""
-        self.bank.restart(self.row)
+        startup = self._get("startup_configuration") if self._newer else 0
+        kept = {name: self._get(name) for name in _RESTORED if name in self._places} if startup & _RESTORE_RAM else {}
+        kept["bus_watchdog"] = max(0, kept.get("bus_watchdog", 0))
+        self.bank.restart(self.row, kept)
         self._registered = None
         self.asleep_until = deaf_until
+        if startup & _TORQUE_AT_START:
+            self["torque_enable"] = 1
+
+    def factory_reset(self, keep: int, deaf_until: float) -> bool:
+        """Puts the EEPROM back to its defaults and restarts; whether `keep` is one of the known ways."""
+        if keep not in (RESET_ALL, RESET_BUT_ID, RESET_BUT_ID_AND_BAUD):
+            return False
+        kept = {RESET_ALL: (), RESET_BUT_ID: ("id",), RESET_BUT_ID_AND_BAUD: ("id", "baud_rate")}[keep]
+        self.bank.reset(self.row, kept)
+        self.reboot(deaf_until)
+        return True
+
+    def clear(self, params: bytes) -> int:
+        """Makes the present position one within a turn; the error number, 0 for none."""
+        if params != CLEAR_TURNS:
+            return RANGE
+        if self.moving:
+            return RESULT_FAIL
+        self.bank.to_one_turn(self.row)
+        return 0
+
+    def back_up(self, params: bytes, deaf_until: float) -> int:
+        """Stores the EEPROM, or brings back what was stored and restarts; the error number, 0 for none."""
+        if not self._newer:
+            return INSTRUCTION
+        if params not in (BACKUP_STORE, BACKUP_RESTORE):
+            return RANGE
+        end = self._table["torque_enable"].address
+        if self._get("torque_enable") or (params == BACKUP_RESTORE and self._backup is None):
+            return RESULT_FAIL
+        if params == BACKUP_STORE:
+            self._backup = bytes(self._memory[:end])
+            self["backup_ready"] = 1
+        elif self._backup is not None:
+            self._memory[:end] = self._backup
+            self.reboot(deaf_until)
+            self["backup_ready"] = 1
+        return 0
+
+    @property
+    def _newer(self) -> bool:
+        return "startup_configuration" in self._places and self._get("firmware_version") >= _NEWER_FIRMWARE
 
     def _get(self, name: str) -> int:
         """What a register holds that the servo does not measure."""
@@ -181,27 +299,32 @@ class Device:
             return 0 if abs(value) <= self._get(_LIMITED_BY[name]) else LIMIT
         if name == "bus_watchdog":
             return RANGE if value < 0 or (value and self._get(name) == TRIPPED) else 0
-        if name == "operating_mode":  # the other modes of this model are not emulated yet
-            return 0 if value in _POSITION_MODES else RANGE
+        if name == "operating_mode":
+            return 0 if value in self._modes else RANGE
         if name == "drive_mode":
-            return 0 if value in (0, 1) else RANGE
+            return RANGE if value & _FOLLOWER and not self._has_follower else 0
+        if name == "baud_rate":
+            return 0 if value < len(BAUD_RATES) else RANGE
         if name == "torque_enable":
             return RESULT_FAIL if value and self.shut_down else 0
         return 0
 
     def _take_effect(self, name: str, value: int, switched_on: bool) -> None:
         """What follows from a register having been written; `switched_on`: torque was off before."""
+        bank, row = self.bank, self.row
         if name == "goal_position" and self._get("torque_enable"):
-            self.bank.pursue(self.row)
+            bank.pursue(row)
+        elif name == "goal_velocity":
+            bank.accelerate(row)
         elif name == "torque_enable" and value and switched_on:
             if self._get("operating_mode") == 3:
-                self.bank.to_one_turn(self.row)
-            self.bank.halt(self.row)
+                bank.to_one_turn(row)
+            bank.halt(row)
             if self._get("bus_watchdog") != TRIPPED:
                 # A real servo lunges for whatever goal is left from before; so does this one.
-                self.bank.pursue(self.row)
-        elif name == "operating_mode" and value == 3:
-            self.bank.to_one_turn(self.row)
+                bank.pursue(row)
+        elif name == "operating_mode":
+            bank.to_one_turn(row) if value == 3 else bank.halt(row)
 
     def _behind(self, cell: int) -> int:
         """The address that an indirect data cell stands for."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from hardware.emulator.bus import EmulatedBus
+from hardware.emulator.faults import FaultPlan
+from hardware.emulator.wire import Wire
 from hardware.errors import PortError
 
 
@@ -11,37 +13,40 @@ class EmulatedPort:
 
     Attributes:
         bus: what is behind the port.
+        wire: what is between.
         sent: every byte string that was sent, in order.
     """
 
     name = "emulated"
 
-    def __init__(self, bus: EmulatedBus) -> None:
+    def __init__(self, bus: EmulatedBus, paced: bool = False, faults: FaultPlan | None = None) -> None:
         self.bus = bus
+        self.wire = Wire(bus, faults, paced)
         self.sent: list[bytes] = []
         self._now = 0.0
-        self._arrived = b""
         self._plugged = True
 
     def send(self, data: bytes) -> bool:
-        """Hands the bytes to the servos, whose answers can be received at once."""
+        """Hands the bytes to the wire."""
         self._check()
         self.sent.append(data)
-        self._arrived += self.bus.exchange(data, self._now)
+        self.wire.send(data, self._now)
         return True
 
     def receive(self) -> bytes:
         """What the servos have answered since the last call."""
         self._check()
-        arrived, self._arrived = self._arrived, b""
-        return arrived
+        return self.wire.receive(self._now)
 
     def wait(self, seconds: float) -> bool:
-        """True if there is something to receive; else so much time passes."""
+        """Lets time pass until there is something to receive, at most so much; whether there is."""
         self._check()
-        if not self._arrived:
-            self.elapse(max(0.0, seconds))
-        return bool(self._arrived)
+        due = self.wire.due
+        if due is None or due > self._now:
+            self.elapse(max(0.0, seconds if due is None else min(seconds, due - self._now)))
+        self._check()
+        due = self.wire.due
+        return due is not None and due <= self._now
 
     def now(self) -> float:
         """The simulated time, s."""
@@ -53,12 +58,16 @@ class EmulatedPort:
     def elapse(self, seconds: float) -> None:
         """Lets time pass without a word on the bus."""
         self._now += seconds
-        self.bus.advance(self._now)
+        self.wire.advance(self._now)
 
     def unplug(self) -> None:
         """From now on every call fails, as after pulling the adapter."""
         self._plugged = False
 
+    def plug_in(self) -> None:
+        """Ends what `unplug` began."""
+        self._plugged = True
+
     def _check(self) -> None:
-        if not self._plugged:
+        if not self._plugged or self.wire.faults.unplugged:
             raise PortError(f"the port {self.name} is gone: plug the adapter in again and start anew.")

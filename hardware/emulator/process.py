@@ -50,7 +50,10 @@ def start_emulator(path: str | Path) -> EmulatorProcess:
     """
     load_rig(path)
     command = [sys.executable, "-m", "hardware.emulator", str(path)]
-    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True)
+    # In a session of its own: Ctrl-C is for the deck, which still needs its servos to come to rest.
+    process = subprocess.Popen(
+        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True, start_new_session=True
+    )
     port = process.stdout.readline().strip() if process.stdout is not None else ""
     emulator = EmulatorProcess(process, port)
     if not port:

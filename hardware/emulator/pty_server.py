@@ -3,72 +3,150 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import os
 import pty
 import select
+import struct
 import time
 import tty
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 
 from hardware.emulator.bus import EmulatedBus
+from hardware.emulator.faults import Fault, FaultPlan
+from hardware.emulator.wire import Wire
+from hardware.errors import PortError
 from hardware.rig import RigConfig
 
 _WAKE = 0.02
 _LONGEST_STEP = 0.1
+_TCGETS2 = 0x802C542A  # the terminal's settings with its speed as a plain number (Linux)
+_SETTINGS = struct.Struct("=4I20s2I")
 
 
 class PtyServer:
     """Serves one emulated bus on one pseudo-terminal.
 
     The servos' time is the real one, except that it stands still while this process is not given the processor: else a
-    busy machine would look like a silent bus, and trip their watchdogs.
+    busy machine would look like a silent bus, and trip their watchdogs. For the same reason the host's word waits for
+    the end of an answer under way (a client may be late without knowing), and gaps within an instruction are forgiven.
 
     Attributes:
         port: what a client opens.
+        wire: between the pseudo-terminal and the servos.
     """
 
-    def __init__(self, bus: EmulatedBus) -> None:
+    def __init__(
+        self, bus: EmulatedBus, faults: FaultPlan | None = None, paced: bool = True, link: Path | None = None
+    ) -> None:
+        """Opens a pseudo-terminal.
+
+        Args:
+            bus: the servos.
+            faults: what goes wrong.
+            paced: whether bytes take their time on the wire.
+            link: a name for the port that stays the same when it is unplugged and plugged in again.
+
+        Raises:
+            PortError: if the link cannot be made.
+            FaultError: if a fault is about a servo that is not there.
+        """
+        bus.longest_gap = None
         self._bus = bus
-        self._master, self._slave = pty.openpty()
-        # Kept open on this side too, so that the link outlives a client and serves the next.
-        tty.setraw(self._slave)
-        os.set_blocking(self._master, False)
-        self.port = os.ttyname(self._slave)
-        self._poll = select.poll()
-        self._poll.register(self._master, select.POLLIN)
+        self.wire = Wire(bus, faults, paced, half_duplex=False)
+        self._link = link
+        self._master = self._slave = -1
         self._woken = time.monotonic()
         self._now = 0.0
+        self._plug_in()
+        self.port = str(link) if link is not None else os.ttyname(self._slave)
 
     def pump(self) -> None:
         """Carries what has arrived to the servos and their answers back; returns after 20 ms of silence."""
-        ready = self._poll.poll(_WAKE * 1e3)
+        if self.wire.faults.unplugged != (self._master < 0):
+            self._unplug() if self._master >= 0 else self._plug_in()
+        due = self.wire.due
+        patience = _WAKE if due is None else min(_WAKE, max(0.0, due - self._now))
+        if self._master < 0:
+            time.sleep(_WAKE)
+            ready = False
+        else:
+            # select, because poll() would wait in whole milliseconds.
+            ready = bool(select.select([self._master], [], [], patience)[0])
         woken = time.monotonic()
         self._now += min(woken - self._woken, _LONGEST_STEP)
         self._woken = woken
-        answers = self._bus.exchange(os.read(self._master, 65536) if ready else b"", self._now)
-        if answers:
+        if ready:
+            self._bus.baud = _speed(self._slave) or self._bus.baud
+            self.wire.send(os.read(self._master, 65536), self._now)
+        else:
+            self.wire.advance(self._now)
+        answers = self.wire.receive(self._now)
+        if answers and self._master >= 0:
             # A wire does not wait: what nobody reads is lost.
             with contextlib.suppress(BlockingIOError):
                 os.write(self._master, answers)
 
     def close(self) -> None:
         """Takes the pseudo-terminal away, as unplugging an adapter does; may be called twice."""
+        self._unplug()
+        if self._link is not None:
+            self._link.unlink(missing_ok=True)
+            self._link = None
+
+    def _plug_in(self) -> None:
+        self._master, self._slave = pty.openpty()
+        # Kept open on this side too, so that the link outlives a client and serves the next.
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        if self._link is not None:
+            try:
+                if self._link.is_symlink():
+                    self._link.unlink()
+                self._link.symlink_to(os.ttyname(self._slave))
+            except OSError as error:
+                self._unplug()
+                raise PortError(f"cannot make the link {self._link}: {error.strerror}.") from error
+
+    def _unplug(self) -> None:
         if self._master >= 0:
             os.close(self._master)
             os.close(self._slave)
             self._master = self._slave = -1
 
 
-def serve(config: RigConfig, announce: Callable[[str], None]) -> None:
+def serve(
+    config: RigConfig,
+    announce: Callable[[str], None],
+    faults: Sequence[Fault] = (),
+    paced: bool = True,
+    strict: bool = True,
+    link: Path | None = None,
+    seed: int = 0,
+) -> None:
     """Emulates the rig, tells `announce` the port to open, and serves any client until the parent process is gone.
 
     Runs for ever otherwise: end it with a signal.
+
+    Raises:
+        RigError: if a model cannot be emulated.
+        PortError: if the link cannot be made.
+        FaultError: if a fault is about a servo that is not there.
     """
     parent = os.getppid()
-    server = PtyServer(EmulatedBus(config))
+    server = PtyServer(EmulatedBus(config, strict), FaultPlan(faults, seed), paced, link)
     announce(server.port)
     try:
         while os.getppid() == parent:
             server.pump()
     finally:
         server.close()
+
+
+def _speed(fd: int) -> int | None:
+    """At which speed the client has opened the terminal, bits/s; None where the system does not tell."""
+    try:
+        return _SETTINGS.unpack(fcntl.ioctl(fd, _TCGETS2, bytes(_SETTINGS.size)))[-1] or None
+    except OSError:
+        return None

@@ -86,18 +86,26 @@ class Parser:
 
     Attributes:
         corrupt: how many frames were dropped because of their checksum, so far.
+        damaged: the IDs of those that the last `feed` dropped, as far as an ID can be trusted in a damaged frame.
     """
 
-    __slots__ = ("_buffer", "corrupt")
+    __slots__ = ("_buffer", "corrupt", "damaged")
 
     def __init__(self) -> None:
         self._buffer = b""
         self.corrupt = 0
+        self.damaged: list[int] = []
+
+    @property
+    def waiting(self) -> bool:
+        """Whether a frame has begun and its end has not arrived."""
+        return self._buffer.startswith(HEADER)
 
     def feed(self, data: bytes) -> list[Frame]:
         """The frames that these bytes complete, in order."""
         buffer = self._buffer + data
         frames: list[Frame] = []
+        self.damaged = []
         done = 0  # everything before is used up
         waiting = None  # the first header whose frame has not arrived in full
         start = buffer.find(HEADER)
@@ -108,7 +116,9 @@ class Parser:
                 frames.append(frame)
                 done, waiting = end, None
             elif end is not None:
-                self.corrupt += waiting is None
+                if waiting is None:
+                    self.corrupt += 1
+                    self.damaged.append(buffer[start + 4])
             elif waiting is None:
                 # It may be noise that looks like a header, so a whole frame behind it still counts: inside a good frame
                 # there can be none, stuffing sees to that.

@@ -1,4 +1,4 @@
-"""The instructions of Protocol 2.0, each as the bytes of one frame, and the joint reply to a fast sync read."""
+"""The instructions of Protocol 2.0, each as the bytes of one frame, and the joint reply to a fast read."""
 
 from __future__ import annotations
 
@@ -13,12 +13,21 @@ READ = 0x02
 WRITE = 0x03
 REG_WRITE = 0x04
 ACTION = 0x05
+FACTORY_RESET = 0x06
 REBOOT = 0x08
+CLEAR = 0x10
+BACKUP = 0x20
 SYNC_READ = 0x82
 SYNC_WRITE = 0x83
 FAST_SYNC_READ = 0x8A
 BULK_READ = 0x92
 BULK_WRITE = 0x93
+FAST_BULK_READ = 0x9A
+
+RESET_ALL, RESET_BUT_ID, RESET_BUT_ID_AND_BAUD = 0xFF, 0x01, 0x02
+CLEAR_TURNS = b"\x01\x44\x58\x4c\x22"
+BACKUP_STORE = b"\x01\x43\x54\x52\x4c"
+BACKUP_RESTORE = b"\x02\x43\x54\x52\x4c"
 
 ERRORS = {
     1: "result fail",
@@ -68,6 +77,21 @@ def reboot(id: int) -> bytes:
     return build(id, REBOOT)
 
 
+def factory_reset(id: int, keep: int = RESET_BUT_ID_AND_BAUD) -> bytes:
+    """Puts the EEPROM back to what it was in the box, but for what `keep` names (RESET_...), and restarts the servo."""
+    return build(id, FACTORY_RESET, bytes((keep,)))
+
+
+def clear_turns(id: int) -> bytes:
+    """Makes the present position one within a turn again; refused while the servo moves."""
+    return build(id, CLEAR, CLEAR_TURNS)
+
+
+def backup(id: int, restore: bool = False) -> bytes:
+    """Stores the EEPROM in the servo, or brings back what was stored and restarts; refused with torque on."""
+    return build(id, BACKUP, BACKUP_RESTORE if restore else BACKUP_STORE)
+
+
 def sync_read(address: int, length: int, ids: Iterable[int]) -> bytes:
     """Asks many servos for the same registers; each answers with its own status, in this order."""
     return build(BROADCAST, SYNC_READ, words(address, length) + bytes(ids))
@@ -88,6 +112,11 @@ def bulk_read(blocks: Iterable[tuple[int, int, int]]) -> bytes:
     return build(BROADCAST, BULK_READ, b"".join(bytes((id,)) + words(a, length) for id, a, length in blocks))
 
 
+def fast_bulk_read(blocks: Iterable[tuple[int, int, int]]) -> bytes:
+    """As `bulk_read`, but all answer in one frame: see `fast_reply`."""
+    return build(BROADCAST, FAST_BULK_READ, b"".join(bytes((id,)) + words(a, length) for id, a, length in blocks))
+
+
 def bulk_write(blocks: Iterable[tuple[int, int, bytes]]) -> bytes:
     """Writes (id, address, data) for many servos at once, unanswered."""
     return build(BROADCAST, BULK_WRITE, b"".join(bytes((id,)) + words(a, len(data)) + data for id, a, data in blocks))
@@ -104,7 +133,7 @@ def fast_reply_length(count: int, length: int) -> int:
 
 
 class FastReply(NamedTuple):
-    """What could be understood of the joint reply to a fast sync read.
+    """What could be understood of the joint reply to a fast read.
 
     Attributes:
         statuses: of the servos that were heard, by ID.
@@ -127,8 +156,8 @@ def fast_reply_start(received: bytes) -> int:
     return start
 
 
-def fast_reply(received: bytes, ids: Sequence[int], length: int) -> FastReply:
-    """Reads the joint reply of the servos `ids`, asked in this order for `length` bytes each.
+def fast_reply(received: bytes, ids: Sequence[int], length: int | Sequence[int]) -> FastReply:
+    """Reads the joint reply of the servos `ids`, asked in this order for `length` bytes each (or for its own number).
 
     Behind FF FF FD 00 FE LENGTH 55 each servo sends  error, ID, data, CRC,  where its CRC covers everything on the wire
     before it, the earlier CRCs included. So a reply that breaks off is good up to there; and because the next piece is
@@ -141,9 +170,11 @@ def fast_reply(received: bytes, ids: Sequence[int], length: int) -> FastReply:
     turn = 0
     if start >= 0:
         piece = start + _FAST_HEAD
-        size = length + 4
+        lengths = [length] * len(ids) if isinstance(length, int) else length
+        if (whole := _whole_fast_reply(received, start, ids, lengths)) is not None:
+            return FastReply(whole, corrupt, silent, [])
         crc = checksum(received[start:piece])
-        while turn < len(ids) and piece + size <= len(received):
+        while turn < len(ids) and piece + (size := lengths[turn] + 4) <= len(received):
             tail = received[piece + size - 2 : piece + size]
             said = tail[0] | tail[1] << 8
             error, id = received[piece], received[piece + 1]
@@ -160,3 +191,21 @@ def fast_reply(received: bytes, ids: Sequence[int], length: int) -> FastReply:
             piece += size
             turn += 1
     return FastReply(statuses, corrupt, silent + list(ids[turn : turn + 1]), list(ids[turn + 1 :]))
+
+
+def _whole_fast_reply(
+    received: bytes, start: int, ids: Sequence[int], lengths: Sequence[int]
+) -> dict[int, Status] | None:
+    """The statuses of a joint reply that is all there and all right, as the last checksum tells; else None."""
+    end = start + _FAST_HEAD + sum(lengths) + 4 * len(lengths)
+    if end > len(received) or checksum(received[start : end - 2]) != received[end - 2] | received[end - 1] << 8:
+        return None
+    statuses: dict[int, Status] = {}
+    piece = start + _FAST_HEAD
+    for id, length in zip(ids, lengths, strict=True):
+        error, said = received[piece], received[piece + 1]
+        if said != id:
+            return None
+        statuses[id] = Status(id, error & ~ALERT, error >= ALERT, received[piece + 2 : piece + 2 + length])
+        piece += length + 4
+    return statuses

@@ -113,7 +113,7 @@ def test_missing_servos_are_all_named_in_one_error(rig_of_four, port, bus):
 
 def test_another_model_is_named(rig_of_four, port, bus):
     port.bus[3]["model_number"] = 1060
-    with pytest.raises(RigError, match=r"joint_3 \(id 3\) is a model number 1060, not a XM430-W350"):
+    with pytest.raises(RigError, match=r"joint_3 \(id 3\) is a XL430-W250, not a XM430-W350"):
         DynamixelRig(rig_of_four, bus)
 
 
@@ -174,6 +174,17 @@ def test_a_servo_that_comes_back_is_heard_again(rig, port):
     assert (rig.faults.missed == missed).all()
 
 
+def test_several_that_come_back_are_all_heard_within_a_second(rig, port):
+    play(rig, port, [0.0] * 4, 5)
+    for id in (1, 2, 3):
+        port.bus[id].dead = True
+    play(rig, port, [0.3] * 4, 100)
+    for id in (1, 2, 3):
+        port.bus[id].dead = False
+    play(rig, port, [0.3] * 4, 100)
+    assert (rig.missed_in_a_row == 0).all()
+
+
 def test_all_servos_dead_is_no_exception(rig, port):
     for id in (1, 2, 3, 4):
         port.bus[id].dead = True
@@ -186,10 +197,12 @@ def test_a_corrupt_reply_is_counted_for_its_servo(rig, port):
     play(rig, port, [0.0] * 4, 3)
     rig.collect_state()
     rig.request_state()
-    damaged = bytearray(port._arrived)
+    receive = port.receive
+    damaged = bytearray(receive())
     damaged[8 + 14 + 5] ^= 1  # in the second servo's piece
-    port._arrived = bytes(damaged)
+    port.receive = lambda: bytes(damaged)
     assert rig.collect_state()
+    port.receive = receive
     assert rig.faults.corrupt.tolist() == [0, 1, 0, 0]
 
 

@@ -226,7 +226,7 @@ def test_a_dead_servo_hushes_those_behind_it_if_strict(servos, say, port):
 
 
 @pytest.mark.parametrize("params", [b"", b"\x84", b"\x84\x00\x04\x00", b"\x84\x00\x00\x00\x01\x02"])
-@pytest.mark.parametrize("instruction", [0x82, 0x83, 0x8A, 0x92, 0x93, 0x02, 0x03, 0x04])
+@pytest.mark.parametrize("instruction", [0x82, 0x83, 0x8A, 0x92, 0x93, 0x9A, 0x02, 0x03, 0x04, 0x06, 0x10, 0x20])
 def test_a_malformed_instruction_breaks_nothing(say, port, instruction, params):
     for id in (1, BROADCAST):
         port.send(build(id, instruction, params))

@@ -31,7 +31,7 @@ def emulator(servo20_file):
 @pytest.fixture
 def client(emulator):
     port = sdk.PortHandler(emulator.port)
-    port.setBaudRate(1_000_000)
+    port.setBaudRate(4_000_000)
     yield port
     port.closePort()
 
@@ -209,7 +209,7 @@ def test_pulling_the_plug_is_one_clear_error(rig_of_four):
 
 def test_nobody_reading_does_not_block_the_emulator(served):
     bus = Bus.open(served.port, 1_000_000)
-    for _ in range(2000):
+    for _ in range(400):
         bus.request([1, 2, 3, 4], 0, 140)
         bus._pending = None
     until(lambda: bus.ping(1), "an answer")

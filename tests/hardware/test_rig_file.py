@@ -51,7 +51,7 @@ def test_an_angle_becomes_pulses(written):
         (("1_000_000", "1234"), "baud 1234 is none of 9600,"),
         (("id = 1", "id = 253"), "joint 1.id: Expected `int` <= 252"),
         (("direction = 1", "direction = 2"), "joint 1.direction: 2 is not allowed; -1 and 1 are"),
-        (("-W350", "-X"), "joint 1: model 'XM430-X' is unknown; known are XM430-W350"),
+        (("-W350", "-X"), "joint 1: model 'XM430-X' is unknown"),
         (("lower = -1", "lower = 2"), "joint 1: limits must be finite numbers with lower < upper"),
         (("upper = 1", "upper = nan"), "joint 1: limits must be finite numbers"),
         (("velocity = 4", "velocity = inf"), "joint 1: limits must be finite numbers"),

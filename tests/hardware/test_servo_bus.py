@@ -182,7 +182,7 @@ def test_a_request_ends_at_its_deadline(bus, servos, port):
 def test_an_answer_that_comes_too_late_is_not_mistaken_for_the_next(bus, port):
     bus.request([1, 2], *POSITION)
     assert bus.collect() is not None
-    port._arrived = b"\xff\xff\xfd\x00\xfe\x05"  # the rest of something
+    port.wire._arriving.append((0.0, b"\xff\xff\xfd\x00\xfe\x05"))  # the rest of something
     bus.request([3, 4], *POSITION)
     assert list(bus.collect().statuses) == [3, 4]
 

@@ -16,10 +16,14 @@ from controller.realtime.commands import (
     Accepted,
     CommandClient,
     CommandServer,
+    EmergencyStop,
+    Home,
     Message,
     Pause,
+    Queue,
     Refused,
     Reply,
+    Reset,
     Resume,
     SetSpeed,
     Settled,
@@ -40,6 +44,9 @@ from controller.realtime.stop import StopRequest
 class Progress:
     commanded_s: float
     settled_s: float | None = None
+    after: str = ""
+    via: tuple[str, ...] = ()
+    overtaken: bool = False
 
 
 @dataclass
@@ -52,20 +59,27 @@ class TinyDeck:
     paused: bool = False
     time: float = 0.0
     under_way: Progress | None = None
-    done: list[str] = field(default_factory=list)
+    queue: list[str] = field(default_factory=list)
+    ramp: float = 0.0
 
     @property
     def settled(self):
         return self.under_way is None
 
-    def switch(self, to):
+    def switch(self, to, *, direct=False):
         if to not in self.motions:
             raise UnknownNameError.among("motion", to, self.motions)
-        self.motion, self.under_way = to, Progress(self.time)
+        if self.under_way:
+            self.under_way.overtaken = True
+        self.motion, self.under_way = to, Progress(self.time, via=() if direct else ("stairs",))
         return self.under_way
 
-    def set_speed(self, factor):
-        self.speed = factor
+    def enqueue(self, to):
+        self.queue.append(to)
+        return Progress(self.time)
+
+    def set_speed(self, factor, over=0.0):
+        self.speed, self.ramp = factor, over
 
     def pause(self):
         self.paused = True
@@ -95,10 +109,11 @@ class Stage:
     def ask(self, message):
         number = self.client.post(message)
         self.tick()
-        reply = self.client.receive(1.0)
-        assert reply is not None
-        assert reply.id == number
-        return reply
+        while (reply := self.client.receive(1.0)) is not None:
+            if reply.id == number:
+                return reply
+            self.client._settled[reply.id] = reply
+        raise AssertionError("there is no answer")
 
     def send_raw(self, *datagrams):
         """Throws bytes at the server from a socket of its own, and returns the answers."""
@@ -132,6 +147,65 @@ def test_every_command_does_what_it_says(stage):
     assert not stage.stop
     assert isinstance(stage.ask(Stop()), Accepted)
     assert stage.stop.reason == "stopped on command"
+
+
+def test_a_switch_says_its_way_and_queueing_and_tempo_arrive(stage):
+    assert stage.ask(Switch("jog")).via == ["stairs"]
+    assert stage.ask(Switch("jog", direct=True)).via == []
+    assert isinstance(stage.ask(Queue("waltz")), Accepted)
+    assert isinstance(stage.ask(SetSpeed(2.0, over=3.0)), Accepted)
+    assert (stage.deck.speed, stage.deck.ramp) == (2.0, 3.0)
+    assert stage.ask(Status()).queue == ["waltz"]
+
+
+def test_the_emergency_stop_is_latched_until_reset(stage):
+    refused = stage.ask(Reset())
+    assert isinstance(refused, Refused)
+    assert "nothing to reset" in refused.reason
+    assert isinstance(stage.ask(EmergencyStop()), Accepted)
+    assert stage.ask(Status()).mode == "emergency stop"
+    assert stage.deck.paused
+    for message in (Switch("jog"), Queue("jog"), SetSpeed(2.0), Pause(), Resume(), Home()):
+        refused = stage.ask(message)
+        assert isinstance(refused, Refused)
+        assert "release it with: reset" in refused.reason
+    assert stage.deck.motion == "walk"
+    assert "still braking" in stage.ask(Reset()).reason
+    stage.stop.halted = True
+    assert isinstance(stage.ask(Reset()), Accepted)
+    assert (stage.ask(Status()).mode, stage.deck.paused) == ("held", True)
+    assert isinstance(stage.ask(Resume()), Accepted)
+    assert (stage.ask(Status()).mode, stage.deck.paused) == ("playing", False)
+
+
+def test_from_home_a_motion_goes_on(stage):
+    assert isinstance(stage.ask(Home()), Accepted)
+    assert (stage.ask(Status()).mode, stage.deck.paused) == ("home", True)
+    assert isinstance(stage.ask(Switch("jog")), Accepted)
+    assert (stage.ask(Status()).mode, stage.deck.paused) == ("playing", False)
+
+
+def test_an_emergency_stop_behind_a_flood_is_carried_out_in_the_same_tick(stage):
+    with closing(CommandClient(stage.server.port)) as flooder:
+        for _ in range(150):
+            flooder.post(Resume())
+        flooder.post(EmergencyStop())
+        stage.tick()
+    assert stage.stop.emergency
+
+
+def test_a_stop_works_while_the_emergency_stop_is_on(stage):
+    stage.ask(EmergencyStop())
+    assert isinstance(stage.ask(Stop()), Accepted)
+    assert stage.stop.reason == "stopped on command"
+
+
+def test_a_note_is_taken_of_each_command(stage):
+    noted = []
+    stage.desk = CommandDesk(stage.deck, stage.server, lambda message, reply: noted.append((message, reply)))
+    stage.ask(Pause())
+    stage.ask(Switch("wlak"))
+    assert [(type(message), type(reply)) for message, reply in noted] == [(Pause, Accepted), (Switch, Refused)]
 
 
 def test_a_switch_is_answered_again_when_it_has_settled(stage):
@@ -173,12 +247,14 @@ def test_a_speed_out_of_range_is_refused_and_says_the_range(stage, factor):
     ("data", "said"),
     [
         (b"", "no command"),
-        (b'{"type":"dance"}', "switch MOTION, speed FACTOR"),
+        (b'{"type":"dance"}', "switch MOTION, queue MOTION, speed FACTOR"),
         (b'{"type":"switch"}', "to"),
         (b'{"type":"switch","to":""}', "1 to 100 characters"),
         (b'{"type":"switch","to":"' + b"a" * 101 + b'"}', "1 to 100 characters"),
         (b'{"type":"speed","factor":"fast"}', "float"),
         (b'{"type":"speed","factor":1e999}', "no command"),
+        (b'{"type":"speed","factor":1,"over":-1}', "0 to 60 s"),
+        (b'{"type":"queue","to":""}', "1 to 100 characters"),
         (b'{"type":"pause","for":3}', "for"),
         (b'{"type":"pause","id":-1}', "id"),
         (b'{"type":"pause","id":99999999999999999999999}', "no command"),

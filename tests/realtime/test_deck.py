@@ -5,7 +5,8 @@ from hypothesis import strategies as st
 
 import synthetic
 from controller.errors import MotiondeckError, UnknownNameError
-from controller.realtime.deck import FASTEST, SLOWEST, Deck
+from controller.realtime.deck import MOST_QUEUED, Deck
+from controller.realtime.messages import FASTEST, SLOWEST
 
 DT = 0.005
 
@@ -49,7 +50,7 @@ def test_a_switch_neither_jumps_nor_freezes(library, pair):
     own = [peak_acceleration(joints(library, new_deck(library, name), 2.0)) for name in pair]
     deck = new_deck(library, source)
     joints(library, deck, 0.53)
-    deck.switch(target)
+    deck.switch(target, direct=True)
     places = joints(library, deck, 2.5)
     assert peak_acceleration(places) <= 2.0 * max(*own, 5.0)
     assert deck.settled
@@ -85,6 +86,111 @@ def test_a_motion_that_happens_once_can_be_repeated(library):
     again = joints(library, deck, 3.0)[:, 0, 2]
     assert again.max() > low + 0.05
     assert again[-1] == pytest.approx(low, abs=0.03)
+
+
+def ticks_until(deck, condition, most=4000):
+    """How many updates it takes until the condition holds."""
+    for tick in range(most):
+        if condition():
+            return tick
+        deck.update(DT)
+    raise AssertionError("it never does")
+
+
+def test_a_switch_waits_for_the_end_of_a_motion_that_happens_once(library):
+    deck = new_deck(library, "bow")
+    joints(library, deck, 0.3)
+    switch = deck.switch("march")
+    assert switch.after == "bow"
+    joints(library, deck, 0.5)
+    assert switch.first_change_s is None
+    assert not deck.settled
+    low = deck.pose.root_position[2]
+    ticks_until(deck, lambda: switch.first_change_s is not None)
+    assert deck.pose.root_position[2] < low - 0.05
+    ticks_until(deck, lambda: deck.settled)
+    assert switch.settled_s is not None
+    assert not switch.overtaken
+
+
+def test_said_to_be_direct_a_switch_waits_for_nothing(library):
+    deck = new_deck(library, "bow")
+    joints(library, deck, 0.3)
+    switch = deck.switch("march", direct=True)
+    joints(library, deck, 2.01 * DT)
+    assert switch.first_change_s is not None
+    always = Deck(library, bone_directions, "bow", direct=True)
+    assert always.switch("march").after == ""
+
+
+def test_what_is_queued_is_played_after_each_round(library):
+    deck = new_deck(library)
+    joints(library, deck, 0.3)
+    first, second = deck.enqueue("wave"), deck.enqueue("march")
+    assert deck.queue == ["wave", "march"]
+    ticks_until(deck, lambda: first.settled_s is not None)
+    assert first.first_change_s == pytest.approx(0.8, abs=0.05)  # 96 frames at 120 Hz
+    assert second.first_change_s is None
+    ticks_until(deck, lambda: second.settled_s is not None)
+    assert second.first_change_s - first.first_change_s > 0.98
+    assert (deck.motion, deck.queue) == ("march", [])
+
+
+def test_a_loop_that_has_gone_round_often_ends_its_present_round_first(library):
+    deck = new_deck(library)
+    joints(library, deck, 3.0)
+    switch = deck.enqueue("wave")
+    ticks_until(deck, lambda: switch.first_change_s is not None)
+    assert switch.first_change_s == pytest.approx(3.2, abs=0.05)
+
+
+def test_the_same_motion_can_be_queued_twice(library):
+    deck = new_deck(library, "bow")
+    again = [deck.enqueue("bow"), deck.enqueue("bow")]
+    ticks_until(deck, lambda: again[1].settled_s is not None)
+    assert again[0].settled_s < again[1].first_change_s
+
+
+def test_a_switch_forgets_what_was_queued_and_what_was_under_way(library):
+    deck = new_deck(library)
+    joints(library, deck, 0.2)
+    queued, first = deck.enqueue("bow"), deck.switch("wave")
+    joints(library, deck, 0.1)
+    second = deck.switch("march")
+    assert (queued.overtaken, first.overtaken, second.overtaken) == (True, True, False)
+    joints(library, deck, 3.0)
+    assert deck.motion == "march"
+    assert queued.first_change_s is None
+    assert first.settled_s is None
+
+
+def test_asked_for_again_a_switch_under_way_goes_on(library):
+    deck = new_deck(library)
+    joints(library, deck, 0.2)
+    first = deck.switch("wave")
+    joints(library, deck, 0.1)
+    assert deck.switch("wave") is first
+
+
+def test_a_queue_has_its_bounds(library):
+    deck = new_deck(library)
+    for _ in range(MOST_QUEUED):
+        deck.enqueue("wave")
+    with pytest.raises(MotiondeckError, match="no more"):
+        deck.enqueue("wave")
+    with pytest.raises(UnknownNameError, match="march"):
+        new_deck(library).enqueue("marsh")
+
+
+def test_a_change_of_tempo_takes_the_time_it_is_given(library):
+    deck = new_deck(library)
+    deck.set_speed(2.0, over=2.0)
+    joints(library, deck, 1.0)
+    assert deck.speed == pytest.approx(1.5)
+    joints(library, deck, 1.1)
+    assert deck.speed == 2.0
+    with pytest.raises(MotiondeckError, match="cannot take"):
+        deck.set_speed(1.0, over=-1.0)
 
 
 def test_a_pause_stands_still_and_a_resume_goes_on(library):
@@ -126,7 +232,7 @@ def test_an_unknown_motion_is_refused_with_the_nearest_name(library):
     st.lists(
         st.tuples(
             st.integers(1, 60),
-            st.sampled_from([*synthetic.MOTIONS, "pause", "resume", 0.1, 0.5, 3.0]),
+            st.sampled_from([*synthetic.MOTIONS, "queue bow", "queue wave", "pause", "resume", 0.1, 0.5, 3.0]),
         ),
         max_size=8,
     )
@@ -140,6 +246,8 @@ def test_whatever_is_commanded_targets_are_finite_and_repeatable(library, comman
                 deck.pause()
             elif command == "resume":
                 deck.resume()
+            elif isinstance(command, str) and command.startswith("queue "):
+                deck.enqueue(command[6:])
             elif isinstance(command, float):
                 deck.set_speed(command)
             else:

@@ -3,7 +3,7 @@ import os
 
 import pytest
 
-from controller.realtime.permissions import request_realtime
+from controller.realtime.permissions import handed_back, request_core, request_realtime
 
 
 class Libc:
@@ -66,3 +66,46 @@ def test_under_a_memory_limit_the_future_is_left_unlocked(monkeypatch, schedulin
     monkeypatch.setattr("controller.realtime.permissions.resource.getrlimit", lambda _: (-1, -1))
     request_realtime()
     assert libc.flags == [1, 3]
+
+
+def test_afterwards_scheduling_cores_and_memory_are_handed_back(monkeypatch):
+    now = {"policy": os.SCHED_OTHER, "cores": {0, 1}}
+    monkeypatch.setattr(os, "sched_getscheduler", lambda _: now["policy"])
+    monkeypatch.setattr(os, "sched_setscheduler", lambda _, policy, __: now.update(policy=policy))
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: now["cores"])
+    monkeypatch.setattr(os, "sched_setaffinity", lambda _, cores: now.update(cores=set(cores)))
+    libc = Libc(0)
+    libc.munlockall = lambda: libc.flags.append("unlocked")
+    monkeypatch.setattr(ctypes, "CDLL", libc)
+
+    def play():
+        with handed_back():
+            request_realtime()
+            assert request_core(1).granted
+            assert now == {"policy": os.SCHED_FIFO, "cores": {1}}
+            raise KeyError
+
+    with pytest.raises(KeyError):
+        play()
+    assert now == {"policy": os.SCHED_OTHER, "cores": {0, 1}}
+    assert libc.flags[-1] == "unlocked"
+
+
+def test_a_core_that_is_not_there_is_refused_with_those_that_are(monkeypatch):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 3})
+
+    def refuse(*_):
+        raise OSError
+
+    monkeypatch.setattr(os, "sched_setaffinity", refuse)
+    permission = request_core(7)
+    assert not permission.granted
+    assert "core 7" in str(permission)
+    assert "cores 0, 3" in permission.remedy
+
+
+def test_where_there_is_no_affinity_or_scheduling_nothing_is_handed_back(monkeypatch):
+    monkeypatch.delattr(os, "sched_getaffinity")
+    assert not request_core(0).granted
+    with handed_back():
+        pass

@@ -43,7 +43,7 @@ def own_peaks(library):
 def test_twenty_switches_in_one_run(library, own_peaks):
     rng = np.random.default_rng(20)
     motions = list(library.network.motions)
-    deck = Deck(library, lambda pose: pose.rotation, "walk")
+    deck = Deck(library, lambda pose: pose.rotation, "walk", direct=True)
     shown = play(library, deck, 1.0)
     for _ in range(SWITCHES):
         source, target = deck.motion, str(rng.choice([m for m in motions if m != deck.motion]))

@@ -15,8 +15,12 @@ from controller.realtime.commands import (
     CommandClient,
     CommandError,
     CommandServer,
+    EmergencyStop,
+    Home,
     Pause,
+    Queue,
     Refused,
+    Reset,
     Resume,
     SetSpeed,
     Settled,
@@ -33,7 +37,13 @@ from controller.realtime.commands import (
         ("waltz", Switch("waltz")),
         ("switch waltz", Switch("waltz")),
         ("switch pause", Switch("pause")),
+        ("switch waltz direct", Switch("waltz", direct=True)),
+        ("queue waltz", Queue("waltz")),
         ("speed 1.5", SetSpeed(1.5)),
+        ("speed 1.5 4", SetSpeed(1.5, over=4.0)),
+        ("home", Home()),
+        ("estop", EmergencyStop()),
+        ("reset", Reset()),
         ("pause", Pause()),
         ("resume", Resume()),
         ("status", Status()),
@@ -48,11 +58,14 @@ def test_words_become_messages(line, message):
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("", "is no command. Commands: MOTION, switch MOTION, speed FACTOR, pause"),
+        ("", "is no command. Commands: MOTION, switch MOTION, queue MOTION, speed FACTOR, pause"),
         ("dance the waltz", "'dance the waltz' is no command"),
         ("switch", "switch takes one argument"),
         ("switch walk jog", "switch takes one argument"),
+        ("queue", "queue takes one argument"),
         ("speed", "speed takes one argument"),
+        ("speed 1 soon", "not 'soon'"),
+        ("speed 1 100", "0 to 60 s"),
         ("speed fast", "from 0.1 to 3, not 'fast'"),
         ("speed 9", "from 0.1 to 3"),
         ("speed nan", "from 0.1 to 3"),
@@ -76,6 +89,10 @@ def test_any_words_are_a_message_or_a_command_error(words):
 
 def test_replies_are_told_in_one_line():
     assert describe(Accepted(1)) == "accepted"
+    assert describe(Accepted(1, "bow", ["standup"])) == "accepted, after bow, by way of standup"
+    assert describe(State("jog", ["jog"], 1.0, True, False, 1, ["bow"], "home")) == (
+        "home; playing jog, paused; next: bow; motions: jog"
+    )
     assert describe(Refused("there is no jig", 1)) == "refused: there is no jig"
     assert describe(Settled("jog", 0.333, 1)) == "settled on jog after 0.33 s"
     assert describe(State("jog", ["jog", "walk"], 1.0, False, True, 1)) == (

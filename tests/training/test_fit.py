@@ -89,12 +89,22 @@ def test_frames_outside_a_recording_are_refused(tmp_path, mocap_data):
         ("neurons = 500", "neurons = 500\nridge = nan", "network.ridge is nan"),
         ('name = "waltz"', 'name = "walk"', "two motions are called 'walk'"),
         ('plays = "once"', 'plays = "twice"', "twice"),
-        ("seeds = [0, 1, 2]", "seeds = []", "seeds is empty"),
+        ("seeds = [0, 1, 2]", "seeds = []", r"seeds is \[\]"),
+        ("seeds = [0, 1, 2]", "seeds = [-1]", r"seeds is \[-1\]"),
+        ('name = "waltz"', 'name = "a, b"', "'a, b' cannot be typed"),
         ("seeds = [0, 1, 2]", "loop_keeps = 2.0", "loop_keeps is 2.0"),
         ('type = "conceptor"', 'type = "perceptron"', "perceptron"),
+        ("neurons = 500", "apertures = { wlak = 4.0 }", "network.apertures names 'wlak'"),
+        ("neurons = 500", "apertures = { walk = -1.0 }", "the aperture of 'walk' is -1.0"),
+        ("neurons = 500", 'form = "round"', "round"),
     ],
 )
 def test_a_bad_recipe_is_refused_in_one_line(tmp_path, old, new, says):
     with pytest.raises(FileFormatError, match=says) as caught:
         recipe_of(tmp_path, SMALL.replace(old, new))
     assert "\n" not in str(caught.value)
+
+
+def test_a_recording_cut_to_almost_nothing_is_refused(tmp_path, mocap_data):
+    with pytest.raises(FileFormatError, match="'waltz': 3 frames are too few"):
+        prepare(recipe_of(tmp_path, SMALL.replace("[0, 450]", "[0, 3]")), mocap_data)

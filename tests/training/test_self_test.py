@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 import synthetic
 from controller.evaluation.matching import Matcher, joint_features, rising_length, windows
-from controller.training.self_test import judge, self_test
+from controller.training.self_test import Judge, judge, self_test
 
 NAMES = list(synthetic.MOTIONS)
 
@@ -22,12 +22,8 @@ def matcher(features):
 
 
 def test_a_trained_network_passes():
-    verdicts = self_test(
-        synthetic.small_network(),
-        synthetic.small_encoding(),
-        synthetic.references(),
-        {name: name != "bow" for name in NAMES},
-    )
+    judge = Judge(synthetic.small_encoding(), synthetic.references(), {name: name != "bow" for name in NAMES})
+    verdicts = self_test(synthetic.small_network(), judge)
     assert [name for name, verdict in verdicts.items() if not verdict.passed] == []
     assert max(verdict.error_mm for verdict in verdicts.values()) < 30.0
 

@@ -1,0 +1,118 @@
+"""`motiondeck plot`: what happened in a recorded run; lateness, tracking, and what was played and commanded."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from controller.realtime.recording import Recording
+
+
+def plot(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="What `play --record FILE` has made.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="PICTURE", help="A .png, .svg or .pdf; FILE.png by default.")
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the figures as one JSON object, draw nothing.")
+    ] = False,
+) -> None:
+    """Plot a recording: lateness and work of each tick, how well the joints followed, motions and commands.
+
+    Example:  motiondeck plot show.rec --out show.png
+    """
+    from controller.errors import MotiondeckError
+    from controller.realtime.recording import load_recording
+
+    recording = load_recording(file)
+    if recording.ticks == 0:
+        raise MotiondeckError(f"{file}: there is no tick in this recording")
+    figures = measure(recording)
+    if as_json:
+        print(json.dumps(figures))
+        return
+    picture = out or file.with_name(file.name + ".png")
+    _draw(recording, picture)
+    late = figures["lateness_us"]
+    print(f"{figures['ticks']} ticks over {figures['seconds']:.1f} s, {figures['lost_ticks']} lost by the recorder")
+    print(f"lateness p50 {late['p50']:.0f} us, p99.9 {late['p999']:.0f} us; {figures['commands']} commands")
+    if figures["tracking_rmse_rad"] is not None:
+        print(f"tracking error {figures['tracking_rmse_rad']:.4f} rad (rms)")
+    print(f"wrote {picture}")
+
+
+def measure(recording: Recording) -> dict[str, Any]:
+    """A recording in figures."""
+    import numpy as np
+
+    fields = recording.fields
+    tick, late = fields["tick"][:, 0], fields["late_us"][:, 0]
+    # What is measured in a tick is read before its targets are written: it follows the tick before.
+    error = fields["measured"][1:] - fields["targets"][:-1]
+    error = error[np.isfinite(error)]
+    p50, p99, p999 = np.percentile(late, (50.0, 99.0, 99.9))
+    return {
+        "ticks": recording.ticks,
+        "seconds": recording.ticks / float(recording.description["rate"]),
+        "lost_ticks": int(tick[-1] - tick[0]) + 1 - recording.ticks,
+        "complete": recording.complete,
+        "lateness_us": {"p50": float(p50), "p99": float(p99), "p999": float(p999), "max": float(late.max())},
+        "overruns": int(fields["overruns"][-1, 0]),
+        "commands": int(np.count_nonzero(fields["command"])),
+        "refused": int(np.count_nonzero(fields["refused"])),
+        "tracking_rmse_rad": float(np.sqrt(np.square(error).mean())) if len(error) else None,
+    }
+
+
+def _draw(recording: Recording, picture: Path) -> None:
+    """Three panels over the same time.
+
+    Raises:
+        MotiondeckError: if matplotlib is missing or the picture cannot be written.
+    """
+    import numpy as np
+
+    from controller.errors import MotiondeckError
+    from controller.realtime.recording import COMMANDS
+
+    try:
+        import matplotlib
+    except ImportError:
+        raise MotiondeckError("`plot` needs matplotlib; install it with: pip install 'motiondeck[plot]'") from None
+    matplotlib.use("Agg")
+    from matplotlib.figure import Figure
+
+    fields, motions = recording.fields, list(recording.description["motions"])
+    time = fields["tick"][:, 0] / float(recording.description["rate"])
+    figure = Figure(figsize=(11.0, 8.0), layout="constrained")
+    loop, tracking, playing = figure.subplots(3, 1, sharex=True)
+    loop.plot(time, fields["late_us"], ".", markersize=2, label="how late a tick came")
+    loop.plot(time, fields["work_us"], ".", markersize=2, label="work of a tick")
+    loop.set(ylabel="µs", yscale="symlog")
+    loop.legend(loc="upper right")
+    error = np.abs(fields["measured"][1:] - fields["targets"][:-1])
+    known = np.isfinite(error)
+    worst = np.where(known, error, 0.0).max(1)
+    mean = np.sqrt(np.where(known, error**2, 0.0).sum(1) / np.maximum(known.sum(1), 1))
+    tracking.plot(time[1:], np.degrees(worst), linewidth=0.7, label="the joint farthest off")
+    tracking.plot(time[1:], np.degrees(mean), linewidth=0.7, label="root mean square over joints")
+    tracking.set(ylabel="off target, deg")
+    tracking.legend(loc="upper right")
+    shown = sorted({int(index) for index in fields["motion"][:, 0]})
+    row = {index: place for place, index in enumerate(shown)}
+    playing.step(time, [row[int(index)] for index in fields["motion"][:, 0]], where="post")
+    playing.set_yticks(range(len(shown)), [motions[index] for index in shown])
+    playing.set(xlabel="s", ylim=(-0.5, len(shown) - 0.3))
+    for at in np.flatnonzero(fields["command"][:, 0]):
+        name = COMMANDS[int(fields["command"][at, 0]) - 1]
+        colour = "red" if name == "estop" or fields["refused"][at, 0] else "grey"
+        playing.axvline(time[at], color=colour, linewidth=0.7)
+        playing.annotate(name, (time[at], len(shown) - 0.35), rotation=90, va="top", fontsize=7, color=colour)
+    try:
+        figure.savefig(picture)
+    except (OSError, ValueError) as error:
+        raise MotiondeckError(f"{picture}: cannot be drawn ({error})") from None

@@ -1,0 +1,162 @@
+"""`motiondeck recognize`: trains recognizers and asks them; `recognize benchmark` is in `recognize_benchmark`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from controller.cli.recognition_data import SKIPPED_EXIT, AsJson, DataArgument, leave, read
+from controller.cli.recognize_benchmark import benchmark
+
+if TYPE_CHECKING:
+    from controller.recognition.recognizer import Recognizer
+
+app = typer.Typer(help="Recognize motions: train, ask, and measure.", no_args_is_help=True)
+
+app.command("benchmark")(benchmark)
+
+
+@app.command("train")
+def train(
+    data: DataArgument,
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where the recognizer goes (.safetensors).")],
+    neurons: Annotated[int, typer.Option("--neurons", help="Of the reservoir.", min=1, max=2000)] = 100,
+    rate: Annotated[float, typer.Option("--rate", help="Frames per second that are looked at, Hz.")] = 30.0,
+    joints: Annotated[
+        str, typer.Option("--joints", help="The joints looked at, by name, with commas between; default 14 of them.")
+    ] = "",
+    seed: Annotated[int, typer.Option("--seed", help="Of the reservoir.", min=0)] = 1,
+    licence: Annotated[str, typer.Option("--licence", help="The recordings' terms, to stand in the file.")] = "",
+    as_json: AsJson = False,
+) -> None:
+    """Train a recognizer from labelled recordings.
+
+    The folder holds one folder a motion; the skeletons (.asf) lie beside the recordings or above them, and a recording
+    belongs to the one whose name begins its own. A file that cannot be used is named and left out; the exit code is
+    then 3.
+
+    Example:  motiondeck recognize train hdm05 --out hdm05.safetensors
+    """
+    from controller.errors import MotiondeckError
+    from controller.recognition.experts import ExpertRecipe
+    from controller.recognition.features import FeatureRecipe
+    from controller.recognition.recognizer import train_recognizer
+    from controller.recognition.recognizer_file import save_recognizer
+
+    if not out.parent.is_dir():
+        raise MotiondeckError(f"{out.parent}: there is no such folder to write the recognizer to")
+    look = FeatureRecipe(rate=rate, joints=tuple(name.strip() for name in joints.split(",") if name.strip()))
+    dataset = read(data)
+    recognizer = train_recognizer(dataset, look, ExpertRecipe(neurons=neurons, seed=seed))
+    save_recognizer(recognizer, out, licence)
+    said = describe(recognizer) | {"written": str(out), "skipped": dataset.skipped}
+    if as_json:
+        print(json.dumps(said))
+    else:
+        print(f"{recognizer.clips} clips of {len(recognizer.bank.classes)} motions: {', '.join(said['motions'])}")
+        print(f"a motion is called unknown below a margin of {recognizer.threshold:.3f}")
+        print(f"wrote {out} ({out.stat().st_size / 1e6:.1f} MB)")
+    leave(dataset)
+
+
+@app.command("run")
+def run(
+    recognizer: Annotated[Path, typer.Argument(metavar="RECOGNIZER", help="A recognizer file (.safetensors).")],
+    clips: Annotated[list[Path], typer.Argument(metavar="CLIP...", help="Recordings (.amc, .mat).")],
+    skeleton: Annotated[
+        Path | None, typer.Option("--skeleton", help="The .asf of .amc recordings; default: found by name.")
+    ] = None,
+    stream: Annotated[
+        bool, typer.Option("--stream", help="Frame by frame, as on a robot: what is seen when, with timing.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Say which motion a recording is, how sure that is, and whether it is a known motion at all.
+
+    Example:  motiondeck recognize run hdm05.safetensors squat.amc --skeleton HDM_bd.asf
+    """
+    from controller.errors import MotiondeckError
+    from controller.mocap.reading import read_clip
+    from controller.recognition.dataset import skeleton_of
+    from controller.recognition.recognizer_file import load_recognizer
+
+    loaded = load_recognizer(recognizer)
+    out: list[dict[str, Any]] = []
+    failed: list[str] = []
+    for path in clips:
+        try:
+            if not path.is_file():
+                raise MotiondeckError(f"{path}: there is no such file")
+            clip = read_clip(path, skeleton or skeleton_of(path, path.parent.parent))
+            if stream:
+                out.append({"file": str(path)} | _streamed(loaded, clip))
+            else:
+                verdict = loaded.recognize(clip)
+                out.append(
+                    {
+                        "file": str(path),
+                        "motion": verdict.motion,
+                        "known": verdict.known,
+                        "margin": verdict.margin,
+                        "costs": verdict.costs,
+                    }
+                )
+        except MotiondeckError as error:
+            if len(clips) == 1:
+                raise
+            failed.append(str(error))
+            print(f"skipped: {error}", file=sys.stderr)
+    if as_json:
+        print(json.dumps({"results": out, "skipped": failed}))
+    else:
+        for one in out:
+            if stream:
+                print(f"{one['file']}: {one['frames']} frames, {one['frame_us_median']:.0f} us each (median)")
+                for span in one["spans"]:
+                    print(f"  {span['from_s']:7.2f} to {span['to_s']:7.2f} s  {span['motion'] or '(nothing sure)'}")
+            else:
+                doubt = "" if one["known"] else " (unknown: too close to the next best)"
+                print(f"{one['file']}: {one['motion']}, margin {one['margin']:.2f}{doubt}")
+    if failed:
+        raise typer.Exit(SKIPPED_EXIT)
+
+
+def _streamed(recognizer: Recognizer, clip: Any) -> dict[str, Any]:
+    """What the online recognizer sees in a clip, as spans of the same verdict."""
+    import time
+
+    import numpy as np
+
+    from controller.recognition.features import features
+    from controller.recognition.online import OnlineRecognizer
+
+    online = OnlineRecognizer(recognizer.bank, recognizer.threshold, recognizer.recipe.rate)
+    spans: list[dict[str, Any]] = []
+    took: list[float] = []
+    for number, frame in enumerate(features(clip, recognizer.recipe)):
+        start = time.perf_counter()
+        online.update(frame)
+        seen = online.motion if online.known else None
+        took.append(time.perf_counter() - start)
+        at = number / recognizer.recipe.rate
+        if not spans or spans[-1]["motion"] != seen:
+            spans.append({"from_s": at, "to_s": at, "motion": seen})
+        spans[-1]["to_s"] = at + 1.0 / recognizer.recipe.rate
+    return {"frames": online.frames, "frame_us_median": float(np.median(took)) * 1e6, "spans": spans}
+
+
+def describe(recognizer: Recognizer) -> dict[str, Any]:
+    """What a recognizer is, for scripts."""
+    return {
+        "motions": list(recognizer.bank.classes),
+        "clips": recognizer.clips,
+        "neurons": recognizer.bank.recipe.neurons,
+        "channels": recognizer.bank.readouts.shape[1],
+        "joints": list(recognizer.recipe.joints),
+        "rate_hz": recognizer.recipe.rate,
+        "threshold": recognizer.threshold,
+    }

@@ -1,0 +1,68 @@
+"""`motiondeck replay`: a recorded run once more, on the simulated robot or on servos."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from controller.cli.play import PAGE_PORT, rig_file
+from controller.realtime.commands import DEFAULT_PORT
+
+
+def replay(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="What `play --record FILE` has made.")],
+    library: Annotated[
+        str | None, typer.Option("--library", help="The library that was played; by itself found by its name.")
+    ] = None,
+    robot: Annotated[
+        str | None, typer.Option("--robot", help="The robot that played; by itself found by its name.")
+    ] = None,
+    rig: Annotated[
+        str | None, typer.Option("--rig", help="Stream to servos: a rig file, or 'emulated' for emulated ones.")
+    ] = None,
+    headless: Annotated[bool, typer.Option("--headless", help="No page and no terminal.")] = False,
+    rate: Annotated[
+        float | None, typer.Option("--rate", help="Ticks of the loop a second; by itself what was recorded.")
+    ] = None,
+    kinematic: Annotated[bool, typer.Option("--kinematic", help="Show the targets themselves.")] = False,
+    page_port: Annotated[int, typer.Option("--port", help="The page's port; 0 for any free one.")] = PAGE_PORT,
+    command_port: Annotated[
+        int, typer.Option("--command-port", help="Where `motiondeck send` reaches it; 0 for any free one.")
+    ] = DEFAULT_PORT,
+    as_json: Annotated[bool, typer.Option("--json", help="Print a report as one JSON object in the end.")] = False,
+) -> None:
+    """Replay a recording: the same targets, through the same limits; speed, pause, home and estop work as in `play`.
+
+    Example:  motiondeck replay show.rec --rig emulated
+    """
+    from controller.cli.resources import find
+    from controller.cli.session import Session, Settings, summary
+    from controller.realtime.recorded_deck import RecordedDeck
+    from controller.realtime.recording import load_recording
+    from controller.training.library import load_library
+
+    recording = load_recording(file)
+    deck = RecordedDeck(recording)
+    if not recording.complete:
+        print(f"{file} was cut short: its last whole chunk ends after {recording.ticks} ticks", file=sys.stderr)
+    body = robot or str(recording.description["robot"])
+    loaded = load_library(find("library", library or str(recording.description["library"]), ".safetensors"))
+    settings = Settings(
+        robot=find("robot", body, ".toml"),
+        rig=rig_file(rig, body),
+        emulated=rig == "emulated",
+        rate=rate if rate is not None else float(recording.description["rate"]),
+        physics=not kinematic,
+        realtime=False,
+        command_port=command_port,
+        page_port=None if headless else page_port,
+        terminal=not headless and sys.stdin.isatty(),
+        seconds=None,
+    )
+    with Session(loaded, lambda _: deck, [], settings) as session:
+        report = session.run()
+    print(json.dumps(report) if as_json else summary(report))

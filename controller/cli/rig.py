@@ -1,0 +1,307 @@
+"""`motiondeck rig`: the tools of a servo rig, on real hardware or on the emulator."""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from controller.errors import MotiondeckError
+
+if TYPE_CHECKING:
+    from hardware.bus import Bus
+    from hardware.rig import RigConfig
+
+app = typer.Typer(help="Find, check, set up and watch the servos of a rig; or emulate one.", no_args_is_help=True)
+
+RigArgument = Annotated[str, typer.Argument(metavar="RIG", help="A rig file (.toml), or a shipped one by its name.")]
+PortOption = Annotated[str | None, typer.Option("--port", help="Serial port instead of the rig file's own.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
+
+
+@app.command("emulate")
+def emulate(
+    rig: RigArgument,
+    fault: Annotated[
+        list[str] | None, typer.Option("--fault", help="KIND[:key=value,...]; `--fault help` lists them.")
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="Of the faults that happen by chance.")] = 0,
+    unpaced: Annotated[bool, typer.Option("--unpaced", help="Bytes take no time on the wire.")] = False,
+    lenient: Annotated[
+        bool, typer.Option("--lenient", help="In a sync read, servos behind a silent one answer anyway.")
+    ] = False,
+    link: Annotated[
+        Path | None, typer.Option("--link", help="A lasting name for the port, also when replugged.")
+    ] = None,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Only the first servo, as it comes from the box: id 1, 57600 baud.")
+    ] = False,
+) -> None:
+    """Emulate a rig: print the port to open, and serve any client until Ctrl-C.
+
+    Example:  motiondeck rig emulate servo20 --fault dead:id=3,at=5,for=1
+    """
+    from hardware.emulator.faults import KINDS, parse_fault
+    from hardware.emulator.pty_server import serve
+
+    if fault and "help" in fault:
+        for kind, meaning in KINDS.items():
+            print(f"{kind:<10} {meaning}")
+        print("keys: id, at (s), for (s), chance (0 to 1), value")
+        return
+    config = _load(rig)
+    if fresh:
+        import msgspec
+
+        one = msgspec.structs.replace(config.joints[0], id=1)
+        config = msgspec.structs.replace(config, joints=(one,), baud=57600)
+    faults = [parse_fault(text) for text in fault or []]
+    with _ended_by_sigterm():
+        serve(config, lambda port: print(port, flush=True), faults, not unpaced, not lenient, link, seed)
+
+
+@app.command("scan")
+def scan(
+    port: Annotated[str, typer.Argument(metavar="PORT", help="The serial port.")] = "/dev/ttyUSB0",
+    baud: Annotated[list[int] | None, typer.Option("--baud", help="Only these baud rates.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """List every servo that answers on a port, at any baud rate.
+
+    Example:  motiondeck rig scan /dev/ttyUSB0
+    """
+    from hardware.bus import Bus
+    from hardware.doctor import scan as scan_port
+    from hardware.rig import BAUD_RATES
+
+    wrong = [rate for rate in baud or [] if rate not in BAUD_RATES]
+    if wrong:
+        raise MotiondeckError(f"baud {wrong[0]} is none of {', '.join(map(str, BAUD_RATES))}")
+    found = scan_port(lambda rate: Bus.open(port, rate), *([baud] if baud else []))
+    if as_json:
+        rows = [
+            {"baud": one.baud, "id": i.id, "model": i.model, "firmware": i.firmware, "alert": i.alert}
+            for one in found
+            for i in (one.identity,)
+        ]
+        print(json.dumps({"port": port, "servos": rows}))
+        return
+    for one in found:
+        who = one.identity
+        alert = "  reports a hardware problem" if who.alert else ""
+        print(f"id {who.id:>3}  {who.model:<14} firmware {who.firmware:<3} {one.baud} baud{alert}")
+    if not found:
+        raise MotiondeckError(f"no servo answers on {port}. Check power, cable and adapter.")
+
+
+@app.command("doctor")
+def doctor(
+    rig: RigArgument,
+    port: PortOption = None,
+    fix: Annotated[bool, typer.Option("--fix", help="Set every servo's return delay to 0.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Check a rig without moving it: servos, settings, temperatures, and how fast the wire can be; exit 1 on a problem.
+
+    Example:  motiondeck rig doctor configs/rigs/servo20.toml --port /dev/ttyUSB0
+    """
+    import msgspec
+
+    from hardware.doctor import examine, shorten_return_delays
+
+    config = _load(rig)
+    with _open(config, port) as bus:
+        refused = shorten_return_delays(config, bus) if fix else []
+        report = examine(config, bus)
+    if as_json:
+        print(msgspec.json.encode(report).decode())
+    else:
+        print(f"{report.port} at {report.baud} baud, USB latency {report.latency_ms or 'unknown'} ms")
+        for servo in report.servos:
+            print(
+                f"id {servo.id:>3}  {servo.name:<18} {servo.model:<12} fw {servo.firmware}  {servo.position:+.2f} rad  "
+                f"{servo.temperature:.0f} degC  {servo.voltage:.1f} V  torque {'on' if servo.torque else 'off'}"
+            )
+        print(f"the wire allows {report.possible_hz:.0f} Hz; the rig file wants {report.rate_hz:g} Hz")
+        for problem in report.problems:
+            print(f"problem: {problem}")
+        if refused:
+            print(f"return delay not set: {', '.join(refused)} (is torque on?)")
+        print("no problem found" if not report.problems else f"{len(report.problems)} problems")
+    if report.problems:
+        raise typer.Exit(1)
+
+
+@app.command("setup")
+def setup(
+    port: Annotated[str, typer.Argument(metavar="PORT", help="The serial port with one servo on it.")],
+    id: Annotated[int, typer.Option("--id", min=0, max=252, help="The ID it gets.")],
+    baud: Annotated[int, typer.Option("--baud", help="The baud rate it gets.")] = 1_000_000,
+    as_json: JsonOption = False,
+) -> None:
+    """Give the only servo on a port its ID and baud rate.
+
+    Example:  motiondeck rig setup /dev/ttyUSB0 --id 7 --baud 4000000
+    """
+    from hardware.bus import Bus
+    from hardware.doctor import set_up
+    from hardware.rig import BAUD_RATES
+
+    if baud not in BAUD_RATES:
+        raise MotiondeckError(f"baud {baud} is none of {', '.join(map(str, BAUD_RATES))}")
+    before, after = set_up(lambda rate: Bus.open(port, rate), id, baud)
+    if as_json:
+        print(
+            json.dumps({"model": after.model, "id": after.id, "baud": baud, "was": [before.identity.id, before.baud]})
+        )
+        return
+    was = f"id {before.identity.id} at {before.baud} baud"
+    print(f"{after.model}: {was} is now id {after.id} at {baud} baud, return delay 0")
+
+
+@app.command("monitor")
+def monitor(
+    rig: RigArgument,
+    port: PortOption = None,
+    seconds: Annotated[float, typer.Option("--seconds", help="End by itself; 0 for Ctrl-C.")] = 0.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a second.")] = False,
+) -> None:
+    """Watch position, load, temperature, voltage and errors of every servo, live; moves nothing.
+
+    Example:  motiondeck rig monitor servo20 --port /dev/pts/3
+    """
+    from hardware.watch import observe
+
+    config = _load(rig)
+    end = time.monotonic() + seconds if seconds else float("inf")
+    with _ended_by_sigterm(), _open(config, port) as bus:
+        try:
+            for rows, hz in observe(config, bus):
+                if as_json:
+                    print(json.dumps({"hz": round(hz, 1), "joints": rows}), flush=True)
+                else:
+                    _draw(rows, hz)
+                if time.monotonic() >= end:
+                    return
+        except KeyboardInterrupt:
+            return
+
+
+@app.command("calibrate")
+def calibrate(
+    rig: RigArgument,
+    out: Annotated[Path, typer.Option("--out", help="The rig file to write.")],
+    port: PortOption = None,
+) -> None:
+    """Find each joint's zero, direction and range by moving it by hand, torque off, and write a new rig file.
+
+    Example:  motiondeck rig calibrate servo20 --out my-rig.toml
+    """
+    import threading
+
+    from hardware.calibration import calibrate as guide
+    from hardware.calibration import save_rig
+
+    def ask(what: str) -> None:
+        try:
+            input(f"{what}, then press Enter ")
+        except EOFError:
+            raise MotiondeckError("calibrating needs a terminal: there is nobody to press Enter") from None
+
+    def sweep(what: str, read: Callable[[], int]) -> list[int]:
+        done = threading.Event()
+
+        def wait() -> None:
+            try:
+                ask(what)
+            finally:
+                done.set()
+
+        threading.Thread(target=wait, daemon=True).start()
+        seen = [read()]
+        while not done.wait(0.02):
+            seen.append(read())
+        return seen
+
+    config = _load(rig)
+    with _ended_by_sigterm(), _open(config, port) as bus:
+        save_rig(guide(config, bus, ask, sweep), out)
+    print(f"wrote {out}")
+
+
+@app.command("stop")
+def stop(rig: RigArgument, port: PortOption = None, as_json: JsonOption = False) -> None:
+    """Take the torque off every servo of a rig, now; exit 1 if one did not confirm it.
+
+    Example:  motiondeck rig stop servo20
+    """
+    from hardware.switching import switch_off
+
+    config = _load(rig)
+    with _open(config, port) as bus:
+        unconfirmed = switch_off(config, bus)
+    if as_json:
+        print(
+            json.dumps({"off": [name for name in config.names if name not in unconfirmed], "unconfirmed": unconfirmed})
+        )
+    else:
+        print(f"torque off: {len(config.names) - len(unconfirmed)} of {len(config.names)} servos")
+    if unconfirmed:
+        print(f"motiondeck: not confirmed by {', '.join(unconfirmed)}. Cut the power.", file=sys.stderr)
+        raise typer.Exit(1)
+
+
+def _load(rig: str) -> RigConfig:
+    """A rig file, or a shipped one by its name."""
+    from controller.cli.resources import find
+    from hardware.rig import load_rig
+
+    return load_rig(find("rig", rig, ".toml"))
+
+
+@contextmanager
+def _open(config: RigConfig, port: str | None) -> Iterator[Bus]:
+    """The bus of a rig, given back in the end."""
+    from hardware.bus import Bus
+
+    bus = Bus.open(port or config.port, config.baud)
+    try:
+        yield bus
+    finally:
+        bus.close()
+
+
+@contextmanager
+def _ended_by_sigterm() -> Iterator[None]:
+    """SIGTERM ends the block as an exception does, so that ports and links are given back."""
+
+    def end(number: int, frame: object) -> None:
+        raise SystemExit(128 + number)
+
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _draw(rows: list[dict[str, object]], hz: float) -> None:
+    """The table, over the one drawn before where the terminal can do that."""
+    if sys.stdout.isatty():
+        print("\x1b[H\x1b[2J", end="")
+    print(f"{hz:.0f} Hz")
+    for row in rows:
+        print(
+            f"id {row['id']:>3}  {row['name']:<18} {row['position']:+7.3f} rad  {row['velocity']:+6.2f} rad/s  "
+            f"{row['current']:+6.2f} A  {row['temperature']:>4} degC  {row['voltage']:>5} V  {row['errors']}"
+            if row["heard"]
+            else f"id {row['id']:>3}  {row['name']:<18} does not answer"
+        )
+    sys.stdout.flush()

@@ -1,0 +1,165 @@
+"""`motiondeck segment`: cuts a recording into its behaviours, and scores the cuts against marked ones."""
+
+from __future__ import annotations
+
+import json
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from controller.mocap.clip import Clip
+    from controller.recognition.labels import Labels
+
+
+class Way(StrEnum):
+    """How a recording is cut."""
+
+    EXPERTS = "experts"
+    CHANGE_POINTS = "change-points"
+    CROSS_PREDICTION = "cross-prediction"
+
+
+def segment(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="The recording (.amc, .mat).")],
+    method: Annotated[Way, typer.Option("--method", help="How to cut.")] = Way.CHANGE_POINTS,
+    labels: Annotated[
+        Path | None, typer.Option("--labels", help="Marked borders to score against (and for experts to learn from).")
+    ] = None,
+    recognizer: Annotated[
+        Path | None, typer.Option("--recognizer", help="For experts: a trained recognizer instead of the labels.")
+    ] = None,
+    skeleton: Annotated[Path | None, typer.Option("--skeleton", help="The .asf of an .amc recording.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+) -> None:
+    """Cut a recording into its behaviours.
+
+    With experts every frame is recognized, by a trained recognizer or by experts that learn the first occurrence of
+    each behaviour from --labels and are asked about the rest. With change-points (segments as uniform as can be) and
+    cross-prediction (borders where each side is a surprise to the other) nobody needs to have labelled anything.
+
+    Labels have the format of Barbic et al. 2004: earliest, best and latest acceptable frame of each border.
+
+    Example:  motiondeck segment 86_01.amc --method experts --labels barbic_01_ground_truth.txt
+    """
+    from controller.errors import MotiondeckError
+    from controller.mocap.reading import read_clip
+    from controller.recognition.border_score import score_borders
+    from controller.recognition.dataset import skeleton_of
+    from controller.recognition.labels import read_labels
+
+    if not file.is_file():
+        raise MotiondeckError(f"{file}: there is no such file")
+    if recognizer is not None and method is not Way.EXPERTS:
+        raise MotiondeckError(f"--recognizer goes with --method experts, not with {method.value}")
+    clip = read_clip(file, skeleton or skeleton_of(file, file.parent.parent))
+    marked = read_labels(labels) if labels else None
+    if marked is not None and abs(marked.frames - len(clip)) > 0.05 * len(clip):
+        raise MotiondeckError(f"{labels}: speaks of {marked.frames} frames, but {file} has {len(clip)}. Wrong trial?")
+    cut = _by_experts(clip, marked, recognizer) if method is Way.EXPERTS else _unsupervised(clip, method)
+    said: dict[str, Any] = {"file": str(file), "method": method.value, "frames": len(clip), **cut}
+    if marked is not None:
+        import numpy as np
+
+        borders = np.array([one["from_frame"] for one in cut["segments"][1:]], dtype=np.int64)
+        score = score_borders(borders, marked.borders)
+        said["score"] = {
+            "found": score.found,
+            "marked": score.marked,
+            "hits": score.hits,
+            "precision": score.precision,
+            "recall": score.recall,
+            "f1": score.f1,
+        }
+    if as_json:
+        print(json.dumps(said))
+        return
+    for one in cut["segments"]:
+        print(f"{one['from_s']:8.2f} to {one['to_s']:8.2f} s  frame {one['from_frame']:6d}  {one['motion'] or ''}")
+    if "score" in said:
+        score = said["score"]
+        print(f"borders: {score['hits']} of {score['marked']} found, {score['found']} given, F1 {score['f1']:.2f}")
+    if "accuracy" in cut:
+        print(
+            f"frames that were not learned ({100 * cut['asked_share']:.0f} %): {cut['accuracy']:.3f} right, "
+            f"{cut['accuracy_smoothed']:.3f} with smoothing instead of Viterbi"
+        )
+
+
+def _by_experts(clip: Clip, marked: Labels | None, recognizer: Path | None) -> dict[str, Any]:
+    from controller.errors import MotiondeckError
+    from controller.recognition.features import features
+    from controller.recognition.recognizer_file import load_recognizer
+    from controller.recognition.segmentation import (
+        CHANGE_COST,
+        LOOK,
+        bank_of_first_occurrences,
+        first_occurrences,
+        frame_costs,
+        smoothed,
+        viterbi,
+    )
+
+    if recognizer is not None:
+        loaded = load_recognizer(recognizer)
+        look, bank = loaded.recipe, loaded.bank
+        signal = features(clip, look)
+    elif marked is not None:
+        look = LOOK
+        signal = features(clip, look)
+        bank = bank_of_first_occurrences(signal, marked, clip.rate / look.rate)
+    else:
+        raise MotiondeckError("--method experts needs --recognizer FILE, or --labels FILE to learn from")
+    if len(signal) < 2:
+        raise MotiondeckError(f"{clip.source}: too short to be cut")
+    stride = clip.rate / look.rate
+    costs = frame_costs(bank, signal)
+    path = viterbi(costs, CHANGE_COST * look.rate)
+    said: dict[str, Any] = {"segments": _segments(path, stride, clip, bank.classes)}
+    if recognizer is None and marked is not None:
+        truth = marked.of_frames(stride)[: len(signal)]
+        ask = ~first_occurrences(marked, stride)[: len(truth)]
+        right = path[: len(truth)] == truth
+        by_smoothing = smoothed(costs, look.rate).argmin(1)[: len(truth)] == truth
+        said |= {
+            "asked_share": float(ask.mean()),
+            "accuracy": float(right[ask].mean()),
+            "accuracy_smoothed": float(by_smoothing[ask].mean()),
+        }
+    return said
+
+
+def _unsupervised(clip: Clip, method: Way) -> dict[str, Any]:
+    import numpy as np
+
+    from controller.recognition import change_points
+    from controller.recognition.features import FeatureRecipe, features
+
+    by_kernel = method is Way.CHANGE_POINTS
+    rate = change_points.KERNEL_RATE if by_kernel else change_points.PREDICTION_RATE
+    signal = features(clip, FeatureRecipe(height=True, rate=rate))
+    cut = change_points.kernel_change_points if by_kernel else change_points.cross_prediction
+    found = cut(signal, rate)
+    path = np.zeros(len(signal), dtype=np.int64)
+    path[found] = 1
+    return {"segments": _segments(np.cumsum(path), clip.rate / rate, clip, None)}
+
+
+def _segments(path: Any, stride: float, clip: Clip, classes: tuple[str, ...] | None) -> list[dict[str, Any]]:
+    """The runs of equal classes in a path of every `stride`-th frame."""
+    from controller.recognition.segmentation import borders_of
+
+    starts = [0, *borders_of(path).tolist()]
+    frames = [round(start * stride) for start in starts]
+    ends = [*frames[1:], len(clip)]
+    return [
+        {
+            "motion": classes[int(path[start])] if classes else None,
+            "from_frame": frame,
+            "from_s": frame / clip.rate,
+            "to_s": end / clip.rate,
+        }
+        for start, frame, end in zip(starts, frames, ends, strict=True)
+    ]

@@ -1,0 +1,144 @@
+"""Failure rates of a whole library over seeds and runs, spread over the cores."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from joblib import Parallel, delayed
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from controller.evaluation.batch import batch_of
+from controller.evaluation.disturbance import Kind, Watched, disturbed
+from controller.generators.guard import beat, spread
+from controller.training.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir
+from controller.training.fit import Syllabus, teach
+from controller.training.library import Network
+from controller.training.recipe import LibraryRecipe
+from controller.training.self_test import Judge
+
+Tick = Callable[[], None]
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A trained network that is to be disturbed.
+
+    Attributes:
+        seed: it was drawn with.
+        network: what plays.
+        weights: W of a conceptor network, shape (N, N), or None where it was not kept (a library keeps W U only).
+    """
+
+    seed: int
+    network: Network
+    weights: NDArray[np.float32] | None = None
+
+
+@dataclass(frozen=True)
+class Count:
+    """How often one motion of one network failed.
+
+    Attributes:
+        motion: its name.
+        loop: whether it goes on for ever.
+        seed: of the network.
+        runs: how many there were.
+        intrinsic: how many of them failed without a guard.
+        guarded: how many with one, or None where that was not asked for.
+        reason: why the first intrinsic one did, or "".
+    """
+
+    motion: str
+    loop: bool
+    seed: int
+    runs: int
+    intrinsic: int
+    guarded: int | None
+    reason: str
+
+
+def train_subjects(
+    recipe: LibraryRecipe, syllabus: Syllabus, seeds: Iterable[int], jobs: int = 1, tick: Tick = lambda: None
+) -> list[Subject]:
+    """The networks of a recipe, one a seed, in order."""
+    return sorted(
+        _spread((delayed(_train)(recipe, syllabus, seed) for seed in seeds), jobs, tick), key=lambda s: s.seed
+    )
+
+
+def sweep(
+    kind: Kind,
+    subjects: list[Subject],
+    syllabus: Syllabus,
+    runs: int,
+    *,
+    motions: list[str] | None = None,
+    holds: bool = True,
+    guarded: bool = True,
+    jobs: int = 1,
+    tick: Tick = lambda: None,
+) -> list[Count]:
+    """Disturbs every motion of every network, without a guard and with one.
+
+    Args:
+        kind: of disturbance.
+        subjects: the networks.
+        syllabus: what they learned, to judge by.
+        runs: of each motion of each network.
+        motions: which of them, or all.
+        holds: whether motions that happen once were taught to hold their end.
+        guarded: whether to play all runs once more with a guard.
+        jobs: how many processes share the work.
+        tick: is called after each motion of each network.
+
+    Returns:
+        One count for each, by seed and in the order of the motions.
+    """
+    judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, holds=holds)
+    motions = list(syllabus.frames) if motions is None else motions
+    tasks = (
+        delayed(_count)(kind, subject, motion, runs, judge, len(syllabus.frames[motion]), guarded)
+        for subject in subjects
+        for motion in motions
+    )
+    return sorted(_spread(tasks, jobs, tick), key=lambda count: (count.seed, motions.index(count.motion)))
+
+
+def _spread(tasks: Iterable[Any], jobs: int, tick: Tick) -> list[Any]:
+    """The results of tasks in the order in which they come."""
+    results = []
+    for result in Parallel(n_jobs=jobs, return_as="generator_unordered")(tasks):
+        results.append(result)
+        tick()
+    return results
+
+
+def _train(recipe: LibraryRecipe, syllabus: Syllabus, seed: int) -> Subject:
+    lessons, normalisation = syllabus.lessons()
+    with threadpool_limits(1):
+        if isinstance(recipe.network, ConceptorRecipe):
+            loaded = load_reservoir(lessons, recipe.network, seed)
+            network = conceptor_network(loaded, lessons, normalisation, recipe.network)
+            return Subject(seed, network, loaded.weights.astype(np.float32))
+        return Subject(seed, teach(lessons, normalisation, recipe.network, seed))
+
+
+def _count(kind: Kind, subject: Subject, motion: str, runs: int, judge: Judge, length: int, guarded: bool) -> Count:
+    network, loop = subject.network, judge.loops[motion]
+    scale = spread(network)
+    watched = Watched(beat(network, motion, scale, length, loop=loop), scale, network.anchors(motion)[0])
+    failed: list[int] = []
+    reason = ""
+    with threadpool_limits(1):
+        for guard in (None, watched) if guarded else (None,):
+            # The same noise for both: what differs is the guard.
+            rng = np.random.default_rng([subject.seed, network.motions.index(motion), kind == "stability"])
+            played = disturbed(kind, batch_of(network, motion, runs, subject.weights), runs, rng, guard)
+            verdicts = [judge(motion, run.astype(np.float64)) for run in played]
+            failed.append(sum(not verdict.passed for verdict in verdicts))
+            reason = reason or next((verdict.reason for verdict in verdicts if not verdict.passed), "")
+    return Count(motion, loop, subject.seed, runs, failed[0], failed[1] if guarded else None, reason)

@@ -1,0 +1,145 @@
+"""What was measured as tables: rows of named values that print, go into CSV and JSON, and can be drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+
+import numpy as np
+
+from controller.evaluation.cost import Cost, exponent
+from controller.evaluation.statistics import wilson
+from controller.evaluation.sweep import Count
+from controller.evaluation.training_error import TrainingError
+from controller.evaluation.transitions import Crossing
+from controller.training.self_test import Verdict
+
+Value = str | int | float | None
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table.
+
+    Attributes:
+        title: above it.
+        rows: each a value by column; all have the same columns.
+        draws: the columns that a plot shows, as bars side by side.
+        notes: below it, one line each.
+        details: what the rows summarise, for CSV and JSON; or nothing.
+    """
+
+    title: str
+    rows: list[dict[str, Value]]
+    draws: tuple[str, ...]
+    notes: list[str] = field(default_factory=list)
+    details: list[dict[str, Value]] = field(default_factory=list)
+
+
+def failure_table(title: str, counts: Sequence[Count], thesis: dict[str, float], notes: list[str]) -> Table:
+    """Failure rates by motion, then over all loops and over everything; percentages with 95 % intervals."""
+    motions = list(dict.fromkeys(count.motion for count in counts))
+    groups = {motion: [count for count in counts if count.motion == motion] for motion in motions}
+    sums = {"all loops": [count for count in counts if count.loop], "everything": list(counts)}
+    known = {motion: thesis[motion] for motion in motions if motion in thesis}
+    if len(known) == len(motions):
+        sums = {"average": list(counts)}
+        known["average"] = float(np.mean(list(known.values())))
+    kinds = ("intrinsic",) if any(count.guarded is None for count in counts) else ("intrinsic", "guarded")
+    rows: list[dict[str, Value]] = []
+    for name, group in (groups | sums).items():
+        runs = sum(count.runs for count in group)
+        row: dict[str, Value] = {"motion": name, "runs": runs}
+        if known:
+            row["thesis %"] = 100.0 * known[name] if name in known else None
+        for kind in kinds:
+            failed = sum(getattr(count, kind) for count in group)
+            low, high = wilson(failed, runs)
+            row[f"{kind} %"] = 100.0 * failed / max(1, runs)
+            row[f"{kind} low"], row[f"{kind} high"] = 100.0 * low, 100.0 * high
+        by_seed: dict[int, list[Count]] = {}
+        for count in group:
+            by_seed.setdefault(count.seed, []).append(count)
+        row["intrinsic by seed"] = " ".join(str(sum(c.intrinsic for c in part)) for part in by_seed.values())
+        row["why the first failed"] = (
+            next((count.reason for count in group if count.reason), "") if name in groups else ""
+        )
+        rows.append(row)
+    return Table(title, rows, (*(("thesis %",) if known else ()), *(f"{kind} %" for kind in kinds)), notes)
+
+
+def crossing_table(title: str, crossings: Sequence[Crossing], loops: dict[str, bool], notes: list[str]) -> Table:
+    """Median, 95th percentile and maximum of each measure, by method and kind of target."""
+    rows: list[dict[str, Value]] = []
+    for method in dict.fromkeys(crossing.method for crossing in crossings):
+        for kind, loop in (("loops", True), ("once", False)):
+            group = [c for c in crossings if c.method == method and loops[c.target] == loop]
+            if not group:
+                continue
+            failed = sum(c.failed for c in group)
+            low, high = wilson(failed, len(group))
+            row: dict[str, Value] = {"to": f"{kind}, {method}", "pairs": len(group)}
+            row["failed %"] = 100.0 * failed / len(group)
+            row["failed low"], row["failed high"] = 100.0 * low, 100.0 * high
+            for name in ("frames", "velocity", "acceleration", "jerk", "bone_error"):
+                values = np.percentile([getattr(c, name) for c in group], [50, 95, 100])
+                row[name] = " / ".join(f"{value:.0f}" if name == "frames" else f"{value:.2f}" for value in values)
+            rows.append(row)
+    return Table(title, rows, ("failed %",), notes, [asdict(crossing) for crossing in crossings])
+
+
+# Big-O of tables 4.10 - 4.13 for one factor with the others fixed: time and memory of training.
+_THESIS_EXPONENTS = {"N": (3.0, 2.0), "T": (3.0, 1.0), "P": (3.0, 1.0)}
+
+
+def cost_table(title: str, found: Sequence[Cost], notes: list[str]) -> Table:
+    """What each network cost, and with which power the costs grow, beside the thesis's bounds."""
+    rows: list[dict[str, Value]] = []
+    for cost in found:
+        row: dict[str, Value] = {"network": f"{cost.neurons} neurons, {cost.frames} frames, {cost.motions} motions"}
+        row |= {"training s": cost.training_s, "training MB": cost.training_mb}
+        rows.append(row | {"step us": cost.step_us, "stored MB": cost.stored_mb})
+    for varied, against in (("N", "neurons"), ("T", "frames"), ("P", "motions")):
+        powers = [
+            exponent(list(found), varied, against, what)
+            for what in ("training_s", "training_mb", "step_us", "stored_mb")
+        ]
+        row = dict(zip(("training s", "training MB", "step us", "stored MB"), powers, strict=True))
+        rows.append({"network": f"power of {varied}", **row})
+        time, memory = _THESIS_EXPONENTS[varied]
+        bound: dict[str, Value] = {"training s": time, "training MB": memory, "step us": None, "stored MB": None}
+        rows.append({"network": f"thesis's bound for {varied}", **bound})
+    return Table(title, rows, ("training s",), notes)
+
+
+def training_table(
+    title: str,
+    errors: Sequence[TrainingError],
+    verdicts: Sequence[dict[str, Verdict]],
+    thesis: dict[str, float],
+    notes: list[str],
+) -> Table:
+    """Training errors and self-tests by seed, their mean, and the thesis's where it has them."""
+    names = ["mabs_readout", "nrmse_readout", "mabs_weights", "nrmse_weights"]
+    shown = [name for name in names if getattr(errors[0], name) is not None]
+    rows: list[dict[str, Value]] = []
+    for error, tested in zip(errors, verdicts, strict=True):
+        failing = [name for name, verdict in tested.items() if not verdict.passed]
+        apart = [verdict.error_mm for verdict in tested.values()]
+        rows.append(
+            {"network": f"seed {error.seed}"}
+            | {name: getattr(error, name) for name in shown}
+            | {
+                "self-test": f"{len(tested) - len(failing)} of {len(tested)}",
+                "free run mm": float(np.median(apart)) if np.isfinite(apart).all() and apart else None,
+                "failing": ", ".join(failing),
+            }
+        )
+    blank: dict[str, Value] = {"self-test": "", "free run mm": None, "failing": ""}
+    mean: dict[str, Value] = {name: float(np.mean([getattr(error, name) for error in errors])) for name in shown}
+    rows.append({"network": "mean", **mean, **blank})
+    if thesis:
+        rows.append({"network": "thesis", **{name: thesis.get(name) for name in shown}, **blank})
+        off = {name: 100.0 * (float(mean[name] or 0.0) / thesis[name] - 1.0) for name in shown if name in thesis}
+        rows.append({"network": "off by %", **{name: off.get(name) for name in shown}, **blank})
+    return Table(title, rows, tuple(shown), notes)

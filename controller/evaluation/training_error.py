@@ -1,0 +1,78 @@
+"""How well a recipe's networks learn: the figures under tables 4.1, 4.3 and 4.5 of Deliallisi 2017, for any recipe."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from controller.errors import MotiondeckError
+from controller.evaluation.accuracy import mabs, nrmse
+from controller.evaluation.thesis import noisy_targets
+from controller.training.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir, what_drove
+from controller.training.echo_state_training import EchoStateRecipe, train_echo_state
+from controller.training.fit import Syllabus, find_recording
+from controller.training.library import Network
+from controller.training.recipe import LibraryRecipe
+from controller.training.ridge import ridge
+
+
+@dataclass(frozen=True)
+class TrainingError:
+    """What one seed gave.
+
+    Attributes:
+        seed: of the network.
+        mabs_readout, nrmse_readout: of W_out; for echo-state networks means over the motions, whose readouts differ.
+        mabs_weights, nrmse_weights: of W, where it was learned in full.
+        network: that was trained.
+    """
+
+    seed: int
+    mabs_readout: float
+    nrmse_readout: float
+    mabs_weights: float | None
+    nrmse_weights: float | None
+    network: Network
+
+
+def training_error(recipe: LibraryRecipe, syllabus: Syllabus, seed: int, data: Path | None = None) -> TrainingError:
+    """Trains a recipe with a seed and measures it.
+
+    Args:
+        recipe: what to train.
+        syllabus: its frames.
+        seed: of everything random.
+        data: the folder of the recordings, to teach the readout of a conceptor network the two noise channels as the
+            thesis did; None leaves them silent.
+
+    Raises:
+        MotiondeckError: if the recipe is for a network without a reservoir.
+    """
+    lessons, normalisation = syllabus.lessons()
+    plan = recipe.reservoir
+    if isinstance(plan, EchoStateRecipe):
+        network = train_echo_state(lessons, normalisation, msgspec.structs.replace(plan, anchor_every=1), seed)
+        errors = [nrmse(network.recall(name), frames) for name, frames in syllabus.frames.items()]
+        size = float(np.mean([mabs(network[name].readout) for name in network.motions]))
+        return TrainingError(seed, size, float(np.mean(errors)), None, None, network)
+    if not isinstance(plan, ConceptorRecipe):
+        raise MotiondeckError(
+            "training errors are measured for reservoirs only, and this recipe is for another network"
+        )
+    loaded = load_reservoir(lessons, plan, seed)
+    network = conceptor_network(loaded, lessons, normalisation, plan)
+    states, inputs = np.concatenate(loaded.states), np.concatenate([lesson.frames for lesson in lessons])
+    readout, targets = loaded.readout, inputs
+    if data is not None:
+        files = [find_recording(data, motion.file) for motion in recipe.motions]
+        targets = np.concatenate(noisy_targets(lessons, files))
+        readout = ridge(states, targets, plan.ridge)
+    sized = error = None
+    if plan.learns == "weights":
+        before = np.concatenate(loaded.before)
+        wanted = what_drove(loaded.reservoir, before, inputs)
+        sized, error = mabs(loaded.weights), nrmse(before @ loaded.weights.T, wanted)
+    return TrainingError(seed, mabs(readout), nrmse(states @ readout.T, targets), sized, error, network)

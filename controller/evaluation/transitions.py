@@ -1,0 +1,192 @@
+"""Transitions between all ordered pairs of motions: the thesis's morphing and the deck's switching side by side.
+
+The thesis ramps mu from 0 to 1 over RAMP frames inside the network (eqs 3.7, 3.16); the deck starts the target where it
+resembles the body most and turns the bones there (`realtime/transition.py`). For each pair the joints' peak velocity,
+acceleration and jerk during the transition are divided by the larger of both motions' own peaks: 1 means no brisker
+than what was recorded. Joints are seen relative to the root in the heading frame, with the root's height.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf
+from typing import Any
+
+import numpy as np
+from joblib import Parallel, delayed
+from threadpoolctl import threadpool_limits
+
+from controller.evaluation.matching import LOST_MM, joint_features
+from controller.generators.morph import morph
+from controller.mocap.bone_directions import FIRST_BONE, HEIGHT
+from controller.mocap.posture import Pose, Posture
+from controller.realtime.deck import Deck
+from controller.rotations import Array, rotate
+from controller.training.fit import Syllabus
+from controller.training.library import MotionLibrary
+from controller.training.self_test import Judge
+
+RAMP = 120
+LONGEST = 3600
+AFTER = 12
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """One transition.
+
+    Attributes:
+        source, target: the motions.
+        method: "morph" for the thesis's, "deck" for ours.
+        frames: how long it took.
+        velocity, acceleration, jerk: peaks over the larger of both motions' own.
+        bone_error: the largest |length / true length - 1| of a bone on the way.
+        failed: whether the target was not what played afterwards.
+        reason: why, or "".
+    """
+
+    source: str
+    target: str
+    method: str
+    frames: int
+    velocity: float
+    acceleration: float
+    jerk: float
+    bone_error: float
+    failed: bool
+    reason: str
+
+
+def all_crossings(
+    library: MotionLibrary,
+    syllabus: Syllabus,
+    *,
+    holds: bool = True,
+    jobs: int = 1,
+    tick: Callable[[], None] = lambda: None,
+) -> list[Crossing]:
+    """Every ordered pair, by both methods; one switch a pair, at a random moment of the source.
+
+    Args:
+        library: whose network plays.
+        syllabus: what it learned, to judge by.
+        holds: whether motions that happen once were taught to hold their end.
+        jobs: how many processes share the work.
+        tick: is called after each source.
+    """
+    judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, holds=holds)
+    peaks = {
+        name: _peaks(joint_features(syllabus.encoding, frames), wrap=syllabus.loops[name])
+        for name, frames in syllabus.frames.items()
+    }
+    tasks = (delayed(_from)(source, library, syllabus, judge, peaks) for source in syllabus.frames)
+    found: list[Crossing] = []
+    results: Any = Parallel(n_jobs=jobs, return_as="generator")(tasks)
+    for crossings in results:
+        found += crossings
+        tick()
+    return found
+
+
+def _from(
+    source: str, library: MotionLibrary, syllabus: Syllabus, judge: Judge, peaks: dict[str, Array]
+) -> list[Crossing]:
+    """All transitions out of one motion."""
+    crossings = []
+    motions = list(syllabus.frames)
+    with threadpool_limits(1):
+        for target in motions:
+            if target == source:
+                continue
+            rng = np.random.default_rng([motions.index(source), motions.index(target)])
+            # A motion that happens once has come to its end.
+            begin = RAMP + int(rng.integers(RAMP)) if judge.loops[source] else len(syllabus.frames[source])
+            after = 2 * len(syllabus.frames[target]) if judge.loops[target] else len(syllabus.frames[target]) + RAMP
+            for method, play in (("morph", _morphed), ("deck", _switched)):
+                run, start, end = play(library, source, target, begin, after)
+                crossings.append(_measured(source, target, method, run, start, end, judge, peaks))
+    return crossings
+
+
+def _morphed(library: MotionLibrary, source: str, target: str, begin: int, after: int) -> tuple[Array, int, int]:
+    """The channels of a run with a mu ramp in it, and where the ramp begins and ends."""
+    network = library.reservoir.twin()
+    run = np.empty((begin + RAMP + after, network.channels))
+    network.cue(source, 0)
+    with np.errstate(all="ignore"):
+        for frame in run[:begin]:
+            network.advance(frame)
+        on_the_way = morph(network, source, target)
+        for step, frame in enumerate(run[begin : begin + RAMP], start=1):
+            on_the_way.advance(step / RAMP, frame)
+        on_the_way.settle()
+        for frame in run[begin + RAMP :]:
+            network.advance(frame)
+    return run, begin, begin + RAMP
+
+
+def _switched(library: MotionLibrary, source: str, target: str, begin: int, after: int) -> tuple[Array, int, int]:
+    """The channels of a run of the deck with a switch in it, and where the switch begins and has settled."""
+    deck = Deck(library, _nothing, source)
+    dt = 1.0 / library.info.rate
+    shown = [deck.posture]
+    for _ in range(begin):
+        deck.update(dt)
+        shown.append(deck.posture)
+    deck.switch(target)
+    end = begin
+    while len(shown) < end + after:
+        deck.update(dt)
+        shown.append(deck.posture)
+        if not deck.settled and len(shown) < begin + LONGEST:
+            end = len(shown)
+    return _channels(library, shown), begin, end
+
+
+def _nothing(pose: Pose) -> Array:
+    """Joint targets of no robot: what is measured here is the body."""
+    return pose.root_position
+
+
+def _channels(library: MotionLibrary, postures: list[Posture]) -> Array:
+    """Height and bone directions of postures as channels; what else there is stays zero."""
+    out = np.zeros((len(postures), library.encoding.channels))
+    out[:, HEIGHT] = [float(posture.height) for posture in postures]
+    rotation = np.stack([posture.rotation for posture in postures])
+    out[:, FIRST_BONE:] = rotate(rotation[:, 1:], library.skeleton.rest_direction).reshape(len(out), -1)
+    return out
+
+
+def _measured(
+    source: str, target: str, method: str, run: Array, start: int, end: int, judge: Judge, peaks: dict[str, Array]
+) -> Crossing:
+    if not np.isfinite(run).all():
+        return Crossing(source, target, method, end - start, inf, inf, inf, inf, True, "the network ran away")
+    # What is shown: the thesis draws the vectors as they come, shrunken bones and all.
+    skeleton = judge.encoding.skeleton
+    vectors = run[:, FIRST_BONE:].reshape(len(run), -1, 3)
+    joints = skeleton.chain @ (vectors * skeleton.length[:, None])
+    seen = 1e3 * np.concatenate([joints.reshape(len(run), -1), run[:, [HEIGHT]]], axis=1)
+    ratios = _peaks(seen[max(0, start - 3) : end + AFTER]) / np.maximum(peaks[source], peaks[target])
+    length = np.linalg.norm(vectors[start:end], axis=-1)
+    reason = _failure(target, run[end:], judge)
+    velocity, acceleration, jerk = ratios.tolist()
+    error = float(np.abs(length - 1.0).max())
+    return Crossing(source, target, method, end - start, velocity, acceleration, jerk, error, bool(reason), reason)
+
+
+def _failure(target: str, run: Array, judge: Judge) -> str:
+    """Why what played after a transition was not the target, or ""."""
+    if judge.loops[target] or not judge.holds:
+        return judge(target, run).reason
+    away = float(np.sqrt(np.square(joint_features(judge.encoding, run[-1:]) - judge.end(target)).mean() * 3.0))
+    return f"holds a pose {away:.0f} mm away from the last one" if away > LOST_MM else ""
+
+
+def _peaks(features: Array, *, wrap: bool = False) -> Array:
+    """The largest speed, acceleration and jerk of a joint, in mm and frames, shape (3,)."""
+    if wrap:
+        features = np.concatenate([features, features[:4]])
+    joints = np.concatenate([features, np.zeros((len(features), 2))], axis=1).reshape(len(features), -1, 3)
+    return np.array([np.linalg.norm(np.diff(joints, n=n, axis=0), axis=-1).max() for n in (1, 2, 3)])

@@ -1,0 +1,297 @@
+"""A centralized network plays motions in continuous time (Vakulenko et al. 2017).
+
+    x(t) = rest + W Phi(q(t)),   q_i(t) = (cos, sin)(omega_i t + phi_i)            (eqs 1, 2)
+
+Each motion has its own frequencies, satellites and weights; the switching module's z says which one plays. In the paper
+z drives omega(z) and W(z) directly (eqs 12, 13), which passes through whatever motions lie between source and target
+and is many times rougher than the recordings. Here z goes slowly, only source and target are mixed, by how far z has
+come from the one to the other, and the target is entered where it is most like what the source is about to do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.errors import MotiondeckError, UnknownNameError
+from controller.generators.base import Channels
+from controller.generators.oscillators import pairs_at, require_frequencies
+from controller.generators.satellites import GaussianSatellites
+from controller.generators.switching_module import SwitchingModule, clamp, design_module
+from controller.rotations import Array
+
+# How long z takes for all but 1/e of its way, s, and the gain of the current that pulls it there.
+TIME_CONSTANT = 0.15
+GAIN = 5.0
+
+# Entry points of a loop that are compared, and the stretch of motion they are compared over.
+ENTRIES = 50
+WINDOW_FRAMES = 12
+WINDOW_SECONDS = 3.0 * TIME_CONSTANT
+
+
+@dataclass(frozen=True, eq=False)
+class CentralizedMotion:
+    """One motion with n centers, m satellites and D channels.
+
+    Attributes:
+        frequency, phase: of the centers at the beginning, shape (n,), rad/s and rad.
+        satellites: in the 2 n coordinates of the centers.
+        weights: W, shape (D, m).
+        rest: shape (D,).
+        seconds: how long the motion is, or how long one round of it.
+        loop: whether its centers return after that time, so that it goes on for ever; otherwise it holds its end.
+
+    Raises:
+        MotiondeckError: if the shapes disagree, or a loop does not close: after its seconds every center must have made
+            a whole number of turns.
+    """
+
+    frequency: Array
+    phase: Array
+    satellites: GaussianSatellites
+    weights: Array
+    rest: Array
+    seconds: float
+    loop: bool
+
+    def __post_init__(self) -> None:
+        n, m = len(self.frequency), len(self.satellites)
+        if self.phase.shape != (n,) or self.satellites.places.shape[1] != 2 * n:
+            raise MotiondeckError(
+                f"{n} centers do not fit satellites at places of shape {self.satellites.places.shape}"
+            )
+        if self.weights.shape != (len(self.rest), m):
+            raise MotiondeckError(f"{m} satellites and {len(self.rest)} channels do not fit W of {self.weights.shape}")
+        require_frequencies(self.frequency)
+        turns = self.frequency * self.seconds / (2.0 * np.pi)
+        if self.loop and np.abs(turns - np.round(turns)).max() > 1e-6:
+            raise MotiondeckError(f"a loop whose centers make {turns} turns does not close; they must be whole numbers")
+
+    @property
+    def largest_weight(self) -> float:
+        """max |W|: a network that would explode where it has not been trained shows it here."""
+        return float(np.abs(self.weights).max())
+
+    def at(self, time: Array) -> Channels:
+        """The channels at times (T,) since the beginning, shape (T, D)."""
+        if not self.loop:
+            time = np.clip(time, 0.0, self.seconds)
+        return self.satellites.respond(pairs_at(self.frequency, self.phase, time)) @ self.weights.T + self.rest
+
+    def with_frequencies(self, frequency: Array) -> CentralizedMotion:
+        """The same satellites driven by other frequencies, those of another clip: its style on this motion.
+
+        Raises:
+            MotiondeckError: if there are not as many as centers, or a loop would no longer close.
+        """
+        if frequency.shape != self.frequency.shape:
+            raise MotiondeckError(f"{len(frequency)} frequencies for {len(self.frequency)} centers")
+        require_frequencies(frequency)
+        slowest = int(self.frequency.argmin())
+        seconds = self.seconds * float(self.frequency[slowest] / frequency[slowest])
+        return replace(self, frequency=frequency, seconds=seconds)
+
+    @cached_property
+    def linear_form(self) -> tuple[Array, Array]:
+        """-b^2 |q - q_j|^2 / 2 as a product with (q, 1), and x as one with (Phi, 1), shape (m, 2 n + 1) and (D, m + 1).
+
+        For centers of unit amplitude |q|^2 = n.
+        """
+        square = np.square(self.satellites.sharpness)
+        reach = np.square(self.satellites.places).sum(1) + len(self.frequency)
+        exponent = np.column_stack([square[:, None] * self.satellites.places, -0.5 * square * reach])
+        return exponent, np.column_stack([self.weights, self.rest])
+
+
+class Voice:
+    """A motion while it plays: its centers, and how far it is."""
+
+    def __init__(self, motion: CentralizedMotion, time: float) -> None:
+        self.motion, self.time = motion, time
+        self._exponent, self._weights = motion.linear_form
+        self._turn = 1j * motion.frequency
+        self._coordinates = np.ones(self._exponent.shape[1])
+        self.centers: NDArray[np.complex128] = self._coordinates[:-1].view(np.complex128)
+        self.centers[:] = np.exp(self._turn * time + 1j * motion.phase)
+        self._response_and_one = np.ones(self._weights.shape[1])
+        self._response = self._response_and_one[:-1]
+        self._step, self._rotation = 0.0, np.ones(len(self._turn), dtype=np.complex128)
+
+    def advance(self, dt: float) -> None:
+        """Goes dt seconds on; a motion that happens once stops at its end."""
+        if self.motion.loop:
+            self.time = (self.time + dt) % self.motion.seconds
+        else:
+            dt = min(dt, self.motion.seconds - self.time)
+            self.time += dt
+        if dt != self._step:
+            self._step, self._rotation = dt, np.exp(self._turn * dt)
+        self.centers *= self._rotation
+
+    def speak(self, out: Channels) -> None:
+        """Writes the channels into out, shape (D,)."""
+        response = self._response
+        np.dot(self._exponent, self._coordinates, out=response)
+        np.exp(response, out=response)
+        np.dot(self._weights, self._response_and_one, out=out)
+
+    def copy(self) -> Voice:
+        """An independent voice in the same state."""
+        twin = Voice(self.motion, self.time)
+        twin.centers[:] = self.centers
+        return twin
+
+
+@dataclass(frozen=True, eq=False)
+class Score:
+    """A copy of a generator's whole state."""
+
+    motion: str
+    voice: Voice
+    source: Voice | None
+    origin: float
+    waiting: str | None
+    module: object
+
+
+class CentralizedGenerator:
+    """Plays centralized motions and switches between them; fits `base.Generator`.
+
+    Args:
+        motions: what it plays, all with the same channels.
+
+    Attributes:
+        motions: their names.
+        motion: the one that plays or is being switched to.
+        tempo: multiplies all frequencies.
+        module: the switching module; state k is the k-th motion.
+    """
+
+    def __init__(self, motions: dict[str, CentralizedMotion]) -> None:
+        if len({len(motion.rest) for motion in motions.values()}) != 1:
+            raise MotiondeckError("a centralized network needs motions, all with the same number of channels")
+        self._of = motions
+        self.motions = tuple(motions)
+        self.channels = len(next(iter(motions.values())).rest)
+        self.tempo = 1.0
+        self.module = SwitchingModule(design_module(len(motions)), time_scale=GAIN * TIME_CONSTANT)
+        self._out, self._mixed = np.zeros(self.channels), np.zeros(self.channels)
+        self._waiting: str | None = None
+        self._source: Voice | None = None
+        self._origin = 0.0
+        self._scale, self._entries = _entries(motions)
+        self.cue(self.motions[0])
+
+    def __getitem__(self, motion: str) -> CentralizedMotion:
+        if motion not in self._of:
+            raise UnknownNameError.among("motion", motion, self.motions)
+        return self._of[motion]
+
+    @property
+    def settled(self) -> bool:
+        """Whether no switch is under way."""
+        return self._source is None and self._waiting is None
+
+    def cue(self, motion: str, phase: float = 0.0) -> None:
+        """Starts a motion at a phase in [0, 1), without a transition."""
+        part = self[motion]
+        self.motion = motion
+        self._voice = Voice(part, phase * part.seconds)
+        self._source = self._waiting = None
+        self.module.reset(self.motions.index(motion))
+
+    def switch(self, to: str) -> None:
+        """Goes over to a motion; while a switch is under way, the latest other wish waits for its end.
+
+        Raises:
+            UnknownNameError: if there is no such motion; it names the nearest.
+        """
+        part = self[to]
+        if self._source is not None:
+            self._waiting = to if to != self.motion else None
+            return
+        if to == self.motion and part.loop:
+            return
+        entry = self._best_entry(to)
+        self._source, self._voice = self._voice, Voice(part, entry * part.seconds)
+        target = self.motions.index(to)
+        if to == self.motion:
+            # The same state again: z comes from beside it, so that its way has a length.
+            self.module.place(float(self.module.design.targets[target]) - 1.0)
+        self.motion = to
+        self._origin = self.module.z
+        self.module.command(clamp(self.module.design, target, GAIN))
+
+    def step(self, dt: float) -> Channels:
+        """Goes dt >= 0 seconds on and gives the channels there, shape (D,); the array is reused by the next step."""
+        self._voice.advance(dt * self.tempo)
+        self._voice.speak(self._out)
+        if self._source is not None:
+            self._mix(dt)
+        return self._out
+
+    def frequency_at(self, z: float) -> Array:
+        """omega(z) of eq. 12, shape (n,), for motions with equally many centers: exact where the module rests."""
+        return self.module.design.memberships(z) @ np.stack([part.frequency for part in self._of.values()])
+
+    def weights_at(self, z: float) -> Array:
+        """W(z) of eq. 13 over the satellites of all motions side by side, shape (D, sum of m)."""
+        shares = self.module.design.memberships(z)
+        return np.concatenate([s * part.weights for s, part in zip(shares, self._of.values(), strict=True)], axis=1)
+
+    def snapshot(self) -> Score:
+        """A copy of the state: two runs from one snapshot are identical."""
+        source = self._source.copy() if self._source is not None else None
+        return Score(self.motion, self._voice.copy(), source, self._origin, self._waiting, self.module.snapshot())
+
+    def restore(self, score: Score) -> None:
+        """Puts the state back to a snapshot."""
+        self.motion, self._voice = score.motion, score.voice.copy()
+        self._source = score.source.copy() if score.source is not None else None
+        self._origin, self._waiting = score.origin, score.waiting
+        self.module.restore(score.module)  # pyright: ignore[reportArgumentType]
+
+    def _mix(self, dt: float) -> None:
+        """Moves z on and mixes what is left of the source into the output."""
+        assert self._source is not None
+        self.module.advance(dt)
+        if not self.module.commanded:
+            self._source = None
+            self.module.reset(self.motions.index(self.motion))
+            if self._waiting is not None:
+                waiting, self._waiting = self._waiting, None
+                self.switch(waiting)
+            return
+        target = float(self.module.design.targets[self.motions.index(self.motion)])
+        way = target - self._origin
+        progress = min(1.0, max(0.0, (self.module.z - self._origin) / way))
+        share = progress**3 * (10.0 + progress * (6.0 * progress - 15.0))
+        self._source.advance(dt * self.tempo)
+        self._source.speak(self._mixed)
+        np.subtract(self._out, self._mixed, out=self._out)
+        np.multiply(self._out, share, out=self._out)
+        np.add(self._out, self._mixed, out=self._out)
+
+    def _best_entry(self, to: str) -> float:
+        """The phase at which a motion is most like what is about to come, 0 for one that happens once."""
+        windows = self._entries[to]
+        ahead = self._voice.time + np.linspace(0.0, WINDOW_SECONDS, WINDOW_FRAMES)
+        coming = self._voice.motion.at(ahead) / self._scale
+        distance = np.square(windows - coming).sum((1, 2))
+        return float(distance.argmin()) / len(windows)
+
+
+def _entries(motions: dict[str, CentralizedMotion]) -> tuple[Array, dict[str, Array]]:
+    """Each channel's spread, shape (D,), and per motion the windows after its entry points, shape (E, frames, D)."""
+    window = np.linspace(0.0, WINDOW_SECONDS, WINDOW_FRAMES)
+    windows = {}
+    for name, part in motions.items():
+        starts = np.arange(ENTRIES if part.loop else 1) / ENTRIES * part.seconds
+        windows[name] = part.at((starts[:, None] + window).ravel()).reshape(len(starts), WINDOW_FRAMES, -1)
+    frames = np.concatenate([w.reshape(-1, w.shape[-1]) for w in windows.values()])
+    scale = np.maximum(frames.std(0), 1e-3 * max(1e-12, float(frames.std(0).max())))
+    return scale, {name: w / scale for name, w in windows.items()}

@@ -1,0 +1,113 @@
+"""Centralized motions frame by frame, as the deck plays networks: entered at anchors, advanced one frame at a time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from controller.errors import MotiondeckError, UnknownNameError
+from controller.generators.base import Channels
+from controller.generators.centralized import CentralizedMotion, Voice
+from controller.generators.satellites import GaussianSatellites
+from controller.rotations import Array
+
+ANCHOR_EVERY = 2
+
+
+@dataclass(frozen=True, eq=False)
+class StoredMotion:
+    """A centralized motion as arrays, with n centers, m satellites and C channels.
+
+    Attributes:
+        frequency, phase: of the centers, shape (n,), rad/s and rad.
+        places, sharpness: of the satellites, shape (m, 2 n) and (m,).
+        weights: W, shape (C, m).
+        rest: shape (C,).
+    """
+
+    frequency: Array
+    phase: Array
+    places: Array
+    sharpness: Array
+    weights: Array
+    rest: Array
+
+    @classmethod
+    def of(cls, motion: CentralizedMotion) -> StoredMotion:
+        """What is stored of a motion."""
+        satellites = motion.satellites
+        return cls(motion.frequency, motion.phase, satellites.places, satellites.sharpness, motion.weights, motion.rest)
+
+    def revive(self, frames: int, rate: float, *, loop: bool) -> CentralizedMotion:
+        """The motion, learned from some frames at a rate in Hz.
+
+        Raises:
+            MotiondeckError: if the arrays do not fit each other, or a loop does not close.
+        """
+        seconds = (frames if loop else max(1, frames - 1)) / rate
+        satellites = GaussianSatellites(self.places, self.sharpness)
+        return CentralizedMotion(self.frequency, self.phase, satellites, self.weights, self.rest, seconds, loop)
+
+
+class CentralizedNetwork:
+    """Plays centralized motions frame by frame; fits `base.FrameNetwork`.
+
+    Args:
+        motions: what it plays, all with the same channels.
+        rate: frames per second.
+    """
+
+    def __init__(self, motions: dict[str, CentralizedMotion], rate: float) -> None:
+        if len({len(motion.rest) for motion in motions.values()}) != 1:
+            raise MotiondeckError("a centralized network needs motions, all with the same number of channels")
+        self._of, self.rate = motions, rate
+        self.motions = tuple(motions)
+        self.channels = len(motions[self.motions[0]].rest)
+        self.cue(self.motions[0], 0)
+
+    def __getitem__(self, motion: str) -> StoredMotion:
+        return StoredMotion.of(self.part(motion))
+
+    def part(self, motion: str) -> CentralizedMotion:
+        """A motion in continuous time."""
+        if motion not in self._of:
+            raise UnknownNameError.among("motion", motion, self.motions)
+        return self._of[motion]
+
+    def twin(self) -> CentralizedNetwork:
+        """The same weights with a state of its own: what one player does, another does not see."""
+        return CentralizedNetwork(self._of, self.rate)
+
+    @property
+    def neurons(self) -> int:
+        """How many centers and satellites all motions have together."""
+        return sum(len(part.frequency) + len(part.satellites) for part in self._of.values())
+
+    def anchors(self, motion: str) -> Channels:
+        """The frames at the anchors of a motion, shape (anchors, channels)."""
+        part = self.part(motion)
+        frames = round(part.seconds * self.rate) + (not part.loop)
+        return part.at(np.arange(0, frames, ANCHOR_EVERY) / self.rate)
+
+    def recall(self, motion: str) -> Channels:
+        """What the network says at its anchors: the same, for it has no state that could stray."""
+        return self.anchors(motion)
+
+    def cue(self, motion: str, anchor: int) -> None:
+        """Goes to an anchor; the next `advance` gives the frame after it."""
+        self._voice = Voice(self.part(motion), anchor * ANCHOR_EVERY / self.rate)
+
+    def advance(self, out: Channels) -> None:
+        """Steps one frame on and writes it into out, shape (channels,)."""
+        self._voice.advance(1.0 / self.rate)
+        self._voice.speak(out)
+
+    def snapshot(self) -> Voice:
+        """A copy of the state."""
+        return self._voice.copy()
+
+    def restore(self, snapshot: Any) -> None:
+        """Puts the state back to a snapshot."""
+        self._voice = snapshot.copy()

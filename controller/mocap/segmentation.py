@@ -1,0 +1,233 @@
+"""Where one motion of a recording ends and the next begins: by hand, by labels, or found; and how well it was found.
+
+What is found follows J. Barbic et al., "Segmenting motion capture data into distinct behaviors" (Graphics Interface
+2004): a simple motion stays near a plane of few dimensions, and a border is where that plane changes. Where they walk
+on greedily, here the borders with the least total residual are computed exactly, by dynamic programming.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.errors import FileFormatError
+from controller.mocap.clip import Clip
+from controller.rotations import Array, conjugate, multiply, rotate, yaw
+
+RATE = 10.0
+PLANE = 4
+SHORTEST_SECONDS = 1.0
+REDUCED = 16
+
+# A further border must take away this share of the residual of the undivided recording, and no more than these.
+WORTH = 0.03
+MOST_SEGMENTS = 40
+
+Bounds = tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True)
+class Border:
+    """A border as a person has marked it.
+
+    Attributes:
+        before: what is done up to it.
+        earliest, best, latest: frames; a found border between the outer two is right.
+    """
+
+    before: str
+    earliest: int
+    best: int
+    latest: int
+
+
+def by_hand(borders: list[int], frames: int) -> Bounds:
+    """Segments (first frame, end) between borders.
+
+    Raises:
+        FileFormatError: if the borders do not rise, or lie outside the recording.
+    """
+    ends = [0, *borders, frames]
+    for first, end in pairwise(ends):
+        if first >= end:
+            raise FileFormatError(f"segment {first} to {end}: borders must rise between 0 and {frames} frames")
+    return tuple(pairwise(ends))
+
+
+def by_labels(labels: NDArray[np.generic]) -> Bounds:
+    """Segments over which a label, one a frame, stays the same."""
+    changes = np.flatnonzero(labels[1:] != labels[:-1]) + 1
+    return by_hand(changes.tolist(), len(labels))
+
+
+def read_borders(path: Path) -> list[Border]:
+    """The borders in a label file of the CMU 86 trials: a count, then for each segment `number name` and its end.
+
+    An end is three frames, the earliest acceptable, the best and the latest; that of the last segment is one and marks
+    no border. Where the three are not in order they are put in order.
+
+    Raises:
+        FileFormatError: it names the file and the line.
+    """
+    try:
+        lines = [line.split() for line in path.read_text(encoding="ascii").splitlines()]
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileFormatError(f"{path}: cannot be read as a label file ({error})") from None
+    rows = [(number, words) for number, words in enumerate(lines, start=1) if words]
+    if not rows or not rows[0][1][0].isdecimal() or len(rows) != 1 + 2 * int(rows[0][1][0]):
+        raise FileFormatError(f"{path}: not a label file: a count of segments, and two lines for each of them")
+    borders = []
+    for (number, title), (line, end) in zip(rows[1:-2:2], rows[2:-2:2], strict=True):
+        if len(title) != 2 or len(end) != 3 or not all(word.isdecimal() for word in end):
+            place = number if len(title) != 2 else line
+            raise FileFormatError(f"{path} line {place}: expected a number and a name, then three frames")
+        borders.append(Border(title[1], *sorted(int(word) for word in end)))
+    return borders
+
+
+def body_features(clip: Clip) -> Array:
+    """Joints relative to the root and seen from its heading, and their rates over 0.1 s, shape (T, 6 B), m."""
+    forward = rotate(clip.rotation[:, 0], np.array([1.0, 0.0, 0.0]))
+    heading = np.arctan2(forward[:, 1], forward[:, 0])
+    turned = multiply(conjugate(yaw(heading))[:, None, :], clip.rotation)
+    root = np.zeros((len(clip), 3))
+    root[:, 2] = clip.root_position[:, 2]
+    places = clip.skeleton.joints(root, turned).reshape(len(clip), -1)
+    return np.concatenate([places, 0.1 * clip.rate * np.asarray(np.gradient(places, axis=0))], axis=1)
+
+
+def find_segments(features: Array, rate: float, count: int | None = None, plane: int = PLANE) -> Bounds:
+    """The segments of a recording that lie nearest to planes of few dimensions, each to its own.
+
+    Args:
+        features: of each frame, shape (T, F); `body_features`, or any channels of the same unit.
+        rate: frames per second.
+        count: how many segments; None adds borders as long as they are worth it (WORTH).
+        plane: how many dimensions a simple motion has.
+
+    Raises:
+        FileFormatError: if the recording is too short for that many segments of a second each.
+    """
+    stride = max(1, round(rate / RATE))
+    seen = features[::stride]
+    shortest = max(plane + 1, round(SHORTEST_SECONDS * rate / stride))
+    possible = len(seen) // shortest
+    wanted = 1 if count is None else count
+    if not 1 <= wanted <= possible:
+        raise FileFormatError(
+            f"{len(features) / rate:.1f} s cannot be cut into {wanted} segments of a second or more each"
+        )
+    residual = _residuals(seen, plane, shortest)
+    totals, before = _best_borders(residual, min(possible, count or MOST_SEGMENTS))
+    if count is None:
+        worth = WORTH * float(residual[0, -1])
+        count = 1 + int(np.argmin(totals + worth * np.arange(0.0, len(totals))))
+    borders, end = [], len(seen)
+    for k in range(count - 1, 0, -1):
+        end = int(before[k, end])
+        borders.append(end * stride)
+    return by_hand(borders[::-1], len(features))
+
+
+def _residuals(seen: Array, plane: int, shortest: int) -> Array:
+    """What the best plane leaves of frames i to j, shape (T + 1, T + 1); infinite where j - i is too short.
+
+    It is measured in the REDUCED directions in which the whole recording moves most.
+    """
+    centred = seen - seen.mean(0)
+    _, _, axes = np.linalg.svd(centred, full_matrices=False)
+    reduced = centred @ axes[: max(plane + 1, REDUCED)].T
+    frames, r = reduced.shape
+    first = np.concatenate([np.zeros((1, r)), np.cumsum(reduced, axis=0)])
+    second = np.concatenate([np.zeros((1, r, r)), np.cumsum(reduced[:, :, None] * reduced[:, None, :], axis=0)])
+    out = np.full((frames + 1, frames + 1), np.inf)
+    for i in range(frames - shortest + 1):
+        ends = np.arange(i + shortest, frames + 1)
+        total = first[ends] - first[i]
+        scatter = second[ends] - second[i] - total[:, :, None] * total[:, None, :] / (ends - i)[:, None, None]
+        out[i, ends] = np.linalg.eigvalsh(scatter)[:, : r - plane].sum(1)
+    return out
+
+
+def _best_borders(residual: Array, most: int) -> tuple[Array, NDArray[np.int64]]:
+    """The least residual of 1 to `most` segments, and where the last of k segments that end at j begins."""
+    frames = len(residual) - 1
+    least = np.full((most, frames + 1), np.inf)
+    before = np.zeros((most, frames + 1), dtype=np.int64)
+    least[0] = residual[0]
+    for k in range(1, most):
+        through = least[k - 1][:, None] + residual
+        before[k] = through.argmin(0)
+        least[k] = through.min(0)
+    return least[:, -1], before
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How found borders compare with marked ones.
+
+    Attributes:
+        right: found borders inside the window of a marked one, each window once.
+        found, marked: how many there are.
+    """
+
+    right: int
+    found: int
+    marked: int
+
+    @property
+    def precision(self) -> float:
+        """The share of the found borders that are right."""
+        return self.right / self.found if self.found else 1.0
+
+    @property
+    def recall(self) -> float:
+        """The share of the marked borders that were found."""
+        return self.right / self.marked if self.marked else 1.0
+
+    @property
+    def f1(self) -> float:
+        """The harmonic mean of both."""
+        both = self.precision + self.recall
+        return 2.0 * self.precision * self.recall / both if both else 0.0
+
+
+def compare(segments: Bounds, marked: list[Border], tolerance: int = 0) -> Agreement:
+    """Scores the inner borders of segments against marked windows, widened by a tolerance in frames."""
+    found = [end for _, end in segments[:-1]]
+    free = list(found)
+    right = 0
+    for border in marked:
+        low, high = border.earliest - tolerance, border.latest + tolerance
+        inside = [frame for frame in free if low <= frame <= high]
+        if inside:
+            free.remove(min(inside, key=lambda frame: abs(frame - border.best)))
+            right += 1
+    return Agreement(right, len(found), len(marked))
+
+
+def cross_fade(pieces: list[Array], overlap: int) -> Array:
+    """Joins pieces (T_i, C) of which each begins 2 `overlap` frames before the one before it ends.
+
+    Over the frames they share a quintic goes from the one to the other, so that neither value, slope nor curve jumps.
+
+    Raises:
+        FileFormatError: if a piece is shorter than what it shares.
+    """
+    shared = 2 * overlap
+    for index, piece in enumerate(pieces):
+        if len(piece) < shared * (2 if 0 < index < len(pieces) - 1 else 1):
+            raise FileFormatError(f"piece {index}: {len(piece)} frames are fewer than the {shared} it shares")
+    if not shared:
+        return np.concatenate(pieces)
+    s = (np.arange(shared) + 0.5)[:, None] / shared
+    entering = s**3 * (10.0 + s * (6.0 * s - 15.0))
+    joined = pieces[0]
+    for piece in pieces[1:]:
+        mixed = (1.0 - entering) * joined[-shared:] + entering * piece[:shared]
+        joined = np.concatenate([joined[:-shared], mixed, piece[shared:]])
+    return joined

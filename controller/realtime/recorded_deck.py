@@ -1,0 +1,109 @@
+"""A deck that plays a recording again: the targets that a run gave, at any tempo; it can be paused but not switched."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from controller.errors import MotiondeckError
+from controller.mocap.posture import Pose
+from controller.realtime.deck import TEMPO_RATE, Switch
+from controller.realtime.recording import Recording
+from controller.rotations import Array, normalise
+
+
+class RecordedDeck:
+    """Plays the targets of a recording; fits `course.Player` and `command_desk.Commandable`.
+
+    Args:
+        recording: with at least one tick.
+
+    Attributes:
+        motions: the motions that were played.
+        time: s since the start.
+        speed: the tempo.
+        paused: whether it stands still on command.
+        over: whether the recording has come to its end, where it is held.
+        switches: none; nothing can be switched to.
+
+    Raises:
+        MotiondeckError: if nothing was recorded.
+    """
+
+    def __init__(self, recording: Recording) -> None:
+        if recording.ticks == 0:
+            raise MotiondeckError("there is no tick in this recording")
+        fields = recording.fields
+        self.motions = tuple(recording.description["motions"])
+        self.switches: list[Switch] = []
+        self.queue: list[str] = []
+        self.settled = True
+        self.time = 0.0
+        self.speed = 1.0
+        self.paused = False
+        self._rate = float(recording.description["rate"])
+        self.commanded_speed = 1.0
+        self._targets, self._motion = fields["targets"], fields["motion"][:, 0]
+        self._root, self._heading = fields["root_position"], np.unwrap(fields["heading"][:, 0])
+        self._turn = fields["root_rotation"]
+        self._last = recording.ticks - 1
+        self._place = 0.0  # in ticks of the recording
+
+    @property
+    def motion(self) -> str:
+        """What was played here."""
+        return self.motions[int(self._motion[int(self._place)])]
+
+    @property
+    def playing(self) -> str:
+        """The same."""
+        return self.motion
+
+    @property
+    def over(self) -> bool:
+        """Whether it has come to the end."""
+        return self._place >= self._last
+
+    def update(self, dt: float) -> tuple[Array, Pose]:
+        """Goes dt seconds on; between two ticks that were recorded lies a straight line."""
+        self.time += dt
+        goal = 0.0 if self.paused else self.commanded_speed
+        self.speed += float(np.clip(goal - self.speed, -TEMPO_RATE * dt, TEMPO_RATE * dt))
+        self._place = min(self._place + dt * self.speed * self._rate, float(self._last))
+        first = min(int(self._place), max(self._last - 1, 0))
+        share, second = self._place - first, min(first + 1, self._last)
+
+        def between(values: Array) -> Array:
+            return (1.0 - share) * values[first] + share * values[second]
+
+        turns = self._turn[[first, second]]
+        turns[1] *= 1.0 if turns[0] @ turns[1] >= 0.0 else -1.0
+        turn = normalise((1.0 - share) * turns[0] + share * turns[1])
+        return between(self._targets), Pose(between(self._root), between(self._heading), turn[None])
+
+    def switch(self, to: str, *, direct: bool = False) -> Switch:
+        """Refuses.
+
+        Raises:
+            MotiondeckError: always.
+        """
+        raise MotiondeckError(f"a recording is being replayed, so there is no switching to {to}")
+
+    def enqueue(self, to: str) -> Switch:
+        """Refuses.
+
+        Raises:
+            MotiondeckError: always.
+        """
+        return self.switch(to)
+
+    def set_speed(self, factor: float, over: float = 0.0) -> None:
+        """Replays at another tempo."""
+        self.commanded_speed = factor
+
+    def pause(self) -> None:
+        """Comes to a standstill."""
+        self.paused = True
+
+    def resume(self) -> None:
+        """Goes on."""
+        self.paused = False

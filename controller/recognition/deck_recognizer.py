@@ -1,0 +1,100 @@
+"""Recognition on a robot: experts on its own joint angles, taught by its own library.
+
+There is one body only, and its joints have no angles that flip, so what fails across people works here as it stands:
+the measured joint positions are the features.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from controller.errors import MotiondeckError
+from controller.generators.frame_player import FramePlayer
+from controller.mocap.posture import Pose, walk_path
+from controller.realtime.interfaces import Retargeter
+from controller.recognition.bank import ExpertBank, teach
+from controller.recognition.experts import ExpertRecipe
+from controller.recognition.features import ANGLE_UNIT
+from controller.recognition.online import OnlineRecognizer
+from controller.rotations import Array
+from controller.training.library import MotionLibrary
+
+RATE = 30.0  # Hz
+LOOPS = 2.0  # a loop is learned for this many times its length
+THRESHOLD = 0.3
+MEMORY = 0.2  # s
+
+# Motions on one body are told apart by single frames; a reservoir that forgets fast settles sooner after a switch.
+EXPERTS = ExpertRecipe(leak=1.0)
+
+
+def joint_motions(library: MotionLibrary, retarget: Retargeter, rate: float = RATE) -> dict[str, Array]:
+    """The joint targets of each motion of a library as its network plays them, shape (T, J), rad, at a rate in Hz."""
+    player = FramePlayer(library.network.twin(), library.info.rate)
+    out: dict[str, Array] = {}
+    for motion in library.info.motions:
+        player.cue(motion.name)
+        seconds = motion.frames / library.info.rate * (LOOPS if motion.plays == "loop" else 1.0)
+        channels = np.array([player.step(1.0 / rate).copy() for _ in range(max(4, round(seconds * rate)))])
+        pose = walk_path(library.encoding.decode(channels), 1.0 / rate)
+        moments = zip(pose.root_position, pose.heading, pose.rotation, strict=True)
+        out[motion.name] = np.array([retarget(Pose(*moment)).copy() for moment in moments])
+    return out
+
+
+def teach_joints(motions: dict[str, Array], recipe: ExpertRecipe = EXPERTS) -> ExpertBank:
+    """Experts on joint positions (T, J), rad.
+
+    Raises:
+        MotiondeckError: if there are fewer than two motions to tell apart.
+    """
+    if len(motions) < 2:
+        raise MotiondeckError("a library of one motion leaves nothing to recognize")
+    signals = [joints / ANGLE_UNIT for joints in motions.values()]
+    return teach(recipe, signals, list(motions))
+
+
+class JointWatcher:
+    """Takes measured joints at any pace and keeps an online recognizer fed at its own rate.
+
+    Args:
+        bank: experts on joint positions; see `teach_joints`.
+        rate: frames per second they were taught at, Hz.
+        threshold: the margin below which nothing is claimed.
+
+    Attributes:
+        recognizer: what is seen.
+    """
+
+    def __init__(self, bank: ExpertBank, rate: float = RATE, threshold: float = THRESHOLD) -> None:
+        self.recognizer = OnlineRecognizer(bank, threshold, rate, MEMORY)
+        self._period = 1.0 / rate
+        self._since = 0.0
+        self._before: Array | None = None
+        self._frame = np.zeros(self.recognizer.channels)
+
+    def update(self, joints: Array, dt: float) -> None:
+        """Takes the joints (J,), rad, measured dt >= 0 seconds after the last ones.
+
+        A frame for the recognizer is read between two measurements where it is due, linearly. A measurement with a
+        number that is not finite is left out, and the time it stands for with it.
+        """
+        if not np.isfinite(joints).all():
+            self.recognizer.skipped += 1
+            return
+        if self._before is None:
+            self._before = np.array(joints, dtype=np.float64)
+            self._take(self._before)
+            return
+        due = self._period - self._since
+        while due <= dt:
+            share = due / dt
+            np.multiply(self._before, 1.0 - share, out=self._frame)
+            self._frame += share * joints
+            self._take(self._frame)
+            due += self._period
+        self._since = self._period - (due - dt)
+        self._before[:] = joints
+
+    def _take(self, joints: Array) -> None:
+        self.recognizer.update(joints / ANGLE_UNIT)

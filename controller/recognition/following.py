@@ -1,0 +1,65 @@
+"""Does every joint follow what it is told? A jammed or unplugged one does not.
+
+A joint that follows, with whatever delay up to `lag`, is always somewhere where it was told to be within the last `lag`
+seconds. So its distance is counted from the range of its own latest targets; a delay costs nothing, a jam shows as soon
+as the target has moved away. The experts are no help here: they are shown the stuck joint's own past and soon expect it
+to stay where it is (see docs/recognition.md).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.errors import MotiondeckError
+from controller.rotations import Array
+
+LAG = 0.25  # s
+TOLERANCE = 0.1  # rad
+PATIENCE = 0.1  # s
+
+
+class FollowingWatch:
+    """Watches J joints; each tick costs the same.
+
+    Args:
+        joints: J.
+        rate: ticks per second, Hz.
+        lag: how old a target may be that a joint still follows, s.
+        tolerance: how far off a joint may be, rad.
+        patience: for how long it may be further off, s; the count falls as fast as it rises.
+
+    Attributes:
+        off: how far each joint is from where it was told to be, shape (J,), rad.
+    """
+
+    def __init__(
+        self, joints: int, rate: float, lag: float = LAG, tolerance: float = TOLERANCE, patience: float = PATIENCE
+    ) -> None:
+        if joints < 1 or not rate * lag >= 1.0:
+            raise MotiondeckError(f"watching {joints} joints at {rate:g} Hz over {lag:g} s is not possible")
+        self._period, self._tolerance, self._patience = 1.0 / rate, tolerance, patience
+        self._targets = np.zeros((round(rate * lag) + 1, joints))
+        self._tick = 0
+        self._late = np.zeros(joints)
+        self.off = np.zeros(joints)
+
+    def update(self, targets: Array, measured: Array) -> NDArray[np.bool_]:
+        """Goes one tick on; which joints do not follow, shape (J,), bool.
+
+        Args:
+            targets: what was commanded in this tick, shape (J,), rad.
+            measured: where the joints are, shape (J,), rad; one that is not finite counts as not following.
+        """
+        if self._tick == 0:
+            self._targets[:] = targets
+        self._targets[self._tick % len(self._targets)] = targets
+        self._tick += 1
+        lowest, highest = self._targets.min(0), self._targets.max(0)
+        known = np.isfinite(measured)
+        np.maximum(lowest - measured, measured - highest, out=self.off)
+        np.maximum(self.off, 0.0, out=self.off)
+        self.off[~known] = np.inf
+        step = np.where(self.off > self._tolerance, self._period, -self._period)
+        self._late = np.clip(self._late + step, 0.0, 2.0 * self._patience)
+        return self._late > self._patience

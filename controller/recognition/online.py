@@ -1,0 +1,166 @@
+"""Recognition while it happens: one frame in, the state of the verdict out, at the same small cost every frame.
+
+Each expert's squared error is averaged over the recent past,
+
+    E_m(t) = (1 - k) E_m(t-1) + k |y(t) - W_m x(t)|^2 / C,      cost_m = log E_m - centre_m
+
+so that the evidence is that of the last `memory` seconds. Nothing grows, and a frame costs one step of the reservoir
+and one product with all readouts.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from controller.errors import MotiondeckError
+from controller.recognition.bank import ExpertBank
+from controller.recognition.experts import SMALLEST_ERROR
+from controller.rotations import Array
+
+MEMORY = 0.35  # s
+
+
+class OnlineRecognizer:
+    """Recognizes a stream of feature frames.
+
+    Args:
+        bank: the experts.
+        threshold: the margin below which nothing is claimed.
+        rate: frames per second the experts were trained at, Hz.
+        memory: over how long the evidence is averaged, s.
+
+    Attributes:
+        classes: the motions it knows.
+        costs: the centred log error of each expert, shape (M,); NaN until the first frame is foretold.
+        frames: how many frames were taken.
+        skipped: how many were not, for a number in them that is not finite.
+    """
+
+    def __init__(self, bank: ExpertBank, threshold: float, rate: float, memory: float = MEMORY) -> None:
+        if not (np.isfinite(memory) and memory > 0.0):
+            raise MotiondeckError(f"a memory of {memory} s is not possible; it must be positive")
+        reservoir = bank.reservoir
+        self.classes = bank.classes
+        self.threshold = threshold
+        self.rate = rate
+        experts, self.channels, neurons = bank.readouts.shape
+        # One matrix for all that is linear in the state, one for all that is linear in the frame; single precision.
+        self._step = np.ascontiguousarray(np.hstack([reservoir.weights, reservoir.input_weights]), dtype=np.float32)
+        self._bias = reservoir.bias.astype(np.float32)
+        self._readouts = np.ascontiguousarray(bank.readouts.reshape(-1, neurons), dtype=np.float32)
+        self._centre = bank.centre
+        self._leak = np.float32(reservoir.leak)
+        self._gain = 1.0 - np.exp(-1.0 / (memory * rate))
+        self._neurons = neurons
+        self._state = np.zeros(neurons + self.channels, dtype=np.float32)
+        self._drive = np.zeros(neurons, dtype=np.float32)
+        self._guess = np.zeros((experts, self.channels), dtype=np.float32)
+        self._error = np.zeros(experts)
+        self._weight = 0.0
+        self.costs = np.full(experts, np.nan)
+        self.frames = 0
+        self.skipped = 0
+
+    def reset(self) -> None:
+        """Forgets everything that was seen."""
+        self._state[:] = 0.0
+        self._error[:] = 0.0
+        self._weight = 0.0
+        self.costs[:] = np.nan
+        self.frames = self.skipped = 0
+
+    def update(self, frame: Array) -> None:
+        """Takes the next frame, shape (C,); one with a number that is not finite is skipped and counted."""
+        if not math.isfinite(frame.sum()):  # half the time of asking each number
+            self.skipped += 1
+            return
+        neurons, state = self._neurons, self._state
+        state[neurons:] = frame
+        if self.frames:
+            np.dot(self._readouts, state[:neurons], out=self._guess.reshape(-1))
+            self._guess -= state[neurons:]
+            error = np.einsum("mc,mc->m", self._guess, self._guess) / self.channels
+            self._error += self._gain * (error - self._error)
+            self._weight += self._gain * (1.0 - self._weight)
+            np.log(np.maximum(self._error / self._weight, SMALLEST_ERROR), out=self.costs)
+            self.costs -= self._centre
+        np.dot(self._step, state, out=self._drive)
+        self._drive += self._bias
+        np.tanh(self._drive, out=self._drive)
+        self._drive -= state[:neurons]
+        self._drive *= self._leak
+        state[:neurons] += self._drive
+        self.frames += 1
+
+    @property
+    def ready(self) -> bool:
+        """Whether anything has been foretold yet."""
+        return self._weight > 0.0
+
+    @property
+    def motion(self) -> str | None:
+        """The nearest class, or None before the first verdict; see `known` for whether to believe it."""
+        return self.classes[int(self.costs.argmin())] if self.ready else None
+
+    @property
+    def margin(self) -> float:
+        """How far the best expert is ahead of the second, in log error."""
+        if not self.ready or len(self.costs) < 2:
+            return 0.0
+        two = np.partition(self.costs, 1)[:2]
+        return float(two[1] - two[0])
+
+    @property
+    def known(self) -> bool:
+        """Whether the margin is large enough to believe the verdict."""
+        return self.ready and self.margin >= self.threshold
+
+    def behind(self, motion: str) -> float:
+        """How far a motion's expert is behind the best one, in log error; 0 if it is the best."""
+        if not self.ready:
+            return 0.0
+        return float(self.costs[self.classes.index(motion)] - self.costs.min())
+
+
+class MismatchWatch:
+    """Notices when what is done is not what was commanded, for longer than a set time.
+
+    Time does not count while a switch is under way, nor for `grace` seconds after it.
+
+    Args:
+        recognizer: what sees the measured joints.
+        behind: from this many log units behind the best expert on, the commanded motion is not the one that is done.
+        patience: how long that must last, s.
+        grace: how long after a switch nothing counts, s.
+
+    Attributes:
+        mismatch: s for which it has lasted.
+    """
+
+    def __init__(
+        self, recognizer: OnlineRecognizer, *, behind: float = 0.5, patience: float = 0.5, grace: float = 0.7
+    ) -> None:
+        self._recognizer = recognizer
+        self._behind, self._patience, self._grace = behind, patience, grace
+        self._commanded: str | None = None
+        self._since_switch = 0.0
+        self.mismatch = 0.0
+
+    def update(self, commanded: str, settled: bool, dt: float) -> bool:
+        """Goes dt seconds on; whether a mismatch has lasted for longer than the patience.
+
+        Args:
+            commanded: the motion that should be done; one the recognizer does not know is not watched.
+            settled: whether no switch is under way.
+            dt: s since the last call.
+        """
+        if commanded != self._commanded or not settled:
+            self._commanded, self._since_switch, self.mismatch = commanded, 0.0, 0.0
+            return False
+        self._since_switch += dt
+        recognizer = self._recognizer
+        wrong = commanded in recognizer.classes and recognizer.behind(commanded) > self._behind
+        self.mismatch = self.mismatch + dt if wrong and self._since_switch > self._grace else 0.0
+        return self.mismatch > self._patience

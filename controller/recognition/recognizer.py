@@ -1,0 +1,124 @@
+"""A recognizer: clip in, verdict out. It knows its features, its experts, and when to say that it does not know."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller.errors import MotiondeckError
+from controller.mocap.clip import Clip
+from controller.recognition.bank import ExpertBank, margins, teach
+from controller.recognition.dataset import Dataset
+from controller.recognition.experts import ExpertRecipe
+from controller.recognition.features import FeatureRecipe, features, joints_of
+from controller.recognition.protocols import inner_folds
+from controller.rotations import Array
+
+# A known motion is called unknown this often, by its own training set.
+FALSE_REJECTIONS = 0.05
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a motion is taken for.
+
+    Attributes:
+        motion: the nearest class.
+        known: whether the margin is large enough to believe it.
+        margin: how far the best expert is ahead of the second, in log error.
+        costs: the centred log error of each class, least is nearest.
+    """
+
+    motion: str
+    known: bool
+    margin: float
+    costs: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Recognizer:
+    """A trained recognizer.
+
+    Attributes:
+        recipe: what it looks at; its joints are spelled out.
+        bank: its experts.
+        threshold: the margin below which a motion is called unknown.
+        clips: how many clips it was trained on.
+        sources: the names of their files.
+    """
+
+    recipe: FeatureRecipe
+    bank: ExpertBank
+    threshold: float
+    clips: int
+    sources: tuple[str, ...] = ()
+
+    def recognize(self, clip: Clip) -> Verdict:
+        """The verdict on a clip.
+
+        Raises:
+            MotiondeckError: if its skeleton lacks a joint the features need, or it is too short to foretell anything.
+        """
+        signal = features(clip, self.recipe)
+        if len(signal) < 2:
+            raise MotiondeckError(
+                f"{clip.source or clip.name}: {len(clip)} frames at {clip.rate:g} Hz are too short to be recognized "
+                f"(at least {2.0 / self.recipe.rate:.2f} s). Give a longer recording."
+            )
+        return self.verdict(self.bank.costs([signal])[0])
+
+    def verdict(self, costs: Array) -> Verdict:
+        """The verdict on centred log errors, shape (M,)."""
+        margin = float(margins(costs[None])[0])
+        named = dict(zip(self.bank.classes, costs.tolist(), strict=True))
+        return Verdict(self.bank.classes[int(costs.argmin())], margin >= self.threshold, margin, named)
+
+
+def train_recognizer(dataset: Dataset, look: FeatureRecipe, experts: ExpertRecipe) -> Recognizer:
+    """A recognizer of the classes of a dataset.
+
+    Its threshold is set so that of the training clips, each asked of experts that have not seen its actor, a share of
+    FALSE_REJECTIONS is called unknown.
+
+    Raises:
+        MotiondeckError: if there are fewer than two classes, or a clip lacks a joint the features need.
+    """
+    if len(dataset.classes) < 2:
+        raise MotiondeckError(
+            f"there is only one class, '{dataset.classes[0]}'; to tell motions apart takes two folders or more."
+        )
+    bones = dataset.examples[0].clip.skeleton.bones
+    look = FeatureRecipe(
+        kind=look.kind,
+        joints=look.joints or joints_of(bones),
+        heading=look.heading,
+        height=look.height,
+        velocity=look.velocity,
+        rate=look.rate,
+    )
+    signals = [features(example.clip, look) for example in dataset.examples]
+    short = [e.path for e, signal in zip(dataset.examples, signals, strict=True) if len(signal) < 2]
+    if short:
+        raise MotiondeckError(f"{short[0]}: too short for {look.rate:g} Hz features. Remove it, or raise --rate.")
+    labels = [example.label for example in dataset.examples]
+    bank = teach(experts, signals, labels)
+    threshold = rejection_threshold(signals, dataset, experts)
+    sources = tuple(example.path.name for example in dataset.examples)
+    return Recognizer(look, bank, threshold, len(signals), sources)
+
+
+def rejection_threshold(signals: list[Array], dataset: Dataset, experts: ExpertRecipe) -> float:
+    """The margin that a share of FALSE_REJECTIONS of the known motions falls short of, by cross-validation.
+
+    Zero, which rejects nothing, where the set is too small to be split.
+    """
+    seen: list[Array] = []
+    try:
+        splits = inner_folds(dataset.labels, dataset.actors)
+    except MotiondeckError:
+        return 0.0
+    for learn, ask in splits:
+        bank = teach(experts, [signals[i] for i in learn], [dataset.examples[i].label for i in learn])
+        seen.append(margins(bank.costs([signals[i] for i in ask])))
+    return float(np.quantile(np.concatenate(seen), FALSE_REJECTIONS))

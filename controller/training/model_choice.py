@@ -1,0 +1,42 @@
+"""How well a centralized network says a motion, and how many satellites are worth their price (Vakulenko 2017)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from controller.rotations import Array
+
+
+def relative_accuracy(output: Array, markers: Array) -> Array:
+    """The integral relative accuracy of each marker (eqs 20-26), shape (M,).
+
+    It depends on where the origin lies: a marker that stays near it has a small sum of squares. So say mm as well.
+
+    Args:
+        output, markers: shape (K, M, 3), the same unit.
+    """
+    missed = np.square(markers - output).sum(0)
+    size = np.square(markers).sum(0)
+    return np.sqrt((missed / size).mean(-1))
+
+
+def mean_absolute(output: Array, markers: Array) -> float:
+    """The mean absolute error of a coordinate, in the unit given: most likely what the paper calls its mm."""
+    return float(np.abs(output - markers).mean())
+
+
+def mean_distance(output: Array, markers: Array) -> float:
+    """The mean distance of a marker from where it should be, shape (K, M, 3), in the unit given."""
+    return float(np.linalg.norm(output - markers, axis=-1).mean())
+
+
+def aicc(squared_error: float, samples: int, parameters: int) -> float:
+    """Akaike's information criterion for small samples, K ln(SSE/K) + 2 p + 2 p (p + 1) / (K - p - 1); lower is better.
+
+    Residuals of motions hang together in time, so frames count for more than they are worth and the criterion favours
+    many satellites: always say the frame rate with it. It is infinite where samples do not suffice.
+    """
+    if samples <= parameters + 1:
+        return np.inf
+    correction = 2.0 * parameters * (parameters + 1) / (samples - parameters - 1)
+    return float(samples * np.log(max(squared_error, 1e-300) / samples) + 2.0 * parameters + correction)

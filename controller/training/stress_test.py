@@ -1,0 +1,51 @@
+"""The second half of the self-test: loops that are started from noise, or disturbed while they play, must come back.
+
+Both disturbances are the thesis's (`evaluation/disturbance.py`). A motion that happens once is not asked: after a
+disturbance it may be anywhere on its way, and only a guard that knows the time can put it back.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from controller.evaluation.batch import batch_of
+from controller.evaluation.disturbance import Kind, disturbed
+from controller.generators.conceptor import ConceptorNetwork
+from controller.generators.echo_state import EchoStateNetwork
+from controller.training.self_test import Judge, Verdict
+
+RUNS = 5
+FORGIVEN = 1
+
+_WORDS: dict[Kind, str] = {"robustness": "started from noise", "stability": "disturbed"}
+
+
+def stress_test(
+    network: ConceptorNetwork | EchoStateNetwork, verdicts: dict[str, Verdict], judge: Judge, seed: int
+) -> dict[str, Verdict]:
+    """The verdicts of the free runs, made worse where a loop does not survive a disturbance.
+
+    Args:
+        network: what is tested.
+        verdicts: of `self_test`.
+        judge: of its motions.
+        seed: of the noise.
+    """
+    return {
+        name: _stressed(network, name, verdict, judge, seed) if verdict.passed and judge.loops[name] else verdict
+        for name, verdict in verdicts.items()
+    }
+
+
+def _stressed(
+    network: ConceptorNetwork | EchoStateNetwork, motion: str, verdict: Verdict, judge: Judge, seed: int
+) -> Verdict:
+    rng = np.random.default_rng([seed, network.motions.index(motion)])
+    for kind, words in _WORDS.items():
+        runs = disturbed(kind, batch_of(network, motion, RUNS), RUNS, rng)
+        failed = sum(not judge(motion, run.astype(np.float64)).passed for run in runs)
+        if failed > FORGIVEN:
+            return replace(verdict, passed=False, reason=f"fails {failed} of {RUNS} times when {words}")
+    return verdict

@@ -1,0 +1,114 @@
+"""The maker's own `.model` files, read from the installed dynamixel-sdk: addresses and lengths, by register name."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+from typing import NamedTuple
+
+from hardware.errors import MotiondeckError
+
+_PACKAGE = "dynamixel_easy_sdk"
+
+
+class ModelFileError(MotiondeckError):
+    """The maker's tables are missing, or not of the form that is known."""
+
+
+class Row(NamedTuple):
+    """One register as the maker's file lists it."""
+
+    address: int
+    length: int
+    name: str
+
+
+class ModelFile(NamedTuple):
+    """One `.model` file.
+
+    Attributes:
+        pulses_per_turn: position counts in one turn.
+        rad_per_s: what one count of velocity is; 0 where the file does not say.
+        rows: in order of address, without the file's second names for a place.
+    """
+
+    pulses_per_turn: int
+    rad_per_s: float
+    rows: tuple[Row, ...]
+
+
+def model_numbers(folder: Path | None = None) -> dict[str, int]:
+    """The number of every model that the installed SDK has a table for, by model name.
+
+    Raises:
+        ModelFileError: if the SDK has none.
+    """
+    text = _read("dynamixel.model", folder)
+    rows = (line.split() for line in text.splitlines())
+    files = [(row[1].removesuffix(".model"), int(row[0])) for row in rows if len(row) == 2 and row[0].isdigit()]
+    return {_model_name(stem): number for stem, number in files}
+
+
+def model_file(model: str, folder: Path | None = None) -> ModelFile:
+    """The maker's table of a model, by model name.
+
+    Raises:
+        ModelFileError: if there is none, or it is not of the form that is known.
+    """
+    name = f"{_stem(model)}.model"
+    try:
+        sections = dict(_sections(_read(name, folder)))
+        kind = {row[0]: float(row[1]) for row in sections["type info"]}
+        units = {row[0]: float(row[1]) for row in sections.get("unit info", [])}
+        rows = [Row(int(address), int(length), _snake(label)) for address, length, label in sections["control table"]]
+        turn = kind["max_radian"] - kind["min_radian"]
+        counts = kind["value_of_max_radian_position"] - kind["value_of_min_radian_position"]
+    except (KeyError, ValueError) as error:
+        raise ModelFileError(f"{name} of dynamixel-sdk is not of the form that is known ({error}).") from error
+    # The two ends of one turn are neighbours, so 0 to 4095 is a turn of 4096.
+    pulses = round((counts + counts % 2) * 2.0 * 3.14159265 / turn)
+    return ModelFile(pulses, units.get("present_velocity", 0.0), tuple(_unique(rows)))
+
+
+def _unique(rows: list[Row]) -> Iterator[Row]:
+    """The rows in order of address, each place once: some tables name a place twice."""
+    end = 0
+    for row in sorted(rows, key=lambda row: row.address):
+        if row.address >= end:
+            end = row.address + row.length
+            yield row
+
+
+def _sections(text: str) -> Iterator[tuple[str, list[list[str]]]]:
+    """Each [section] of a file and its rows, the column names left out, the first names in snake case."""
+    for part in re.split(r"^\[", text, flags=re.MULTILINE)[1:]:
+        title, _, body = part.partition("]")
+        rows = [line.strip().split("\t") for line in body.strip().splitlines()[1:] if line.strip()]
+        yield title, [[_snake(row[0]), *row[1:]] for row in rows]
+
+
+def _read(name: str, folder: Path | None) -> str:
+    if folder is None:
+        spec = find_spec(_PACKAGE)
+        if spec is None or spec.origin is None:
+            raise ModelFileError("dynamixel-sdk without control tables: install dynamixel-sdk 4.1 or newer.")
+        folder = Path(spec.origin).parent / "control_table"
+    try:
+        return (folder / name).read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise ModelFileError(f"{name} of dynamixel-sdk cannot be read: {error.strerror}.") from error
+
+
+def _snake(label: str) -> str:
+    """A register's name as we write it: Secondary(Shadow) ID is secondary_id."""
+    return re.sub(r"[^a-z0-9]+", "_", re.sub(r"\(.*?\)", "", label).strip().lower())
+
+
+def _model_name(stem: str) -> str:
+    return "XL-320" if stem == "xl320" else stem.upper().replace("_", "-")
+
+
+def _stem(model: str) -> str:
+    return "xl320" if model == "XL-320" else model.lower().replace("-", "_")

@@ -1,0 +1,170 @@
+"""The motors of a bank: from what they are told to how the horns turn, for all servos at once.
+
+In steps of at most 2 ms, with e = path - shaft:
+
+    path     position modes (3, 4, 5): trapezoidal profile to the target, within top speed and acceleration
+             velocity mode (1): the goal speed, within the acceleration
+    u        position   P e + I sum(e) + D de/dt + FF path speed      mode 5: within +- goal current
+             velocity   what holds the path's speed, and its error once more
+             current    what the goal current needs at this speed     PWM (16): the goal itself
+             and never beyond +- goal PWM
+    settled  = u / full_pwm * no_load_speed * supply / nominal - load * no_load_speed
+    speed   += (settled - speed) * (1 - exp(-dt / lag))
+    shaft   += speed * dt
+    current  = u / full_pwm - speed / no_load_speed                   of the stall current
+    temperature  += (warming * current^2 - (temperature - room) / cooling) * dt
+
+Velocity gains and the second feed-forward gain have no effect; lag, warming and cooling are estimates.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.emulator.motor import Motor
+
+CURRENT, VELOCITY, PWM = 0, 1, 16
+POSITION_MODES = (3, 4, 5)
+_CURRENT_BASED = 5
+_LONGEST_STEP = 0.002
+_ROOM = 25.0
+_WARM = 32.0  # degC, a servo that has been on for a while
+
+Array = NDArray[np.float64]
+
+
+class Drive:
+    """n motors; every array has the shape (n,), in pulses and seconds, currents as parts of the stall current.
+
+    What they are told (`ServoBank.settle` keeps it as the registers are): mode, sign, offset, on, p_gain, i_gain,
+    d_gain, ff_gain, most_pwm, goal_pwm, goal_speed, goal_current; and by `pursue`: target, top_speed, acceleration.
+
+    Attributes:
+        shaft, speed: of each horn.
+        path, path_speed: where the profile has led so far.
+        load: torque against the horn's positive direction, as a part of the stall torque.
+        jammed: whether the horn is blocked.
+        supply: V.
+        temperature: degC.
+        pwm, current: at the end of the last step.
+    """
+
+    def __init__(self, motor: Motor, pulses_per_turn: int, shaft: Array) -> None:
+        count = len(shaft)
+        self.motor = motor
+        self._no_load = motor.no_load_speed / 60.0 * pulses_per_turn
+        self.shaft = shaft
+        self.speed = np.zeros(count)
+        self.path = shaft.copy()
+        self.path_speed = np.zeros(count)
+        self.target = shaft.copy()
+        self.top_speed = np.full(count, math.inf)
+        self.acceleration = np.full(count, math.inf)
+        self.load = np.zeros(count)
+        self.jammed = np.zeros(count, dtype=bool)
+        self.supply = np.full(count, motor.voltage)
+        self.temperature = np.full(count, _WARM)
+        self.pwm = np.zeros(count)
+        self.current = np.zeros(count)
+        self.mode = np.full(count, 3)
+        self.sign = np.ones(count)
+        self.offset = np.zeros(count)
+        self.on = np.zeros(count, dtype=bool)
+        self.p_gain, self.i_gain, self.d_gain, self.ff_gain = (np.zeros(count) for _ in range(4))
+        self.most_pwm, self.goal_pwm, self.goal_speed, self.goal_current = (np.zeros(count) for _ in range(4))
+        self._sum = np.zeros(count)
+        self.plan()
+
+    def plan(self) -> None:
+        """Finds out which terms of the law matter at all, after something it is told has changed."""
+        self._positional = (self.mode >= 3) & (self.mode <= 5)
+        self._all_positional = bool(self._positional.all())
+        self._extra_gains = bool((self.i_gain + self.d_gain + self.ff_gain).any())
+        self._current_based = (self.mode == _CURRENT_BASED) & self.on
+        self.pwm = self.pwm * self.on
+        self.current = self.current * self.on
+
+    def halt(self, row: int) -> None:
+        """Makes one motor stay where it comes to rest."""
+        self.path[row] = self.target[row] = self.shaft[row] + self.speed[row] * self.motor.lag
+        self.path_speed[row] = 0.0
+        self._sum[row] = 0.0
+
+    def advance(self, seconds: float) -> None:
+        """Lets them run for so long."""
+        if not self._at_rest():
+            steps = math.ceil(seconds / _LONGEST_STEP)
+            self._run(steps, seconds / steps)
+        warmer = self.motor.warming * np.square(self.current) - (self.temperature - _ROOM) / self.motor.cooling
+        self.temperature += warmer * seconds
+
+    def _at_rest(self) -> bool:
+        """Whether moving on would change nothing that anybody can see."""
+        unsettled = (np.abs(self.target - self.shaft) > 0.05) | ~self._positional
+        return not ((unsettled & self.on) | (np.abs(self.speed) > 0.05) | (self.load != 0.0)).any()
+
+    def _run(self, steps: int, dt: float) -> None:
+        """Integrates the law in the module's first lines."""
+        full, no_load = self.motor.full_pwm, self._no_load
+        speed_per_pwm = no_load / full * (self.supply / self.motor.voltage)
+        approach = -math.expm1(-dt / self.motor.lag)
+        on, most = self.on, self.most_pwm * self.on
+        self.path = np.where(on, self.path, self.shaft)
+        self.path_speed = np.where(on, self.path_speed, 0.0)
+        target = np.where(on, self.target, self.shaft)
+        sag = self.load * no_load if self.load.any() else None
+        jammed = self.jammed if self.jammed.any() else None
+        limited = self._current_based if self._current_based.any() else None
+        change = self.acceleration * dt
+        twice_slower = 2.0 / self.acceleration
+        drive = self.pwm
+        for _ in range(steps):
+            left = target - self.path
+            distance = np.abs(left)
+            # From this speed, braking in steps of dt ends at the goal; it is sqrt(2 a d) for small dt.
+            braking = 2.0 * distance / (np.sqrt(0.25 * dt * dt + twice_slower * distance) + 0.5 * dt)
+            wanted = np.copysign(np.minimum(np.minimum(self.top_speed, braking), distance / dt), left)
+            if not self._all_positional:
+                wanted = np.where(self._positional, wanted, self.goal_speed * on)
+            self.path_speed += np.clip(wanted - self.path_speed, -change, change)
+            self.path += self.path_speed * dt
+            error = self.path - self.shaft
+            drive = self.p_gain * error
+            if self._extra_gains:
+                self._sum = np.clip(self._sum + error * dt, -full, full) * on
+                drive += self.i_gain * self._sum
+                drive += self.d_gain * (self.path_speed - self.speed) + self.ff_gain * self.path_speed
+            if not self._all_positional:
+                drive = self._other_modes(drive)
+            if limited is not None:
+                back = self.speed / no_load
+                top = np.abs(self.goal_current)
+                drive = np.where(limited, np.clip(drive, (back - top) * full, (back + top) * full), drive)
+            drive = np.clip(drive, -most, most)
+            settled = drive * speed_per_pwm
+            if sag is not None:
+                settled = settled - sag
+            self.speed += (settled - self.speed) * approach
+            if jammed is not None:
+                self.speed[jammed] = 0.0
+            self.shaft += self.speed * dt
+        self.pwm = drive
+        self.current = (drive / full - self.speed / no_load) * on
+        if not self._all_positional:
+            # What has no target is always where it should be.
+            elsewhere = ~self._positional
+            self.path[elsewhere] = self.target[elsewhere] = self.shaft[elsewhere]
+
+    def _other_modes(self, drive: Array) -> Array:
+        """The drive with that of velocity, current and PWM mode in its place where a motor is in one."""
+        full, no_load = self.motor.full_pwm, self._no_load
+        velocity = (2.0 * self.path_speed - self.speed) * full / no_load
+        current = (self.goal_current + self.speed / no_load) * full
+        return np.select(
+            [self.mode == VELOCITY, self.mode == CURRENT, self.mode == PWM],
+            [velocity, current, self.goal_pwm],
+            drive,
+        )

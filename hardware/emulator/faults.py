@@ -1,0 +1,200 @@
+"""Faults on purpose: what may go wrong on an emulated rig, when, and how often.
+
+KIND[:key=value,...]     drop:id=3,chance=0.1     dead:id=5,at=2,for=1     unplug:at=4,for=1     latency:value=16
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from hardware.emulator.bus import BOOT_TIME, Answer, EmulatedBus
+from hardware.emulator.device import Device
+from hardware.errors import MotiondeckError
+
+ON_ANSWERS = ("drop", "corrupt", "truncate", "delay")
+ON_SERVOS = ("dead", "alert", "overheat", "brownout", "reboot", "jam", "duplicate")
+ON_PORT = ("unplug", "latency")
+KINDS = {
+    "drop": "answers are lost (chance)",
+    "corrupt": "a byte of an answer is damaged (chance)",
+    "truncate": "answers break off (chance)",
+    "delay": "answers come `value` ms late (5)",
+    "dead": "a servo neither hears nor answers",
+    "alert": "a servo reports hardware error bits `value` (1)",
+    "overheat": "a servo heats up to `value` degC (90)",
+    "brownout": "the supply falls to `value` V (4)",
+    "reboot": "a servo restarts",
+    "jam": "a servo's horn is blocked",
+    "duplicate": "a servo takes the ID `value` of another",
+    "unplug": "the adapter is pulled, and plugged in again when the time is over",
+    "latency": "the USB adapter hands over every `value` ms only (16)",
+}
+_KEYS = ("id", "at", "for", "chance", "value")
+
+
+class FaultError(MotiondeckError):
+    """A fault that does not exist, or is described wrongly."""
+
+
+class Fault(NamedTuple):
+    """One fault.
+
+    Attributes:
+        kind: one of KINDS.
+        id: of the servo; None for any.
+        at: when it begins, s since the rig was switched on.
+        lasts: for how long, s.
+        chance: for a fault on answers, the part of them that it meets.
+        value: what the kind's description says; None for its default.
+    """
+
+    kind: str
+    id: int | None = None
+    at: float = 0.0
+    lasts: float = float("inf")
+    chance: float = 1.0
+    value: float | None = None
+
+
+def parse_fault(text: str) -> Fault:
+    """Reads a fault from words as in the module's first lines.
+
+    Raises:
+        FaultError: naming what is allowed.
+    """
+    kind, _, rest = text.partition(":")
+    if kind not in KINDS:
+        raise FaultError(f"no fault '{kind}'. There are: {', '.join(KINDS)}.")
+    values: dict[str, float] = {}
+    for pair in filter(None, rest.split(",")):
+        key, _, value = pair.partition("=")
+        try:
+            if key not in _KEYS:
+                raise ValueError
+            values[key] = float(value)
+        except ValueError:
+            raise FaultError(
+                f"fault '{text}': '{pair}' is none of {', '.join(k + '=NUMBER' for k in _KEYS)}."
+            ) from None
+    if kind in ("jam", "duplicate", "reboot", "dead", "alert", "overheat") and "id" not in values:
+        raise FaultError(f"fault '{text}' needs the servo it is about: {kind}:id=NUMBER.")
+    id = int(values["id"]) if "id" in values else None
+    lasts = values.get("for", float("inf"))
+    return Fault(kind, id, values.get("at", 0.0), lasts, values.get("chance", 1.0), values.get("value"))
+
+
+class FaultPlan:
+    """Faults, and what they do to a bus while they last.
+
+    Attributes:
+        unplugged: whether the adapter is out.
+        latency: of the adapter, s.
+    """
+
+    def __init__(self, faults: Sequence[Fault] = (), seed: int = 0) -> None:
+        self._faults = sorted(faults, key=lambda fault: fault.at)
+        self._random = random.Random(seed)
+        self._coming = list(self._faults)
+        self._active: list[tuple[Fault, Callable[[], None] | None]] = []
+        self.unplugged = False
+        self.latency = 0.0
+
+    def check(self, bus: EmulatedBus) -> None:
+        """Makes sure that the faults are about servos of this rig.
+
+        Raises:
+            FaultError: if one is not.
+        """
+        ids = [device.id for device in bus.devices]
+        for fault in self._faults:
+            if fault.id is not None and fault.id not in ids:
+                raise FaultError(f"fault {fault.kind}: there is no id {fault.id} on this rig (ids: {ids}).")
+
+    def advance(self, bus: EmulatedBus, now: float) -> None:
+        """Begins and ends what is due at the time `now`, s."""
+        for fault, undo in list(self._active):
+            if now >= fault.at + fault.lasts:
+                self._active.remove((fault, undo))
+                if undo is not None:
+                    undo()
+        while self._coming and self._coming[0].at <= now:
+            fault = self._coming.pop(0)
+            self._active.append((fault, self._begin(fault, bus, now)))
+
+    def mangle(self, answer: Answer) -> Answer | None:
+        """An answer as it gets through; None if it does not."""
+        for fault, _ in self._active:
+            if fault.kind not in ON_ANSWERS or (fault.id is not None and fault.id != answer.id):
+                continue
+            if self._random.random() >= fault.chance:
+                continue
+            place = self._random.randrange(len(answer.data))
+            match fault.kind:
+                case "drop":
+                    return None
+                case "truncate":
+                    answer = answer._replace(data=answer.data[:place])
+                    if not place:
+                        return None
+                case "corrupt":
+                    damaged = bytearray(answer.data)
+                    damaged[place] ^= 1 << self._random.randrange(8)
+                    answer = answer._replace(data=bytes(damaged))
+                case _:
+                    late = (5.0 if fault.value is None else fault.value) * 1e-3
+                    answer = answer._replace(delay=answer.delay + late)
+        return answer
+
+    def _begin(self, fault: Fault, bus: EmulatedBus, now: float) -> Callable[[], None] | None:
+        """Starts a fault; what ends it, if anything does."""
+        if fault.kind == "unplug":
+            self.unplugged = True
+            return lambda: setattr(self, "unplugged", False)
+        if fault.kind == "latency":
+            self.latency = (16.0 if fault.value is None else fault.value) * 1e-3
+            return lambda: setattr(self, "latency", 0.0)
+        if fault.kind in ON_ANSWERS:
+            return None
+        hit = [device for device in bus.devices if fault.id is None or device.id == fault.id]
+        undone = [undo for device in hit if (undo := _strike(fault, device, bus, now)) is not None]
+
+        def undo_all() -> None:
+            for undo in undone:
+                undo()
+
+        return undo_all
+
+
+def _strike(fault: Fault, device: Device, bus: EmulatedBus, now: float) -> Callable[[], None] | None:
+    """Has a fault happen to one servo; what undoes it, if anything does."""
+    drive, row, value = device.bank.drive, device.row, fault.value
+    match fault.kind:
+        case "dead":
+            device.dead = True
+            return lambda: setattr(device, "dead", False)
+        case "alert":
+            device.fail(1 if value is None else int(value))
+        case "overheat":
+            drive.temperature[row] = 90.0 if value is None else value
+        case "brownout":
+            before = float(drive.supply[row])
+            drive.supply[row] = 4.0 if value is None else value
+            return lambda: drive.supply.__setitem__(row, before)
+        case "reboot":
+            device.reboot(now + BOOT_TIME)
+        case "jam":
+            drive.jammed[row] = True
+            return lambda: drive.jammed.__setitem__(row, False)
+        case "duplicate":
+            before_id = device.id
+            device["id"] = int(value) if value is not None else min(d.id for d in bus.devices if d is not device)
+            bus.reindex()
+
+            def own_id_again() -> None:
+                device["id"] = before_id
+                bus.reindex()
+
+            return own_id_again
+    return None

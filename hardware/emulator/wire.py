@@ -1,0 +1,86 @@
+"""The wire between an adapter and emulated servos: how long bytes take, and what happens to them on the way.
+
+Ten bits carry a byte. A servo starts to answer its return delay after the instruction's last bit; in a sync read each
+waits its own. With USB latency an adapter hands over what it has received at every whole period only.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+from hardware.emulator.bus import EmulatedBus
+from hardware.emulator.faults import FaultPlan
+
+
+class Wire:
+    """One adapter and a bus behind it.
+
+    Attributes:
+        bus: the servos.
+        faults: what goes wrong.
+        paced: whether bytes take their time; otherwise all happens at once.
+        half_duplex: whether a word of the host into an answer destroys both, as on a real wire. Otherwise the host's
+            word waits for the answer's end, and is only counted.
+        collisions: how often the host spoke into an answer.
+    """
+
+    def __init__(
+        self, bus: EmulatedBus, faults: FaultPlan | None = None, paced: bool = True, half_duplex: bool = True
+    ) -> None:
+        self.bus = bus
+        self.faults = faults or FaultPlan()
+        self.faults.check(bus)
+        self.paced = paced
+        self.half_duplex = half_duplex
+        self.collisions = 0
+        self._free = 0.0  # when the wire falls silent
+        self._arriving: deque[tuple[float, bytes]] = deque()  # at the adapter, by time
+
+    def send(self, data: bytes, now: float) -> None:
+        """The host's bytes, from the time `now` on, s."""
+        self.advance(now)
+        start = now
+        if now < self._free and self._arriving and self.paced:
+            self.collisions += 1
+            if self.half_duplex:
+                self._arriving = deque((due, said) for due, said in self._arriving if due <= now)
+                self._free = now + self._time(data)
+                return
+        if self.paced:
+            start = max(now, self._free) + self._time(data)
+        answers = self.bus.exchange(data, start)
+        for said in answers:
+            if self.paced:
+                start += said.delay + self._time(said.data)
+            heard = self.faults.mangle(said)
+            if heard is not None:
+                late = max(0.0, heard.delay - said.delay)
+                self._arriving.append((self._handed_over(start + late), heard.data))
+        self._free = start
+
+    def receive(self, now: float) -> bytes:
+        """What has arrived by the time `now`, s."""
+        arrived: list[bytes] = []
+        while self._arriving and self._arriving[0][0] <= now:
+            arrived.append(self._arriving.popleft()[1])
+        return b"".join(arrived)
+
+    @property
+    def due(self) -> float | None:
+        """When something arrives next, s; None while nothing is under way."""
+        return self._arriving[0][0] if self._arriving else None
+
+    def advance(self, now: float) -> None:
+        """Lets servos and faults live until the time `now`, s."""
+        self.faults.advance(self.bus, now)
+        self.bus.advance(now)
+
+    def _time(self, data: bytes) -> float:
+        """How long bytes take, s."""
+        return 10.0 * len(data) / self.bus.baud
+
+    def _handed_over(self, arrived: float) -> float:
+        """When the adapter gives the host what arrived, s."""
+        latency = self.faults.latency
+        return math.ceil(arrived / latency) * latency if latency else arrived

@@ -1,0 +1,144 @@
+"""Recording a run, replaying and plotting it, as its users do it."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import synthetic
+from controller.realtime.recording import COMMANDS, MODES, load_recording
+from controller.training.library import save_library
+
+TIMELINE = """
+motion = "march"
+[[commands]]
+at = 0.3
+say = "queue wave"
+[[commands]]
+at = 0.4
+say = "speed 1.5"
+[[commands]]
+at = 1.8
+say = "estop"
+[[commands]]
+at = 1.9
+say = "bow"
+[[commands]]
+at = 2.4
+say = "reset"
+[[commands]]
+at = 2.5
+say = "resume"
+"""
+
+
+def motiondeck(*arguments):
+    return subprocess.run(
+        [sys.executable, "-m", "controller.cli.main", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        stdin=subprocess.DEVNULL,
+        check=False,
+    )
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("recorded")
+    save_library(synthetic.small_library(), folder / "small.safetensors")
+    (folder / "show.toml").write_text(TIMELINE)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def run(folder):
+    done = motiondeck(
+        *("play", "--library", folder / "small.safetensors", "--headless", "--command-port", "0", "--seconds", "3"),
+        *("--rate", "100", "--script", folder / "show.toml", "--record", folder / "show.rec", "--json"),
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_every_tick_is_recorded_with_its_commands(run, folder):
+    recording = load_recording(folder / "show.rec")
+    fields = recording.fields
+    assert recording.complete
+    assert fields["tick"][:, 0].tolist() == list(range(run["ticks"]))
+    given = [COMMANDS[int(n) - 1] for n in fields["command"][:, 0] if n]
+    assert given == ["queue", "speed", "estop", "switch", "reset", "resume"]
+    assert run["refused"] == [{"at": 1.9, "reason": "the emergency stop is on; release it with: reset"}]
+    assert [MODES[int(m)] for m in np.unique(fields["mode"])] == ["playing", "held", "emergency stop"]
+    halted = fields["targets"][fields["mode"][:, 0] == MODES.index("emergency stop")]
+    assert np.array_equal(halted[-1], halted[-5])
+    assert np.isfinite(fields["measured"][5:]).all()
+
+
+def test_a_recording_is_replayed(run, folder):
+    done = motiondeck(
+        *("replay", folder / "show.rec", "--library", folder / "small.safetensors", "--headless", "--kinematic"),
+        *("--command-port", "0", "--json"),
+    )
+    assert done.returncode == 0, done.stderr
+    report = json.loads(done.stdout)
+    assert report["reason"] == "replayed to the end"
+    assert sum(report["limited"].values()) < 0.25 * report["ticks"]  # of 24 targets a tick
+
+
+def test_a_recording_is_plotted(run, folder):
+    pytest.importorskip("matplotlib")
+    done = motiondeck("plot", folder / "show.rec", "--out", folder / "show.png")
+    assert done.returncode == 0, done.stderr
+    assert (folder / "show.png").read_bytes()[:4] == b"\x89PNG"
+    assert "6 commands" in done.stdout
+    figures = json.loads(motiondeck("plot", folder / "show.rec", "--json").stdout)
+    assert (figures["ticks"], figures["lost_ticks"], figures["refused"]) == (run["ticks"], 0, 1)
+
+
+def test_a_run_that_is_killed_leaves_what_it_did(folder):
+    out = folder / "killed.rec"
+    deck = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "controller.cli.main", "play", "--library", str(folder / "small.safetensors")),
+            *("--headless", "--command-port", "0", "--rate", "100", "--record", str(out)),
+        ],
+        stdin=subprocess.DEVNULL,
+    )
+    try:
+        deadline = time.monotonic() + 30.0
+        while not out.exists() or out.stat().st_size < 20_000:
+            assert time.monotonic() < deadline, "nothing is recorded"
+            time.sleep(0.05)
+        os.kill(deck.pid, signal.SIGKILL)
+        deck.wait()
+        while not load_recording(out).complete:
+            assert time.monotonic() < deadline, "the recorder does not notice that the deck is gone"
+            time.sleep(0.05)
+    finally:
+        deck.kill()
+        deck.wait()
+    ticks = load_recording(out).fields["tick"][:, 0]
+    assert ticks.tolist() == list(range(len(ticks)))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("replay", "none.rec"), "none.rec: cannot be read"),
+        (("plot", "pyproject.toml"), "this is no recording"),
+        (("play", "--headless", "--record", "none/x.rec", "--command-port", "0"), "none/x.rec: cannot be written"),
+        (("play", "--video", "x.mp4", "--record", "x.rec"), "no ticks to record"),
+        (("play", "--script", "none.toml"), "none.toml: cannot be read"),
+    ],
+)
+def test_a_mistake_ends_in_one_line(arguments, says):
+    done = motiondeck(*arguments)
+    assert done.returncode == 1
+    assert says in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1

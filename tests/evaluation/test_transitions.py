@@ -1,0 +1,40 @@
+import numpy as np
+import pytest
+
+import synthetic
+from controller.evaluation.tables import crossing_table
+from controller.evaluation.transitions import RAMP, all_crossings
+from controller.training.fit import Syllabus
+
+LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}
+
+
+@pytest.fixture(scope="module")
+def crossings():
+    syllabus = Syllabus(synthetic.small_encoding(), synthetic.RATE, synthetic.references(), LOOPS, {})
+    return all_crossings(synthetic.small_library(), syllabus)
+
+
+def test_every_ordered_pair_is_crossed_both_ways(crossings):
+    names = list(synthetic.MOTIONS)
+    pairs = [(c.source, c.target) for c in crossings if c.method == "deck"]
+    assert pairs == [(a, b) for a in names for b in names if a != b]
+    assert len(crossings) == 2 * len(pairs)
+
+
+def test_the_deck_arrives_and_keeps_bones_whole(crossings):
+    ours = [c for c in crossings if c.method == "deck"]
+    assert [(c.source, c.target, c.reason) for c in ours if c.failed] == []
+    assert max(c.bone_error for c in ours) < 1e-6
+
+
+def test_morphing_takes_its_ramp_and_shrinks_bones(crossings):
+    theirs = [c for c in crossings if c.method == "morph"]
+    assert {c.frames for c in theirs} == {RAMP}
+    assert np.median([c.bone_error for c in theirs]) > 0.01
+
+
+def test_the_table_has_a_row_a_method_and_kind_and_every_pair_below(crossings):
+    table = crossing_table("t", crossings, LOOPS, [])
+    assert [row["to"] for row in table.rows] == ["loops, morph", "once, morph", "loops, deck", "once, deck"]
+    assert len(table.details) == len(crossings)

@@ -1,0 +1,41 @@
+import numpy as np
+import pytest
+
+import synthetic
+from controller.realtime.interfaces import JointLimits
+from controller.realtime.safety import SafetyEnvelope
+from controller.realtime.soak import soak
+
+JOINTS = 9 * 4
+LIMITS = JointLimits(*(np.full(JOINTS, x) for x in (-1.1, 1.1, 8.0, 80.0, 4000.0)))
+
+
+@pytest.fixture(scope="module")
+def library():
+    return synthetic.small_library()
+
+
+def directions(pose):
+    return pose.rotation.ravel()
+
+
+def test_a_minute_of_commands_faults_and_floods_breaks_nothing(library):
+    report = soak(library, directions, LIMITS, seconds=60.0, rate=100.0)
+    assert report.passed
+    assert report.ticks > 6000
+    assert (report.commands, report.answered) == (report.ticks // 50, report.ticks // 50)
+    assert report.flood > 1000
+    assert report.faults["deck"] > 5
+    assert report.faults["outputs"] > 30
+    assert report.faults["telemetry"] > 5
+    assert (report.outside, report.restless) == (0, 0)
+
+
+def test_the_same_seed_soaks_alike(library):
+    first, second = (soak(library, directions, LIMITS, seconds=5.0, rate=100.0, seed=3) for _ in range(2))
+    assert (first.ticks, first.faults, first.commands) == (second.ticks, second.faults, second.commands)
+
+
+def test_a_soak_notices_an_envelope_that_lets_things_pass(library, monkeypatch):
+    monkeypatch.setattr(SafetyEnvelope, "__call__", lambda self, targets: targets)
+    assert not soak(library, directions, LIMITS, seconds=5.0, rate=100.0).passed

@@ -1,0 +1,135 @@
+"""Centralized networks in library files: they come back as they were, or are refused, and the deck plays them."""
+
+import msgspec
+import numpy as np
+import pytest
+from safetensors.numpy import save_file
+
+import synthetic
+from controller.cli.resources import find
+from controller.errors import FileFormatError, MotiondeckError, UnknownNameError
+from controller.evaluation.matching import joint_features
+from controller.generators.centralized_network import CentralizedNetwork
+from controller.generators.frame_player import FramePlayer
+from controller.realtime.deck import Deck
+from controller.training.centralized_training import CentralizedRecipe, train_centralized_network
+from controller.training.library import MotionLibrary, load_library, save_library
+from controller.training.self_test import Judge, self_test
+
+RECIPE = CentralizedRecipe(satellites=16, iterations=30)
+
+
+@pytest.fixture(scope="module")
+def library():
+    taught, normalisation = synthetic.lessons()
+    network = train_centralized_network(taught, normalisation, RECIPE, synthetic.RATE, 0)
+    plain = synthetic.small_library()
+    return MotionLibrary(msgspec.structs.replace(plain.info, network="centralized"), network, plain.encoding)
+
+
+def played(network, motion, frames=200):
+    network.cue(motion, 3)
+    out = np.empty((frames, network.channels))
+    for frame in out:
+        network.advance(frame)
+    return out
+
+
+def test_every_motion_passes_the_self_test(library):
+    frames = synthetic.references()
+    judge = Judge(library.encoding, frames, {name: name != "bow" for name in frames})
+    for name, verdict in self_test(library.network, judge).items():
+        assert verdict.passed, f"{name}: {verdict.reason}"
+        assert verdict.error_mm < 20.0
+
+
+def test_a_library_comes_back_as_it_was(library, tmp_path):
+    save_library(library, tmp_path / "small.safetensors")
+    loaded = load_library(tmp_path / "small.safetensors")
+    assert isinstance(loaded.network, CentralizedNetwork)
+    for motion in library.network.motions:
+        assert np.array_equal(played(loaded.network, motion), played(library.network, motion))
+        assert np.array_equal(loaded.network.anchors(motion), library.network.anchors(motion))
+
+
+def test_anchors_are_the_frames_that_are_played_from_them(library):
+    network = library.network.twin()
+    for motion in network.motions:
+        anchors = network.anchors(motion)
+        for anchor in (0, 7, len(anchors) - 2):
+            network.cue(motion, anchor)
+            out = np.empty(network.channels)
+            network.advance(out)
+            network.advance(out)
+            assert np.allclose(out, anchors[anchor + 1], atol=1e-9)
+
+
+def test_a_player_goes_back_to_a_snapshot_bit_by_bit(library):
+    player = FramePlayer(library.network.twin(), synthetic.RATE)
+    player.cue("wave", 0.4)
+    before = player.snapshot()
+    first = [player.step(0.007).copy() for _ in range(100)]
+    player.restore(before)
+    assert np.array_equal([player.step(0.007).copy() for _ in range(100)], first)
+
+
+def test_the_deck_plays_and_switches_it(library):
+    deck = Deck(library, lambda pose: pose.rotation.ravel().copy(), "march")
+    for to in ("wave", "bow", "march"):
+        deck.switch(to)
+        for _ in range(500):
+            deck.update(0.005)
+        assert deck.settled
+        assert deck.motion == to
+    assert deck.pose.root_position[0] > 0.5
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "words"),
+    [
+        ("motion/wave/weights", lambda a: a[:, :3], "shape"),
+        ("motion/wave/frequency", lambda a: a * np.nan, "not finite"),
+        ("motion/wave/frequency", lambda a: a * 1.01, "'wave'.*does not close"),
+        ("motion/wave/frequency", lambda a: -a, "'wave'.*center 0"),
+        ("motion/wave/sharpness", lambda a: -a, "'wave'.*satellite 0"),
+        ("motion/wave/places", None, "'motion/wave/places' is missing"),
+        ("motion/wave/phase", lambda a: a.astype(np.float32), "expected float64"),
+    ],
+)
+def test_a_damaged_library_is_refused_by_its_place(library, tmp_path, name, change, words):
+    arrays = {
+        f"motion/{motion}/{field}": np.ascontiguousarray(getattr(library.network[motion], field))
+        for motion in library.network.motions
+        for field in ("frequency", "phase", "places", "sharpness", "weights", "rest")
+    }
+    if change is None:
+        del arrays[name]
+    else:
+        arrays[name] = np.ascontiguousarray(change(arrays[name]))
+    header = {"motiondeck": msgspec.json.encode(library.info).decode()}
+    save_file(arrays, tmp_path / "damaged.safetensors", metadata=header)
+    with pytest.raises(FileFormatError, match=words):
+        load_library(tmp_path / "damaged.safetensors")
+
+
+def test_what_needs_a_reservoir_says_so(library):
+    with pytest.raises(MotiondeckError, match="for reservoirs only"):
+        _ = library.reservoir
+    assert synthetic.small_library().reservoir.motions == library.network.motions
+    with pytest.raises(UnknownNameError, match="wave"):
+        library.network.cue("wafe", 0)
+    with pytest.raises(MotiondeckError, match="needs motions"):
+        CentralizedNetwork({}, 120.0)
+
+
+def test_the_shipped_library_is_small_sound_and_never_leaves_its_range():
+    path = find("library", "cmu86", ".safetensors")
+    assert path.stat().st_size < 2e6
+    library = load_library(path)
+    assert all(motion.passed for motion in library.info.motions)
+    for motion in library.network.motions:
+        known = joint_features(library.encoding, library.network.anchors(motion))
+        run = joint_features(library.encoding, played(library.network.twin(), motion, 5000))
+        room = 0.1 * np.ptp(known, axis=0) + 1.0
+        assert (run <= known.max(0) + room).all()
+        assert (run >= known.min(0) - room).all()

@@ -1,0 +1,80 @@
+"""Motions of CMU 86 in a centralized network: they stay in their range, and switches are no rougher than they are."""
+
+import numpy as np
+import pytest
+
+from controller.evaluation.matching import joint_features
+from controller.generators.centralized import CentralizedGenerator
+from controller.mocap.bone_directions import BoneDirections
+from controller.mocap.reading import read_clip
+from controller.training.centralized_training import train_centralized
+from controller.training.loops import close_loop
+
+CUTS = {"walk": (100, 520), "punch": (2020, 2480), "kick": (3300, 4000)}
+
+
+@pytest.fixture(scope="module")
+def encoding(recording):
+    return BoneDirections(recording.skeleton, "rhipjoint", "lhipjoint")
+
+
+@pytest.fixture(scope="module")
+def recording(mocap_data):
+    return read_clip(mocap_data / "cmu/86/86_01.amc")
+
+
+@pytest.fixture(scope="module")
+def loops(recording, encoding):
+    channels = encoding.encode(recording)
+    places = joint_features(encoding, channels)
+    return {
+        name: close_loop(channels[first:end], places[first:end], at_least=0.35) for name, (first, end) in CUTS.items()
+    }
+
+
+@pytest.fixture(scope="module")
+def generator(loops):
+    return CentralizedGenerator(
+        {name: train_centralized(frames, 120.0, loop=True, satellites=60) for name, frames in loops.items()}
+    )
+
+
+def accelerations(features):
+    joints = features[:, :-1].reshape(len(features), -1, 3)
+    return np.linalg.norm(np.diff(joints, n=2, axis=0), axis=-1).ravel()
+
+
+def test_joints_are_where_they_were_taught_to_be(generator, loops, encoding):
+    for name, frames in loops.items():
+        played = generator[name].at(np.arange(len(frames)) / 120.0)
+        assert np.abs(joint_features(encoding, played) - joint_features(encoding, frames)).mean() < 0.4
+        assert generator[name].largest_weight < 1000
+
+
+def test_ten_minutes_stay_within_the_range_of_training(generator, loops, encoding):
+    for name, frames in loops.items():
+        taught = joint_features(encoding, frames)
+        room = 0.1 * np.ptp(taught, axis=0) + 0.1
+        generator.cue(name)
+        for _ in range(10):
+            played = joint_features(encoding, np.array([generator.step(0.02).copy() for _ in range(3000)]))
+            assert (played <= taught.max(0) + room).all()
+            assert (played >= taught.min(0) - room).all()
+
+
+def test_switches_are_no_rougher_than_training(generator, loops, encoding):
+    taught = np.concatenate([accelerations(joint_features(encoding, np.tile(f, (2, 1)))) for f in loops.values()])
+    rng = np.random.default_rng(0)
+    switched = []
+    for source in loops:
+        for target in loops:
+            if source == target:
+                continue
+            for _ in range(3):
+                generator.cue(source, rng.uniform())
+                frames = [generator.step(1 / 120).copy() for _ in range(6)]
+                generator.switch(target)
+                frames += [generator.step(1 / 120).copy() for _ in range(114)]
+                assert generator.settled
+                switched.append(accelerations(joint_features(encoding, np.array(frames))))
+    assert np.quantile(np.concatenate(switched), 0.999) <= np.quantile(taught, 0.999)
