@@ -18,7 +18,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 from scipy.special import ellipk
 
 from controller.errors import MotiondeckError
@@ -174,6 +173,9 @@ def control_for(spring: Spring, frequency: float, momentum: float) -> float:
     Raises:
         FrequencyError: if the frequency is not positive, or so low that z comes too near to the separatrix.
     """
+    # Here and not above: it takes half a second to import, and playing never needs it.
+    from scipy.optimize import brentq
+
     require_frequencies(np.array([frequency]))
 
     def excess(control: float) -> float:

@@ -17,7 +17,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
-from scipy.stats import qmc
 
 from controller.errors import MotiondeckError
 from controller.rotations import Array
@@ -147,6 +146,9 @@ def grid_places(dimensions: int, count: int) -> Array:
 
 def quasi_random_places(dimensions: int, count: int, seed: int) -> Array:
     """Places of a scrambled Halton sequence in [-1, 1]^d, shape (count, d)."""
+    # Here and not above: it takes half a second to import, and playing never needs it.
+    from scipy.stats import qmc
+
     return 2.0 * qmc.Halton(dimensions, scramble=True, rng=np.random.default_rng(seed)).random(count) - 1.0
 
 

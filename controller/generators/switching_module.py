@@ -21,7 +21,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 from scipy.special import expit, logit
 
 from controller.errors import MotiondeckError
@@ -125,6 +124,9 @@ class ModuleDesign:
     @cached_property
     def rest_points(self) -> tuple[RestPoint, ...]:
         """All states of rest by rising z, stable and unstable in turn."""
+
+        # Here and not above: it takes half a second to import, and playing never needs it.
+        from scipy.optimize import brentq
 
         def excess(z: float) -> float:
             return float(self.staircase(z)) - self.decay * z
