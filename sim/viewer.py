@@ -29,7 +29,7 @@ from sim.panel import Panel
 from sim.private_page import PrivatePage
 from sim.scene import Follower, Scene
 
-PICTURES_PER_SECOND = 50.0
+PICTURES_PER_SECOND = 30.0
 HEALTH_PER_SECOND = 4.0
 LONGEST_WAIT = 60.0  # s for a deck that is starting
 
