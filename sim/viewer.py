@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
+import shutil
 import sys
 import time
 from pathlib import Path
@@ -73,6 +74,9 @@ def view(state: Path, command_port: int, port: int) -> None:
             time.sleep(max(0.0, now + 1.0 / PICTURES_PER_SECOND - time.monotonic()))
     finally:
         page.stop()
+        if os.getppid() != parent and state.parent.name.startswith("motiondeck-"):
+            # A deck that was killed could not tidy up after itself.
+            shutil.rmtree(state.parent, ignore_errors=True)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -23,6 +23,7 @@ from controller.training.conceptor_training import ConceptorRecipe, train_concep
 from controller.training.echo_state_training import EchoStateRecipe, train_echo_state
 from controller.training.lesson import Lesson
 from controller.training.library import (
+    FEWEST_ANCHORS,
     VERSION,
     AnyNetwork,
     LibraryInfo,
@@ -96,6 +97,12 @@ def fit(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None) 
         MotiondeckError: if a recording is missing or damaged.
     """
     syllabus = prepare(recipe, data, progress)
+    for name, frames in syllabus.frames.items():
+        if len(frames[:: recipe.network.anchor_every]) < FEWEST_ANCHORS:
+            raise FileFormatError(
+                f"network.anchor_every = {recipe.network.anchor_every} leaves '{name}' with fewer than "
+                f"{FEWEST_ANCHORS} states to start from; give a smaller number"
+            )
     lessons, normalisation = syllabus.lessons()
     best: tuple[int, int, AnyNetwork, dict[str, Verdict]] | None = None
     # Two BLAS threads on a busy machine wait for each other longer than they help.

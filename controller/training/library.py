@@ -284,7 +284,7 @@ class _Reader:
 
     def conceptor(self, motion: str, channels: int) -> ConceptorMotion:
         at = f"motion/{motion}/"
-        neurons, rank, anchors = self.size(at + "bias"), self.size(at + "offset"), self.size(at + "states")
+        neurons, rank, anchors = self.size(at + "bias"), self.size(at + "offset"), self.anchors(at)
         return ConceptorMotion(
             recurrent=self.take(at + "recurrent", neurons, rank),
             bias=self.take(at + "bias", neurons),
@@ -297,7 +297,7 @@ class _Reader:
 
     def echo_state(self, motion: str, neurons: int, channels: int) -> EchoStateMotion:
         at = f"motion/{motion}/"
-        anchors = self.size(at + "states")
+        anchors = self.anchors(at)
         return EchoStateMotion(
             readout=self.take(at + "readout", channels, neurons),
             states=self.take(at + "states", anchors, neurons),
@@ -322,6 +322,13 @@ class _Reader:
             except MotiondeckError as error:
                 raise FileFormatError(f"{self.path}: motion '{motion.name}': {error}") from None
         return CentralizedNetwork(motions, info.rate)
+
+    def anchors(self, at: str) -> int:
+        """How many stored states a motion has."""
+        count = self.size(at + "states")
+        if count < FEWEST_ANCHORS:
+            raise FileFormatError(f"{self.path}: '{at}states' holds {count} anchors; {FEWEST_ANCHORS} are the fewest")
+        return count
 
     def size(self, name: str) -> int:
         """The length of an array that must be there and not be empty."""
