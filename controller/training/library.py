@@ -7,18 +7,15 @@ used.
 
 from __future__ import annotations
 
-import os
-import tempfile
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
-from safetensors import SafetensorError, safe_open
-from safetensors.numpy import save_file
 
+from controller.arrays_file import Kind, StoredArrays, read_arrays, write_arrays
 from controller.config import shaped
 from controller.errors import FileFormatError, MotiondeckError
 from controller.generators.centralized_network import CentralizedNetwork, StoredMotion
@@ -29,12 +26,11 @@ from controller.mocap.normalisation import Normalisation
 from controller.mocap.skeleton import Skeleton
 
 VERSION = 1
-LARGEST_BYTES = 2**30
+KIND = Kind("motion library", "motiondeck", VERSION, "`motiondeck fit`")
 FEWEST_ANCHORS = 3  # with fewer nobody can tell how a motion moves
 
 Network = ConceptorNetwork | EchoStateNetwork
 AnyNetwork = Network | CentralizedNetwork
-Motion = TypeVar("Motion", ConceptorMotion, EchoStateMotion)
 
 
 class MotionInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -169,20 +165,7 @@ def save_library(library: MotionLibrary, path: Path) -> None:
     if isinstance(network, EchoStateNetwork):
         arrays |= {"weights": network.weights, "feedback": network.feedback, "bias": network.bias}
         arrays |= {"shift": network.normalisation.shift, "scaling": network.normalisation.scaling}
-    header = {"motiondeck": msgspec.json.encode(library.info).decode()}
-    try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        os.close(handle)
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be written ({error.strerror or error})") from None
-    try:
-        save_file({name: np.ascontiguousarray(a) for name, a in arrays.items()}, temporary, metadata=header)
-        Path(temporary).chmod(0o644)
-        Path(temporary).replace(path)
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be written ({error.strerror or error})") from None
-    finally:
-        Path(temporary).unlink(missing_ok=True)
+    write_arrays(path, KIND, library.info, arrays)
 
 
 def load_library(path: Path) -> MotionLibrary:
@@ -191,36 +174,15 @@ def load_library(path: Path) -> MotionLibrary:
     Raises:
         FileFormatError: one line that names the file and what is wrong with it.
     """
-    try:
-        if not path.is_file():
-            raise FileFormatError(f"{path}: there is no such file")
-        if path.stat().st_size > LARGEST_BYTES:
-            raise FileFormatError(f"{path}: larger than {LARGEST_BYTES >> 30} GiB, which is no motion library")
-        with safe_open(path, framework="numpy") as file:
-            header = file.metadata() or {}
-            arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read ({error.strerror or error})") from None
-    except (SafetensorError, TypeError, ValueError, AttributeError) as error:
-        raise FileFormatError(f"{path}: not a safetensors file, or a damaged one ({error})") from None
-    if "motiondeck" not in header:
-        raise FileFormatError(f"{path}: a safetensors file, but not a motion library (no 'motiondeck' in its header)")
-    info = _read_info(path, header["motiondeck"])
+    header, stored = read_arrays(path, KIND)
+    info = _read_info(path, header)
     encoding = _encoding(path, info.skeleton)
-    network = _Reader(path, arrays).network(info, encoding.channels)
+    network = _Reader(stored).network(info, encoding.channels)
+    stored.finish()
     return MotionLibrary(info, network, encoding)
 
 
-def _read_info(path: Path, text: str) -> LibraryInfo:
-    try:
-        tree = msgspec.json.decode(text)
-    except (msgspec.DecodeError, RecursionError):
-        raise FileFormatError(f"{path}: its header is damaged") from None
-    version = tree.get("version") if isinstance(tree, dict) else None
-    if version != VERSION:
-        raise FileFormatError(
-            f"{path}: format version {version!r}; this Motiondeck reads version {VERSION}. Train it again with `fit`."
-        )
+def _read_info(path: Path, tree: object) -> LibraryInfo:
     info = shaped(tree, LibraryInfo, f"{path} (header)")
     names = [motion.name for motion in info.motions]
     if not names or len(set(names)) < len(names):
@@ -251,10 +213,10 @@ def _encoding(path: Path, info: SkeletonInfo) -> BoneDirections:
 
 
 class _Reader:
-    """Takes arrays out of a file, each checked for shape, type and finiteness."""
+    """Makes a network of the arrays of a file."""
 
-    def __init__(self, path: Path, arrays: dict[str, NDArray[Any]]) -> None:
-        self.path, self.arrays = path, arrays
+    def __init__(self, stored: StoredArrays) -> None:
+        self.path, self.size, self.take = stored.path, stored.size, stored.take
 
     def network(self, info: LibraryInfo, channels: int) -> AnyNetwork:
         if info.network == "conceptor":
@@ -278,8 +240,6 @@ class _Reader:
                 {motion.name: self.echo_state(motion.name, neurons, channels) for motion in info.motions},
                 clipped=info.clipped,
             )
-        if self.arrays:
-            raise FileFormatError(f"{self.path}: holds array '{next(iter(self.arrays))}', which nothing needs")
         return network
 
     def conceptor(self, motion: str, channels: int) -> ConceptorMotion:
@@ -329,23 +289,3 @@ class _Reader:
         if count < FEWEST_ANCHORS:
             raise FileFormatError(f"{self.path}: '{at}states' holds {count} anchors; {FEWEST_ANCHORS} are the fewest")
         return count
-
-    def size(self, name: str) -> int:
-        """The length of an array that must be there and not be empty."""
-        array = self.arrays.get(name)
-        if array is None or array.ndim == 0 or len(array) == 0:
-            raise FileFormatError(f"{self.path}: array '{name}' is missing or empty")
-        return len(array)
-
-    def take(self, name: str, *shape: int, kind: type = np.float32) -> NDArray[Any]:
-        array = self.arrays.pop(name, None)
-        if array is None:
-            raise FileFormatError(f"{self.path}: array '{name}' is missing")
-        if array.shape != shape or array.dtype != kind:
-            raise FileFormatError(
-                f"{self.path}: array '{name}' is {array.dtype} of shape {array.shape}, "
-                f"expected {np.dtype(kind)} of shape {shape}"
-            )
-        if not np.isfinite(array).all():
-            raise FileFormatError(f"{self.path}: array '{name}' holds a number that is not finite")
-        return array

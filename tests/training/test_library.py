@@ -210,7 +210,7 @@ def test_a_library_is_never_half_written(library, saved, tmp_path, monkeypatch):
     def breaks(*_args, **_kwargs):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("controller.training.library.save_file", breaks)
+    monkeypatch.setattr("controller.arrays_file.save_file", breaks)
     with pytest.raises(FileFormatError, match="No space left"):
         save_library(library, path)
     assert path.read_bytes() == before

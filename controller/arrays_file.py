@@ -1,0 +1,128 @@
+"""Named arrays with a JSON header in one safetensors file: written whole or not at all, checked when read.
+
+Reading executes nothing. What the arrays mean is the business of whoever writes them: a motion library, a recognizer.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save_file
+
+from controller.errors import FileFormatError
+
+LARGEST_BYTES = 2**30
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One kind of file.
+
+    Attributes:
+        name: what a user calls it.
+        key: where its header stands in the metadata.
+        version: of its format; others are refused.
+        made_by: how one is made, for error messages.
+    """
+
+    name: str
+    key: str
+    version: int
+    made_by: str
+
+
+def write_arrays(path: Path, kind: Kind, header: msgspec.Struct, arrays: dict[str, NDArray[Any]]) -> None:
+    """Writes under a temporary name and renames, so that the file is whole or not there.
+
+    Raises:
+        FileFormatError: if the folder cannot be written.
+    """
+    metadata = {kind.key: msgspec.json.encode(header).decode()}
+    try:
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        os.close(handle)
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be written ({error.strerror or error})") from None
+    try:
+        save_file({name: np.ascontiguousarray(a) for name, a in arrays.items()}, temporary, metadata=metadata)
+        Path(temporary).chmod(0o644)
+        Path(temporary).replace(path)
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be written ({error.strerror or error})") from None
+    finally:
+        Path(temporary).unlink(missing_ok=True)
+
+
+def read_arrays(path: Path, kind: Kind) -> tuple[object, StoredArrays]:
+    """The header as plain values, its version checked, and the arrays.
+
+    Raises:
+        FileFormatError: one line that names the file and what is wrong with it.
+    """
+    try:
+        if not path.is_file():
+            raise FileFormatError(f"{path}: there is no such file. Make one with {kind.made_by}.")
+        if path.stat().st_size > LARGEST_BYTES:
+            raise FileFormatError(f"{path}: larger than {LARGEST_BYTES >> 30} GiB, which is no {kind.name}")
+        with safe_open(path, framework="numpy") as file:
+            metadata = file.metadata() or {}
+            arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be read ({error.strerror or error})") from None
+    except (SafetensorError, TypeError, ValueError, AttributeError) as error:
+        raise FileFormatError(f"{path}: not a safetensors file, or a damaged one ({error})") from None
+    if kind.key not in metadata:
+        raise FileFormatError(f"{path}: a safetensors file, but not a {kind.name}. Make one with {kind.made_by}.")
+    try:
+        header = msgspec.json.decode(metadata[kind.key])
+    except (msgspec.DecodeError, RecursionError):
+        raise FileFormatError(f"{path}: its header is damaged") from None
+    version = header.get("version") if isinstance(header, dict) else None
+    if version != kind.version:
+        raise FileFormatError(
+            f"{path}: format version {version!r}; this Motiondeck reads version {kind.version}. "
+            f"Make it again with {kind.made_by}."
+        )
+    return header, StoredArrays(path, arrays)
+
+
+class StoredArrays:
+    """Arrays as they were read, taken out one by one, each checked for shape, type and finiteness."""
+
+    def __init__(self, path: Path, arrays: dict[str, NDArray[Any]]) -> None:
+        self.path = path
+        self._arrays = arrays
+
+    def size(self, name: str, axis: int = 0) -> int:
+        """The length along an axis of an array that must be there and not be empty."""
+        array = self._arrays.get(name)
+        if array is None or array.ndim <= axis or array.shape[axis] == 0:
+            raise FileFormatError(f"{self.path}: array '{name}' is missing or empty")
+        return int(array.shape[axis])
+
+    def take(self, name: str, *shape: int, kind: type = np.float32) -> NDArray[Any]:
+        """An array that must be of this shape and type."""
+        array = self._arrays.pop(name, None)
+        if array is None:
+            raise FileFormatError(f"{self.path}: array '{name}' is missing")
+        if array.shape != shape or array.dtype != kind:
+            raise FileFormatError(
+                f"{self.path}: array '{name}' is {array.dtype} of shape {array.shape}, "
+                f"expected {np.dtype(kind)} of shape {shape}"
+            )
+        if not np.isfinite(array).all():
+            raise FileFormatError(f"{self.path}: array '{name}' holds a number that is not finite")
+        return array
+
+    def finish(self) -> None:
+        """Checks that nothing is left over."""
+        if self._arrays:
+            raise FileFormatError(f"{self.path}: holds array '{next(iter(self._arrays))}', which nothing needs")
