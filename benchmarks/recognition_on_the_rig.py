@@ -14,6 +14,7 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import time
+from abc import ABC, abstractmethod
 from pathlib import Path
 
 import numpy as np
@@ -91,7 +92,7 @@ class Stage:
         return said
 
 
-class Observer:
+class Observer(ABC):
     """Watches a run tick by tick; the approach at the start and the stop at the end are not looked at."""
 
     def __init__(self, stage: Stage) -> None:
@@ -120,9 +121,9 @@ class Observer:
         self.cost.append(time.perf_counter() - start)
         self.take(seen, wrong, stuck)
 
+    @abstractmethod
     def take(self, seen: str | None, wrong: bool, stuck) -> None:
         """Takes what was seen in one tick, and whether the two watches raise their voices."""
-        raise NotImplementedError
 
 
 class Switching(Observer):
@@ -137,6 +138,7 @@ class Switching(Observer):
         self.never: list[str] = []
         self.right = self.asked = self.mismatch_ticks = self.stuck_ticks = 0
 
+    @abstractmethod
     def take(self, seen: str | None, wrong: bool, stuck) -> None:
         """Takes what was seen in one tick, and whether the two watches raise their voices."""
         deck = self.deck
@@ -172,6 +174,7 @@ class Jamming(Observer):
         self.mismatched: float | None = None
         self.others = False
 
+    @abstractmethod
     def take(self, seen: str | None, wrong: bool, stuck) -> None:
         """Takes what was seen in one tick, and whether the two watches raise their voices."""
         if self.deck.time < self.at:

@@ -21,6 +21,7 @@ from controller.generators.base import Channels
 from controller.generators.oscillators import pairs_at, require_frequencies
 from controller.generators.satellites import GaussianSatellites
 from controller.generators.switching_module import SwitchingModule, clamp, design_module
+from controller.quintic import rise
 from controller.rotations import Array
 
 # How long z takes for all but 1/e of its way, s, and the gain of the current that pulls it there.
@@ -269,7 +270,7 @@ class CentralizedGenerator:
         target = float(self.module.design.targets[self.motions.index(self.motion)])
         way = target - self._origin
         progress = min(1.0, max(0.0, (self.module.z - self._origin) / way))
-        share = progress**3 * (10.0 + progress * (6.0 * progress - 15.0))
+        share = rise(progress)
         self._source.advance(dt * self.tempo)
         self._source.speak(self._mixed)
         np.subtract(self._out, self._mixed, out=self._out)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from controller.errors import FileFormatError
 from controller.mocap.clip import Clip
+from controller.quintic import rise
 from controller.rotations import Array, conjugate, multiply, rotate, yaw
 
 RATE = 10.0
@@ -225,7 +226,7 @@ def cross_fade(pieces: list[Array], overlap: int) -> Array:
     if not shared:
         return np.concatenate(pieces)
     s = (np.arange(shared) + 0.5)[:, None] / shared
-    entering = s**3 * (10.0 + s * (6.0 * s - 15.0))
+    entering = rise(s)
     joined = pieces[0]
     for piece in pieces[1:]:
         mixed = (1.0 - entering) * joined[-shared:] + entering * piece[:shared]

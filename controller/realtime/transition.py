@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.mocap.posture import Posture
+from controller.quintic import run_out
 from controller.rotations import Array, conjugate, from_rotation_vector, multiply, to_rotation_vector
 
 SHORTEST, LONGEST = 0.2, 1.6
@@ -43,8 +44,8 @@ class Fade:
         s = elapsed / self.duration
         if s >= 1.0:
             return target
-        value = 1.0 + s**3 * (-10.0 + s * (15.0 - 6.0 * s))
-        slope = self.duration * (s + s**3 * (-6.0 + s * (8.0 - 3.0 * s)))
+        value, slope = run_out(s)
+        slope *= self.duration
         left = value * self.turn + slope * self.turn_rate
         drift = value * self.drift + slope * self.drift_rate
         return Posture(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from controller.quintic import run_out
 from controller.rotations import Array
 
 HOLD_AFTER = 120
@@ -42,17 +43,10 @@ def close_loop(channels: Array, features: Array, *, at_least: float, seam: int =
     seam = min(seam, len(loop))
     slope = np.gradient(channels, axis=0)
     s = np.arange(seam)[:, None] / seam
-    value_share, slope_share = quintic(s)
+    value_share, slope_share = run_out(s)
     loop[:seam] += (channels[end] - channels[start]) * value_share
     loop[:seam] += (slope[end] - slope[start]) * seam * slope_share
     return loop
-
-
-def quintic(s: Array) -> tuple[Array, Array]:
-    """What is left of an initial value and of an initial slope at s in [0, 1]; both end with no slope and no curve."""
-    value = 1.0 + s**3 * (-10.0 + s * (15.0 - 6.0 * s))
-    slope = s + s**3 * (-6.0 + s * (8.0 - 3.0 * s))
-    return value, slope
 
 
 def hold_end(channels: Array, still: slice, ease: int = 36) -> Array:
