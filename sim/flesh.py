@@ -11,9 +11,9 @@ from typing import Literal
 
 import numpy as np
 
+from controller.mocap.anatomy import Anatomy, Part
 from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array, cross
-from sim.anatomy import Anatomy, Part
 
 # The hip of an adult stands at 0.530 of the stature and the ankle at 0.039 (Winter 2009, fig. 4.1).
 LEG_PER_STATURE = 0.530 - 0.039

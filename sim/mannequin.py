@@ -12,9 +12,9 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from controller.mocap.anatomy import Part, anatomy
 from controller.mocap.skeleton import ROOT, Skeleton
 from controller.rotations import Array, from_matrix
-from sim.anatomy import Part, anatomy
 from sim.flesh import Solid, flesh, masses, pelvis
 from sim.stage import add_gantry, add_lamp, set_stage
 

@@ -12,10 +12,10 @@ from math import atan2, cos, hypot, pi, sin, sqrt
 import numpy as np
 
 from controller.errors import FileFormatError
+from controller.mocap.anatomy import Part, Side, anatomy
 from controller.mocap.posture import Pose
 from controller.mocap.skeleton import ROOT, Skeleton
 from controller.rotations import Array, to_rotation_vector
-from sim.anatomy import Part, Side, anatomy
 from sim.flesh import FOOT_SLOPE
 from sim.layout import nearest_turn
 
