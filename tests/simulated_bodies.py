@@ -9,7 +9,7 @@ from controller.mocap.posture import Pose
 from controller.mocap.skeleton import Skeleton
 from controller.rotations import from_rotation_vector, multiply, normalise
 
-ROBOTS = Path(__file__).parents[2] / "configs" / "robots"
+ROBOTS = Path(__file__).parents[1] / "configs" / "robots"
 RIGHT, LEFT, UP, DOWN, AHEAD = (0, -1, 0), (0, 1, 0), (0, 0, 1), (0, 0, -1), (1, 0, 0)
 
 # name, parent, direction in the rest pose, length
