@@ -125,6 +125,8 @@ def _health(state: dict[str, Array]) -> str:
         ("overruns", figure("overruns", "{:.0f}")),
         ("work p50", figure("work_p50_us", "{:.0f} µs")),
     ]
+    if _number(state, "recues", 0.0) > 0.0:
+        cells.append(("network re-cued", figure("recues", "{:.0f}")))
     boxes = "".join(
         f'<div><div style="opacity:.6;font-size:11px">{name}</div>'
         f'<div style="font-variant-numeric:tabular-nums;font-weight:600">{value}</div></div>'

@@ -56,6 +56,7 @@ _NUMBERS = (
     "lateness_p50_us",
     "lateness_p999_us",
     "overruns",
+    "recues",
     "work_p50_us",
 )
 
@@ -107,6 +108,11 @@ class Playable(Player, Commandable, Protocol):
     @property
     def switches(self) -> Sequence[Switch]:
         """What was commanded."""
+        ...
+
+    @property
+    def recues(self) -> int:
+        """How often the network was lost and had to be started again."""
         ...
 
 
@@ -261,6 +267,7 @@ class Session:
         fields["mode"][0] = MODES.index(self._stop.mode)
         fields["rate_hz"][0] = state.rate
         fields["overruns"][0] = state.overruns
+        fields["recues"][0] = deck.recues
         if state.tick // self._ticks_a_picture % HEALTH_EVERY == 0:
             lateness = state.lateness.percentiles()
             fields["lateness_p50_us"][0] = lateness.p50
@@ -301,6 +308,7 @@ class Session:
             for switch in self._deck.switches
         ]
         said["refused"] = self._refused
+        said["recues"] = self._deck.recues
         said["library"], said["robot"] = self._library.info.name, self._robot.name
         if self._settings.rig is not None:
             said["rig"] = next(output for output in said["outputs"] if output["name"] == "rig")
@@ -320,6 +328,8 @@ def summary(report: dict[str, Any]) -> str:
         settled = f", settled after {np.median(times):.2f} s (median)" if times else ""
         lines.append(f"{len(report['switches'])} switches{settled}")
     lines += [f"went to {s['to']} by way of {', '.join(s['via'])}" for s in report["switches"] if s["via"]]
+    if report["recues"]:
+        lines.append(f"the network was lost and started again {report['recues']} times")
     lines += [f"at {refused['at']:g} s refused: {refused['reason']}" for refused in report["refused"]]
     if "rig" in report:
         rig = report["rig"]

@@ -142,6 +142,7 @@ class Guard:
 
     Attributes:
         recues: how often it had to start the network again.
+        anchor: where it did so the last time.
     """
 
     def __init__(self, network: GuardableNetwork, lengths: dict[str, int], loops: dict[str, bool]) -> None:
@@ -151,7 +152,7 @@ class Guard:
         self.beats = {
             name: beat(network, name, self.scale, lengths[name], loop=loops[name]) for name in network.motions
         }
-        self.recues = 0
+        self.recues = self.anchor = 0
         self._newest = np.zeros((1, network.channels))
         self._astray = np.zeros(1, dtype=bool)
         self.cue(self.motions[0], 0)
@@ -179,7 +180,8 @@ class Guard:
 
     def _start_again(self) -> None:
         self.recues += 1
-        self.network.cue(self._motion, int(self._watch.restart(np.zeros(1, dtype=np.int64))[0]))
+        self.anchor = int(self._watch.restart(np.zeros(1, dtype=np.int64))[0])
+        self.network.cue(self._motion, self.anchor)
 
     def snapshot(self) -> Any:
         """A copy of the state."""

@@ -13,7 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from controller.errors import MotiondeckError, UnknownNameError
+from controller.generators.centralized_network import CentralizedNetwork
 from controller.generators.frame_player import FramePlayer
+from controller.generators.guard import Guard
 from controller.mocap.posture import Pose, Posture
 from controller.realtime.interfaces import Retargeter
 from controller.realtime.messages import FASTEST, SLOWEST
@@ -82,7 +84,9 @@ class Deck:
         self._routes = Routes.between(self._repertoire)
         self._direct = direct
         self._check(motion)
-        self._player = FramePlayer(library.network.twin(), library.info.rate)
+        self._guard = _guard(library)
+        self._recues = 0  # how many of the guard's are faded in already
+        self._player = FramePlayer(self._guard or library.network.twin(), library.info.rate)
         self._player.cue(motion)
         self._fade: Fade | None = None
         self._fade_start = 0.0
@@ -118,6 +122,11 @@ class Deck:
     def settled(self) -> bool:
         """Whether no switch is under way."""
         return self._current is None and self._fade is None
+
+    @property
+    def recues(self) -> int:
+        """How often the network was lost and had to be started again."""
+        return self._guard.recues if self._guard else 0
 
     @property
     def queue(self) -> list[str]:
@@ -210,6 +219,10 @@ class Deck:
             self._fading.first_change_s = self.time
         if self._is_due():
             self._begin(self._ahead.popleft(), shown, dt)
+        elif self._guard and self._guard.recues > self._recues:
+            # Where it was put back to is some way off, so it is entered like another motion.
+            self._enter(self._player.motion, self._guard.anchor, shown, dt, self._here.briskness)
+        self._recues = self.recues
         self._before, self.posture = self.posture, shown
         self.pose = self._place(shown, dt)
         return self._retarget(self.pose), self.pose
@@ -250,17 +263,20 @@ class Deck:
         place = self._joints(shown)
         velocity = (place - self._joints(self.posture)) / dt
         anchor = best_anchor(place, velocity, entering.places, entering.velocities, VELOCITY_REACH)
-        self._player.cue_anchor(motion, anchor)
+        self._enter(motion, anchor, shown, dt, _briskness(leaving, entering))
         self._at = anchor * entering.spacing
         self._end = entering.seconds + (self._at if entering.loop else 0.0)
         self._waits = True  # only motions that happen once lie on a way, and they are finished
-        tempo = self.speed if entering.loop else 0.0
+        self._fading = self._current
+
+    def _enter(self, motion: str, anchor: int, shown: Posture, dt: float, bound: Array) -> None:
+        """Goes on from an anchor of a motion, and fades from what is shown to it."""
+        self._player.cue_anchor(motion, anchor)
+        tempo = self.speed if self._here.loop else 0.0
         target_before = self._decode(self._player.step(0.0), tempo)
         target = self._decode(self._player.step(dt * tempo), tempo)
-        bound = _briskness(leaving, entering)
         self._fade = difference((self.posture, shown), (target_before, target), dt, bound)
         self._fade_start = self.time
-        self._fading = self._current
 
     def _onset(self) -> float:
         """The share of the tempo at which a motion that happens once gets going while the fade into it lasts.
@@ -314,6 +330,16 @@ class Deck:
     def _check(self, motion: str) -> None:
         if motion not in self._repertoire:
             raise UnknownNameError.among("motion", motion, self.motions)
+
+
+def _guard(library: MotionLibrary) -> Guard | None:
+    """A guard around a network of its own; none for a centralized one, which has no state that could be lost."""
+    network = library.network.twin()
+    if isinstance(network, CentralizedNetwork):
+        return None
+    motions = library.info.motions
+    lengths = {motion.name: motion.frames for motion in motions}
+    return Guard(network, lengths, {motion.name: motion.plays == "loop" for motion in motions})
 
 
 def _briskness(leaving: Motion, entering: Motion) -> Array:

@@ -24,6 +24,7 @@ class RecordedDeck:
         paused: whether it stands still on command.
         over: whether the recording has come to its end, where it is held.
         switches: none; nothing can be switched to.
+        recues: none; no network is playing.
 
     Raises:
         MotiondeckError: if nothing was recorded.
@@ -37,6 +38,7 @@ class RecordedDeck:
         self.switches: list[Switch] = []
         self.queue: list[str] = []
         self.settled = True
+        self.recues = 0
         self.time = 0.0
         self.speed = 1.0
         self.paused = False

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,6 +9,7 @@ import synthetic
 from controller.errors import MotiondeckError, UnknownNameError
 from controller.realtime.deck import MOST_QUEUED, Deck
 from controller.realtime.messages import FASTEST, SLOWEST
+from controller.training.library import load_library
 
 DT = 0.005
 
@@ -256,3 +259,50 @@ def test_whatever_is_commanded_targets_are_finite_and_repeatable(library, comman
         runs.append(np.array(targets))
     assert np.isfinite(runs[0]).all()
     assert np.array_equal(runs[0], runs[1])
+
+
+def lose(deck, z):
+    """Puts the network into a state of another motion or of none."""
+    part, bound, was = deck._guard.network.snapshot()
+    deck._guard.network.restore((part, bound, np.broadcast_to(np.float32(z), was.shape)))
+
+
+@pytest.mark.parametrize("motion", list(synthetic.MOTIONS))
+def test_a_network_that_runs_well_is_left_alone(library, motion):
+    deck = new_deck(library, motion)
+    joints(library, deck, 5.0)
+    assert deck.recues == 0
+
+
+@pytest.mark.parametrize("nonsense", [np.nan, 1e6])
+@pytest.mark.parametrize("motion", ["march", "bow"])
+def test_a_lost_network_is_brought_back_smoothly(library, motion, nonsense):
+    own = peak_acceleration(joints(library, new_deck(library, motion), 2.0))
+    deck = new_deck(library, motion)
+    joints(library, deck, 0.3)
+    lose(deck, nonsense)
+    places = joints(library, deck, 3.0)
+    assert np.isfinite(places).all()
+    assert peak_acceleration(places) <= 2.0 * max(own, 5.0)
+    assert deck.recues == 1
+    assert deck.motion == motion
+    assert deck.settled
+
+
+def test_a_network_that_froze_starts_again(library, monkeypatch):
+    deck = new_deck(library, "march")
+    joints(library, deck, 0.3)
+    stuck = deck._player._frames[3].copy()
+    with monkeypatch.context() as frozen:
+        frozen.setattr(deck._guard.network, "advance", lambda out: np.copyto(out, stuck))
+        joints(library, deck, 2.0)
+    assert deck.recues >= 1
+    assert np.abs(np.diff(joints(library, deck, 2.0)[-50:], axis=0)).max() > 1e-4
+    assert deck.settled
+
+
+def test_a_centralized_library_needs_no_guard():
+    library = load_library(Path(__file__).parents[2] / "configs" / "libraries" / "cmu86.safetensors")
+    deck = Deck(library, bone_directions, library.network.motions[0])
+    deck.update(DT)
+    assert deck.recues == 0
