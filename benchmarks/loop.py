@@ -32,6 +32,7 @@ from typing import Any
 for _library in ("OPENBLAS", "OMP", "MKL"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
 
+from controller.cli.body import Cast  # noqa: E402
 from controller.cli.resources import find  # noqa: E402
 from controller.cli.session import Session, Settings  # noqa: E402
 from controller.realtime.clock import Clock, Ticker  # noqa: E402
@@ -112,9 +113,9 @@ def measure(
     """One run; its row of the table."""
     with tempfile.TemporaryDirectory() as folder, hog(options.hog, options.core):
         settings = Settings(
-            robot=find("robot", "servo20", ".toml"),
-            rig=rig_file(Path(folder), rate) if options.rig else None,
-            emulated=True,
+            robot=Cast(
+                find("robot", "servo20", ".toml"), rig_file(Path(folder), rate) if options.rig else None, emulated=True
+            ),
             rate=rate,
             physics=False,
             realtime=fifo,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -46,7 +46,19 @@ def play(
         bool,
         typer.Option("--realtime", help="Ask for real-time scheduling and locked memory, and say what was granted."),
     ] = False,
-    core: Annotated[int | None, typer.Option("--core", help="Run the loop on this core of the CPU only.")] = None,
+    core: Annotated[
+        int | None, typer.Option("--core", help="Run the loop on this core of the CPU, and all else on the others.")
+    ] = None,
+    overruns: Annotated[
+        Literal["skip", "catch-up"],
+        typer.Option("--overruns", help="After a tick that took too long: skip what was missed, or make up for it."),
+    ] = "skip",
+    follow: Annotated[
+        str | None, typer.Option("--follow", metavar="ROBOT", help="A second robot that mirrors the first.")
+    ] = None,
+    follow_rig: Annotated[
+        str | None, typer.Option("--follow-rig", metavar="RIG", help="Its servos: a rig file, or 'emulated'.")
+    ] = None,
     page_port: Annotated[
         int, typer.Option("--port", help="The page's port on 127.0.0.1; 0 for any free one.")
     ] = PAGE_PORT,
@@ -69,6 +81,8 @@ def play(
       motiondeck play --headless --seconds 10 --script "walk 4, jog 4, walk" --json
 
       motiondeck play --headless --script show.toml --record show.rec
+
+      motiondeck play --follow servo20 --follow-rig emulated
 
       motiondeck play --video walk.mp4 --seconds 6
     """
@@ -111,13 +125,18 @@ def play(
         _print(said, as_json, f"wrote {video} ({length:g} s, {video.stat().st_size / 1e6:.1f} MB)")
         return
 
-    from controller.cli.session import Session, Settings, summary
+    from controller.cli.body import Cast
+    from controller.cli.report import summary
+    from controller.cli.session import Session, Settings
     from controller.realtime.deck import Deck
 
+    second = None
+    if follow is not None:
+        second = Cast(find("robot", follow, ".toml"), rig_file(follow_rig, follow), follow_rig == "emulated")
+    elif follow_rig is not None:
+        raise MotiondeckError("--follow-rig needs --follow ROBOT: whose servos are they?")
     settings = Settings(
-        robot=find("robot", robot, ".toml"),
-        rig=rig_file(rig, robot),
-        emulated=rig == "emulated",
+        robot=Cast(find("robot", robot, ".toml"), rig_file(rig, robot), rig == "emulated"),
         rate=rate,
         physics=not kinematic,
         realtime=realtime,
@@ -127,6 +146,8 @@ def play(
         seconds=seconds,
         record=record,
         core=core,
+        follow=second,
+        catch_up=overruns == "catch-up",
     )
     with Session(loaded, lambda retarget: Deck(loaded, retarget, first, direct=direct), timeline, settings) as session:
         report = session.run()

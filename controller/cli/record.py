@@ -68,7 +68,7 @@ class TickRecorder:
             numbers: motion (its index), speed, switching and time_s.
         """
         fields = self._writer.fields
-        fields["targets"][:] = state.targets
+        fields["targets"][:] = state.targets[: len(fields["targets"])]  # of the first robot
         fields["measured"][:] = math.nan if measured is None else measured
         fields["root_position"][:] = state.pose.root_position
         fields["heading"][0] = state.pose.heading

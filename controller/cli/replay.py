@@ -39,8 +39,10 @@ def replay(
 
     Example:  motiondeck replay show.rec --rig emulated
     """
+    from controller.cli.body import Cast
+    from controller.cli.report import summary
     from controller.cli.resources import find
-    from controller.cli.session import Session, Settings, summary
+    from controller.cli.session import Session, Settings
     from controller.realtime.recorded_deck import RecordedDeck
     from controller.realtime.recording import load_recording
     from controller.training.library import load_library
@@ -52,9 +54,7 @@ def replay(
     body = robot or str(recording.description["robot"])
     loaded = load_library(find("library", library or str(recording.description["library"]), ".safetensors"))
     settings = Settings(
-        robot=find("robot", body, ".toml"),
-        rig=rig_file(rig, body),
-        emulated=rig == "emulated",
+        robot=Cast(find("robot", body, ".toml"), rig_file(rig, body), rig == "emulated"),
         rate=rate if rate is not None else float(recording.description["rate"]),
         physics=not kinematic,
         realtime=False,

@@ -4,16 +4,23 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from controller.errors import MotiondeckError
 from controller.mocap.posture import Pose
+from controller.realtime.channel import Channel
+from controller.realtime.interfaces import JointLimits
 from controller.rotations import Array
 
 if TYPE_CHECKING:
+    from hardware.rig import RigConfig
     from hardware.supervised_rig import SupervisedRig
+    from sim.robot import Robot
 
 
 class RigOutput:
@@ -110,3 +117,46 @@ def _percentiles(microseconds: Array) -> dict[str, float] | None:
         return None
     p50, p99, p999 = np.percentile(microseconds, (50.0, 99.0, 99.9))
     return {"p50": float(p50), "p99": float(p99), "p999": float(p999), "max": float(microseconds.max())}
+
+
+def open_rig(
+    opening: ExitStack, file: Path, robot: Robot, rate: float, *, emulated: bool
+) -> tuple[Channel, JointLimits]:
+    """Connects a rig for a loop of some rate (Hz); it as an output, and the robot's limits narrowed to the rig's.
+
+    Raises:
+        MotiondeckError: if the rig does not fit the robot or the rate, or cannot be connected.
+    """
+    from hardware.emulator.process import start_emulator
+    from hardware.rig import load_rig
+    from hardware.supervised_rig import SupervisedRig
+
+    config = load_rig(file)
+    every = rate / config.rate_hz
+    if every < 1.0 or abs(every - round(every)) > 1e-6:
+        raise MotiondeckError(
+            f"{file}: rate_hz = {config.rate_hz:g} does not divide the loop's {rate:g} Hz; give another --rate"
+        )
+    limits = narrowed(robot.limits, robot, config)
+    port = opening.enter_context(start_emulator(file)).port if emulated else None
+    rig = SupervisedRig.connect(config, port)
+    opening.callback(rig.close)
+    return Channel(RigOutput(rig, robot.joints, config.rate_hz), round(every)), limits
+
+
+def narrowed(limits: JointLimits, robot: Robot, config: RigConfig) -> JointLimits:
+    """The limits that robot and rig both allow, so that the servos are never told to go where they would be clipped."""
+    lower, upper, velocity = limits.lower.copy(), limits.upper.copy(), limits.velocity.copy()
+    for joint in config.joints:
+        if joint.name in robot.joints:
+            index = robot.joints.index(joint.name)
+            lower[index], upper[index] = max(lower[index], joint.lower), min(upper[index], joint.upper)
+            velocity[index] = min(velocity[index], joint.velocity)
+    outside = (robot.rest < lower) | (robot.rest > upper)
+    if outside.any():
+        index = int(np.argmax(outside))
+        raise MotiondeckError(
+            f"the rest pose of {robot.name} has {robot.joints[index]} at {robot.rest[index]:.2f} rad, "
+            f"but with this rig it may go from {lower[index]:.2f} to {upper[index]:.2f} rad only"
+        )
+    return replace(limits, lower=lower, upper=upper, velocity=velocity)

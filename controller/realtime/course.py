@@ -66,6 +66,8 @@ def course(
 ) -> Iterator[Array]:
     """The safe targets (J,), rad, of each tick of a run; it ends by itself after a stop was asked for.
 
+    Where that was before the first tick, there are none: what has not moved need not be brought to rest.
+
     A change of mode begins with braking in the very tick that it is noticed in. While the emergency stop is on, an end
     leaves the joints where they stand.
 
@@ -77,6 +79,8 @@ def course(
         seconds: how long to play.
         rest: joint positions (J,), rad, to go home to and to end at; without them the joints stay where they stop.
     """
+    if stop:
+        return
     envelope.start(_measured(channels, _reachable(source.targets, envelope)))
     ticks = seconds / source.dt - 0.5
     legs = {

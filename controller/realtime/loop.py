@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 
 import msgspec
@@ -93,6 +94,7 @@ def run(
     commands: Callable[[StopRequest], None] | None = None,
     publish: Callable[[LoopState], None] | None = None,
     publish_every: int = 4,
+    stop: StopRequest | None = None,
 ) -> LoopReport:
     """Plays a deck on outputs until the time is over, or until a command, a signal or a failure ends it.
 
@@ -108,10 +110,12 @@ def run(
         rest: joint positions (J,), rad, to go to in the end; without them the joints stay where they stop.
         commands: carries out the commands that have come; it may ask for a stop, and must not wait.
         publish: is shown the state every `publish_every` ticks; it must not wait.
+        stop: ends the loop when it is asked for; before the first tick nothing moves at all. By itself the loop's own,
+            which signals ask for.
     """
     source = Source(deck, clock.period)
     commanding, publishing = Attempts(), Attempts()
-    with undisturbed(), stop_on_signals() as stop:
+    with undisturbed(), nullcontext(stop) if stop is not None else stop_on_signals() as stop:
         state = LoopState(envelope.position, source.pose)
         steps = course(source, channels, envelope, stop, seconds, rest)
         clock.start()

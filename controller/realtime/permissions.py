@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
+from threadpoolctl import threadpool_info, threadpool_limits
+
 _FIFO_PRIORITY = 60  # above the kernel's threaded interrupts (50), below its watchdogs (99)
 _MCL_CURRENT, _MCL_FUTURE = 1, 2
 
@@ -65,6 +67,21 @@ def request_core(core: int) -> Permission:
     except (OSError, ValueError, OverflowError):
         return Permission(name, False, f"There are cores {', '.join(map(str, available))}.")
     return Permission(name, True)
+
+
+def leave_core(core: int) -> None:
+    """Keeps this thread, and the processes it starts from now on, off a core, if there are others."""
+    with suppress(AttributeError, OSError):
+        others = os.sched_getaffinity(0) - {core}
+        if others:
+            os.sched_setaffinity(0, others)
+
+
+def request_one_blas_thread() -> Permission:
+    """Asks that linear algebra uses one thread: two would wait for each other and cost milliseconds now and then."""
+    threadpool_limits(1, "blas")
+    most = max((int(pool["num_threads"]) for pool in threadpool_info() if pool["user_api"] == "blas"), default=1)
+    return Permission("one BLAS thread", most == 1, "Set OPENBLAS_NUM_THREADS=1 (or MKL_NUM_THREADS=1).")
 
 
 def _first_in_first_out() -> Permission:

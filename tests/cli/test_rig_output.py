@@ -5,8 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from controller.cli.rig_output import RigOutput
-from controller.cli.session import _narrowed
+from controller.cli.rig_output import RigOutput, narrowed
 from controller.errors import MotiondeckError
 from controller.mocap.posture import Pose
 from controller.realtime.interfaces import JointLimits
@@ -87,12 +86,12 @@ def robot_and_rig(rest=0.0):
 
 
 def test_the_narrower_limit_of_robot_and_rig_holds():
-    narrowed = _narrowed(*robot_and_rig())
-    assert narrowed.lower.tolist() == [-0.5, -2.0, -2.0]
-    assert narrowed.upper.tolist() == [2.0, 2.0, 2.0]
-    assert narrowed.velocity.tolist() == [1.0, 2.0, 2.0]
+    limits = narrowed(*robot_and_rig())
+    assert limits.lower.tolist() == [-0.5, -2.0, -2.0]
+    assert limits.upper.tolist() == [2.0, 2.0, 2.0]
+    assert limits.velocity.tolist() == [1.0, 2.0, 2.0]
 
 
 def test_a_rest_pose_that_the_rig_cannot_take_is_refused():
     with pytest.raises(MotiondeckError, match=r"rest pose of r has a at -1\.00 rad"):
-        _narrowed(*robot_and_rig(rest=-1.0))
+        narrowed(*robot_and_rig(rest=-1.0))

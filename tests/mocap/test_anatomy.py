@@ -1,7 +1,7 @@
 from hypothesis import given
-from simulated_bodies import HUMAN, human, skeleton_of, skeletons
 
 from controller.mocap.anatomy import anatomy
+from simulated_bodies import HUMAN, human, skeleton_of, skeletons
 
 
 def test_a_human_is_told_by_its_shape():

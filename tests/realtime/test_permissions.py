@@ -2,8 +2,9 @@ import ctypes
 import os
 
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
-from controller.realtime.permissions import handed_back, request_core, request_realtime
+from controller.realtime.permissions import handed_back, request_core, request_one_blas_thread, request_realtime
 
 
 class Libc:
@@ -109,3 +110,9 @@ def test_where_there_is_no_affinity_or_scheduling_nothing_is_handed_back(monkeyp
     assert not request_core(0).granted
     with handed_back():
         pass
+
+
+def test_linear_algebra_is_kept_to_one_thread():
+    with threadpool_limits(None):
+        assert request_one_blas_thread().granted
+        assert {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"} <= {1}

@@ -1,0 +1,148 @@
+"""The page of a run: the browser view in a process of its own, and the shared state that it draws."""
+
+from __future__ import annotations
+
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Protocol
+
+from controller.cli.body import Body, Stage
+from controller.cli.child import child_process
+from controller.errors import MotiondeckError
+from controller.realtime.loop import LoopState
+from controller.realtime.recording import MODES
+from controller.realtime.stop import StopRequest
+from controller.realtime.telemetry import StateWriter
+
+PICTURE_HZ = 50.0
+HEALTH_EVERY = 12  # pictures
+
+# What the page is told, besides the position of the robot: each field is one number.
+_NUMBERS = (
+    "tick",
+    "time_s",
+    "motion",
+    "speed",
+    "paused",
+    "mode",
+    "rate_hz",
+    "lateness_p50_us",
+    "lateness_p999_us",
+    "overruns",
+    "recues",
+    "work_p50_us",
+)
+
+
+@contextmanager
+def viewer(command_port: int, port: int) -> Iterator[tuple[Path, subprocess.Popen[bytes]]]:
+    """The browser view, a process of its own; yields the state file that it waits for, and the process."""
+    port = _free_port(port)
+    folder = Path(tempfile.mkdtemp(prefix="motiondeck-"))
+    try:
+        state = folder / "state"
+        arguments = ("--state", str(state), "--command-port", str(command_port), "--port", str(port))
+        with child_process("sim.viewer", *arguments, own_session=True) as viewer:
+            print(f"page: http://127.0.0.1:{port}", file=sys.stderr, flush=True)
+            yield state, viewer
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+class Showable(Protocol):
+    """What the page shows of a deck."""
+
+    time: float
+    commanded_speed: float
+
+    @property
+    def motions(self) -> Sequence[str]:
+        """All it can play."""
+        ...
+
+    @property
+    def motion(self) -> str:
+        """What is played, or being switched to."""
+        ...
+
+    @property
+    def paused(self) -> bool:
+        """Whether it stands still on command."""
+        ...
+
+    @property
+    def recues(self) -> int:
+        """How often the network was lost and had to be started again."""
+        ...
+
+
+class Page:
+    """The shared state that the view reads.
+
+    Args:
+        writer: of that state.
+        stage: whose position is drawn.
+    """
+
+    def __init__(self, writer: StateWriter, stage: Stage) -> None:
+        self._writer, self._stage = writer, stage
+
+    @classmethod
+    @contextmanager
+    def open(cls, state: Path, motions: Sequence[str], body: Body) -> Iterator[Page]:
+        """Puts the robot's model and the state beside each other, where the view waits for them."""
+        robot = body.robot
+        model = state.with_name("robot.xml")
+        robot.spec.to_file(str(model))
+        description = {"model_file": str(model), "motions": list(motions), "robot": robot.name}
+        numbers = {"qpos": robot.model.nq, "root_xy": 2} | dict.fromkeys(_NUMBERS, 1)
+        page = cls(StateWriter.create(state, description, numbers), body.stage)
+        try:
+            yield page
+        finally:
+            page.close()
+
+    def show(self, state: LoopState, stop: StopRequest, deck: Showable, *, health: bool) -> None:
+        """Shows the robot as it is, and how the loop is doing: with `health` the figures that take time to tell."""
+        fields = self._writer.fields
+        fields["qpos"][:] = self._stage.qpos
+        fields["root_xy"][:] = self._stage.qpos[:2]
+        fields["tick"][0] = state.tick
+        fields["time_s"][0] = deck.time
+        fields["motion"][0] = deck.motions.index(deck.motion)
+        fields["speed"][0] = deck.commanded_speed
+        fields["paused"][0] = deck.paused
+        fields["mode"][0] = MODES.index(stop.mode)
+        fields["rate_hz"][0] = state.rate
+        fields["overruns"][0] = state.overruns
+        fields["recues"][0] = deck.recues
+        if health:
+            lateness = state.lateness.percentiles()
+            fields["lateness_p50_us"][0] = lateness.p50
+            fields["lateness_p999_us"][0] = lateness.p999
+            fields["work_p50_us"][0] = state.work.percentiles().p50
+        self._writer.publish()
+
+    def close(self) -> None:
+        """Tells the view that this was all; may be called twice."""
+        self._writer.close()
+
+
+def _free_port(port: int) -> int:
+    """The port itself if nobody has it, or any free one for 0."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("127.0.0.1", port))
+        except (OSError, OverflowError) as error:
+            raise MotiondeckError(
+                f"port {port} for the page cannot be used ({getattr(error, 'strerror', None) or error}). "
+                "Give another one with --port, or --port 0 for any that is free."
+            ) from None
+        return int(probe.getsockname()[1])
