@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 
 from controller.mocap.anatomy import Anatomy, Part
+from controller.mocap.rest_pose import FOOT_SLOPE
 from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array, cross
 
@@ -35,8 +36,6 @@ PART_MASS: dict[Part, float] = {
 }
 BODY_MASS_INDEX = 24.0
 
-# A foot bone runs from the ankle down to the toes: this far below the horizontal when the sole is flat, rad.
-FOOT_SLOPE = 0.30
 SMALLEST_MASS = 0.05
 
 Tone = Literal["body", "limb", "dark"]

@@ -14,9 +14,9 @@ import numpy as np
 from controller.errors import FileFormatError
 from controller.mocap.anatomy import Part, Side, anatomy
 from controller.mocap.posture import Pose
+from controller.mocap.rest_pose import FOOT_SLOPE
 from controller.mocap.skeleton import ROOT, Skeleton
 from controller.rotations import Array, to_rotation_vector
-from sim.flesh import FOOT_SLOPE
 from sim.layout import nearest_turn
 
 Vector = Sequence[float]

@@ -1,8 +1,9 @@
 """Anatomy: which bone of a skeleton is the thigh, read from its shape, because every recording names bones otherwise.
 
 In the rest pose a body stands with its arms out. The spine is the way from the root to the highest end near the
-middle. What branches off at the root and ends below it is a leg, what branches off further up is an arm. Along a leg
-the two neighbours that are longest together are thigh and shank; along an arm the longest bone is the upper arm.
+middle. What branches off at the root and ends below it is a leg, what branches off further up is an arm; the longest on
+each side, for faces and twist bones branch off too. Along a leg the two neighbours that are longest together are thigh
+and shank; along an arm the longest bone is the upper arm.
 """
 
 from __future__ import annotations
@@ -59,24 +60,34 @@ def anatomy(skeleton: Skeleton) -> Anatomy:
     branches = [
         bone for bone in range(len(skeleton)) if bone not in spine and _parent(skeleton, bone) in (ROOT, *spine)
     ]
-    highest_arm = -1
-    for branch in branches:
+    ways = {branch: _main_path(skeleton, branch, leaves) for branch in branches}
+    arms: list[int] = []  # how far up the spine they branch off
+    for branch, way in ways.items():
+        which: Side = "left" if ends[way[-1], 1] > 0.0 else "right"
         limb = np.flatnonzero(skeleton.chain[:, branch])
-        main = _main_path(skeleton, branch, limb, leaves)
-        which: Side = "left" if ends[main[-1], 1] > 0.0 else "right"
         for bone in limb:
             side[bone] = which
-        if _parent(skeleton, branch) == ROOT:
-            if ends[limb, 2].min() < 0.0:
-                _name_leg(skeleton, main, limb, part)
-        else:
-            _name_arm(skeleton, main, limb, part)
-            highest_arm = max(highest_arm, spine.index(_parent(skeleton, branch)))
+        rivals = [
+            other
+            for other in branches
+            if (ends[ways[other][-1], 1] > 0.0) == (which == "left")
+            and (_parent(skeleton, other) == ROOT) == (_parent(skeleton, branch) == ROOT)
+        ]
+        # Breasts, faces and twist bones branch off too: a limb is the longest of its side.
+        if branch != max(rivals, key=lambda other: skeleton.length[ways[other]].sum()):
+            continue
+        if _parent(skeleton, branch) != ROOT:
+            _name_arm(skeleton, way, limb, part)
+            # Some skeletons fork below the chest: what goes up beside the arms is then trunk too.
+            rises = float(skeleton.rest_direction[branch, 2]) > 0.7
+            arms.append(spine.index(_parent(skeleton, branch)) + rises)
+        elif ends[limb, 2].min() < 0.0:
+            _name_leg(skeleton, way, limb, part)
 
     # The spine below the arms is trunk, above them neck, and its last bone the head.
     for level, bone in enumerate(spine):
-        part[bone] = "trunk" if level <= highest_arm or highest_arm < 0 else "neck"
-    if spine and len(spine) > 1:
+        part[bone] = "trunk" if level <= max(arms, default=level) else "neck"
+    if len(spine) > 1:
         part[spine[-1]] = "head"
     return Anatomy(tuple(part), tuple(side))
 
@@ -93,9 +104,9 @@ def _path(skeleton: Skeleton, bone: int) -> list[int]:
     return path
 
 
-def _main_path(skeleton: Skeleton, branch: int, limb: np.ndarray, leaves: list[int]) -> list[int]:
+def _main_path(skeleton: Skeleton, branch: int, leaves: list[int]) -> list[int]:
     """The longest way down a limb, from where it branches off."""
-    ways = [_path(skeleton, leaf) for leaf in leaves if leaf in limb]
+    ways = [_path(skeleton, leaf) for leaf in leaves if skeleton.chain[leaf, branch]]
     ways = [way[way.index(branch) :] for way in ways]
     return max(ways, key=lambda way: skeleton.length[way].sum())
 
@@ -103,20 +114,28 @@ def _main_path(skeleton: Skeleton, branch: int, limb: np.ndarray, leaves: list[i
 def _name_leg(skeleton: Skeleton, main: Sequence[int], limb: np.ndarray, part: list[Part]) -> None:
     length = skeleton.length[list(main)]
     thigh = int(np.argmax(length[:-1] + length[1:])) if len(main) > 1 else 0
-    _name(main, limb, thigh, part, ("hip", "thigh", "shank", "foot"))
+    _name(skeleton, main, limb, thigh, part, ("hip", "thigh", "shank", "foot"))
 
 
 def _name_arm(skeleton: Skeleton, main: Sequence[int], limb: np.ndarray, part: list[Part]) -> None:
     length = skeleton.length[list(main)]
-    upper = min(int(np.argmax(length)), max(len(main) - 2, 0))
-    _name(main, limb, upper, part, ("clavicle", "upper arm", "forearm", "hand"))
+    # An upper arm and a forearm may be equally long: then the first is the upper arm.
+    upper = min(int(np.flatnonzero(length >= 0.9 * length.max())[0]), max(len(main) - 2, 0))
+    _name(skeleton, main, limb, upper, part, ("clavicle", "upper arm", "forearm", "hand"))
 
 
 def _name(
-    main: Sequence[int], limb: np.ndarray, first: int, part: list[Part], names: tuple[Part, Part, Part, Part]
+    skeleton: Skeleton,
+    main: Sequence[int],
+    limb: np.ndarray,
+    first: int,
+    part: list[Part],
+    names: tuple[Part, Part, Part, Part],
 ) -> None:
     """Names a limb: what comes before its first long bone, the two long bones, and all that follows them."""
-    for bone in limb:
-        part[bone] = names[3]
     for place, bone in enumerate(main):
         part[bone] = names[min(max(place - first + 1, 0), 3)]
+    for bone in limb:
+        # Whatever fingers and toes begin at the wrist or beyond; what branches off before is no part of its own.
+        if bone not in main and any(part[above] in names[2:] for above in _path(skeleton, bone)[:-1]):
+            part[bone] = names[3]

@@ -7,6 +7,7 @@ from pathlib import Path
 from controller.errors import FileFormatError
 from controller.mocap.amc import read_amc
 from controller.mocap.asf import read_asf
+from controller.mocap.bvh import read_bvh
 from controller.mocap.clip import Clip
 from controller.mocap.patterns import read_pattern
 
@@ -15,7 +16,8 @@ def read_clip(path: str | Path, skeleton: str | Path | None = None) -> Clip:
     """The clip in a recording.
 
     Args:
-        path: an Acclaim recording (.amc) or one of Jaeger's MATLAB patterns (.mat); capitals do not matter.
+        path: an Acclaim recording (.amc), a Biovision one (.bvh) or one of Jaeger's MATLAB patterns (.mat); capitals do
+            not matter.
         skeleton: for .amc, the .asf file it belongs to; None takes the only one in the same folder.
 
     Raises:
@@ -24,14 +26,16 @@ def read_clip(path: str | Path, skeleton: str | Path | None = None) -> Clip:
     match Path(path).suffix.lower():
         case ".mat":
             return read_pattern(path)
+        case ".bvh":
+            return read_bvh(path)
         case ".amc":
             return read_amc(path, read_asf(skeleton or _only_skeleton_beside(path)))
         case ".asf":
             raise FileFormatError(f"{path}: a skeleton, not a motion. Give a recording that belongs to it (.amc).")
         case suffix:
             raise FileFormatError(
-                f"{path}: no reader for '{suffix}' files. Supported are .amc (Acclaim, with its .asf) and "
-                ".mat (Jaeger's patterns)."
+                f"{path}: no reader for '{suffix}' files. Supported are .amc (Acclaim, with its .asf), .bvh "
+                "(Biovision) and .mat (Jaeger's patterns)."
             )
 
 

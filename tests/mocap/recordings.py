@@ -1,4 +1,4 @@
-"""Small recordings in each format, made up for tests: text of an ASF and an AMC, bytes of a MAT file."""
+"""Small recordings in each format, made up for tests: text of an ASF, an AMC and a BVH, bytes of a MAT file."""
 
 import io
 
@@ -86,6 +86,85 @@ root 2 17 2 12 18 32
 leg 6 -6 7.5
 foot 7.5 10
 chest -1
+"""
+
+
+BVH = """\
+HIERARCHY
+ROOT Hips
+{
+  OFFSET 0 0 0
+  CHANNELS 6 Xposition Yposition Zposition Zrotation Yrotation Xrotation
+  JOINT LeftUpLeg
+  {
+    OFFSET 10 0 0
+    CHANNELS 3 Xrotation Yrotation Zrotation
+    JOINT LeftLeg
+    {
+      OFFSET 0 -42 0
+      CHANNELS 3 Zrotation Xrotation Yrotation
+      JOINT LeftFoot {
+        OFFSET 0 -41 0
+        CHANNELS 3 Yrotation Xrotation Zrotation
+        End Site { OFFSET 0 -5 15 } }
+    }
+  }
+  JOINT RightUpLeg
+  {
+    OFFSET -10 0 0
+    CHANNELS 3 Xrotation Yrotation Zrotation
+    JOINT RightLeg
+    {
+      OFFSET 0 -42 0
+      CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+      JOINT RightFoot {
+        OFFSET 0 -41 0
+        CHANNELS 1 Xrotation
+        End Site { OFFSET 0 -5 15 } }
+    }
+  }
+  JOINT Spine
+  {
+    OFFSET 0 0 0
+    CHANNELS 3 Zrotation Yrotation Xrotation
+    JOINT Neck
+    {
+      OFFSET 0 50 0
+      CHANNELS 3 Zrotation Yrotation Xrotation
+      End Site
+      {
+        OFFSET 0 20 0
+      }
+    }
+    JOINT LeftArm
+    {
+      OFFSET 0 50 0
+      CHANNELS 3 Zrotation Yrotation Xrotation
+      JOINT LeftForeArm
+      {
+        OFFSET 30 0 0
+        CHANNELS 0
+        End Site { OFFSET 26 0 0 }
+      }
+    }
+    JOINT RightArm
+    {
+      OFFSET 0 50 0
+      CHANNELS 3 Zrotation Yrotation Xrotation
+      JOINT RightForeArm
+      {
+        OFFSET -30 0 0
+        CHANNELS 0
+        End Site { OFFSET -26 0 0 }
+      }
+    }
+  }
+}
+MOTION
+Frames: 2
+Frame Time: .0083333
+1 88 2 10 20 30 11 -7 5 20 3 4 5 6 7 1 2 3 0 -42 0 9 8 7 6 1 2 3 4 5 6 70 8 9 -60 11 12
+2 87 3 11 19 29 12 -6 4 21 3 4 5 6 7 1 2 3 0 -42 0 9 8 7 6 1 2 3 4 5 6 71 8 9 -61 11 12
 """
 
 

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from recordings import AMC, ASF, mat_bytes, pattern_fields
+from recordings import AMC, ASF, BVH, mat_bytes, pattern_fields
 
 from controller.errors import MotiondeckError
 from controller.mocap.amc import read_amc
 from controller.mocap.asf import read_asf
+from controller.mocap.bvh import read_bvh
 from controller.mocap.patterns import read_pattern
 
 pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")
@@ -103,6 +104,17 @@ def test_any_skeleton_with_a_sound_recording(tmp_path, content):
     skeleton = survive(read_asf, tmp_path / "hostile.asf", content)
     if skeleton is not None:
         survive(lambda path: read_amc(tmp_path / "bow.amc", skeleton), tmp_path / "bow.amc", AMC.encode())
+
+
+@settings(max_examples=300)
+@given(st.binary(max_size=300) | mangled(BVH.encode()))
+@example(BVH.encode())
+@example(b"HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 1 Xrotation\n}\nMOTION\nFrames: 1\nFrame Time: 1\n0\n")
+@example(b"MOTION\nFrames: 1\nFrame Time: 1\n0\n")
+def test_any_biovision_file(tmp_path, content):
+    clip = survive(read_bvh, tmp_path / "hostile.bvh", content)
+    if clip is not None:
+        check_clip(clip)
 
 
 @settings(max_examples=400)

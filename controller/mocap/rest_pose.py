@@ -1,0 +1,193 @@
+"""The rest pose of a recorded body whose file gives only some zero pose: standing, arms out, facing x, in metres.
+
+A file's zero pose may serve (the usual T or A pose), or mean nothing (bones along their own axes, as iClone writes
+them). Then the most upright frame of the recording is taken and straightened: legs down, trunk up, arms out. Which way
+is up is read from how the body stands, which way it faces from its feet, and what one unit is from its size.
+
+With K the turn of a bone from its zero pose to the rest pose, P the turn of the file's axes to ours and R the rotation
+recorded, the bone rests along K v and moves by P R K^-1, so that every joint stays where the file has it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.mocap.anatomy import Anatomy, anatomy
+from controller.mocap.skeleton import ROOT, Skeleton
+from controller.rotations import IDENTITY, Array, between, conjugate, multiply, normalise, rotate, yaw
+
+# What one unit of length may be, m: metre, centimetre, millimetre, inch, and the inch / 0.45 of CMU's skeletons.
+UNITS = (1.0, 0.01, 0.001, 0.0254, 0.0254 / 0.45)
+STATURE = 1.70  # m, of a person
+LEG_PER_STATURE = 0.245 + 0.246  # thigh and shank (Winter 2009, fig. 4.1)
+
+# The turns that bring a file's axes to ours (z up), by the axis that is up: (x, y, z) becomes (z, x, y), or stays.
+TO_OURS = {"y": np.array([0.5, 0.5, 0.5, 0.5]), "z": IDENTITY}
+FRAMES_TRIED = 24
+UPRIGHT = 0.8  # cosine: a leg within 37 degrees of straight down still stands
+STANDING = 0.5  # of a frame that can be straightened into standing
+# A foot bone runs from the ankle down to the toes: this far below the horizontal when the sole is flat, rad.
+FOOT_SLOPE = 0.30
+NEARLY = np.radians(10.0)  # a body turned by less than this already faces ahead
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """B bones and T frames in the axes and the unit of a file.
+
+    Attributes:
+        bones: their names.
+        parent: shape (B,), parents first.
+        vector: of each bone in the zero pose, shape (B, 3).
+        position: of the root, shape (T, 3).
+        rotation: world rotation of the root and of each bone, shape (T, 1 + B, 4).
+    """
+
+    bones: tuple[str, ...]
+    parent: NDArray[np.int64]
+    vector: Array
+    position: Array
+    rotation: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Stance:
+    """One pose in which the body might rest: turns from the zero pose, (1 + B, 4), and how upright it then stands."""
+
+    up: str
+    turn: Array
+    upright: float
+    parts: Anatomy | None
+
+
+def stand(name: str, body: Body, unit: float | None = None) -> tuple[Skeleton, Array, Array]:
+    """A skeleton, and its root positions (T, 3), m, and rotations (T, 1 + B, 4) that move as the body does.
+
+    Args:
+        name: of the skeleton.
+        body: with at least one bone.
+        unit: what one of its lengths is, m; None finds out.
+    """
+    zero = np.tile(IDENTITY, (1 + len(body.bones), 1))
+    stances = [_stance(body, up, zero) for up in TO_OURS]
+    best = max(stances, key=lambda stance: stance.upright)
+    if best.upright < UPRIGHT:
+        tried = np.unique(np.linspace(0, len(body.position) - 1, FRAMES_TRIED).astype(int))
+        frames = [_stance(body, up, body.rotation[frame]) for up in TO_OURS for frame in tried]
+        frame = max(frames, key=lambda stance: stance.upright)
+        best = _straightened(body, frame) if frame.upright > STANDING else stances[0]
+    world = TO_OURS[_up_in_recording(body, best)]
+    vector = rotate(best.turn[1:], body.vector)
+    length = np.linalg.norm(vector, axis=1)
+    unit = _unit(body, vector, best.parts) if unit is None else unit
+    skeleton = Skeleton(name, body.bones, body.parent, normalise(vector), length * unit)
+    return (
+        skeleton,
+        rotate(world, body.position) * unit,
+        multiply(multiply(np.broadcast_to(world, body.rotation.shape), body.rotation), conjugate(best.turn)),
+    )
+
+
+def _stance(body: Body, up: str, pose: Array) -> _Stance:
+    """How the body stands in a pose (1 + B, 4), turned about the vertical until it faces x."""
+    turn = multiply(TO_OURS[up], pose)
+    vector = rotate(turn[1:], body.vector)
+    facing = _facing(body, vector)
+    if facing is None:
+        return _Stance(up, turn, -1.0, None)
+    if abs(facing) > NEARLY:
+        turn = multiply(yaw(-facing), turn)
+        vector = rotate(turn[1:], body.vector)
+    parts = anatomy(_as_skeleton(body, vector))
+    direction = normalise(vector)
+    cosines: list[float] = []
+    for side in ("left", "right"):
+        for part in ("thigh", "shank"):
+            bone = parts.first(part, side)
+            cosines.append(-1.0 if bone is None else -float(direction[bone, 2]))
+    spine = [bone for part in ("trunk", "neck") for bone in parts.all(part)] or parts.all("head")
+    cosines.append(float(normalise(vector[spine].sum(axis=0))[2]) if spine else -1.0)
+    return _Stance(up, turn, min(cosines), parts)
+
+
+def _as_skeleton(body: Body, vector: Array) -> Skeleton:
+    return Skeleton("", body.bones, body.parent, normalise(vector), np.linalg.norm(vector, axis=1))
+
+
+def _facing(body: Body, vector: Array) -> float | None:
+    """Which way a body faces whose bones are (B, 3), about z from x, rad; None if it has no two legs to tell by."""
+    skeleton = _as_skeleton(body, vector)
+    legs: list[tuple[float, Array, Array]] = []  # how long it is, where its thigh begins, where its foot points
+    for branch in skeleton.children(ROOT):
+        limb = np.flatnonzero(skeleton.chain[:, branch])
+        way = np.flatnonzero(skeleton.chain[max(limb, key=lambda bone: skeleton.chain[bone] @ skeleton.length)])
+        if vector[way].sum(axis=0)[2] < 0.0 and len(way) > 1:
+            thigh = int(np.argmax(skeleton.length[way][:-1] + skeleton.length[way][1:]))
+            legs.append(
+                (skeleton.length[way].sum(), vector[way[:thigh]].sum(axis=0), vector[way[thigh + 2 :]].sum(axis=0))
+            )
+    if len(legs) < 2:
+        return None
+    (length, one, one_foot), (_, other, other_foot) = sorted(legs, key=lambda leg: -leg[0])[:2]
+    across = (one - other)[:2]
+    if np.linalg.norm(across) < 1e-3 * length:
+        return None
+    ahead = np.array([across[1], -across[0]])
+    feet = (one_foot + other_foot)[:2]
+    pointed = np.linalg.norm(feet) > 0.02 * length
+    if ahead @ (feet if pointed else np.array([1.0, 0.0])) < 0.0:
+        ahead = -ahead
+    return float(np.arctan2(ahead[1], ahead[0]))
+
+
+def _straightened(body: Body, stance: _Stance) -> _Stance:
+    """The stance with legs down, trunk up and arms out; what hangs from these goes along."""
+    parts = stance.parts
+    assert parts is not None
+    vector = rotate(stance.turn[1:], body.vector)
+    more = np.tile(IDENTITY, (1 + len(vector), 1))  # what each bone is turned by on top of the stance
+    trunk = parts.all("trunk")
+    spine = vector[trunk].sum(axis=0) if trunk else np.zeros(3)
+    down, up = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0])
+    flat = np.array([np.cos(FOOT_SLOPE), 0.0, -np.sin(FOOT_SLOPE)])
+    for bone, (part, side) in enumerate(zip(parts.part, parts.side, strict=True)):
+        carried = more[body.parent[bone] + 1]
+        out = np.array([0.0, 1.0 if side == "left" else -1.0, 0.0])
+        goal = {"thigh": down, "shank": down, "trunk": up, "foot": flat, "upper arm": out, "forearm": out}.get(part)
+        start = vector[bone]
+        if part in ("trunk", "foot"):
+            # A back keeps its curve and a foot its toes: they turn as one, where they begin.
+            first = parts.all(part, side)[0]
+            start = spine if part == "trunk" else vector[first]
+            goal = goal if body.parent[bone] == body.parent[first] else None
+        if goal is not None:
+            carried = multiply(between(normalise(rotate(carried, start)), goal), carried)
+        more[bone + 1] = carried
+    return _Stance(stance.up, multiply(more, stance.turn), 1.0, parts)
+
+
+def _up_in_recording(body: Body, rest: _Stance) -> str:
+    """The axis that is up while the body moves: that of its rest pose, unless it stands upright along the other."""
+    if rest.parts is None:
+        return rest.up
+    spine = rest.parts.all("trunk")
+    if not spine:
+        return rest.up
+    along = rotate(body.rotation[:, np.array(spine) + 1], body.vector[spine]).sum(axis=1)
+    mean = normalise(along).mean(axis=0)
+    height = {up: float(rotate(turn, mean)[2]) for up, turn in TO_OURS.items()}
+    other = max(height, key=lambda up: height[up])
+    return other if height[other] > UPRIGHT else rest.up
+
+
+def _unit(body: Body, vector: Array, parts: Anatomy | None) -> float:
+    """The unit in which the body comes closest to a person's size."""
+    legs = [] if parts is None else [*parts.all("thigh"), *parts.all("shank")]
+    stature = float(np.linalg.norm(vector[legs], axis=1).sum()) / 2.0 / LEG_PER_STATURE
+    if stature == 0.0:
+        ends = _as_skeleton(body, vector).chain @ vector
+        stature = float(np.ptp(np.vstack([ends, np.zeros(3)]), axis=0).max())
+    return min(UNITS, key=lambda unit: abs(np.log(max(stature, 1e-12) * unit / STATURE)))
