@@ -50,7 +50,7 @@ def test_a_recording_without_a_skeleton_is_refused(folder):
     [
         ("gone.amc", "no such file"),
         ("gone.mat", "No such file"),
-        ("walk.bvh", r"no reader for '\.bvh' files\. Supported are \.amc .* and \.mat"),
+        ("walk.fbx", r"no reader for '\.fbx' files\. Supported are \.amc .* \.bvh .* and \.mat"),
         ("walk", "no reader for '' files"),
         ("mannequin.asf", "a skeleton, not a motion"),
         ("zero\0byte.amc", "no such file"),
