@@ -12,6 +12,8 @@ import mujoco
 import numpy as np
 
 from controller.errors import FileFormatError, UnknownNameError
+from controller.mocap.files import listed
+from controller.mocap.joint_angles import JointBody, JointRetargeter
 from controller.mocap.posture import Pose
 from controller.mocap.skeleton import Skeleton
 from controller.realtime.interfaces import JointLimits, Retargeter
@@ -69,15 +71,22 @@ def load_robot(path: Path, skeleton: Skeleton) -> Robot:
     """
     path = Path(path)
     file = read_robot_file(path)
+    if file.kind == "mannequin" and isinstance(skeleton, JointBody):
+        raise FileFormatError(
+            f"{path}: these motions were taught on the joints {listed(skeleton.bones)}, which a mannequin has not. "
+            "Give the robot that has them with --robot, or play them on the rig alone: motiondeck rig play."
+        )
     spec = build_mannequin(skeleton) if file.kind == "mannequin" else _load_spec(path, file)
     model = spec.compile()
     layout = Layout.of(model)
     limits = _limits(path, file, model, layout)
-    if file.kind == "mannequin":
+    rest = _by_joint(path, layout, "rest", file.rest, np.zeros(len(layout.joints)))
+    if isinstance(skeleton, JointBody):
+        retarget: Retargeter = JointRetargeter(skeleton, layout.joints, rest)
+    elif file.kind == "mannequin":
         retarget = MannequinRetargeter(skeleton)
     else:
         retarget = ServoHumanoidRetargeter(skeleton, layout.joints, limits.lower, limits.upper)
-    rest = _by_joint(path, layout, "rest", file.rest, np.zeros(len(layout.joints)))
     outside = (rest < limits.lower) | (rest > limits.upper)
     if outside.any():
         joint = int(np.argmax(outside))

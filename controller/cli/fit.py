@@ -14,9 +14,17 @@ if TYPE_CHECKING:
 
 
 def fit(
-    recipe: Annotated[Path, typer.Argument(help="The recipe, a TOML file such as configs/libraries/thesis15.toml.")],
-    data: Annotated[Path, typer.Option("--data", metavar="DIR", help="The folder with the recordings.")],
+    what: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="RECIPE | CLIP...",
+            help="The recipe, a TOML file such as configs/libraries/thesis15.toml; or clips taught to a rig by hand.",
+        ),
+    ],
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where the library goes (.safetensors).")],
+    data: Annotated[
+        Path | None, typer.Option("--data", metavar="DIR", help="The folder with the recipe's recordings.")
+    ] = None,
     allow_failing: Annotated[
         bool, typer.Option("--allow-failing", help="Write the library even if a motion fails its self-test.")
     ] = False,
@@ -27,7 +35,14 @@ def fit(
     Each motion then runs free for three times its length and is compared with all recordings. A library in which a
     motion fails is only written with --allow-failing.
 
-    Example:  motiondeck fit configs/libraries/thesis15.toml --data recordings --out my.safetensors
+    What `motiondeck rig teach` has recorded needs no recipe: each clip becomes a motion that bears its file's name and
+    goes on for ever.
+
+    [bold]Examples[/]
+
+      motiondeck fit configs/libraries/thesis15.toml --data recordings --out my.safetensors
+
+      motiondeck fit wave.clip nod.clip --out gestures.safetensors
     """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -35,9 +50,16 @@ def fit(
     from controller.errors import MotiondeckError
     from controller.training import fit as training
     from controller.training.library import save_library
-    from controller.training.recipe import read_recipe
+    from controller.training.recipe import read_recipe, taught_recipe
 
-    plan = read_recipe(recipe)
+    if all(path.suffix.lower() == ".clip" for path in what):
+        plan, data = taught_recipe(out.stem, what), data or Path()
+    elif len(what) > 1:
+        raise MotiondeckError(f"give one recipe, or clips taught by hand (.clip) only, not {', '.join(map(str, what))}")
+    else:
+        plan = read_recipe(what[0])
+    if data is None:
+        raise MotiondeckError("--data is missing: the folder that holds the recordings which the recipe names")
     if not data.is_dir():
         raise MotiondeckError(f"{data}: there is no such folder; --data is the folder that holds the recordings")
     if not out.parent.is_dir():
@@ -99,7 +121,7 @@ def print_table(library: MotionLibrary) -> None:
         ("plays", "left"),
         ("seconds", "right"),
         ("NRMSE", "right"),
-        ("free run, mm", "right"),
+        ("free run, mrad" if info.encoding == "joint angles" else "free run, mm", "right"),
         ("self-test", "left"),
     ):
         table.add_column(name, justify=where)  # pyright: ignore[reportArgumentType]

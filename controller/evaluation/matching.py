@@ -13,20 +13,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.mocap.bone_directions import FIRST_BONE, HEIGHT, BoneDirections
-from controller.rotations import Array, normalise
+from controller.mocap.encoding import Encoding
+from controller.rotations import Array
 
 WINDOW = 24
 STRIDE = 4
 LOST_MM = 40.0
 
 
-def joint_features(encoding: BoneDirections, channels: Array) -> Array:
+def joint_features(encoding: Encoding, channels: Array) -> Array:
     """Joint positions relative to the root in the heading frame, and the root's height, shape (T, 3 B + 1), mm."""
     skeleton = encoding.skeleton
-    direction = normalise(channels[:, FIRST_BONE:].reshape(len(channels), -1, 3))
-    joints = skeleton.chain @ (direction * skeleton.length[:, None])
-    return 1e3 * np.concatenate([joints.reshape(len(channels), -1), channels[:, [HEIGHT]]], axis=1)
+    joints = skeleton.chain @ (encoding.directions(channels) * skeleton.length[:, None])
+    return 1e3 * np.concatenate([joints.reshape(len(channels), -1), encoding.height(channels)[:, None]], axis=1)
 
 
 def windows(features: Array, *, wrap: bool = False) -> Array:

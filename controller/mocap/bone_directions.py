@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +47,7 @@ class BoneDirections:
     right_hip: str = "rhip"
     left_hip: str = "lhip"
 
-    name = "bone directions"
+    name: ClassVar[Literal["bone directions"]] = "bone directions"
 
     @classmethod
     def of(cls, skeleton: Skeleton) -> BoneDirections:
@@ -66,10 +67,20 @@ class BoneDirections:
         """How many channels a frame has."""
         return FIRST_BONE + 3 * len(self.skeleton)
 
+    @property
+    def velocities(self) -> slice:
+        """The channels that are velocities: zero while a body rests."""
+        return slice(TURN_RATE, LEFT + 1)
+
+    @property
+    def leading(self) -> NDArray[np.int64]:
+        """The bones that the root's heading follows: the hips."""
+        return np.array([self.skeleton.index(self.right_hip), self.skeleton.index(self.left_hip)])
+
     @cached_property
     def silent(self) -> NDArray[np.int64]:
         """The channels that are zero by construction: none where the root lies off the line between the hips."""
-        hips = np.array([self.skeleton.index(self.right_hip), self.skeleton.index(self.left_hip)])
+        hips = self.leading
         opposite = np.allclose(self.skeleton.rest_direction[hips].sum(axis=0), 0.0, atol=1e-6)
         return FIRST_BONE + 3 * (hips if opposite else hips[:0])
 
@@ -93,13 +104,20 @@ class BoneDirections:
 
     def decode(self, channels: Array) -> Posture:
         """The postures of channels (..., 4 + 3 B); directions are brought back to unit length."""
-        direction = channels[..., FIRST_BONE:].reshape(*channels.shape[:-1], len(self.skeleton), 3)
         return Posture(
-            height=channels[..., HEIGHT],
+            height=self.height(channels),
             velocity=channels[..., FORWARD : LEFT + 1],
             turn_rate=channels[..., TURN_RATE],
-            rotation=orient(self.skeleton, normalise(direction)),
+            rotation=orient(self.skeleton, self.directions(channels)),
         )
+
+    def directions(self, channels: Array) -> Array:
+        """Where the bones point, brought back to unit length, shape (..., B, 3)."""
+        return normalise(channels[..., FIRST_BONE:].reshape(*channels.shape[:-1], len(self.skeleton), 3))
+
+    def height(self, channels: Array) -> Array:
+        """Of the root above the ground, shape (...), m."""
+        return channels[..., HEIGHT]
 
     def decode_clip(self, channels: Array, rate: float, name: str, source: str = "") -> Clip:
         """The clip of channels (T, 4 + 3 B) at a rate in Hz, its path laid out from the origin."""

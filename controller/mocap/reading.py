@@ -9,6 +9,7 @@ from controller.mocap.amc import read_amc
 from controller.mocap.asf import read_asf
 from controller.mocap.bvh import read_bvh
 from controller.mocap.clip import Clip
+from controller.mocap.joint_angles import read_taught_clip
 from controller.mocap.patterns import read_pattern
 
 
@@ -16,8 +17,8 @@ def read_clip(path: str | Path, skeleton: str | Path | None = None) -> Clip:
     """The clip in a recording.
 
     Args:
-        path: an Acclaim recording (.amc), a Biovision one (.bvh) or one of Jaeger's MATLAB patterns (.mat); capitals do
-            not matter.
+        path: an Acclaim recording (.amc), a Biovision one (.bvh), what a rig was taught by hand (.clip) or one of
+            Jaeger's MATLAB patterns (.mat); capitals do not matter.
         skeleton: for .amc, the .asf file it belongs to; None takes the only one in the same folder.
 
     Raises:
@@ -30,12 +31,14 @@ def read_clip(path: str | Path, skeleton: str | Path | None = None) -> Clip:
             return read_bvh(path)
         case ".amc":
             return read_amc(path, read_asf(skeleton or _only_skeleton_beside(path)))
+        case ".clip":
+            return read_taught_clip(path)
         case ".asf":
             raise FileFormatError(f"{path}: a skeleton, not a motion. Give a recording that belongs to it (.amc).")
         case suffix:
             raise FileFormatError(
                 f"{path}: no reader for '{suffix}' files. Supported are .amc (Acclaim, with its .asf), .bvh "
-                "(Biovision) and .mat (Jaeger's patterns)."
+                "(Biovision), .clip (taught by hand) and .mat (Jaeger's patterns)."
             )
 
 

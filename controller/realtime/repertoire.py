@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.evaluation.matching import joint_features
-from controller.mocap.bone_directions import FIRST_BONE, BoneDirections
-from controller.rotations import Array, normalise
+from controller.mocap.encoding import Encoding
+from controller.rotations import Array
 from controller.training.library import MotionLibrary
 
 ENTRY_SHARE = 0.1
@@ -78,9 +78,7 @@ def _rate(values: Array, spacing: float, *, loop: bool) -> Array:
     return np.gradient(values, spacing, axis=0)
 
 
-def _briskness(encoding: BoneDirections, frames: Array, spacing: float) -> Array:
-    """Peak angular accelerations; the root's is that of the brisker hip, whose line it follows."""
-    direction = normalise(frames[:, FIRST_BONE:].reshape(len(frames), -1, 3))
-    bones = np.linalg.norm(np.diff(direction, n=2, axis=0), axis=-1).max(0) / spacing**2
-    hips = [encoding.skeleton.index(encoding.right_hip), encoding.skeleton.index(encoding.left_hip)]
-    return np.maximum(np.concatenate([[bones[hips].max()], bones]), LEAST_BRISKNESS)
+def _briskness(encoding: Encoding, frames: Array, spacing: float) -> Array:
+    """Peak angular accelerations; the root's is that of the briskest bone that it follows."""
+    bones = np.linalg.norm(np.diff(encoding.directions(frames), n=2, axis=0), axis=-1).max(0) / spacing**2
+    return np.maximum(np.concatenate([[bones[encoding.leading].max()], bones]), LEAST_BRISKNESS)

@@ -13,8 +13,8 @@ from threadpoolctl import threadpool_limits
 from controller.errors import FileFormatError, MotiondeckError
 from controller.evaluation.accuracy import nrmse
 from controller.evaluation.matching import joint_features
-from controller.mocap.bone_directions import LEFT, TURN_RATE, BoneDirections
 from controller.mocap.clip import Clip
+from controller.mocap.encoding import Encoding, encoding_of
 from controller.mocap.normalisation import Normalisation
 from controller.mocap.reading import read_clip
 from controller.rotations import Array
@@ -61,7 +61,7 @@ class Syllabus:
         before: what was recorded before those frames, of each motion, or nothing.
     """
 
-    encoding: BoneDirections
+    encoding: Encoding
     rate: float
     frames: dict[str, Array]
     loops: dict[str, bool]
@@ -139,7 +139,7 @@ def assemble(
         version=VERSION,
         name=recipe.name,
         network=_KINDS[type(recipe.network)],
-        encoding="bone directions",
+        encoding=syllabus.encoding.name,
         rate=syllabus.rate,
         seed=seed,
         motions=[
@@ -180,7 +180,7 @@ def prepare(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: No
     A recipe that wants them as recorded gets them so.
     """
     body = read_clip(find_recording(data, recipe.body)).skeleton
-    encoding = BoneDirections.of(body)
+    encoding = encoding_of(body)
     frames: dict[str, Array] = {}
     before: dict[str, Array] = {}
     rates: set[float] = set()
@@ -189,7 +189,7 @@ def prepare(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: No
         clip = _cut(read_clip(find_recording(data, motion.file)), motion)
         rates.add(clip.rate)
         if recipe.as_recorded and not isinstance(recipe.network, CentralizedRecipe):
-            channels, washout = BoneDirections.of(clip.skeleton).encode(clip), recipe.network.washout
+            channels, washout = encoding_of(clip.skeleton).encode(clip), recipe.network.washout
             if len(channels) < 2 * washout:
                 raise FileFormatError(f"motion '{motion.name}' is shorter than twice the washout of {washout} frames")
             before[motion.name], frames[motion.name] = channels[:washout], channels[washout:]
@@ -199,7 +199,7 @@ def prepare(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: No
             features = joint_features(encoding, channels)
             frames[motion.name] = close_loop(channels, features, at_least=recipe.loop_keeps)
         else:
-            frames[motion.name] = hold_end(channels, slice(TURN_RATE, LEFT + 1))
+            frames[motion.name] = hold_end(channels, encoding.velocities)
     if len(rates) > 1:
         raise FileFormatError(f"recipe '{recipe.name}' mixes frame rates: {sorted(rates)} Hz")
     loops = {motion.name: motion.plays == "loop" for motion in recipe.motions}

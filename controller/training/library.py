@@ -22,6 +22,8 @@ from controller.generators.centralized_network import CentralizedNetwork, Stored
 from controller.generators.conceptor import ConceptorMotion, ConceptorNetwork
 from controller.generators.echo_state import EchoStateMotion, EchoStateNetwork
 from controller.mocap.bone_directions import BoneDirections
+from controller.mocap.encoding import Encoding
+from controller.mocap.joint_angles import JointAngles, JointBody
 from controller.mocap.normalisation import Normalisation
 from controller.mocap.skeleton import Skeleton
 
@@ -58,7 +60,7 @@ class MotionInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_onl
 
 
 class SkeletonInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """A skeleton as the header spells it (see `mocap.skeleton`)."""
+    """A skeleton as the header spells it (see `mocap.skeleton`); the joints of a rig have no hips."""
 
     name: str
     bones: list[str]
@@ -91,7 +93,7 @@ class LibraryInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
     version: int
     name: str
     network: Literal["conceptor", "echo-state", "centralized"]
-    encoding: Literal["bone directions"]
+    encoding: Literal["bone directions", "joint angles"]
     rate: float
     seed: int
     motions: list[MotionInfo]
@@ -115,7 +117,7 @@ class MotionLibrary:
 
     info: LibraryInfo
     network: AnyNetwork
-    encoding: BoneDirections
+    encoding: Encoding
 
     @property
     def reservoir(self) -> Network:
@@ -136,7 +138,7 @@ class MotionLibrary:
         return self.encoding.skeleton
 
 
-def describe_skeleton(encoding: BoneDirections) -> SkeletonInfo:
+def describe_skeleton(encoding: Encoding) -> SkeletonInfo:
     """A skeleton as the header spells it."""
     skeleton = encoding.skeleton
     return SkeletonInfo(
@@ -145,8 +147,7 @@ def describe_skeleton(encoding: BoneDirections) -> SkeletonInfo:
         skeleton.parent.tolist(),
         skeleton.rest_direction.tolist(),
         skeleton.length.tolist(),
-        encoding.right_hip,
-        encoding.left_hip,
+        *((encoding.right_hip, encoding.left_hip) if isinstance(encoding, BoneDirections) else ("", "")),
     )
 
 
@@ -176,7 +177,7 @@ def load_library(path: Path) -> MotionLibrary:
     """
     header, stored = read_arrays(path, KIND)
     info = _read_info(path, header)
-    encoding = _encoding(path, info.skeleton)
+    encoding = _joints(path, info) if info.encoding == JointAngles.name else _bones(path, info.skeleton)
     network = _Reader(stored).network(info, encoding.channels)
     stored.finish()
     return MotionLibrary(info, network, encoding)
@@ -195,7 +196,14 @@ def _read_info(path: Path, tree: object) -> LibraryInfo:
     return info
 
 
-def _encoding(path: Path, info: SkeletonInfo) -> BoneDirections:
+def _joints(path: Path, info: LibraryInfo) -> JointAngles:
+    try:
+        return JointAngles(JointBody.of(info.skeleton.bones))
+    except FileFormatError as error:
+        raise FileFormatError(f"{path}: {error}") from None
+
+
+def _bones(path: Path, info: SkeletonInfo) -> BoneDirections:
     try:
         skeleton = Skeleton(
             info.name,

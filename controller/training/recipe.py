@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -78,6 +79,25 @@ def read_recipe(path: Path) -> LibraryRecipe:
         FileFormatError: one line that names the file, the key and what is allowed.
     """
     return _checked(read_toml(path, LibraryRecipe), path)
+
+
+def taught_recipe(name: str, clips: Sequence[Path]) -> LibraryRecipe:
+    """The recipe for a library of clips taught to a rig by hand: each a loop that bears its file's name.
+
+    Raises:
+        FileFormatError: if a name cannot be typed or is used twice.
+    """
+    motions = [MotionRecipe(name=clip.stem, file=str(clip)) for clip in clips]
+    return _checked(
+        LibraryRecipe(
+            name=name,
+            network=ConceptorRecipe(neurons=400),
+            motions=motions,
+            body=str(clips[0]),
+            licence="Taught by hand: yours.",
+        ),
+        clips[0].parent,
+    )
 
 
 def recipe_of(tree: object, path: Path) -> LibraryRecipe:

@@ -26,7 +26,7 @@ from controller.evaluation.matching import (
     windows,
 )
 from controller.generators.base import FrameNetwork
-from controller.mocap.bone_directions import BoneDirections
+from controller.mocap.encoding import Encoding
 from controller.rotations import Array
 
 RUN_LENGTHS = 3
@@ -75,7 +75,7 @@ class Judge:
     """
 
     def __init__(
-        self, encoding: BoneDirections, references: dict[str, Array], loops: dict[str, bool], *, holds: bool = True
+        self, encoding: Encoding, references: dict[str, Array], loops: dict[str, bool], *, holds: bool = True
     ) -> None:
         self.encoding, self.loops, self.holds = encoding, loops, holds
         self._names = list(references)

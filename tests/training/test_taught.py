@@ -1,0 +1,61 @@
+"""What a rig was taught by hand, learned: it plays for ever in joint angles and switches like any other motion."""
+
+import numpy as np
+import pytest
+
+from controller.errors import FileFormatError
+from controller.mocap.joint_angles import JointRetargeter, save_taught_clip, taught_clip
+from controller.realtime.deck import Deck
+from controller.training.fit import fit
+from controller.training.library import load_library, save_library
+from controller.training.recipe import taught_recipe
+
+JOINTS = ("pan", "tilt")
+RATE = 100.0
+
+
+def teach(path, hz, phase):
+    t = np.arange(500) / RATE
+    rng = np.random.default_rng(1)
+    angles = np.stack([0.7 * np.sin(2 * np.pi * hz * t + phase), 0.3 * np.cos(2 * np.pi * hz * t)], axis=1)
+    save_taught_clip(taught_clip(path.stem, JOINTS, RATE, angles + 0.001 * rng.standard_normal(angles.shape)), path)
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("taught")
+    clips = [folder / "wave.clip", folder / "nod.clip"]
+    teach(clips[0], 0.7, 0.0)
+    teach(clips[1], 0.45, 1.5)
+    fitted = fit(taught_recipe("gestures", clips), folder)
+    save_library(fitted, folder / "gestures.safetensors")
+    return load_library(folder / "gestures.safetensors")
+
+
+def test_every_motion_passes_its_self_test_and_survives_the_file(library):
+    assert library.info.encoding == library.encoding.name == "joint angles"
+    assert [motion.name for motion in library.info.motions if motion.passed] == ["wave", "nod"]
+    assert library.skeleton.bones == JOINTS
+
+
+def test_it_plays_for_ever_and_switches_without_a_jump(library):
+    deck = Deck(library, JointRetargeter(library.skeleton, JOINTS, np.zeros(2)), "wave")
+    played = []
+    for tick in range(6000):
+        if tick == 3000:
+            deck.switch("nod")
+        played.append(deck.update(1.0 / RATE)[0].copy())
+    played = np.array(played)
+    assert np.abs(np.diff(played, axis=0)).max() * RATE < 8.0  # rad/s; the wave itself has 3.1
+    tail = played[-1000:, 0]
+    assert 0.6 < tail.max() < 0.8
+    crossings = np.count_nonzero(np.diff(np.signbit(tail)))
+    assert crossings == pytest.approx(2 * 0.45 * 10.0, abs=1)
+    assert deck.settled
+
+
+def test_clips_whose_names_cannot_be_typed_are_refused(tmp_path):
+    with pytest.raises(FileFormatError, match="cannot be typed"):
+        taught_recipe("gestures", [tmp_path / "my wave.clip"])
+    with pytest.raises(FileFormatError, match="two motions"):
+        taught_recipe("gestures", [tmp_path / "a" / "wave.clip", tmp_path / "b" / "wave.clip"])
