@@ -33,7 +33,7 @@ def switch_on(config: RigConfig, bus: Bus) -> Array:
         RigError: if servos are missing, of another model, shut down, or outside their limits; it names them all.
         PortError: if the port vanishes.
     """
-    _check_identities(config, bus)
+    check_identities(config, bus)
     # A servo told to keep silent would look like one that is missing.
     tell_all(config, bus, "status_return_level", _ANSWER_EVERYTHING)
     try:
@@ -106,7 +106,7 @@ def resume(config: RigConfig, bus: Bus) -> Array:
         RigError: as `switch_on`.
         PortError: if the port vanishes.
     """
-    _check_identities(config, bus)
+    check_identities(config, bus)
     tell_all(config, bus, "status_return_level", _ANSWER_EVERYTHING)
     try:
         _refuse_shut_down(config, bus)
@@ -181,7 +181,7 @@ def tell_all(config: RigConfig, bus: Bus, name: str, value: int) -> bool:
     return bus.sync_write(register.address, register.length, entries)
 
 
-def _check_identities(config: RigConfig, bus: Bus) -> None:
+def check_identities(config: RigConfig, bus: Bus) -> None:
     """Pings every servo of the rig file, and names all that are missing or of another model in one error."""
     found = {joint.id: bus.ping(joint.id) for joint in config.joints}
     missing = [joint for joint in config.joints if found[joint.id] is None]

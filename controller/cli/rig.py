@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 import json
-import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+from controller.cli import rig_play, rig_teach
+from controller.cli.rig_port import JsonOption, PortOption, RigArgument, ended_by_sigterm, load, open_bus
 from controller.errors import MotiondeckError
 
-if TYPE_CHECKING:
-    from hardware.bus import Bus
-    from hardware.rig import RigConfig
+app = typer.Typer(
+    help="Find, check, set up, watch, teach and play the servos of a rig; or emulate one.", no_args_is_help=True
+)
 
-app = typer.Typer(help="Find, check, set up and watch the servos of a rig; or emulate one.", no_args_is_help=True)
-
-RigArgument = Annotated[str, typer.Argument(metavar="RIG", help="A rig file (.toml), or a shipped one by its name.")]
-PortOption = Annotated[str | None, typer.Option("--port", help="Serial port instead of the rig file's own.")]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
+app.command("teach")(rig_teach.teach)
+app.command("play")(rig_play.play)
 
 
 @app.command("emulate")
@@ -56,14 +53,14 @@ def emulate(
             print(f"{kind:<10} {meaning}")
         print("keys: id, at (s), for (s), chance (0 to 1), value")
         return
-    config = _load(rig)
+    config = load(rig)
     if fresh:
         import msgspec
 
         one = msgspec.structs.replace(config.joints[0], id=1)
         config = msgspec.structs.replace(config, joints=(one,), baud=57600)
     faults = [parse_fault(text) for text in fault or []]
-    with _ended_by_sigterm():
+    with ended_by_sigterm():
         serve(config, lambda port: print(port, flush=True), faults, not unpaced, not lenient, link, seed)
 
 
@@ -116,8 +113,8 @@ def doctor(
 
     from hardware.doctor import examine, shorten_return_delays
 
-    config = _load(rig)
-    with _open(config, port) as bus:
+    config = load(rig)
+    with open_bus(config, port) as bus:
         refused = shorten_return_delays(config, bus) if fix else []
         report = examine(config, bus)
     if as_json:
@@ -179,9 +176,9 @@ def monitor(
     """
     from hardware.watch import observe
 
-    config = _load(rig)
+    config = load(rig)
     end = time.monotonic() + seconds if seconds else float("inf")
-    with _ended_by_sigterm(), _open(config, port) as bus:
+    with ended_by_sigterm(), open_bus(config, port) as bus:
         try:
             for rows, hz in observe(config, bus):
                 if as_json:
@@ -230,8 +227,8 @@ def calibrate(
             seen.append(read())
         return seen
 
-    config = _load(rig)
-    with _ended_by_sigterm(), _open(config, port) as bus:
+    config = load(rig)
+    with ended_by_sigterm(), open_bus(config, port) as bus:
         save_rig(guide(config, bus, ask, sweep), out)
     print(f"wrote {out}")
 
@@ -244,8 +241,8 @@ def stop(rig: RigArgument, port: PortOption = None, as_json: JsonOption = False)
     """
     from hardware.switching import switch_off
 
-    config = _load(rig)
-    with _open(config, port) as bus:
+    config = load(rig)
+    with open_bus(config, port) as bus:
         unconfirmed = switch_off(config, bus)
     if as_json:
         print(
@@ -256,40 +253,6 @@ def stop(rig: RigArgument, port: PortOption = None, as_json: JsonOption = False)
     if unconfirmed:
         print(f"motiondeck: not confirmed by {', '.join(unconfirmed)}. Cut the power.", file=sys.stderr)
         raise typer.Exit(1)
-
-
-def _load(rig: str) -> RigConfig:
-    """A rig file, or a shipped one by its name."""
-    from controller.cli.resources import find
-    from hardware.rig import load_rig
-
-    return load_rig(find("rig", rig, ".toml"))
-
-
-@contextmanager
-def _open(config: RigConfig, port: str | None) -> Iterator[Bus]:
-    """The bus of a rig, given back in the end."""
-    from hardware.bus import Bus
-
-    bus = Bus.open(port or config.port, config.baud)
-    try:
-        yield bus
-    finally:
-        bus.close()
-
-
-@contextmanager
-def _ended_by_sigterm() -> Iterator[None]:
-    """SIGTERM ends the block as an exception does, so that ports and links are given back."""
-
-    def end(number: int, frame: object) -> None:
-        raise SystemExit(128 + number)
-
-    before = signal.signal(signal.SIGTERM, end)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def _draw(rows: list[dict[str, object]], hz: float) -> None:

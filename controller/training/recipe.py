@@ -11,9 +11,12 @@ import msgspec
 
 from controller.config import read_toml, shaped
 from controller.errors import FileFormatError
+from controller.mocap.reading import read_clip
 from controller.training.centralized_training import CentralizedRecipe
 from controller.training.conceptor_training import ConceptorRecipe
 from controller.training.echo_state_training import EchoStateRecipe
+
+_SATELLITES = 6.0  # a second of what was taught
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}")
 """What a motion may be called, so that prompts and scripts can say it."""
@@ -84,14 +87,17 @@ def read_recipe(path: Path) -> LibraryRecipe:
 def taught_recipe(name: str, clips: Sequence[Path]) -> LibraryRecipe:
     """The recipe for a library of clips taught to a rig by hand: each a loop that bears its file's name.
 
+    A centralized network, because its state is a place on a closed curve: nothing can lead it away, and servos follow.
+
     Raises:
-        FileFormatError: if a name cannot be typed or is used twice.
+        FileFormatError: if a name cannot be typed or is used twice, or a clip cannot be read.
     """
     motions = [MotionRecipe(name=clip.stem, file=str(clip)) for clip in clips]
+    longest = max(read_clip(clip).duration for clip in clips)
     return _checked(
         LibraryRecipe(
             name=name,
-            network=ConceptorRecipe(neurons=400),
+            network=CentralizedRecipe(satellites=max(60, round(_SATELLITES * longest))),
             motions=motions,
             body=str(clips[0]),
             licence="Taught by hand: yours.",

@@ -7,6 +7,8 @@ its new baud rate after it has answered at the old one.
 
 from __future__ import annotations
 
+import math
+
 from hardware.control_table.register import Register
 from hardware.control_table.servo_traits import TRAITS
 from hardware.emulator.bank import TRIPPED, ServoBank
@@ -113,6 +115,16 @@ class Device:
     def moving(self) -> bool:
         """Whether it says itself that it moves: it turns faster than its moving threshold."""
         return self["moving"] != 0
+
+    @property
+    def torque(self) -> bool:
+        """Whether torque is on."""
+        return self._get("torque_enable") != 0
+
+    @property
+    def pulses_per_radian(self) -> float:
+        """Pulses for one rad of its horn."""
+        return self._table.pulses_per_turn / (2.0 * math.pi)
 
     @property
     def alert(self) -> bool:

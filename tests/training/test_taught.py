@@ -55,7 +55,11 @@ def test_it_plays_for_ever_and_switches_without_a_jump(library):
 
 
 def test_clips_whose_names_cannot_be_typed_are_refused(tmp_path):
+    for name in ("my wave.clip", "wave.clip"):
+        teach(tmp_path / name, 0.5, 0.0)
     with pytest.raises(FileFormatError, match="cannot be typed"):
         taught_recipe("gestures", [tmp_path / "my wave.clip"])
     with pytest.raises(FileFormatError, match="two motions"):
-        taught_recipe("gestures", [tmp_path / "a" / "wave.clip", tmp_path / "b" / "wave.clip"])
+        taught_recipe("gestures", [tmp_path / "wave.clip", tmp_path / "wave.clip"])
+    with pytest.raises(FileFormatError, match="no such file"):
+        taught_recipe("gestures", [tmp_path / "none.clip"])

@@ -1,0 +1,96 @@
+"""`motiondeck rig teach`: joints moved by hand become a clip."""
+
+from __future__ import annotations
+
+import json
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from controller.cli.rig_port import JsonOption, PortOption, RigArgument, ended_by_sigterm, load, open_bus
+from controller.errors import MotiondeckError
+
+
+def teach(
+    rig: RigArgument,
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where the clip goes (.clip).")],
+    port: PortOption = None,
+    seconds: Annotated[
+        float | None, typer.Option("--seconds", help="Begin at once and record for so long, without asking.")
+    ] = None,
+    trim: Annotated[
+        bool, typer.Option("--trim/--no-trim", help="Leave out the time before the first and after the last movement.")
+    ] = True,
+    as_json: JsonOption = False,
+) -> None:
+    """Teach a rig by hand: torque off, you move the joints, and what they did becomes a clip.
+
+    Hold what would fall before the torque goes off. The clip can be played as it is, or learned, so that it goes on for
+    ever and switches like any other motion.
+
+    [bold]Examples[/]
+
+      motiondeck rig teach my-rig.toml --out wave.clip
+
+      motiondeck rig play my-rig.toml wave.clip
+
+      motiondeck fit wave.clip nod.clip --out gestures.safetensors
+    """
+    from controller.mocap.joint_angles import save_taught_clip, taught_clip
+    from hardware.teaching import beyond_limits, loosen, taught, watch_hands
+
+    if out.suffix != ".clip":
+        raise MotiondeckError(f"{out}: give the clip a name that ends in .clip")
+    if not out.parent.is_dir():
+        raise MotiondeckError(f"{out.parent}: there is no such folder to write the clip to")
+    if seconds is not None and not 0.0 < seconds < 3600.0:
+        raise MotiondeckError(f"--seconds {seconds:g} is not between 0 and 3600")
+    config = load(rig)
+    moments = []
+    with ended_by_sigterm(), open_bus(config, port) as bus:
+        if seconds is None:
+            _ask("The torque goes off: hold what would fall, then press Enter ")
+        loosen(config, bus)
+        if seconds is None:
+            _ask("Torque is off. Press Enter to begin ")
+        done = threading.Event()
+        if seconds is None:
+            threading.Thread(target=_wait_for_enter, args=(done,), daemon=True).start()
+        try:
+            for moment in watch_hands(config, bus, time.sleep):
+                moments.append(moment)
+                if done.is_set() or (seconds is not None and moment.time >= seconds):
+                    break
+        except KeyboardInterrupt:
+            print(file=sys.stderr)
+    angles = taught(moments, config.rate_hz, trim)
+    clip = taught_clip(out.stem, config.names, config.rate_hz, angles, rig)
+    save_taught_clip(clip, out)
+    warnings = beyond_limits(config, angles, config.rate_hz)
+    if as_json:
+        said = {"written": str(out), "joints": list(config.names), "frames": len(clip), "seconds": clip.duration}
+        print(json.dumps(said | {"beyond_limits": warnings}))
+        return
+    for warning in warnings:
+        print(f"note: {warning}; played, it will be held back")
+    print(f"wrote {out}: {clip.duration:.1f} s of {len(config.names)} joints at {config.rate_hz:g} Hz")
+
+
+def _ask(what: str) -> None:
+    try:
+        input(what)
+    except EOFError:
+        raise MotiondeckError("there is nobody to press Enter: give --seconds") from None
+
+
+def _wait_for_enter(done: threading.Event) -> None:
+    try:
+        input("Recording. Press Enter to end ")
+    except EOFError:
+        pass
+    finally:
+        done.set()

@@ -1,0 +1,86 @@
+"""From a hand on an emulated rig to a network that plays it: teach, play the clip, fit, play what was learned."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from controller.cli.main import app
+from controller.mocap.joint_angles import angles_of, read_taught_clip, save_taught_clip, taught_clip
+
+RIG = """
+port = "/dev/nowhere"
+baud = 1000000
+rate_hz = 50
+joints = [
+  { name = "pan", id = 1, model = "XM430-W350", direction = 1, zero = 2048, lower = -1.5, upper = 1.5, velocity = 4.0 },
+  { name = "tilt", id = 2, model = "XM430-W350", direction = -1, zero = 2048, lower = -1.5, upper = 1.5, velocity = 4 },
+]
+"""
+
+
+def motiondeck(*words):
+    result = CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    return json.loads(result.stdout.splitlines()[-1])
+
+
+@pytest.fixture
+def rig(tmp_path):
+    path = tmp_path / "arm.toml"
+    path.write_text(RIG)
+    return path
+
+
+@pytest.fixture
+def port(rig, tmp_path):
+    link = tmp_path / "port"
+    command = [sys.executable, "-m", "controller.cli.main", "rig", "emulate", str(rig), "--link", str(link)]
+    process = subprocess.Popen([*command, "--fault", "hand:value=0.5"], stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert process.stdout.readline().strip() == str(link)
+    yield link
+    process.terminate()
+    process.wait()
+
+
+def test_a_hand_teaches_and_the_network_plays_on(rig, port, tmp_path):
+    clip, library = tmp_path / "wave.clip", tmp_path / "gestures.safetensors"
+    said = motiondeck("rig", "teach", rig, "--out", clip, "--port", port, "--seconds", "4", "--json")
+    assert (said["joints"], said["beyond_limits"]) == (["pan", "tilt"], [])
+    angles = angles_of(read_taught_clip(clip).rotation[:, 1:])
+    assert angles.max(axis=0) == pytest.approx([0.5, 0.0], abs=0.02)
+    assert angles.min(axis=0) == pytest.approx([0.0, -0.5], abs=0.02)
+
+    run = motiondeck("rig", "play", rig, clip, "--port", port, "--command-port", "0", "--json")
+    assert run["reason"] == "played to the end"
+    assert run["rig"]["tracking_rmse_rad"] < 0.1
+
+    said = motiondeck("fit", clip, "--out", library, "--json")
+    assert said["network"] == "centralized"
+    assert said["motions"][0]["passed"]
+    words = ("rig", "play", rig, library, "wave", "--port", port, "--command-port", "0", "--seconds", "3", "--json")
+    run = motiondeck(*words)
+    assert run["rig"]["tracking_rmse_rad"] < 0.1
+    assert run["faults"] == {"deck": 0, "commands": 0, "telemetry": 0}
+
+
+def test_what_cannot_be_taught_or_played_is_said(rig, tmp_path):
+    other = tmp_path / "other.clip"
+    save_taught_clip(taught_clip("other", ("pan", "grip"), 50.0, np.zeros((60, 2))), other)
+    for words, error in (
+        (("rig", "teach", rig, "--out", tmp_path / "wave.txt"), "ends in .clip"),
+        (("rig", "teach", rig, "--out", tmp_path / "no" / "wave.clip"), "no such folder"),
+        (("rig", "teach", rig, "--out", tmp_path / "a.clip", "--seconds", "0"), "not between"),
+        (("rig", "play", rig, other), "'grip'"),
+        (("rig", "play", rig, other, "wave"), "no motion 'wave' to choose"),
+        (("rig", "play", rig, "thesis15", "wlak"), "unknown motion 'wlak'"),
+        (("fit", other, rig, "--out", tmp_path / "x.safetensors"), "give one recipe, or clips"),
+        (("fit", rig, "--out", tmp_path / "x.safetensors"), "arm.toml"),
+    ):
+        with pytest.raises(Exception, match=error) as raised:
+            CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
+        assert any(kind.__name__ == "MotiondeckError" for kind in type(raised.value).__mro__)
