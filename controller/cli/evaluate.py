@@ -27,6 +27,7 @@ def evaluate(
     what: Annotated[What, typer.Argument(help="What to measure.")],
     data: Annotated[Path, typer.Option("--data", metavar="DIR", help="The folder with the recordings.")],
     seeds: Annotated[int, typer.Option("--seeds", min=1, max=1000, help="How many networks of a recipe.")] = 3,
+    first_seed: Annotated[int, typer.Option("--first-seed", min=0, help="The first of these networks' seeds.")] = 0,
     runs: Annotated[int, typer.Option("--runs", min=1, max=100_000, help="Of each motion of each network.")] = 100,
     paper: Annotated[
         bool, typer.Option("--paper", help="The thesis's layout, and its two noise channels as targets.")
@@ -38,7 +39,8 @@ def evaluate(
 ) -> None:
     """Measure how well networks learn, whether they survive disturbances, how they switch, and what they cost.
 
-    A recipe is trained anew with the seeds 0, 1, 2, ...; a library is taken as it is. Runs are judged by the
+    A recipe is trained anew with the seeds 0, 1, 2, ... (or from --first-seed on, to try some that it was not made
+    with); a library is taken as it is. Runs are judged by the
     self-test's criterion (docs/evaluation.md).
 
     Example:  motiondeck evaluate configs/libraries/paper/esn-4.1.toml robustness --data recordings --seeds 3 --runs 100
@@ -53,7 +55,7 @@ def evaluate(
     from controller.cli.plots import drawing
 
     draw = drawing() if plot is not None else None
-    task = _Task.of(subject, data, seeds, runs, paper, jobs)
+    task = _Task.of(subject, data, range(first_seed, first_seed + seeds), runs, paper, jobs)
     measures = {
         "accuracy": accuracy,
         "robustness": failures,
@@ -95,7 +97,7 @@ class _Task:
     jobs: int
 
     @classmethod
-    def of(cls, subject: str, data: Path, seeds: int, runs: int, paper: bool, jobs: int) -> _Task:
+    def of(cls, subject: str, data: Path, seeds: range, runs: int, paper: bool, jobs: int) -> _Task:
         """Reads the recipe, from its own file or out of a library, and the recordings."""
         from controller.cli.resources import find
         from controller.training.fit import prepare
@@ -108,7 +110,7 @@ class _Task:
         else:
             path = library = find("library", subject, ".safetensors")
             recipe = recipe_of(load_library(path).info.recipe, path)
-        return cls(path.stem, recipe, library, prepare(recipe, data), data, list(range(seeds)), runs, paper, jobs)
+        return cls(path.stem, recipe, library, prepare(recipe, data), data, list(seeds), runs, paper, jobs)
 
     def subjects(self) -> list[Subject]:
         """The networks: the library's own, or one a seed."""
@@ -155,8 +157,11 @@ def failures(task: _Task, what: Literal["robustness", "stability"]) -> Table:
     from controller.evaluation.thesis import THESIS
 
     known: dict[str, float] = {}
+    place = ""
     if task.name in THESIS:
-        known = THESIS[task.name].robustness if what == "robustness" else THESIS[task.name].stability
+        figures, second = THESIS[task.name], what == "stability"
+        known = figures.stability if second else figures.robustness
+        place = f"table {figures.tables[second]}, " if task.paper else ""
     names = list(task.syllabus.frames)
     motions = [name for name in known if name in names] if task.paper and known else names
     subjects = task.subjects()
@@ -177,7 +182,7 @@ def failures(task: _Task, what: Literal["robustness", "stability"]) -> Table:
         notes.append(
             "A library keeps only the directions its conceptors use: noise on a state counts as far as it lies in them."
         )
-    return failure_table(f"{task.name}: {what}, {len(subjects)} x {task.runs} runs", counts, known, notes)
+    return failure_table(f"{place}{task.name}: {what}, {len(subjects)} x {task.runs} runs", counts, known, notes)
 
 
 def transitions(task: _Task, what: str) -> Table:

@@ -29,11 +29,13 @@ class ThesisFigures:
     Attributes:
         accuracy: its training errors by the names of `training_error.TrainingError`.
         robustness, stability: failure rates by motion, as shares.
+        tables: the numbers of the tables that those two are in.
     """
 
     accuracy: dict[str, float]
     robustness: dict[str, float] = field(default_factory=dict)
     stability: dict[str, float] = field(default_factory=dict)
+    tables: tuple[str, str] = ("", "")
 
 
 def _rates(*percent: int) -> dict[str, float]:
@@ -43,23 +45,34 @@ def _rates(*percent: int) -> dict[str, float]:
 
 THESIS: dict[str, ThesisFigures] = {
     "esn-4.1": ThesisFigures(
-        {"mabs_readout": 0.0016, "nrmse_readout": 0.0275}, _rates(0, 16, 35, 84, 87), _rates(0, 19, 65, 0)
+        {"mabs_readout": 0.0016, "nrmse_readout": 0.0275},
+        _rates(0, 16, 35, 84, 87),
+        _rates(0, 19, 65, 0),
+        ("4.2", "4.7"),
     ),
     "esn-4.3": ThesisFigures(
-        {"mabs_readout": 0.0015, "nrmse_readout": 0.0328}, _rates(9, 32, 23, 23, 74), _rates(0, 45, 3, 3)
+        {"mabs_readout": 0.0015, "nrmse_readout": 0.0328},
+        _rates(9, 32, 23, 23, 74),
+        _rates(0, 45, 3, 3),
+        ("4.4", "4.8"),
     ),
     "esn-4.5": ThesisFigures(
-        {"mabs_readout": 0.0013, "nrmse_readout": 0.0156}, _rates(0, 0, 27, 12, 74), _rates(0, 0, 8, 0)
+        {"mabs_readout": 0.0013, "nrmse_readout": 0.0156},
+        _rates(0, 0, 27, 12, 74),
+        _rates(0, 0, 8, 0),
+        ("4.6", "4.9"),
     ),
     "conceptor-4.1": ThesisFigures(
         {"mabs_readout": 0.0066, "nrmse_readout": 0.0435, "mabs_weights": 0.0312, "nrmse_weights": 0.0057},
         _rates(0, 1, 30, 31, 57),
         _rates(0, 0, 22, 0),
+        ("4.2", "4.7"),
     ),
     "conceptor-4.3": ThesisFigures(
         {"mabs_readout": 0.0065, "nrmse_readout": 0.0454, "mabs_weights": 0.0328, "nrmse_weights": 0.0072},
         _rates(0, 3, 27, 12, 60),
         _rates(0, 0, 13, 0),
+        ("4.4", "4.8"),
     ),
 }
 

@@ -11,11 +11,14 @@ import msgspec
 import numpy as np
 
 from controller.generators.echo_state import EchoStateMotion, EchoStateNetwork
-from controller.generators.reservoir import drive, random_reservoir
+from controller.generators.reservoir import Floats, Reservoir, drive, random_reservoir
 from controller.mocap.normalisation import Normalisation
 from controller.rotations import Array
 from controller.training.lesson import Lesson
 from controller.training.ridge import ridge
+
+# How long a run that began in a random state is learned from, in frames; by then it is an ordinary noisy run.
+LOST_FOR = 120
 
 
 class EchoStateRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True, tag="echo-state"):
@@ -74,38 +77,17 @@ def train_echo_state(
     targets = [np.concatenate([lesson.lead_in(recipe.washout), lesson.frames]) for lesson in lessons]
     # The state after step n has been fed the output of frame n - 1 and is to give frame n.
     forced = [np.concatenate([target[:1], target[:-1]]) for target in targets]
-    runs = [
-        drive(
-            reservoir,
-            [f + recipe.teacher_noise * rng.standard_normal(f.shape) for f in forced],
-            state_noise=recipe.state_noise,
-            rng=rng,
-        )
-        for _ in range(recipe.drives)
-    ]
-    once = [j for j, lesson in enumerate(lessons) if not lesson.loop]
-    wrong: dict[int, list[Array]] = {j: [] for j in once}
-    for _ in range(recipe.wrong_starts if once else 0):
-        signals = [forced[j][len(forced[j]) - len(lessons[j].frames) :] for j in once]
-        started = drive(
-            reservoir,
-            [f + recipe.teacher_noise * rng.standard_normal(f.shape) for f in signals],
-            state_noise=recipe.state_noise,
-            starts=rng.uniform(-1.0, 1.0, (len(once), len(reservoir))),
-            rng=rng,
-        )
-        for j, states in zip(once, started, strict=True):
-            wrong[j].append(states)
-    quiet = drive(reservoir, forced)
+    driven = reservoir.single()
+    quiet = drive(driven, forced)
+    first = [len(target) - len(lesson.frames) for target, lesson in zip(targets, lessons, strict=True)]
+    runs = _noisy_runs(driven, lessons, forced, quiet, recipe, rng)
     motions = {}
     for j, lesson in enumerate(lessons):
-        first = len(targets[j]) - len(lesson.frames)
-        learned = [run[j][first:] for run in runs] + wrong.get(j, [])
-        readout = ridge(np.concatenate(learned), np.concatenate([lesson.frames] * len(learned)), recipe.ridge)
-        anchors = slice(first, None, recipe.anchor_every)
+        learned, wanted = zip(*(runs[j] or [(quiet[j][first[j] :], lesson.frames)]), strict=True)
+        anchors = slice(first[j], None, recipe.anchor_every)
         motions[lesson.name] = EchoStateMotion(
-            readout.astype(np.float32),
-            quiet[j][anchors].astype(np.float32),
+            ridge(np.concatenate(learned, dtype=np.float64), np.concatenate(wanted), recipe.ridge).astype(np.float32),
+            quiet[j][anchors].copy(),
             targets[j][anchors].astype(np.float32),
         )
     return EchoStateNetwork(
@@ -117,3 +99,35 @@ def train_echo_state(
         motions,
         clipped=recipe.clipped,
     )
+
+
+def _noisy_runs(
+    driven: Reservoir,
+    lessons: list[Lesson],
+    forced: list[Array],
+    quiet: list[Floats],
+    recipe: EchoStateRecipe,
+    rng: np.random.Generator,
+) -> list[list[tuple[Floats, Array]]]:
+    """The states and the frames to be learned from them, of the noisy runs of each lesson; none without noise."""
+    if recipe.state_noise == recipe.teacher_noise == 0.0:
+        return [[] for _ in lessons]
+    signals: list[Array] = []
+    starts: list[Floats] = []
+    wanted: list[tuple[int, Array]] = []
+    for j, lesson in enumerate(lessons):
+        first = len(forced[j]) - len(lesson.frames)
+        for _ in range(recipe.drives):
+            signals.append(forced[j][first:])
+            starts.append(quiet[j][first - 1])
+            wanted.append((j, lesson.frames))
+        for _ in range(0 if lesson.loop else recipe.wrong_starts):
+            signals.append(forced[j][first:][:LOST_FOR])
+            starts.append(rng.uniform(-1.0, 1.0, len(driven)))
+            wanted.append((j, lesson.frames[:LOST_FOR]))
+    noisy = [signal + recipe.teacher_noise * rng.standard_normal(signal.shape) for signal in signals]
+    states = drive(driven, noisy, state_noise=recipe.state_noise, starts=np.stack(starts), rng=rng)
+    runs: list[list[tuple[Floats, Array]]] = [[] for _ in lessons]
+    for (j, frames), run in zip(wanted, states, strict=True):
+        runs[j].append((run, frames))
+    return runs
