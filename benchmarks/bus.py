@@ -2,10 +2,11 @@
 
 python -m benchmarks bus [--json]
 
-A responder process answers with prepared replies, so what is timed is the client (and, in reads, two process wake-ups).
-Unpaced: how long a call takes; one that fails, because the machine was too busy for its deadline, is not timed. Paced:
-the responder takes the time that the bytes need on the wire. Peers that are not installed are left out
-(pip install motiondeck[benchmark]).
+A responder process answers every client with the same prepared bytes. Unpaced it stays awake and does nothing but look
+up and send them, so what is timed is the client and the operating system; the floor is a client that knows the
+bytes beforehand and only writes, waits and reads: what no Python client can go below. A call that fails, because the
+machine was too busy for its deadline, is not timed. Paced: the responder takes the time that the bytes need on the
+wire. Peers that are not installed are left out (pip install motiondeck[benchmark]).
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import sys
 import time
 import tty
 from collections.abc import Callable
+from functools import partial
 from multiprocessing.connection import Connection
 
 import numpy as np
@@ -35,6 +37,7 @@ from hardware.wire_time import rate_limit
 IDS = list(range(1, 21))
 GOAL, STATE = (116, 4), (126, 10)
 ROUNDS, CALLS = 5, 300
+AWAKE = 5e-4  # s
 Call = Callable[[], bool]
 Client = tuple[dict[str, Call], Callable[[], object]]
 
@@ -47,9 +50,13 @@ def rig(baud: int) -> RigConfig:
 def respond(announce: Connection, baud: int) -> None:
     """Serves prepared replies on a pseudo-terminal for ever; with a baud rate of 0 they take no time."""
     servos = EmulatedBus(rig(baud or 4_000_000), longest_gap=None)
+    for device in servos.devices:
+        device["return_delay_time"] = 0
     master, slave = pty.openpty()
     tty.setraw(slave)
     announce.send(os.ttyname(slave))
+    if not baud:
+        respond_at_once(master, servos)
     replies: dict[Frame, bytes] = {}
     parser, free = Parser(), 0.0
     while True:
@@ -61,8 +68,6 @@ def respond(announce: Connection, baud: int) -> None:
             if frame.instruction == wire.SYNC_WRITE:
                 continue
             if frame not in replies:
-                for device in servos.devices:
-                    device["return_delay_time"] = 0
                 request = build(frame.id, frame.instruction, frame.params)
                 replies[frame] = b"".join(answer.data for answer in servos.exchange(request, 0.0))
             reply = replies[frame]
@@ -70,6 +75,29 @@ def respond(announce: Connection, baud: int) -> None:
             while (left := free - time.perf_counter()) > 0.0:
                 if left > 3e-4:
                     time.sleep(left - 2e-4)
+            os.write(master, reply)
+
+
+def respond_at_once(master: int, servos: EmulatedBus) -> None:
+    """Looks up and sends replies, for ever; between calls it stays awake, because a servo has no wake-up time."""
+    os.set_blocking(master, False)
+    replies: dict[bytes, bytes] = {}
+    asleep_from = 0.0
+    while True:
+        try:
+            data = os.read(master, 65536)
+        except BlockingIOError:
+            if time.perf_counter() > asleep_from:
+                select.select([master], [], [])
+            continue
+        asleep_from = time.perf_counter() + AWAKE
+        reply = replies.get(data)
+        if reply is None:
+            # Servos answer what they understand: a read, or several writes in one piece, which get no answer.
+            reply = replies[data] = b"".join(answer.data for answer in servos.exchange(data, 0.0))
+            if len(replies) > 100:
+                replies.clear()
+        if reply:
             os.write(master, reply)
 
 
@@ -106,6 +134,27 @@ def ours(port: str, baud: int) -> Client:
         return len(bus.sync_read(IDS, *STATE)) == len(IDS)
 
     return {"sync write 4 B": sync_write, "sync read 10 B": read, "fast sync read 10 B": fast_read}, bus.close
+
+
+def floor(port: str, baud: int) -> Client:
+    """Writes, waits and reads bytes that it knows beforehand."""
+    device = SerialPort(port, baud)
+    write = wire.sync_write(*GOAL, b"".join(bytes((id, 0, 8, 0, 0)) for id in IDS))
+    reads = {
+        "sync read 10 B": (wire.sync_read(*STATE, IDS), len(IDS) * wire.status_length(STATE[1])),
+        "fast sync read 10 B": (wire.fast_sync_read(*STATE, IDS), wire.fast_reply_length(len(IDS), STATE[1])),
+    }
+
+    def exchange(request: bytes, length: int) -> bool:
+        device.send(request)
+        count = 0
+        while count < length and device.wait(0.5):
+            count += len(device.receive())
+        return count == length
+
+    calls: dict[str, Call] = {"sync write 4 B": lambda: device.send(write)}
+    calls |= {what: partial(exchange, *read) for what, read in reads.items()}
+    return calls, device.close
 
 
 def dynamixel_sdk(port: str, baud: int) -> Client:
@@ -155,7 +204,7 @@ def rustypot(port: str, baud: int) -> Client:
     return calls, getattr(plain, "close", lambda: None)
 
 
-CLIENTS = {"motiondeck": ours, "dynamixel-sdk": dynamixel_sdk, "rustypot": rustypot}
+CLIENTS = {"motiondeck": ours, "dynamixel-sdk": dynamixel_sdk, "rustypot": rustypot, "floor": floor}
 
 
 def microseconds(call: Call, count: int = CALLS) -> list[float]:
@@ -217,7 +266,7 @@ def free_running(make: Callable[..., Client], seconds: float = 2.0) -> float:
 
 
 def main() -> None:
-    clients = {name: make for name, make in CLIENTS.items() if name == "motiondeck" or _installed(name)}
+    clients = {name: make for name, make in CLIENTS.items() if name in ("motiondeck", "floor") or _installed(name)}
     medians = unpaced(clients)
     limit = rate_limit(len(IDS), 4_000_000, STATE[1])
     report = {

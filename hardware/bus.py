@@ -32,12 +32,19 @@ _Ask = Callable[[Sequence[int]], dict[int, Status]]
 
 
 class _Request(NamedTuple):
-    """A sync read under way."""
+    """A sync read; the same one is asked again and again.
 
-    ids: tuple[int, ...]
-    length: int
-    deadline: float
-    fast: bool
+    Attributes:
+        asked: IDs, address, length, and whether for a joint reply.
+        frame: the bytes of the instruction.
+        needed: how many bytes the whole reply has.
+        patience: how long to wait for it, s.
+    """
+
+    asked: tuple[tuple[int, ...], int, int, bool]
+    frame: bytes
+    needed: int
+    patience: float
 
 
 class Bus:
@@ -60,7 +67,9 @@ class Bus:
         self.baud = baud
         self._retries = retries
         self._margin = margin
-        self._pending: _Request | None = None
+        self._request: _Request | None = None  # the last one
+        self._pending: _Request | None = None  # the same, while its reply is awaited
+        self._deadline = 0.0
         self._received = b""
 
     @classmethod
@@ -152,14 +161,15 @@ class Bus:
         """
         if self._pending is not None:
             return False
-        self.port.receive()  # what came too late for the last request
-        ask = instructions.fast_sync_read if fast else instructions.sync_read
-        frame = ask(address, length, ids)
-        if not self.port.send(frame):
+        asked = (tuple(ids), address, length, fast)
+        request = self._request
+        if request is None or request.asked != asked:
+            request = self._request = self._plan(asked)
+        self._discard()
+        if not self.port.send(request.frame):
             return False
-        size = instructions.fast_reply_length if fast else _single_replies_length
-        count = len(frame) + size(len(ids), length)
-        self._pending = _Request(tuple(ids), length, self.port.now() + self.wire_time(count) + self._margin, fast)
+        self._pending = request
+        self._deadline = self.port.now() + request.patience
         self._received = b""
         return True
 
@@ -168,20 +178,20 @@ class Bus:
         pending = self._pending
         if pending is None:
             return None
-        late = self.port.now() >= pending.deadline
+        late = self.port.now() >= self._deadline
         self._received += self.port.receive()
-        if not pending.fast:
-            reply = _single_replies(self._received, pending)
-            complete = len(reply.statuses) == len(pending.ids)
+        ids, _, length, fast = pending.asked
+        if not fast:
+            reply = _single_replies(self._received, ids, length)
+            complete = len(reply.statuses) == len(ids)
         else:
-            start = instructions.fast_reply_start(self._received)
-            needed = instructions.fast_reply_length(len(pending.ids), pending.length)
             reply = None
-            complete = start >= 0 and len(self._received) - start >= needed
+            start = instructions.fast_reply_start(self._received) if len(self._received) >= pending.needed else -1
+            complete = start >= 0 and len(self._received) - start >= pending.needed
         if not complete and not late:
             return None
         self._pending = None
-        return reply or instructions.fast_reply(self._received, pending.ids, pending.length)
+        return reply or instructions.fast_reply(self._received, ids, length)
 
     def bulk_read(self, blocks: Sequence[tuple[int, int, int]]) -> dict[int, Status]:
         """Reads (id, address, length) of each servo, one status each; who stays silent is missing from the answer."""
@@ -274,7 +284,7 @@ class Bus:
         An answer of another length than expected, unless it says why, is one that came too late for an earlier call.
         """
         self._pending = None
-        self.port.receive()
+        self._discard()
         heard: dict[int, Status] = {}
         if not self.port.send(frame):
             return heard
@@ -290,23 +300,35 @@ class Bus:
                     heard[status.id] = status
         return heard
 
+    def _discard(self) -> None:
+        """Throws away what came too late for an earlier call."""
+        if self.port.wait(0.0):
+            self.port.receive()
+
+    def _plan(self, asked: tuple[tuple[int, ...], int, int, bool]) -> _Request:
+        """What a sync read sends and waits for."""
+        ids, address, length, fast = asked
+        ask = instructions.fast_sync_read if fast else instructions.sync_read
+        size = instructions.fast_reply_length if fast else _single_replies_length
+        frame, needed = ask(address, length, ids), size(len(ids), length)
+        return _Request(asked, frame, needed, self.wire_time(len(frame) + needed) + self._margin)
+
     def _by_turns(self, ids: Sequence[int], ask: _Ask) -> dict[int, Status]:
         """Asks a line of servos until each has answered or has been silent at the head of the line too often.
 
         A servo waits for the one before it, so a silent one may hush all behind it: only the head of the line is to
         blame for itself. It goes to the back, and after `retries` more chances it is given up.
         """
-        line = deque(ids)
-        heard: dict[int, Status] = {}
+        heard = ask(ids) if ids else {}
+        line = deque(id for id in ids if id not in heard) if len(heard) < len(ids) else None
         silent: dict[int, int] = {}
         while line:
-            heard |= ask(tuple(line))
+            head = line.popleft()
+            silent[head] = silent.get(head, 0) + 1
+            if silent[head] <= self._retries:
+                line.append(head)
+            heard |= ask(tuple(line)) if line else {}
             line = deque(id for id in line if id not in heard)
-            if line:
-                head = line.popleft()
-                silent[head] = silent.get(head, 0) + 1
-                if silent[head] <= self._retries:
-                    line.append(head)
         return heard
 
 
@@ -314,20 +336,18 @@ def _single_replies_length(count: int, length: int) -> int:
     return count * instructions.status_length(length)
 
 
-def _single_replies(received: bytes, pending: _Request) -> FastReply:
+def _single_replies(received: bytes, ids: Sequence[int], length: int) -> FastReply:
     """What single statuses say, in the words of a joint reply."""
     heard = {
         status.id: status
         for frame in Parser().feed(received)
         if (status := as_status(frame)) is not None
-        and status.id in pending.ids
-        and (status.error or len(status.params) == pending.length)
+        and status.id in ids
+        and (status.error or len(status.params) == length)
     }
-    missing = [index for index, id in enumerate(pending.ids) if id not in heard]
-    last = max((index for index, id in enumerate(pending.ids) if id in heard), default=-1)
+    missing = [index for index, id in enumerate(ids) if id not in heard]
+    last = max((index for index, id in enumerate(ids) if id in heard), default=-1)
     silent = [index for index in missing if index < last] or missing[:1]
     if missing and silent[-1] < last and missing[-1] > last:
         silent.append(last + 1)
-    return FastReply(
-        heard, [], [pending.ids[index] for index in silent], [pending.ids[i] for i in missing if i not in silent]
-    )
+    return FastReply(heard, [], [ids[index] for index in silent], [ids[i] for i in missing if i not in silent])
