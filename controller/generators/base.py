@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,22 @@ class FrameNetwork(Protocol):
 
     def restore(self, snapshot: Any) -> None:
         """Puts the state back to a snapshot."""
+        ...
+
+
+@runtime_checkable
+class CrossingNetwork(FrameNetwork, Protocol):
+    """A frame network that can go over from one motion to another by itself.
+
+    Attributes:
+        crossing: whether it is on its way.
+    """
+
+    @property
+    def crossing(self) -> bool: ...
+
+    def cross(self, motion: str, anchor: int, ahead: int = 0) -> None:
+        """Sets out for an anchor of a motion, or some frames after it."""
         ...
 
 

@@ -10,8 +10,10 @@ come from the one to the other, and the target is entered where it is most like 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -147,6 +149,56 @@ class Voice:
         return twin
 
 
+class Passage:
+    """The switching module on its way from one motion to another.
+
+    Args:
+        motions: how many there are.
+
+    Attributes:
+        module: state k is the k-th motion.
+    """
+
+    def __init__(self, motions: int) -> None:
+        self.module = SwitchingModule(design_module(motions), time_scale=GAIN * TIME_CONSTANT)
+        self._origin = self._goal = 0.0
+
+    def begin(self, target: int) -> None:
+        """Sets out for a motion, by a clamp current."""
+        self._goal = float(self.module.design.targets[target])
+        if abs(self.module.z - self._goal) < 0.1:
+            # The same state again: z comes from beside it, so that its way has a length.
+            self.module.place(self._goal - 1.0)
+        self._origin = self.module.z
+        self.module.command(clamp(self.module.design, target, GAIN))
+
+    def advance(self, dt: float, push: float = 0.0) -> bool:
+        """Goes dt seconds on, push being added to z; whether the way still lasts."""
+        self.module.advance(dt, push)
+        return self.module.commanded
+
+    @property
+    def share(self) -> float:
+        """How much of the target is in the mixture."""
+        return rise(min(1.0, max(0.0, (self.module.z - self._origin) / (self._goal - self._origin))))
+
+    def snapshot(self) -> tuple[object, float, float]:
+        """A copy of the state."""
+        return self.module.snapshot(), self._origin, self._goal
+
+    def restore(self, snapshot: tuple[Any, float, float]) -> None:
+        """Puts the state back to a snapshot."""
+        module, self._origin, self._goal = snapshot
+        self.module.restore(module)
+
+
+def mix(share: float, source: Channels, out: Channels) -> None:
+    """Leaves a share of what is in out and takes the rest from the source, shapes (D,)."""
+    np.subtract(out, source, out=out)
+    np.multiply(out, share, out=out)
+    np.add(out, source, out=out)
+
+
 @dataclass(frozen=True, eq=False)
 class Score:
     """A copy of a generator's whole state."""
@@ -154,9 +206,9 @@ class Score:
     motion: str
     voice: Voice
     source: Voice | None
-    origin: float
     waiting: str | None
-    module: object
+    passage: tuple[object, float, float]
+    noise: Mapping[str, Any]
 
 
 class CentralizedGenerator:
@@ -164,6 +216,9 @@ class CentralizedGenerator:
 
     Args:
         motions: what it plays, all with the same channels.
+        noise: on z, its standard deviation after one second. While z stays in its state nothing of it is heard; where
+            it drives z into another, the generator goes over to that motion.
+        seed: of the noise.
 
     Attributes:
         motions: their names.
@@ -172,18 +227,21 @@ class CentralizedGenerator:
         module: the switching module; state k is the k-th motion.
     """
 
-    def __init__(self, motions: dict[str, CentralizedMotion]) -> None:
+    def __init__(self, motions: dict[str, CentralizedMotion], noise: float = 0.0, seed: int = 0) -> None:
         if len({len(motion.rest) for motion in motions.values()}) != 1:
             raise MotiondeckError("a centralized network needs motions, all with the same number of channels")
+        if not 0.0 <= noise < np.inf:
+            raise MotiondeckError(f"noise of {noise} on z; it is not negative")
         self._of = motions
         self.motions = tuple(motions)
         self.channels = len(next(iter(motions.values())).rest)
         self.tempo = 1.0
-        self.module = SwitchingModule(design_module(len(motions)), time_scale=GAIN * TIME_CONSTANT)
+        self._passage = Passage(len(motions))
+        self.module = self._passage.module
+        self._noise, self._random = noise, np.random.default_rng(seed)
         self._out, self._mixed = np.zeros(self.channels), np.zeros(self.channels)
         self._waiting: str | None = None
         self._source: Voice | None = None
-        self._origin = 0.0
         self._scale, self._entries = _entries(motions)
         self.cue(self.motions[0])
 
@@ -219,13 +277,8 @@ class CentralizedGenerator:
             return
         entry = self._best_entry(to)
         self._source, self._voice = self._voice, Voice(part, entry * part.seconds)
-        target = self.motions.index(to)
-        if to == self.motion:
-            # The same state again: z comes from beside it, so that its way has a length.
-            self.module.place(float(self.module.design.targets[target]) - 1.0)
         self.motion = to
-        self._origin = self.module.z
-        self.module.command(clamp(self.module.design, target, GAIN))
+        self._passage.begin(self.motions.index(to))
 
     def step(self, dt: float) -> Channels:
         """Goes dt >= 0 seconds on and gives the channels there, shape (D,); the array is reused by the next step."""
@@ -233,6 +286,10 @@ class CentralizedGenerator:
         self._voice.speak(self._out)
         if self._source is not None:
             self._mix(dt)
+        elif self._noise:
+            self.module.advance(dt, self._push(dt))
+            if self.module.state != self.motions.index(self.motion):
+                self.switch(self.motions[self.module.state])
         return self._out
 
     def frequency_at(self, z: float) -> Array:
@@ -247,35 +304,34 @@ class CentralizedGenerator:
     def snapshot(self) -> Score:
         """A copy of the state: two runs from one snapshot are identical."""
         source = self._source.copy() if self._source is not None else None
-        return Score(self.motion, self._voice.copy(), source, self._origin, self._waiting, self.module.snapshot())
+        noise = self._random.bit_generator.state
+        return Score(self.motion, self._voice.copy(), source, self._waiting, self._passage.snapshot(), noise)
 
     def restore(self, score: Score) -> None:
         """Puts the state back to a snapshot."""
         self.motion, self._voice = score.motion, score.voice.copy()
         self._source = score.source.copy() if score.source is not None else None
-        self._origin, self._waiting = score.origin, score.waiting
-        self.module.restore(score.module)  # pyright: ignore[reportArgumentType]
+        self._waiting = score.waiting
+        self._passage.restore(score.passage)
+        self._random.bit_generator.state = score.noise
+
+    def _push(self, dt: float) -> float:
+        """What noise adds to z in dt seconds."""
+        return self._noise * dt**0.5 * self._random.standard_normal() if self._noise else 0.0
 
     def _mix(self, dt: float) -> None:
         """Moves z on and mixes what is left of the source into the output."""
         assert self._source is not None
-        self.module.advance(dt)
-        if not self.module.commanded:
+        if not self._passage.advance(dt, self._push(dt)):
             self._source = None
             self.module.reset(self.motions.index(self.motion))
             if self._waiting is not None:
                 waiting, self._waiting = self._waiting, None
                 self.switch(waiting)
             return
-        target = float(self.module.design.targets[self.motions.index(self.motion)])
-        way = target - self._origin
-        progress = min(1.0, max(0.0, (self.module.z - self._origin) / way))
-        share = rise(progress)
         self._source.advance(dt * self.tempo)
         self._source.speak(self._mixed)
-        np.subtract(self._out, self._mixed, out=self._out)
-        np.multiply(self._out, share, out=self._out)
-        np.add(self._out, self._mixed, out=self._out)
+        mix(self._passage.share, self._mixed, self._out)
 
     def _best_entry(self, to: str) -> float:
         """The phase at which a motion is most like what is about to come, 0 for one that happens once."""

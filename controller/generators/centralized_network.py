@@ -1,4 +1,7 @@
-"""Centralized motions frame by frame, as the deck plays networks: entered at anchors, advanced one frame at a time."""
+"""Centralized motions frame by frame, as the deck plays networks: entered at anchors, advanced one frame at a time.
+
+A switch is the switching module's: while z goes from one motion to the other both play, mixed by how far it has come.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ import numpy as np
 
 from controller.errors import MotiondeckError, UnknownNameError
 from controller.generators.base import Channels
-from controller.generators.centralized import CentralizedMotion, Voice
+from controller.generators.centralized import CentralizedMotion, Passage, Voice, mix
 from controller.generators.satellites import GaussianSatellites
 from controller.rotations import Array
 
@@ -65,6 +68,8 @@ class CentralizedNetwork:
         self._of, self.rate = motions, rate
         self.motions = tuple(motions)
         self.channels = len(motions[self.motions[0]].rest)
+        self._passage = Passage(len(motions))
+        self._mixed = np.zeros(self.channels)
         self.cue(self.motions[0], 0)
 
     def __getitem__(self, motion: str) -> StoredMotion:
@@ -98,16 +103,44 @@ class CentralizedNetwork:
     def cue(self, motion: str, anchor: int) -> None:
         """Goes to an anchor; the next `advance` gives the frame after it."""
         self._voice = Voice(self.part(motion), anchor * ANCHOR_EVERY / self.rate)
+        self._source: Voice | None = None
+        self._passage.module.reset(self.motions.index(motion))
+
+    def cross(self, motion: str, anchor: int, ahead: int = 0) -> None:
+        """Goes over from what is played to an anchor of a motion, or some frames after it, by the switching module."""
+        source, part = self._voice, self.part(motion)
+        self._voice = Voice(part, anchor * ANCHOR_EVERY / self.rate)
+        self._voice.advance(ahead / self.rate)
+        self._source = source
+        self._passage.begin(self.motions.index(motion))
+
+    @property
+    def crossing(self) -> bool:
+        """Whether it is on its way to another motion."""
+        return self._source is not None
 
     def advance(self, out: Channels) -> None:
         """Steps one frame on and writes it into out, shape (channels,)."""
-        self._voice.advance(1.0 / self.rate)
+        dt = 1.0 / self.rate
+        self._voice.advance(dt)
         self._voice.speak(out)
+        if self._source is None:
+            return
+        if not self._passage.advance(dt):
+            self._source = None
+            return
+        self._source.advance(dt)
+        self._source.speak(self._mixed)
+        mix(self._passage.share, self._mixed, out)
 
-    def snapshot(self) -> Voice:
+    def snapshot(self) -> tuple[Voice, Voice | None, tuple[object, float, float]]:
         """A copy of the state."""
-        return self._voice.copy()
+        source = self._source.copy() if self._source is not None else None
+        return self._voice.copy(), source, self._passage.snapshot()
 
     def restore(self, snapshot: Any) -> None:
         """Puts the state back to a snapshot."""
-        self._voice = snapshot.copy()
+        voice, source, passage = snapshot
+        self._voice = voice.copy()
+        self._source = source.copy() if source is not None else None
+        self._passage.restore(passage)

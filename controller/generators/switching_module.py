@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -153,6 +153,7 @@ class ModuleDesign:
         )
 
 
+@lru_cache(maxsize=32)
 def design_module(motions: int, beta: float = 0.5, slope: float = 24.0, kappa: float = 0.05) -> ModuleDesign:
     """The module for a number of motions, checked against Lemma 1.
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from controller.errors import MotiondeckError, UnknownNameError
+from controller.generators.base import CrossingNetwork
 from controller.generators.centralized_network import CentralizedNetwork
 from controller.generators.frame_player import FramePlayer
 from controller.generators.guard import Guard
@@ -21,7 +22,7 @@ from controller.realtime.interfaces import Retargeter
 from controller.realtime.messages import FASTEST, SLOWEST
 from controller.realtime.repertoire import Motion, read_repertoire
 from controller.realtime.routes import Routes
-from controller.realtime.transition import Fade, best_anchor, difference
+from controller.realtime.transition import Crossing, Fade, best_anchor, difference
 from controller.rotations import Array, multiply, yaw
 from controller.training.library import MotionLibrary
 
@@ -88,7 +89,7 @@ class Deck:
         self._recues = 0  # how many of the guard's are faded in already
         self._player = FramePlayer(self._guard or library.network.twin(), library.info.rate)
         self._player.cue(motion)
-        self._fade: Fade | None = None
+        self._fade: Fade | Crossing | None = None
         self._fade_start = 0.0
         self._current: Switch | None = None  # the switch that is being carried out
         self._fading: Switch | None = None  # the switch that the fade belongs to
@@ -263,7 +264,12 @@ class Deck:
         place = self._joints(shown)
         velocity = (place - self._joints(self.posture)) / dt
         anchor = best_anchor(place, velocity, entering.places, entering.velocities, VELOCITY_REACH)
-        self._enter(motion, anchor, shown, dt, _briskness(leaving, entering))
+        network = self._player.network
+        if self._fade is None and isinstance(network, CrossingNetwork):
+            self._player.cross(network, motion, anchor)
+            self._fade, self._fade_start = Crossing(network), self.time
+        else:
+            self._enter(motion, anchor, shown, dt, _briskness(leaving, entering))
         self._at = anchor * entering.spacing
         self._end = entering.seconds + (self._at if entering.loop else 0.0)
         self._waits = True  # only motions that happen once lie on a way, and they are finished
@@ -279,20 +285,17 @@ class Deck:
         self._fade_start = self.time
 
     def _onset(self) -> float:
-        """The share of the tempo at which a motion that happens once gets going while the fade into it lasts.
-
-        At full tempo half of it would be over before it can be seen.
-        """
+        """The share of the tempo at which a motion that happens once is played while a switch to it lasts."""
         if self._fade is None or self._here.loop:
             return 1.0
-        return min(1.0, (self.time - self._fade_start) / self._fade.duration) ** 2
+        return self._fade.onset(self.time - self._fade_start)
 
     def _faded(self, target: Posture) -> Posture:
         """The target with what is left of the last switch."""
         if self._fade is None:
             return target
         elapsed = self.time - self._fade_start
-        if elapsed < self._fade.duration:
+        if self._fade.lasts(elapsed):
             return self._fade.apply(target, elapsed)
         self._fade = None
         if self._fading is not None:

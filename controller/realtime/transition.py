@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controller.generators.base import CrossingNetwork
 from controller.mocap.posture import Posture
 from controller.quintic import run_out
 from controller.rotations import Array, conjugate, from_rotation_vector, multiply, to_rotation_vector
@@ -54,6 +55,34 @@ class Fade:
             turn_rate=target.turn_rate + drift[3],
             rotation=multiply(from_rotation_vector(left), target.rotation),
         )
+
+
+    def onset(self, elapsed: float) -> float:
+        """The share of the tempo at which a motion that happens once gets going.
+
+        At full tempo half of it would be over before it can be seen.
+        """
+        return min(1.0, elapsed / self.duration) ** 2
+
+    def lasts(self, elapsed: float) -> bool:
+        """Whether anything is left of the difference."""
+        return elapsed < self.duration
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """A switch that the network carries out by itself: nothing is left to fade, and both motions keep their tempo."""
+
+    network: CrossingNetwork
+
+    def apply(self, target: Posture, elapsed: float) -> Posture:
+        return target
+
+    def onset(self, elapsed: float) -> float:
+        return 1.0
+
+    def lasts(self, elapsed: float) -> bool:
+        return self.network.crossing
 
 
 def difference(shown: tuple[Posture, Posture], target: tuple[Posture, Posture], dt: float, bound: Array) -> Fade:
