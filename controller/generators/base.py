@@ -44,17 +44,15 @@ class FrameNetwork(Protocol):
 
 @runtime_checkable
 class CrossingNetwork(FrameNetwork, Protocol):
-    """A frame network that can go over from one motion to another by itself.
-
-    Attributes:
-        crossing: whether it is on its way.
-    """
+    """A frame network that can go over from one motion to another by itself."""
 
     @property
-    def crossing(self) -> bool: ...
+    def crossing(self) -> bool:
+        """Whether it is on its way."""
+        ...
 
-    def cross(self, motion: str, anchor: int, ahead: int = 0) -> None:
-        """Sets out for an anchor of a motion, or some frames after it."""
+    def cross(self, motion: str, entries: int) -> int:
+        """Sets out for the one of the first anchors of a motion that suits best, and says which."""
         ...
 
 

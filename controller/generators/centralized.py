@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from controller.errors import MotiondeckError, UnknownNameError
 from controller.generators.base import Channels
+from controller.generators.entries import Entries
 from controller.generators.oscillators import pairs_at, require_frequencies
 from controller.generators.satellites import GaussianSatellites
 from controller.generators.switching_module import SwitchingModule, clamp, design_module
@@ -27,13 +28,11 @@ from controller.quintic import rise
 from controller.rotations import Array
 
 # How long z takes for all but 1/e of its way, s, and the gain of the current that pulls it there.
-TIME_CONSTANT = 0.15
+TIME_CONSTANT = 0.2
 GAIN = 5.0
 
-# Entry points of a loop that are compared, and the stretch of motion they are compared over.
+# Entry points of a loop that are compared.
 ENTRIES = 50
-WINDOW_FRAMES = 12
-WINDOW_SECONDS = 3.0 * TIME_CONSTANT
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,7 +241,8 @@ class CentralizedGenerator:
         self._out, self._mixed = np.zeros(self.channels), np.zeros(self.channels)
         self._waiting: str | None = None
         self._source: Voice | None = None
-        self._scale, self._entries = _entries(motions)
+        starts = {k: np.arange(ENTRIES if m.loop else 1) / ENTRIES * m.seconds for k, m in motions.items()}
+        self._entries = Entries(motions, starts)
         self.cue(self.motions[0])
 
     def __getitem__(self, motion: str) -> CentralizedMotion:
@@ -275,8 +275,8 @@ class CentralizedGenerator:
             return
         if to == self.motion and part.loop:
             return
-        entry = self._best_entry(to)
-        self._source, self._voice = self._voice, Voice(part, entry * part.seconds)
+        entry = self._entries.best(self._voice.motion, self._voice.time, to)
+        self._source, self._voice = self._voice, Voice(part, entry / ENTRIES * part.seconds)
         self.motion = to
         self._passage.begin(self.motions.index(to))
 
@@ -332,23 +332,3 @@ class CentralizedGenerator:
         self._source.advance(dt * self.tempo)
         self._source.speak(self._mixed)
         mix(self._passage.share, self._mixed, self._out)
-
-    def _best_entry(self, to: str) -> float:
-        """The phase at which a motion is most like what is about to come, 0 for one that happens once."""
-        windows = self._entries[to]
-        ahead = self._voice.time + np.linspace(0.0, WINDOW_SECONDS, WINDOW_FRAMES)
-        coming = self._voice.motion.at(ahead) / self._scale
-        distance = np.square(windows - coming).sum((1, 2))
-        return float(distance.argmin()) / len(windows)
-
-
-def _entries(motions: dict[str, CentralizedMotion]) -> tuple[Array, dict[str, Array]]:
-    """Each channel's spread, shape (D,), and per motion the windows after its entry points, shape (E, frames, D)."""
-    window = np.linspace(0.0, WINDOW_SECONDS, WINDOW_FRAMES)
-    windows = {}
-    for name, part in motions.items():
-        starts = np.arange(ENTRIES if part.loop else 1) / ENTRIES * part.seconds
-        windows[name] = part.at((starts[:, None] + window).ravel()).reshape(len(starts), WINDOW_FRAMES, -1)
-    frames = np.concatenate([w.reshape(-1, w.shape[-1]) for w in windows.values()])
-    scale = np.maximum(frames.std(0), 1e-3 * max(1e-12, float(frames.std(0).max())))
-    return scale, {name: w / scale for name, w in windows.items()}

@@ -13,6 +13,7 @@ import numpy as np
 from controller.errors import MotiondeckError, UnknownNameError
 from controller.generators.base import Channels
 from controller.generators.centralized import CentralizedMotion, Passage, Voice, mix
+from controller.generators.entries import Entries
 from controller.generators.satellites import GaussianSatellites
 from controller.rotations import Array
 
@@ -70,6 +71,7 @@ class CentralizedNetwork:
         self.channels = len(motions[self.motions[0]].rest)
         self._passage = Passage(len(motions))
         self._mixed = np.zeros(self.channels)
+        self._entries = Entries(motions, {name: self._anchor_times(name) for name in self.motions})
         self.cue(self.motions[0], 0)
 
     def __getitem__(self, motion: str) -> StoredMotion:
@@ -92,9 +94,12 @@ class CentralizedNetwork:
 
     def anchors(self, motion: str) -> Channels:
         """The frames at the anchors of a motion, shape (anchors, channels)."""
+        return self.part(motion).at(self._anchor_times(motion))
+
+    def _anchor_times(self, motion: str) -> Array:
         part = self.part(motion)
         frames = round(part.seconds * self.rate) + (not part.loop)
-        return part.at(np.arange(0, frames, ANCHOR_EVERY) / self.rate)
+        return np.arange(0, frames, ANCHOR_EVERY) / self.rate
 
     def recall(self, motion: str) -> Channels:
         """What the network says at its anchors: the same, for it has no state that could stray."""
@@ -106,13 +111,17 @@ class CentralizedNetwork:
         self._source: Voice | None = None
         self._passage.module.reset(self.motions.index(motion))
 
-    def cross(self, motion: str, anchor: int, ahead: int = 0) -> None:
-        """Goes over from what is played to an anchor of a motion, or some frames after it, by the switching module."""
+    def cross(self, motion: str, entries: int) -> int:
+        """Goes over from what is played to one of the first anchors of a motion, by the switching module.
+
+        It is the anchor after which the motion is most like what would have come.
+        """
         source, part = self._voice, self.part(motion)
+        anchor = self._entries.best(source.motion, source.time, motion, entries)
         self._voice = Voice(part, anchor * ANCHOR_EVERY / self.rate)
-        self._voice.advance(ahead / self.rate)
         self._source = source
         self._passage.begin(self.motions.index(motion))
+        return anchor
 
     @property
     def crossing(self) -> bool:

@@ -13,9 +13,6 @@ import numpy as np
 
 from controller.generators.base import Channels, CrossingNetwork, FrameNetwork
 
-# The network is this many frames ahead of an anchor that is played.
-AHEAD = 3
-
 # Rows: the weights of p0 .. p3 for 1, u, u^2, u^3.
 _CUBIC = 0.5 * np.array([[0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3, 1]], dtype=np.float64)
 
@@ -62,10 +59,10 @@ class FramePlayer:
         for frame in self._frames[1:]:
             self.network.advance(frame)
 
-    def cross(self, network: CrossingNetwork, motion: str, anchor: int) -> None:
-        """Lets its network go over to an anchor of a motion by itself."""
-        network.cross(motion, anchor, AHEAD)
+    def cross(self, network: CrossingNetwork, motion: str, entries: int) -> int:
+        """Lets its network go over to one of the first anchors of a motion by itself, and says which."""
         self.motion = motion
+        return network.cross(motion, entries)
 
     def step(self, dt: float) -> Channels:
         """Goes dt >= 0 seconds on and gives the channels there, shape (channels,); reused by the next step."""

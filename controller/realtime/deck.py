@@ -259,16 +259,19 @@ class Deck:
         return bool(self._ahead) and (over or not self._waits)
 
     def _begin(self, motion: str, shown: Posture, dt: float) -> None:
-        """Starts a motion where it resembles the body most, and the fade towards it."""
+        """Starts a motion where it resembles the body most, and the fade towards it.
+
+        A network that goes over by itself is left to do so, unless another switch is still under way.
+        """
         leaving, entering = self._here, self._repertoire[motion]
-        place = self._joints(shown)
-        velocity = (place - self._joints(self.posture)) / dt
-        anchor = best_anchor(place, velocity, entering.places, entering.velocities, VELOCITY_REACH)
         network = self._player.network
         if self._fade is None and isinstance(network, CrossingNetwork):
-            self._player.cross(network, motion, anchor)
+            anchor = self._player.cross(network, motion, len(entering.places))
             self._fade, self._fade_start = Crossing(network), self.time
         else:
+            place = self._joints(shown)
+            velocity = (place - self._joints(self.posture)) / dt
+            anchor = best_anchor(place, velocity, entering.places, entering.velocities, VELOCITY_REACH)
             self._enter(motion, anchor, shown, dt, _briskness(leaving, entering))
         self._at = anchor * entering.spacing
         self._end = entering.seconds + (self._at if entering.loop else 0.0)

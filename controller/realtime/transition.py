@@ -56,7 +56,6 @@ class Fade:
             rotation=multiply(from_rotation_vector(left), target.rotation),
         )
 
-
     def onset(self, elapsed: float) -> float:
         """The share of the tempo at which a motion that happens once gets going.
 
@@ -76,12 +75,15 @@ class Crossing:
     network: CrossingNetwork
 
     def apply(self, target: Posture, elapsed: float) -> Posture:
+        """The target as it is."""
         return target
 
     def onset(self, elapsed: float) -> float:
+        """The whole tempo: the motion that is left would stand still with it."""
         return 1.0
 
     def lasts(self, elapsed: float) -> bool:
+        """Whether the network is on its way."""
         return self.network.crossing
 
 

@@ -118,6 +118,26 @@ def test_a_switch_arrives_without_a_jump_and_waits_its_turn():
     assert np.abs(np.diff(np.concatenate(path), axis=0)).max() < 3.0 * steady
 
 
+def test_noise_on_z_is_not_heard_until_it_drives_z_into_another_state():
+    still, noisy = three(), CentralizedGenerator({"walk": motion(1), "kick": motion(2, 2.3)}, noise=0.02)
+    assert np.array_equal(play(noisy, 2.0), play(still, 2.0))
+    assert noisy.module.z != 1.0
+    wild = CentralizedGenerator({"walk": motion(1), "kick": motion(2, 2.3)}, noise=0.6, seed=3)
+    seen, heard = play(wild, 1.0), {wild.motion}
+    before = wild.snapshot()
+    for _ in range(20):
+        seen = np.concatenate([seen[-1:], play(wild, 1.0)])
+        heard.add(wild.motion)
+        assert np.abs(np.diff(seen, axis=0)).max() < 0.5
+    assert heard == {"walk", "kick"}
+    wild.restore(before)
+    first = play(wild, 5.0)
+    wild.restore(before)
+    assert np.array_equal(play(wild, 5.0), first)
+    with pytest.raises(MotiondeckError, match="not negative"):
+        CentralizedGenerator({"walk": motion(1)}, noise=-1.0)
+
+
 def play_of(name):
     generator = three()
     generator.cue(name)

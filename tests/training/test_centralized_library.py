@@ -73,6 +73,50 @@ def test_a_player_goes_back_to_a_snapshot_bit_by_bit(library):
     assert np.array_equal([player.step(0.007).copy() for _ in range(100)], first)
 
 
+def test_a_network_goes_over_by_itself_and_repeats_that_from_a_snapshot(library):
+    network = library.network.twin()
+    network.cue("march", 5)
+    out = np.empty((150, network.channels))
+    for frame in out[:20]:
+        network.advance(frame)
+    entry = network.cross("wave", len(network.anchors("wave")))
+    assert network.crossing
+    before = network.snapshot()
+    for frame in out[20:]:
+        network.advance(frame)
+    assert not network.crossing
+    steady = max(np.abs(np.diff(played(library.network.twin(), name), axis=0)).max() for name in ("march", "wave"))
+    assert np.abs(np.diff(out, axis=0)).max() < 2.0 * steady
+    arrived = network.part("wave").at(np.array([(2 * entry + 130) / network.rate]))
+    assert np.allclose(out[-1], arrived[0])
+    network.restore(before)
+    again = np.empty_like(out[20:])
+    for frame in again:
+        network.advance(frame)
+    assert np.array_equal(again, out[20:])
+
+
+def test_a_switch_in_the_middle_of_a_switch_does_not_jump(library):
+    deck = Deck(library, lambda pose: pose.rotation, "march", direct=True)
+    rotations = []
+
+    def run(ticks):
+        for _ in range(ticks):
+            deck.update(0.005)
+            rotations.append(deck.posture.rotation)
+
+    run(100)
+    own = np.abs(np.diff(np.array(rotations), axis=0)).max()
+    deck.switch("wave")
+    run(40)
+    assert not deck.settled
+    deck.switch("march")
+    run(400)
+    assert deck.settled
+    assert deck.playing == "march"
+    assert np.abs(np.diff(np.array(rotations), axis=0)).max() < 3.0 * own
+
+
 def test_the_deck_plays_and_switches_it(library):
     deck = Deck(library, lambda pose: pose.rotation.ravel().copy(), "march")
     for to in ("wave", "bow", "march"):
