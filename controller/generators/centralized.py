@@ -171,9 +171,9 @@ class Passage:
         self._origin = self.module.z
         self.module.command(clamp(self.module.design, target, GAIN))
 
-    def advance(self, dt: float, push: float = 0.0) -> bool:
-        """Goes dt seconds on, push being added to z; whether the way still lasts."""
-        self.module.advance(dt, push)
+    def advance(self, dt: float) -> bool:
+        """Goes dt seconds on; whether the way still lasts."""
+        self.module.advance(dt)
         return self.module.commanded
 
     @property
@@ -215,8 +215,8 @@ class CentralizedGenerator:
 
     Args:
         motions: what it plays, all with the same channels.
-        noise: on z, its standard deviation after one second. While z stays in its state nothing of it is heard; where
-            it drives z into another, the generator goes over to that motion.
+        noise: on z at rest, its standard deviation after one second. While z stays in its state nothing of it is heard;
+            where it drives z into another, the generator goes over to that motion.
         seed: of the noise.
 
     Attributes:
@@ -287,7 +287,7 @@ class CentralizedGenerator:
         if self._source is not None:
             self._mix(dt)
         elif self._noise:
-            self.module.advance(dt, self._push(dt))
+            self.module.advance(dt, self._noise * dt**0.5 * self._random.standard_normal())
             if self.module.state != self.motions.index(self.motion):
                 self.switch(self.motions[self.module.state])
         return self._out
@@ -315,14 +315,10 @@ class CentralizedGenerator:
         self._passage.restore(score.passage)
         self._random.bit_generator.state = score.noise
 
-    def _push(self, dt: float) -> float:
-        """What noise adds to z in dt seconds."""
-        return self._noise * dt**0.5 * self._random.standard_normal() if self._noise else 0.0
-
     def _mix(self, dt: float) -> None:
         """Moves z on and mixes what is left of the source into the output."""
         assert self._source is not None
-        if not self._passage.advance(dt, self._push(dt)):
+        if not self._passage.advance(dt):
             self._source = None
             self.module.reset(self.motions.index(self.motion))
             if self._waiting is not None:

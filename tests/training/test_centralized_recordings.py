@@ -74,7 +74,7 @@ def test_switches_are_no_rougher_than_training(generator, loops, encoding):
                 generator.cue(source, rng.uniform())
                 frames = [generator.step(1 / 120).copy() for _ in range(6)]
                 generator.switch(target)
-                frames += [generator.step(1 / 120).copy() for _ in range(114)]
+                frames += [generator.step(1 / 120).copy() for _ in range(130)]
                 assert generator.settled
                 switched.append(accelerations(joint_features(encoding, np.array(frames))))
     assert np.quantile(np.concatenate(switched), 0.999) <= np.quantile(taught, 0.999)
