@@ -1,9 +1,9 @@
 import mujoco
 import numpy as np
-from simulated_bodies import human
 
 from sim.figure import batches, box, cylinder, poses, sphere
 from sim.mannequin import build_mannequin
+from simulated_bodies import human
 
 XML = """
 <mujoco><worldbody>

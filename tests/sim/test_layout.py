@@ -3,12 +3,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from simulated_bodies import human
 
 from controller.errors import FileFormatError
 from controller.rotations import from_rotation_vector, normalise, to_rotation_vector
 from sim.layout import Layout, nearest_turn
 from sim.mannequin import build_mannequin
+from simulated_bodies import human
 
 ROBOT = """
 <mujoco model="tiny"><worldbody><body name="root">{free}<geom size="0.1"/>

@@ -3,7 +3,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from simulated_bodies import human, random_pose, skeletons
 
 from controller.mocap.patterns import read_pattern
 from controller.mocap.posture import Pose
@@ -11,6 +10,7 @@ from sim.flesh import stature
 from sim.layout import Layout
 from sim.mannequin import build_mannequin
 from sim.retarget import MannequinRetargeter
+from simulated_bodies import human, random_pose, skeletons
 
 
 def joint_error(model, skeleton, poses):

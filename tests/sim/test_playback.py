@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-from simulated_bodies import ROBOTS, bent_pose, human, smooth_poses
 
 from controller.mocap.posture import Pose
 from sim.playback import KinematicPlayback, PhysicsPlayback
 from sim.robot import load_robot
+from simulated_bodies import ROBOTS, bent_pose, human, smooth_poses
 
 NAMES = ["mannequin", "servo20"]
 

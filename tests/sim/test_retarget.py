@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from simulated_bodies import ROBOTS, bent_pose, human, random_pose, smooth_poses
 
 from controller.errors import FileFormatError
 from controller.rotations import conjugate, from_rotation_vector, multiply, rotate
 from sim.retarget import GAIN, SETTLE, MannequinRetargeter, ServoHumanoidRetargeter
 from sim.robot import load_robot
+from simulated_bodies import ROBOTS, bent_pose, human, random_pose, smooth_poses
 
 QUARTER = np.pi / 2.0
 

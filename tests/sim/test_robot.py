@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-from simulated_bodies import HUMAN, ROBOTS, human, skeleton_of
 
 from controller.errors import FileFormatError, UnknownNameError
 from sim.retarget import SERVO_HUMANOID_JOINTS
 from sim.robot import load_robot
+from simulated_bodies import HUMAN, ROBOTS, human, skeleton_of
 
 GOOD = """
 name = "mannequin"

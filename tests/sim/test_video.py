@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 from PIL import Image, ImageSequence
-from simulated_bodies import human
 
 from sim.mannequin import build_mannequin
 from sim.offscreen import OffScreen, PictureError
 from sim.video import contact_sheet, render
+from simulated_bodies import human
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from simulated_bodies import human
 from test_private_page import free_port
 
 from controller.realtime.commands import Accepted, CommandServer, Refused, SetSpeed, Stop, Switch
@@ -19,6 +18,7 @@ from controller.realtime.telemetry import StateWriter
 from sim.mannequin import build_mannequin
 from sim.scene import Follower
 from sim.viewer import main
+from simulated_bodies import human
 
 MOTIONS = ["walk", "jog", "waltz"]
 NUMBERS = ["tick", "time_s", "motion", "speed", "paused", "rate_hz", "overruns"]
