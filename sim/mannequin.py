@@ -12,7 +12,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from controller.mocap.anatomy import Part, anatomy
+from controller.mocap.anatomy import Anatomy, Part, anatomy
 from controller.mocap.skeleton import ROOT, Skeleton
 from controller.rotations import Array, from_matrix
 from sim.flesh import Solid, flesh, masses, pelvis
@@ -36,11 +36,18 @@ REACH: dict[Part, float] = {
     "other": 3.0,
 }
 
-# Every servo is tuned to the same closed loop, critically damped, whatever it carries: kp = I w^2 and kv = 2 I w, with
-# I the most that its joint has to move about any axis in the rest pose, plus the armature. The armature, the inertia of
-# the servo's own rotor as a geared motor shows it, is what keeps a chain of stiff joints stable at this timestep.
+# Every servo is tuned to the same closed loop, critically damped, whatever it carries: kp = I w^2 and kv = 2 kp / w,
+# with I the most that its joint has to move about any axis in the rest pose.
 SERVO_BANDWIDTH = 60.0
-ARMATURE_SHARE = 0.1
+# The inertia of a servo's own rotor, as a geared motor shows it, grows with its strength: on its own it would swing at
+# this rate, rad/s. It is what keeps a chain of stiff joints, and a light foot on the floor, stable at this timestep.
+ROTOR_RATE = 200.0
+# A light bone at the end of a limb is flung about by the limb: kp is also what lets it lag by at most FLUNG[1] (rad)
+# when its joint is accelerated by FLUNG[0] (m/s^2, a heel strike while running) ...
+FLUNG = (100.0, 0.05)
+# ... and a leg that stands has the rest of the body to hold: kp is also STANCE times weight times height of the hips.
+STANCE = 2.0
+GRAVITY = 9.81
 
 COLOURS = {
     "body": (0.90, 0.89, 0.86),
@@ -84,7 +91,7 @@ def build_mannequin(skeleton: Skeleton) -> mujoco.MjSpec:
         body.add_site(name=name, pos=skeleton.rest_direction[bone] * skeleton.length[bone], size=[0.005] * 3, group=4)
         _dress(body, flesh(skeleton, parts, bone), mass[bone + 1], parts.side[bone])
         bodies[bone] = body
-    _add_servos(spec, skeleton)
+    _add_servos(spec, skeleton, parts, height)
     add_lamp(root, height)
     add_gantry(spec, root)
     return spec
@@ -120,16 +127,24 @@ def _dress(body: mujoco.MjsBody, solids: list[Solid], mass: float, side: str) ->
         )
 
 
-def _add_servos(spec: mujoco.MjSpec, skeleton: Skeleton) -> None:
+def _add_servos(spec: mujoco.MjSpec, skeleton: Skeleton, parts: Anatomy, height: float) -> None:
     model = spec.compile()
     inertia = _felt_inertia(model)
-    for name in skeleton.bones:
-        first = model.joint(name).dofadr[0]
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    standing = STANCE * float(model.body_mass.sum()) * GRAVITY * height
+    for bone, name in enumerate(skeleton.bones):
+        first, body = model.joint(name).dofadr[0], model.body(name).id
         felt = inertia[first : first + 3].max()
-        spec.joint(name).armature = ARMATURE_SHARE * felt
-        moved = (1.0 + ARMATURE_SHARE) * felt
+        # How far the middle of all that hangs from the joint is away from it, times its mass.
+        moment = model.body_subtreemass[body] * np.linalg.norm(data.subtree_com[body] - data.xpos[body])
+        needs = [felt * SERVO_BANDWIDTH**2, moment * FLUNG[0] / FLUNG[1]]
+        if parts.part[bone] in ("shank", "foot") and parts.first(parts.part[bone], parts.side[bone]) == bone:
+            needs.append(standing)
+        kp = max(needs)
+        spec.joint(name).armature = kp / ROTOR_RATE**2
         for axis in range(3):
             servo = spec.add_actuator(name=f"{name}.{'xyz'[axis]}", trntype=mujoco.mjtTrn.mjTRN_JOINT, target=name)
             servo.gear[:] = 0.0
             servo.gear[axis] = 1.0
-            servo.set_to_position(kp=moved * SERVO_BANDWIDTH**2, kv=2.0 * moved * SERVO_BANDWIDTH)
+            servo.set_to_position(kp=kp, kv=2.0 * kp / SERVO_BANDWIDTH)

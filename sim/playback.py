@@ -10,12 +10,23 @@ from collections.abc import Mapping
 import mujoco
 import numpy as np
 
+from controller.errors import MotiondeckError
 from controller.mocap.posture import Pose
-from controller.rotations import Array, conjugate, multiply, to_rotation_vector
+from controller.rotations import Array, conjugate, multiply, rotate, to_rotation_vector
+from sim.balance import Balance
+from sim.feet import lowest_point
+from sim.physics_model import physics_model
 from sim.robot import Robot
+from sim.servos import Servos
 
 # MuJoCo starts afresh by itself when its state breaks, and leaves a note.
 _BROKEN = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+
+
+# A robot has fallen when its root is lower than this share of the height at which it is played, or when it leans over
+# by so much more than it is played, rad.
+FALLEN_HEIGHT = 0.6
+FALLEN_TILT = 1.0
 
 
 class KinematicPlayback:
@@ -61,29 +72,42 @@ class KinematicPlayback:
 
 
 class PhysicsPlayback:
-    """Drives the robot's servos towards the targets while a gantry carries its root along the pose's path.
+    """Drives the robot's servos towards the targets, with its root on a gantry, fixed, or free on a solid floor.
 
     A servo pushes with  kp (target - position) + kv (rate of target - velocity): the rate is fed forward, or a motion
-    would trail by kv / kp. On a ball joint "target - position" is the rotation from the one to the other.
+    would trail by kv / kp. On a ball joint "target - position" is the rotation from the one to the other. Where the
+    robot's servos are known they push no harder than their torque-speed line and their current allow.
 
     Attributes:
         name: "physics".
         data: MuJoCo's state.
+        model: what it is the state of; the playback's own.
+        fell_s: when a free robot fell, s since the first write; None as long as it stands.
     """
 
     name = "physics"
 
-    def __init__(self, robot: Robot, dt: float) -> None:
+    def __init__(self, robot: Robot, dt: float, root: str = "gantry", balance: bool = False) -> None:
         """Rests the robot.
 
         Args:
             robot: whom to drive.
             dt: how much time passes with each write, s; rounded to whole steps of the simulation.
+            root: whether a gantry carries its root along, holds it where it is, or lets it go.
+            balance: whether a free robot keeps its feet where they are and its centre of mass above them.
+
+        Raises:
+            MotiondeckError: for another root, or to balance what is not free or has no two feet.
         """
-        self._robot, model = robot, robot.model
+        self._robot, self._root = robot, root
+        self.model = model = physics_model(robot, root)
         self.data = mujoco.MjData(model)
         self._steps = max(1, round(dt / model.opt.timestep))
         self._dt = self._steps * model.opt.timestep
+        if balance and root != "free":
+            raise MotiondeckError(f"a robot whose root is {root} need not balance: give --root free with --balance")
+        self._balance = Balance(robot, model, self._dt) if balance else None
+        self._servos = Servos(robot.servo, model, self._dt) if robot.servo is not None else None
         # Position servos: force = gain * ctrl + bias . (1, length, velocity), with gain = kp and bias[2] = -kv.
         gain = model.actuator_gainprm[:, 0]
         self._lead = -model.actuator_biasprm[:, 2] / np.where(gain > 0.0, gain, 1.0)
@@ -92,6 +116,7 @@ class PhysicsPlayback:
         self._measured = robot.rest.copy()
         self._started = False
         self._writes = self._faults = 0
+        self.fell_s: float | None = None
         self._square_sum, self._worst = 0.0, 0.0
         robot.layout.place(robot.rest, self.data.qpos)
         mujoco.mj_forward(model, self.data)
@@ -112,39 +137,64 @@ class PhysicsPlayback:
         self._goal, self._goal_before = self._goal_before, self._goal
         robot.place(targets, pose, self._goal)
         if not self._started:
-            self._put_in_place(targets)
-        data.mocap_pos[0] = self._goal[:3]
-        data.mocap_quat[0] = self._goal[3:7]
-        self._command(targets)
-        mujoco.mj_step(robot.model, data, self._steps)
+            self._put_in_place()
+        if self._root == "gantry":
+            data.mocap_pos[0] = self._goal[:3]
+            data.mocap_quat[0] = self._goal[3:7]
+        played = self._goal[:7].copy()
+        if self._balance is not None:
+            self._balance.adjust(data, self._goal, float(pose.heading))
+        if self._servos is not None:
+            self._goal[:] = self._servos.delayed(self._goal)
+        for _ in range(self._steps):
+            self._command()
+            if self._servos is not None:
+                self._servos.limit(data)
+            mujoco.mj_step(self.model, data)
+            if self._servos is not None:
+                self._servos.note(data)
         if not np.isfinite(data.qpos).all() or any(data.warning[kind].number for kind in _BROKEN):
             self._faults += 1
-            self._put_in_place(targets)
+            robot.place(targets, pose, self._goal)
+            self._put_in_place()
         robot.layout.read(data.qpos, near=targets, out=self._measured)
         self._count(targets)
+        if self._root == "free" and self.fell_s is None and has_fallen(data.qpos, played):
+            self.fell_s = self._writes * self._dt
 
     def measured(self) -> Array:
         """The joint positions (J,), rad, in the simulation."""
         return self._measured
 
+    def push(self, force: Array) -> None:
+        """Pushes the root with a force (3,), N, in the world, from now on until told otherwise."""
+        root = int(self.model.jnt_bodyid[0])
+        self.data.xfrc_applied[root, :3] = force
+
     def report(self) -> Mapping[str, object]:
         """How closely the servos followed: root mean square over joints and time, and the worst joint at any time."""
         samples = max(self._writes, 1) * len(self._measured)
-        return {
+        said: dict[str, object] = {
             "kind": "physics",
             "robot": self._robot.name,
+            "root": self._root,
             "joints": len(self._measured),
             "writes": self._writes,
-            "timestep_s": self._robot.model.opt.timestep,
+            "timestep_s": self.model.opt.timestep,
             "tracking_rmse_rad": float(np.sqrt(self._square_sum / samples)),
             "tracking_worst_rad": self._worst,
             "faults": self._faults,
         }
+        if self._root == "free":
+            said |= {"balance": self._balance is not None, "fell_s": self.fell_s}
+        if self._servos is not None:
+            said["servos"] = self._servos.report()
+        return said
 
     def close(self) -> None:
         """Nothing to let go of."""
 
-    def _command(self, targets: Array) -> None:
+    def _command(self) -> None:
         layout, ctrl = self._robot.layout, self.data.ctrl
         if len(layout.hinge):
             goal, before = self._goal[layout.hinge_qpos], self._goal_before[layout.hinge_qpos]
@@ -156,16 +206,33 @@ class PhysicsPlayback:
             now, error, turned = to_rotation_vector(np.concatenate([self.data.qpos[at][None], multiply(back, goal)]))
             ctrl[layout.ball] = now + error + self._lead[layout.ball] * turned / self._dt
 
-    def _put_in_place(self, targets: Array) -> None:
-        """Starts afresh at the targets, at rest."""
-        mujoco.mj_resetData(self._robot.model, self.data)
+    def _put_in_place(self) -> None:
+        """Starts afresh at the goal, at rest; a free robot with its lowest point on the floor."""
+        mujoco.mj_resetData(self.model, self.data)
         self.data.qpos[:] = self._goal
-        self._goal_before[:] = self._goal
+        mujoco.mj_kinematics(self.model, self.data)
+        if self._root == "free":
+            self.data.qpos[2] -= lowest_point(self.model, self.data)
+        if self._root == "fixed":
+            self.data.mocap_pos[0] = self._goal[:3]
+            self.data.mocap_quat[0] = self._goal[3:7]
+        if self._balance is not None:
+            self._balance.start(self.data)
+        self._goal_before[:] = self.data.qpos
+        if self._servos is not None:
+            self._servos.start()
         self._started = True
-        mujoco.mj_forward(self._robot.model, self.data)
+        mujoco.mj_forward(self.model, self.data)
 
     def _count(self, targets: Array) -> None:
         error = targets - self._measured
         self._writes += 1
         self._square_sum += float(error @ error)
         self._worst = max(self._worst, float(np.abs(error).max()))
+
+
+def has_fallen(qpos: Array, played: Array) -> bool:
+    """Whether a root at qpos (>= 7,) is too low or leans over too far, seen from the played one (>= 7,)."""
+    upright = rotate(np.stack([qpos[3:7], played[3:7]]), np.array([0.0, 0.0, 1.0]))[:, 2]
+    lean, played_lean = np.arccos(np.clip(upright, -1.0, 1.0))
+    return bool(qpos[2] < FALLEN_HEIGHT * played[2] or lean > played_lean + FALLEN_TILT)

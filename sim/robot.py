@@ -22,6 +22,7 @@ from sim.layout import Layout
 from sim.mannequin import build_mannequin
 from sim.retarget import MannequinRetargeter, ServoHumanoidRetargeter
 from sim.robot_file import RobotFile, read_robot_file
+from sim.servo import Servo
 from sim.stage import add_gantry, add_lamp, set_stage
 
 
@@ -38,6 +39,7 @@ class Robot:
         rest: joint positions to start from and return to, shape (J,), rad.
         retarget: carries poses to joint targets.
         path_scale: its size over that of the skeleton; scales the path of the root.
+        servo: what each of its servos can do, where that is known.
     """
 
     name: str
@@ -48,6 +50,7 @@ class Robot:
     rest: Array
     retarget: Retargeter
     path_scale: float
+    servo: Servo | None = None
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -95,7 +98,7 @@ def load_robot(path: Path, skeleton: Skeleton) -> Robot:
             f"outside {limits.lower[joint]:.2f} to {limits.upper[joint]:.2f} rad"
         )
     scale = file.root_height / skeleton.leg_length if file.root_height and skeleton.leg_length > 0.0 else 1.0
-    return Robot(file.name, spec, model, layout, limits, rest, retarget, scale)
+    return Robot(file.name, spec, model, layout, limits, rest, retarget, scale, file.servo)
 
 
 def _load_spec(path: Path, file: RobotFile) -> mujoco.MjSpec:

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import msgspec
 
 from controller.errors import FileFormatError, UnknownNameError
+from sim.servo import Servo
 
 
 class JointLimit(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -40,6 +41,7 @@ class RobotFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         model: its MJCF file, beside this one; a mannequin is built from the skeleton instead.
         root_height: of its root above the floor when it stands straight, m; none plays paths at their own scale.
         rest: joint positions to rest in, rad; those not named rest at zero.
+        servo: what each of its servos can do; without it they are as strong as the model has them.
     """
 
     name: str
@@ -48,6 +50,7 @@ class RobotFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     model: str | None = None
     root_height: float | None = None
     rest: dict[str, float] = {}
+    servo: Servo | None = None
 
 
 def read_robot_file(path: Path) -> RobotFile:
@@ -70,6 +73,8 @@ def read_robot_file(path: Path) -> RobotFile:
         joints = limits.get("joints")
         for joint, limit in joints.items() if isinstance(joints, dict) else ():
             _refuse_unknown(path, f"limits.joints.{joint}.", limit, JointLimit)
+    if isinstance(content.get("servo"), dict):
+        _refuse_unknown(path, "servo.", content["servo"], Servo)
     try:
         robot = msgspec.convert(content, RobotFile)
     except msgspec.ValidationError as error:
@@ -102,6 +107,10 @@ def _check_numbers(path: Path, robot: RobotFile) -> None:
     for place, value in positions.items():
         if not abs(value) < float("inf"):
             raise FileFormatError(f"{path}: {place} is {value}; it must be a number of rad")
+    servo = msgspec.structs.asdict(robot.servo) if robot.servo is not None else {}
+    for key, value in servo.items():
+        if value is not None and not value < float("inf"):
+            raise FileFormatError(f"{path}: servo.{key} is {value}; it must be a finite number")
     if robot.root_height is not None and not 0.0 < robot.root_height < float("inf"):
         raise FileFormatError(f"{path}: root_height is {robot.root_height}; it must be a positive number of metres")
     if (robot.model is None) != (robot.kind == "mannequin"):

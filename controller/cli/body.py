@@ -39,11 +39,15 @@ class Cast:
         robot: the robot file.
         rig: the rig file, or None.
         emulated: whether the rig's servos are emulated.
+        root: what holds the simulated robot: gantry, fixed or free.
+        balance: whether a free robot keeps its balance.
     """
 
     robot: Path
     rig: Path | None = None
     emulated: bool = False
+    root: str = "gantry"
+    balance: bool = False
 
 
 @dataclass(frozen=True)
@@ -95,7 +99,7 @@ def open_body(
     from sim.robot import load_robot
 
     robot = load_robot(cast.robot, library.skeleton)
-    stage = PhysicsPlayback(robot, 1.0 / rate) if physics else KinematicPlayback(robot)
+    stage = PhysicsPlayback(robot, 1.0 / rate, cast.root, cast.balance) if physics else KinematicPlayback(robot)
     opening.callback(stage.close)
     rig, limits = None, robot.limits
     if cast.rig is not None:

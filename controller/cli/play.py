@@ -42,6 +42,13 @@ def play(
     kinematic: Annotated[
         bool, typer.Option("--kinematic", help="Show the targets themselves, without simulated servos and masses.")
     ] = False,
+    root: Annotated[
+        str,
+        typer.Option("--root", help="The simulated robot's root: carried by a gantry, fixed, or free to fall."),
+    ] = "gantry",
+    balance: Annotated[
+        bool, typer.Option("--balance", help="Keep a free robot's feet in place and its weight above them.")
+    ] = False,
     realtime: Annotated[
         bool,
         typer.Option("--realtime", help="Ask for real-time scheduling and locked memory, and say what was granted."),
@@ -84,6 +91,8 @@ def play(
 
       motiondeck play --follow servo20 --follow-rig emulated
 
+      motiondeck play box1 --robot servo20 --root free --balance
+
       motiondeck play --video walk.mp4 --seconds 6
     """
     from controller.cli.resources import find
@@ -95,6 +104,8 @@ def play(
         raise MotiondeckError(f"--seconds {seconds:g} is not a length of time above 0")
     if script is not None and motion is not None:
         raise MotiondeckError(f"give either a motion ('{motion}') or a --script, not both")
+    if (kinematic or video is not None) and (root != "gantry" or balance):
+        raise MotiondeckError("--root and --balance are for simulated servos: leave --kinematic and --video")
     loaded = load_library(find("library", library, ".safetensors"))
     names = loaded.network.motions
     if motion is not None and motion not in names:
@@ -136,7 +147,7 @@ def play(
     elif follow_rig is not None:
         raise MotiondeckError("--follow-rig needs --follow ROBOT: whose servos are they?")
     settings = Settings(
-        robot=Cast(find("robot", robot, ".toml"), rig_file(rig, robot), rig == "emulated"),
+        robot=Cast(find("robot", robot, ".toml"), rig_file(rig, robot), rig == "emulated", root, balance),
         rate=rate,
         physics=not kinematic,
         realtime=realtime,

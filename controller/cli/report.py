@@ -64,5 +64,6 @@ def summary(report: dict[str, Any]) -> str:
             f"rig: {rig['joints']} joints at {rig['hz']:g} Hz, {rig['faults']} faults"
             + (f", tracking error {np.degrees(error):.2f} deg (rms)" if error is not None else "")
         )
+    lines += [f"the robot fell after {o['fell_s']:.1f} s" for o in report["outputs"] if o.get("fell_s") is not None]
     lines += [f"output {o['name']} was parked: {o['fault']}" for o in report["outputs"] if o["parked"]]
     return "\n".join(lines)

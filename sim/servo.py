@@ -1,0 +1,74 @@
+"""Servos: what a geared motor can push at its speed, what it draws, and how warm that makes it.
+
+A direct-current motor gives its stall torque T at rest and nothing at its no-load speed w (in between, a straight
+line), and draws a current in proportion to its torque:
+
+    |torque| <= T (1 - |v| / w)  where it drives,   T  where it brakes,   and never beyond the current limit
+    current = I_stall |torque| / T
+    d temperature / dt = warming (current / I_stall)^2 - (temperature - room) / cooling
+
+The gears leave a play, in which the joint is free, and the bus hands a target over late.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+import numpy as np
+
+from controller.rotations import Array
+
+ROOM = 25.0
+"""degC; what servos start from and cool down to."""
+
+_Positive = Annotated[float, msgspec.Meta(gt=0.0)]
+_NotNegative = Annotated[float, msgspec.Meta(ge=0.0)]
+
+
+class Servo(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """What the servos of a robot can do; the table [servo] of a robot file.
+
+    Attributes:
+        torque: at stall, N m.
+        speed: without load, rad/s.
+        current: at stall, A.
+        current_limit: beyond which it does not push harder, A; None for none below the stall current.
+        backlash: the play of the gears from end to end, rad.
+        latency: how late a target gets there, s.
+        warming: by stall current, K/s, an estimate for a servo of 80 g.
+        cooling: time constant towards the room's temperature, s, likewise.
+        hottest: the temperature at which it shuts down, degC.
+    """
+
+    torque: _Positive
+    speed: _Positive
+    current: _Positive
+    current_limit: _Positive | None = None
+    backlash: _NotNegative = 0.0
+    latency: _NotNegative = 0.0
+    warming: _Positive = 1.5
+    cooling: _Positive = 240.0
+    hottest: _Positive = 80.0
+
+    @property
+    def most(self) -> float:
+        """The torque that the current limit leaves, N m."""
+        limit = self.current if self.current_limit is None else min(self.current_limit, self.current)
+        return self.torque * limit / self.current
+
+    def torque_range(self, velocity: Array) -> tuple[Array, Array]:
+        """The least and the largest torque (J,), N m, at joint velocities (J,), rad/s."""
+        share = velocity / self.speed
+        upper = np.minimum(self.torque * np.clip(1.0 - share, 0.0, 1.0), self.most)
+        lower = np.minimum(self.torque * np.clip(1.0 + share, 0.0, 1.0), self.most)
+        return -lower, upper
+
+    def drawn(self, torque: Array) -> Array:
+        """The current for torques of any shape, A."""
+        return self.current / self.torque * np.abs(torque)
+
+    def temperature(self, square: Array, seconds: float, start: float = ROOM) -> Array:
+        """How warm it is after so long at a mean square current (of any shape), A^2; degC."""
+        settled = ROOM + self.cooling * self.warming * square / self.current**2
+        return settled + (start - settled) * np.exp(-seconds / self.cooling)
