@@ -1,13 +1,13 @@
 import mujoco
 import numpy as np
 import pytest
-from simulated_bodies import HUMAN, ROBOTS, bent_pose, human, skeleton_of
 
 from controller.errors import MotiondeckError
 from sim.feet import find_feet, lowest_point
 from sim.physics_model import feet_of, physics_model
 from sim.playback import PhysicsPlayback, has_fallen
 from sim.robot import load_robot
+from simulated_bodies import HUMAN, ROBOTS, bent_pose, human, skeleton_of
 
 NAMES = ["mannequin", "servo20"]
 DT = 0.005

@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from simulated_bodies import ROBOTS, bent_pose, human
 
 from controller.errors import FileFormatError, UnknownNameError
 from sim.playback import PhysicsPlayback
 from sim.robot import load_robot
 from sim.servo import ROOM, Servo
+from simulated_bodies import ROBOTS, bent_pose, human
 
 XM430 = Servo(torque=4.1, speed=4.8, current=2.3)
 
