@@ -8,8 +8,10 @@ from controller.errors import FileFormatError
 from controller.mocap.amc import read_amc
 from controller.mocap.asf import read_asf
 from controller.mocap.bvh import read_bvh
+from controller.mocap.c3d import read_c3d
 from controller.mocap.clip import Clip
 from controller.mocap.joint_angles import read_taught_clip
+from controller.mocap.marker_fit import fit_markers
 from controller.mocap.patterns import read_pattern
 
 
@@ -17,8 +19,8 @@ def read_clip(path: str | Path, skeleton: str | Path | None = None) -> Clip:
     """The clip in a recording.
 
     Args:
-        path: an Acclaim recording (.amc), a Biovision one (.bvh), what a rig was taught by hand (.clip) or one of
-            Jaeger's MATLAB patterns (.mat); capitals do not matter.
+        path: an Acclaim recording (.amc), a Biovision one (.bvh), markers on a body (.c3d), what a rig was taught by
+            hand (.clip) or one of Jaeger's MATLAB patterns (.mat); capitals do not matter.
         skeleton: for .amc, the .asf file it belongs to; None takes the only one in the same folder.
 
     Raises:
@@ -29,6 +31,8 @@ def read_clip(path: str | Path, skeleton: str | Path | None = None) -> Clip:
             return read_pattern(path)
         case ".bvh":
             return read_bvh(path)
+        case ".c3d":
+            return fit_markers(read_c3d(path), Path(path).stem).clip
         case ".amc":
             return read_amc(path, read_asf(skeleton or _only_skeleton_beside(path)))
         case ".clip":
@@ -38,7 +42,7 @@ def read_clip(path: str | Path, skeleton: str | Path | None = None) -> Clip:
         case suffix:
             raise FileFormatError(
                 f"{path}: no reader for '{suffix}' files. Supported are .amc (Acclaim, with its .asf), .bvh "
-                "(Biovision), .clip (taught by hand) and .mat (Jaeger's patterns)."
+                "(Biovision), .c3d (markers), .clip (taught by hand) and .mat (Jaeger's patterns)."
             )
 
 

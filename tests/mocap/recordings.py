@@ -1,6 +1,7 @@
-"""Small recordings in each format, made up for tests: text of an ASF, an AMC and a BVH, bytes of a MAT file."""
+"""Small recordings in each format, made up for tests: text of an ASF, an AMC and a BVH, bytes of a MAT and a C3D."""
 
 import io
+import struct
 
 import numpy as np
 import scipy.io
@@ -187,3 +188,57 @@ def mat_bytes(fields, **options):
     scipy.io.savemat(file, fields, **options)
     header = b"MATLAB 5.0 MAT-file, made up for a test".ljust(116)  # scipy's would hold the date
     return header + file.getvalue()[116:]
+
+
+def c3d_bytes(labels, points, *, processor=84, scale=-0.1, rate=120.0, unit="mm", up="+Z", extra=()):
+    """A C3D file of points (T, M, 3); NaN is a point not seen. A positive scale makes it one of int16."""
+    order = ">" if processor == 86 else "<"
+
+    def floats(*values):
+        values = np.array(values, dtype=np.float64)
+        if processor != 85:
+            return values.astype(order + "f4").tobytes()
+        halves = (4.0 * values).astype("<f4").view("<u2").reshape(-1, 2)[:, ::-1]
+        return np.ascontiguousarray(halves).tobytes()
+
+    def text(name, rows):
+        width = max(map(len, rows))
+        shape = [width] if len(rows) == 1 else [width, len(rows)]
+        return name, -1, shape, "".join(row.ljust(width) for row in rows).encode("latin-1")
+
+    def record(number, name, body):
+        return struct.pack("bb", len(name), number) + name.encode() + struct.pack(order + "H", len(body) + 2) + body
+
+    first, rest = list(labels[:255]), list(labels[255:])
+    parameters = [
+        ("USED", 2, [], struct.pack(order + "h", len(labels))),
+        ("SCALE", 4, [], floats(scale)),
+        ("RATE", 4, [], floats(rate)),
+        ("DATA_START", 2, [], None),
+        text("UNITS", [unit]),
+        text("LABELS", first),
+        *([text("LABELS2", rest)] if rest else []),
+        *([text("Y_SCREEN", [up])] if up else []),
+        *extra,
+    ]
+
+    def section(start):
+        out = b"\0\0" + bytes([0, processor]) + record(-1, "POINT", b"\0")
+        for name, kind, shape, values in parameters:
+            values = struct.pack(order + "h", start) if values is None else values
+            out += record(1, name, struct.pack("b", kind) + bytes([len(shape), *shape]) + values + b"\0")
+        out += b"\0\0"
+        return out.ljust(-(-len(out) // 512) * 512, b"\0")
+
+    data_start = 2 + len(section(0)) // 512
+    frames, count = points.shape[:2]
+    unseen = np.isnan(points[..., :1])
+    words = np.concatenate([np.where(unseen, 0.0, points), np.where(unseen, -1.0, 0.0)], axis=-1)
+    if scale < 0:
+        data = floats(*words.ravel())
+    else:
+        words[..., :3] /= scale
+        data = np.round(words).astype(order + "i2").tobytes()
+    header = bytes([2, 0x50]) + struct.pack(order + "5H", count, 0, 1, frames, 10)
+    header += floats(scale) + struct.pack(order + "2H", data_start, 0) + floats(rate)
+    return header.ljust(512, b"\0") + section(data_start) + data

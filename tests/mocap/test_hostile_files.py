@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from recordings import AMC, ASF, BVH, mat_bytes, pattern_fields
+from recordings import AMC, ASF, BVH, c3d_bytes, mat_bytes, pattern_fields
 
 from controller.errors import MotiondeckError
 from controller.mocap.amc import read_amc
 from controller.mocap.asf import read_asf
 from controller.mocap.bvh import read_bvh
+from controller.mocap.c3d import read_c3d
 from controller.mocap.patterns import read_pattern
 
 pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")
@@ -115,6 +116,35 @@ def test_any_biovision_file(tmp_path, content):
     clip = survive(read_bvh, tmp_path / "hostile.bvh", content)
     if clip is not None:
         check_clip(clip)
+
+
+SEEN = np.random.default_rng(0).normal(0.0, 900.0, (3, 5, 3))
+LABELS = ["a:C7", "a:CLAV", "a:LKNE", "b:C7", "*5"]
+
+
+@settings(max_examples=200)
+@given(
+    st.binary(max_size=300)
+    | mangled(c3d_bytes(LABELS, SEEN))
+    | mangled(c3d_bytes(LABELS, SEEN, processor=85, scale=0.5))
+    | mangled(c3d_bytes(LABELS, SEEN, processor=86))
+)
+@example(c3d_bytes(LABELS, SEEN))
+@example(c3d_bytes(LABELS, SEEN)[:700])
+def test_any_marker_file(tmp_path, content):
+    markers = survive(read_c3d, tmp_path / "hostile.c3d", content)
+    if markers is not None:
+        assert markers.position.shape[1:] == (len(markers.labels), 3)
+        assert np.nanmax(np.abs(markers.position)) <= 1e4
+        assert markers.rate > 0
+
+
+@settings(max_examples=200)
+@given(st.integers(0, 1500), st.binary(min_size=1, max_size=8))
+def test_any_damage_to_header_and_parameters_of_a_marker_file(tmp_path, place, piece):
+    content = bytearray(c3d_bytes(LABELS, SEEN))
+    content[place : place + len(piece)] = piece
+    survive(read_c3d, tmp_path / "hostile.c3d", bytes(content))
 
 
 @settings(max_examples=400)
