@@ -17,7 +17,7 @@ for _library in ("OPENBLAS", "OMP", "MKL"):
 
 import typer  # noqa: E402
 
-from controller.cli import evaluate, fit, library, play, plot, recognize, replay, rig, segment, send  # noqa: E402
+from controller.cli import clip, evaluate, fit, library, play, plot, recognize, replay, rig, segment, send  # noqa: E402
 
 app = typer.Typer(
     name="motiondeck",
@@ -34,6 +34,7 @@ app.command("plot")(plot.plot)
 app.command("fit")(fit.fit)
 app.command("evaluate")(evaluate.evaluate)
 app.add_typer(library.app, name="library")
+app.add_typer(clip.app, name="clip")
 app.add_typer(rig.app, name="rig")
 app.add_typer(recognize.app, name="recognize")
 app.command("segment")(segment.segment)

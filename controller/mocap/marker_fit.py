@@ -35,6 +35,7 @@ from controller.rotations import (
     multiply,
     normalise,
     rotate,
+    to_rotation_vector,
 )
 
 # Which markers ride on which bone; l and r are put before those of the limbs.
@@ -67,7 +68,10 @@ KNEE, ANKLE, ELBOW = 0.058, 0.044, 0.040
 SHOULDER = 0.055  # m below the marker on it
 
 BRIDGED = 0.03  # what a marker counts that was not seen, against one that was
-FAR_OFF = 0.03  # m: a marker this far from where it should be counts half; it was taken for another, or slipped
+FAR_OFF = 0.03  # m: a marker farther than this from where it should be counts less; it slipped, or is another
+# Collar bones and hands carry one marker each, which does not tell their twist: they rather stay in line with what
+# carries them, as if held at this lever, m.
+HELD = {"lsho": 0.05, "rsho": 0.05, "lhan": 0.02, "rhan": 0.02}
 SAMPLE = 150  # frames, spread over the recording, that settle where the markers ride
 TURNS = 6
 STEPS = 4  # of Gauss and Newton, each turn
@@ -225,6 +229,8 @@ class _Body:
             turns[1 + skeleton.index(hip)] = 0
         free, self._turn = np.unique(turns, return_inverse=True)
         self._free = len(free)
+        index = {bone: 1 + skeleton.index(bone) for bone in HELD}
+        self._held = [(index[bone], int(skeleton.parent[index[bone] - 1]) + 1, HELD[bone]) for bone in HELD]
 
     def markers(self, position: Array, rotation: Array, offset: Array) -> Array:
         """Where the markers are, (T, M, 3), that ride at offsets (M, 3) from the start of their bones."""
@@ -268,11 +274,19 @@ class _Body:
             turns[:, :, 1, :, 0], turns[:, :, 1, :, 2] = -z, x
             turns[:, :, 2, :, 0], turns[:, :, 2, :, 1] = y, -x
             off = place - self.markers(position, rotation, offset)
-            trust = weight / (1.0 + (off**2).sum(axis=-1) / FAR_OFF**2)
+            trust = weight / np.maximum(np.linalg.norm(off, axis=-1) / FAR_OFF, 1.0)
             flat = jacobian.reshape(frames, 3 * count, -1)
             weighted = np.swapaxes(flat * np.repeat(trust, 3, axis=1)[..., None], -1, -2)
             normal = weighted @ flat + DAMPING * np.eye(3 + 3 * free)
-            step = np.linalg.solve(normal, weighted @ off.reshape(frames, -1, 1))[..., 0].astype(np.float64, copy=False)
+            pull = (weighted @ off.reshape(frames, -1, 1))[..., 0]
+            for bone, parent, lever in self._held:
+                apart = to_rotation_vector(multiply(rotation[:, bone], conjugate(rotation[:, parent])))
+                for one, other, sign in ((bone, parent, -1.0), (parent, bone, 1.0)):
+                    at, there = (slice(3 + 3 * self._turn[b], 6 + 3 * self._turn[b]) for b in (one, other))
+                    pull[:, at] += sign * lever**2 * apart
+                    normal[:, at, at] += lever**2 * np.eye(3)
+                    normal[:, at, there] -= lever**2 * np.eye(3)
+            step = np.linalg.solve(normal, pull[..., None])[..., 0].astype(np.float64, copy=False)
             position = position + step[:, :3]
             turned = from_rotation_vector(step[:, 3:].reshape(frames, free, 3))
             rotation = normalise(multiply(turned[:, self._turn], rotation))

@@ -79,11 +79,11 @@ def stand(name: str, body: Body, unit: float | None = None) -> tuple[Skeleton, A
         frames = [_stance(body, up, body.rotation[frame]) for up in TO_OURS for frame in tried]
         frame = max(frames, key=lambda stance: stance.upright)
         best = _straightened(body, frame) if frame.upright > STANDING else stances[0]
-    world = TO_OURS[_up_in_recording(body, best)]
     vector = rotate(best.turn[1:], body.vector)
     length = np.linalg.norm(vector, axis=1)
     unit = _unit(body, vector, best.parts) if unit is None else unit
     skeleton = Skeleton(name, body.bones, body.parent, normalise(vector), length * unit)
+    world = TO_OURS[_up_in_recording(body, best, skeleton, unit)]
     return (
         skeleton,
         rotate(world, body.position) * unit,
@@ -169,18 +169,19 @@ def _straightened(body: Body, stance: _Stance) -> _Stance:
     return _Stance(stance.up, multiply(more, stance.turn), 1.0, parts)
 
 
-def _up_in_recording(body: Body, rest: _Stance) -> str:
-    """The axis that is up while the body moves: that of its rest pose, unless it stands upright along the other."""
-    if rest.parts is None:
-        return rest.up
-    spine = rest.parts.all("trunk")
+def _up_in_recording(body: Body, rest: _Stance, skeleton: Skeleton, unit: float) -> str:
+    """The axis that is up while the body moves: that of its rest pose, unless it clearly stands along the other."""
+    spine = [] if rest.parts is None else rest.parts.all("trunk")
     if not spine:
         return rest.up
     along = rotate(body.rotation[:, np.array(spine) + 1], body.vector[spine]).sum(axis=1)
     mean = normalise(along).mean(axis=0)
-    height = {up: float(rotate(turn, mean)[2]) for up, turn in TO_OURS.items()}
-    other = max(height, key=lambda up: height[up])
-    return other if height[other] > UPRIGHT else rest.up
+    for up, turn in TO_OURS.items():
+        # Upright along an axis says little of someone who lies; its root is at the height of its legs too.
+        height = np.median(rotate(turn, body.position)[:, 2]) * unit / skeleton.leg_length
+        if up != rest.up and rotate(turn, mean)[2] > UPRIGHT and 0.6 < height < 1.3:
+            return up
+    return rest.up
 
 
 def _unit(body: Body, vector: Array, parts: Anatomy | None) -> float:

@@ -99,7 +99,7 @@ def test_a_marker_taken_for_another_pulls_little():
     knees = [labels.index("eva:LTHI"), labels.index("eva:RTHI")]
     swapped[10:14, knees] = swapped[10:14, knees[::-1]]
     plain, pulled = (fit_markers(markers_of(labels, p), "eva").clip.joints() for p in (positions, swapped))
-    assert np.linalg.norm(positions - swapped, axis=-1).max() > 0.3
+    assert np.linalg.norm(positions - swapped, axis=-1).max() > 0.19
     assert np.linalg.norm(plain - pulled, axis=-1).max() < 0.05
 
 

@@ -1,0 +1,111 @@
+"""`motiondeck clip`: looks into a motion capture file, converts it, draws it, and plays it on a body in the browser."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from controller.mocap.facts import Facts, Recording
+
+app = typer.Typer(
+    help="Look into motion capture files (.amc with its .asf, .bvh, .c3d, .mat): facts, pictures, other formats.",
+    no_args_is_help=True,
+)
+
+FileArgument = Annotated[
+    Path, typer.Argument(metavar="FILE", help="A recording: .amc, .bvh, .c3d, or .mat (Jaeger's patterns).")
+]
+SkeletonOption = Annotated[
+    Path | None,
+    typer.Option("--skeleton", metavar="FILE.asf", help="What an .amc was recorded with; by itself the one nearby."),
+]
+
+
+@app.command("show")
+def show(
+    file: FileArgument,
+    skeleton: SkeletonOption = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+) -> None:
+    """Show what a recording holds: its body, rate and length, where it goes, and of markers the gaps and the fit.
+
+    Example:  motiondeck clip show dance.c3d
+    """
+    from controller.mocap.facts import facts
+
+    known = facts(_read(file, skeleton))
+    if as_json:
+        print(json.dumps(known))
+    else:
+        _print(known)
+
+
+@app.command("convert")
+def convert(
+    file: FileArgument,
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="OUT.bvh for other programs, OUT.csv for positions.")],
+    skeleton: SkeletonOption = None,
+) -> None:
+    """Convert a recording to BVH (bones and their rotations; y up, cm) or CSV (time, then x, y, z of every joint, m).
+
+    Example:  motiondeck clip convert 02_03.amc run.bvh
+    """
+    from controller.mocap.writing import write_clip
+
+    clip = _read(file, skeleton).clip
+    write_clip(clip, out)
+    print(f"wrote {out} ({len(clip)} frames of {len(clip.skeleton)} bones)")
+
+
+def _read(file: Path, skeleton: Path | None) -> Recording:
+    """A recording of a body.
+
+    Raises:
+        MotiondeckError: if it cannot be read, or holds the angles of a rig's joints.
+    """
+    from controller.errors import MotiondeckError
+    from controller.mocap.facts import read_recording
+    from controller.mocap.joint_angles import JointBody
+    from controller.recognition.dataset import skeleton_of
+
+    if file.suffix.lower() == ".amc" and skeleton is None:
+        skeleton = skeleton_of(file, file.parent.parent)
+    recording = read_recording(file, skeleton)
+    if isinstance(recording.clip.skeleton, JointBody):
+        raise MotiondeckError(
+            f"{file}: holds angles of a rig's joints, no body. `motiondeck play` plays it on the rig."
+        )
+    return recording
+
+
+def _print(known: Facts) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table.grid(padding=(0, 2))
+    rows = {
+        "motion": f"{known['name']} ({known['source']})",
+        "body": f"{known['skeleton']}, {known['bones']} bones, legs {known['leg']:.2f} m"
+        + (f"; no {', no '.join(known['lacks'])}" if known["lacks"] else ""),
+        "length": f"{known['frames']} frames at {known['rate']:g} Hz, {known['duration']:.2f} s",
+        "extent": "   ".join(f"{a} {lo:.2f} to {hi:.2f} m" for a in "xyz" for lo, hi in [known[a]]),
+        "root height": "{:.2f} to {:.2f} m".format(*known["root_height"]),
+        "path": f"{known['path']:.2f} m along the ground, {known['median_speed']:.2f} m/s in the median",
+        "fastest joint": f"{known['fastest_joint']}, {known['fastest_speed']:.1f} m/s",
+    }
+    gaps = known["gaps"]
+    if gaps is not None:
+        rows["markers"] = f"{gaps['markers']} used, seen {100.0 * gaps['seen']:.1f} % of the time" + (
+            f", longest gap {gaps['longest_gap']} frames ({gaps['longest_gap_marker']})" if gaps["longest_gap"] else ""
+        )
+        rows["fit"] = (
+            f"markers off by {gaps['residual_rms_mm']:.1f} mm rms, 95 % under {gaps['residual_p95_mm']:.1f} mm, "
+            f"at most {gaps['residual_max_mm']:.0f} mm"
+        )
+    for name, value in rows.items():
+        table.add_row(f"[bold]{name}[/]", value)
+    Console().print(table)
