@@ -74,7 +74,7 @@ def _allowed(shape: Any, path: str, tree: Any) -> list[str]:
             kind = field.type
             tree = tree.get(name) if isinstance(tree, dict) else None
         else:
-            kind = getattr(kind, "item_type", kind)
+            kind = getattr(kind, "item_type", None) or getattr(kind, "value_type", kind)
             tree = tree[int(step[1])] if step[1].isdigit() and isinstance(tree, list) else None
     kind = _struct_of(kind, tree)
     names = [field.encode_name for field in getattr(kind, "fields", ())]

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from controller.errors import FileFormatError
 from controller.rotations import Array, dot, from_rotation_vector, to_rotation_vector
+from sim.model_file import followers
 
 # How many coordinates, and so servos, a joint has; slides are of no use to a motion of rotations.
 _COORDINATES = {int(mujoco.mjtJoint.mjJNT_HINGE): 1, int(mujoco.mjtJoint.mjJNT_BALL): 3}
@@ -32,6 +33,7 @@ class Layout:
         hinge_qpos: where they live, shape (H,).
         ball: which coordinates are rotation vectors, shape (N, 3).
         ball_qpos: where their quaternions live, shape (N, 4).
+        followers: where joints live that follow another one, where that one lives, and the polynomial that they follow.
     """
 
     joints: tuple[str, ...]
@@ -39,6 +41,7 @@ class Layout:
     hinge_qpos: NDArray[np.int64]
     ball: NDArray[np.int64]
     ball_qpos: NDArray[np.int64]
+    followers: tuple[tuple[int, int, Array], ...] = ()
 
     @classmethod
     def of(cls, model: mujoco.MjModel) -> Layout:
@@ -76,6 +79,10 @@ class Layout:
             np.array(hinge_qpos, dtype=np.int64),
             np.array(ball, dtype=np.int64).reshape(-1, 3),
             np.array(ball_qpos, dtype=np.int64).reshape(-1, 4),
+            tuple(
+                (int(model.jnt_qposadr[follower]), int(model.jnt_qposadr[leader]), curve[::-1])
+                for follower, (leader, curve) in followers(model).items()
+            ),
         )
 
     def place(self, targets: Array, qpos: Array) -> None:
@@ -84,6 +91,8 @@ class Layout:
             qpos[self.hinge_qpos] = targets[self.hinge]
         if len(self.ball):
             qpos[self.ball_qpos] = from_rotation_vector(targets[self.ball])
+        for follower, leader, curve in self.followers:
+            qpos[follower] = np.polyval(curve, qpos[leader])
 
     def read(self, qpos: Array, near: Array, out: Array) -> None:
         """Reads joint coordinates into out (J,).

@@ -6,25 +6,21 @@ Both retargeters remember their last answer, so that where several answers are r
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import atan2, cos, hypot, pi, sin, sqrt
 
 import numpy as np
 
-from controller.errors import FileFormatError
-from controller.mocap.anatomy import Part, Side, anatomy
+from controller.errors import FileFormatError, UnknownNameError
 from controller.mocap.posture import Pose
 from controller.mocap.rest_pose import FOOT_SLOPE
-from controller.mocap.skeleton import ROOT, Skeleton
+from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array, to_rotation_vector
 from sim.layout import nearest_turn
+from sim.limbs import ENTRY, SIGN, LimbView, up_of
+from sim.robot_file import Angle
 
 Vector = Sequence[float]
-
-# conj(p) q = (left multiplication by conj(p)) q: where each entry of that 4 x 4 matrix sits in p, and its sign.
-_ENTRY = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]])
-_SIGN = np.array([[1.0, 1.0, 1.0, 1.0], [-1.0, 1.0, 1.0, -1.0], [-1.0, -1.0, 1.0, 1.0], [-1.0, 1.0, -1.0, 1.0]])
-
 
 _ARM = ("shoulder_pitch", "shoulder_roll", "elbow")
 _LEG = ("hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle_pitch", "ankle_roll")
@@ -55,7 +51,7 @@ class MannequinRetargeter:
 
     def __call__(self, pose: Pose) -> Array:
         """Targets (3 B,), rad; they follow a joint past a half turn without a jump."""
-        from_parent = pose.rotation[self._parent][:, _ENTRY] * _SIGN
+        from_parent = pose.rotation[self._parent][:, ENTRY] * SIGN
         relative = np.matmul(from_parent, pose.rotation[1:, :, None])[:, :, 0]
         self._last = nearest_turn(to_rotation_vector(relative), self._last)
         return self._last.reshape(-1)
@@ -69,38 +65,68 @@ class ServoHumanoidRetargeter:
     times as far as the bones of its limb did, so that it never jumps; elsewhere the bound is out of its way.
     """
 
-    def __init__(self, skeleton: Skeleton, joints: Sequence[str], lower: Array, upper: Array) -> None:
-        """Finds the bones it needs.
+    def __init__(
+        self,
+        skeleton: Skeleton,
+        joints: Sequence[str],
+        lower: Array,
+        upper: Array,
+        angles: Mapping[str, Angle] | None = None,
+        rest: Array | None = None,
+    ) -> None:
+        """Finds the limbs, and the joints that turn as these angles do.
 
         Args:
             skeleton: whose poses will come.
-            joints: the robot's joints, in the order of SERVO_HUMANOID_JOINTS.
-            lower, upper: their ranges, shape (20,), rad.
+            joints: the robot's J joints.
+            lower, upper: their ranges, shape (J,), rad.
+            angles: which of SERVO_HUMANOID_JOINTS is which joint; none where they have the same names.
+            rest: where the joints stay that none of the angles is, shape (J,), rad; zero by itself.
 
         Raises:
-            FileFormatError: if the skeleton lacks a limb, or the robot has other joints.
+            FileFormatError: if the skeleton lacks a limb, or no angles are given and the robot has other joints.
+            UnknownNameError: if there is no such angle or joint.
         """
-        if tuple(joints) != SERVO_HUMANOID_JOINTS:
-            raise FileFormatError(f"a servo humanoid has the joints {', '.join(SERVO_HUMANOID_JOINTS)}")
-        parts = anatomy(skeleton)
+        if not angles:
+            missing = [name for name in SERVO_HUMANOID_JOINTS if name not in joints]
+            if missing:
+                raise FileFormatError(
+                    f"the angle solver needs a joint '{missing[0]}' (of {', '.join(SERVO_HUMANOID_JOINTS)}), or a "
+                    "table [angles] that says which joint turns like it. Otherwise use the other solver, 'ik'."
+                )
+            angles = {name: Angle(name) for name in SERVO_HUMANOID_JOINTS}
+        for name, angle in angles.items():
+            if name not in SERVO_HUMANOID_JOINTS:
+                raise UnknownNameError(f"angles: {UnknownNameError.among('angle', name, SERVO_HUMANOID_JOINTS)}")
+            if angle.joint not in joints:
+                raise UnknownNameError(f"angles.{name}: {UnknownNameError.among('joint', angle.joint, joints)}")
+        self._view = LimbView(skeleton)
+        self._angle = np.array([SERVO_HUMANOID_JOINTS.index(name) for name in angles], np.int64)
+        self._joint = np.array([list(joints).index(angle.joint) for angle in angles.values()], np.int64)
+        self._sign = np.array([float(angle.sign) for angle in angles.values()])
+        self._zero = np.array([angle.zero for angle in angles.values()])
+        ends = self._sign * (np.stack([lower, upper])[:, self._joint] - self._zero)
+        low, high = np.zeros(len(SERVO_HUMANOID_JOINTS)), np.zeros(len(SERVO_HUMANOID_JOINTS))
+        low[self._angle], high[self._angle] = ends.min(axis=0), ends.max(axis=0)
+        self._limbs = LimbAngles(low, high)
+        self._targets = np.zeros(len(joints)) if rest is None else rest.copy()
 
-        def bone(part: Part, side: Side) -> int:
-            found = parts.first(part, side)
-            if found is None:
-                raise FileFormatError(f"skeleton '{skeleton.name}' has no {side} {part}; the servo humanoid needs one")
-            return found
+    def reset(self) -> None:
+        """Forgets the last pose: the next one is taken as it comes."""
+        self._limbs.reset()
 
-        shoulder = parts.first("clavicle", "right")
-        chest = int(skeleton.parent[bone("upper arm", "right") if shoulder is None else shoulder])
-        arms = [bone(part, side) for side in ("right", "left") for part in ("upper arm", "forearm")]
-        legs = [bone(part, side) for side in ("right", "left") for part in ("thigh", "shank", "foot")]
-        head = parts.first("head")
-        bones = [*arms, *legs, chest if head is None else head]
-        seen_from = [chest] * len(arms) + [ROOT] * len(legs) + [chest]
-        vector = [*skeleton.rest_direction[[*arms, *legs]], np.array([1.0, 0.0, 0.0])]
-        self._bones = np.array(bones) + 1
-        self._seen_from = np.array(seen_from) + 1
-        self._turn = np.stack([_turning(v) for v in vector])
+    def __call__(self, pose: Pose) -> Array:
+        """Targets (J,), rad, within the robot's range; overwritten by the next call."""
+        angles = np.array(self._limbs(self._view(pose), up_of(pose)))
+        self._targets[self._joint] = self._zero + self._sign * angles[self._angle]
+        return self._targets
+
+
+class LimbAngles:
+    """The angles of SERVO_HUMANOID_JOINTS in closed form."""
+
+    def __init__(self, lower: Array, upper: Array) -> None:
+        """Args: their ranges, shape (20,), rad."""
         self._lower, self._upper = lower.tolist(), upper.tolist()
         self.reset()
 
@@ -110,22 +136,15 @@ class ServoHumanoidRetargeter:
         self._last = [0.0] * len(SERVO_HUMANOID_JOINTS)
         self._across: list[Vector] = [(0.0, 1.0, 0.0), (0.0, 1.0, 0.0)]
 
-    def __call__(self, pose: Pose) -> Array:
-        """Targets (20,), rad, within the robot's range."""
-        from_frame = pose.rotation[self._seen_from][:, _ENTRY] * _SIGN
-        q = np.matmul(from_frame, pose.rotation[self._bones][:, :, None])
-        products = np.matmul(q, q.transpose(0, 2, 1)).reshape(len(q), 1, 16)
-        direction = np.matmul(products, self._turn)[:, 0]
+    def __call__(self, direction: Array, up: Vector) -> list[float]:
+        """The angles of SERVO_HUMANOID_JOINTS for limbs that point in the directions (14, 3), seen from the root."""
         if self._direction is None:
-            moved = [10.0] * len(q)
+            moved = [10.0] * len(direction)
         else:
             step = direction - self._direction
             moved = np.sqrt(np.einsum("ij,ij->i", step, step)).tolist()
         self._direction = direction
         d = direction.tolist()
-        w, x, y, z = pose.rotation[0].tolist()
-        up = (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y))
-
         last = self._last
         angles = last.copy()
         self._head(angles, d[10], moved[10])
@@ -134,7 +153,7 @@ class ServoHumanoidRetargeter:
         self._leg(angles, 8, 0, d[4], d[5], d[6], up, max(moved[4:7]))
         self._leg(angles, 14, 1, d[7], d[8], d[9], up, max(moved[7:10]))
         self._last = angles
-        return np.array(angles)
+        return angles
 
     def _head(self, angles: list[float], ahead: Vector, moved: float) -> None:
         """Pan and tilt so that the face looks ahead as the human's does."""
@@ -207,17 +226,6 @@ class ServoHumanoidRetargeter:
         goal = min(max(goal, lower), upper)
         most = GAIN * moved + SETTLE * certain
         angles[joint] = last + min(max(goal - last, -most), most)
-
-
-def _turning(v: Array) -> Array:
-    """The matrix that turns the 16 products q_i q_j of a quaternion into the vector q v q*, shape (16, 3)."""
-
-    def turned(q: Array) -> Array:
-        w, u = q[0], q[1:]
-        return (w * w - u @ u) * v + 2.0 * (u @ v) * u + 2.0 * w * np.cross(u, v)
-
-    e = np.eye(4)
-    return np.array([0.5 * (turned(e[i] + e[j]) - turned(e[i]) - turned(e[j])) for i in range(4) for j in range(4)])
 
 
 def _dot(a: Vector, b: Vector) -> float:

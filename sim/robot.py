@@ -18,12 +18,18 @@ from controller.mocap.posture import Pose
 from controller.mocap.skeleton import Skeleton
 from controller.realtime.interfaces import JointLimits, Retargeter
 from controller.rotations import Array
+from sim.footing import Footing
 from sim.layout import Layout
 from sim.mannequin import build_mannequin
+from sim.model_file import read_model
 from sim.retarget import MannequinRetargeter, ServoHumanoidRetargeter
-from sim.robot_file import RobotFile, read_robot_file
+from sim.robot_file import RobotFile, Solver, read_robot_file
+from sim.robot_limbs import RobotLimbs
 from sim.servo import Servo
 from sim.stage import add_gantry, add_lamp, set_stage
+
+# How often a robot is posed where nobody says, s.
+DT = 0.005
 
 
 @dataclass(frozen=True)
@@ -40,6 +46,7 @@ class Robot:
         retarget: carries poses to joint targets.
         path_scale: its size over that of the skeleton; scales the path of the root.
         servo: what each of its servos can do, where that is known.
+        footing: finds its root's place; none for a mannequin, whose root goes where the human's goes.
     """
 
     name: str
@@ -51,6 +58,7 @@ class Robot:
     retarget: Retargeter
     path_scale: float
     servo: Servo | None = None
+    footing: Footing | None = None
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -58,19 +66,28 @@ class Robot:
         return self.layout.joints
 
     def place(self, targets: Array, pose: Pose, qpos: Array) -> None:
-        """Writes targets (J,), rad, and the scaled root of a pose into qpos (nq,)."""
-        qpos[:3] = pose.root_position
-        qpos[:3] *= self.path_scale
-        qpos[3:7] = pose.rotation[0]
+        """Writes targets (J,), rad, and the root that fits them and a pose into qpos (nq,)."""
         self.layout.place(targets, qpos)
+        if self.footing is not None:
+            self.footing.place(pose, qpos)
+        else:
+            qpos[:3] = pose.root_position
+            qpos[:3] *= self.path_scale
+            qpos[3:7] = pose.rotation[0]
 
 
-def load_robot(path: Path, skeleton: Skeleton) -> Robot:
+def load_robot(path: Path, skeleton: Skeleton, solver: Solver | None = None, dt: float = DT) -> Robot:
     """Loads a robot file and fits the robot to the skeleton whose poses it will play.
+
+    Args:
+        path: the robot file.
+        skeleton: whose poses will come.
+        solver: how they are carried onto a humanoid, in place of what its file says.
+        dt: seconds from one pose to the next.
 
     Raises:
         FileFormatError: if the robot file or its model cannot be used, or the skeleton lacks what the robot needs.
-        UnknownNameError: if the file has a key or a joint that does not exist.
+        UnknownNameError: if the file has a part, a body or a joint that does not exist.
     """
     path = Path(path)
     file = read_robot_file(path)
@@ -83,13 +100,7 @@ def load_robot(path: Path, skeleton: Skeleton) -> Robot:
     model = spec.compile()
     layout = Layout.of(model)
     limits = _limits(path, file, model, layout)
-    rest = _by_joint(path, layout, "rest", file.rest, np.zeros(len(layout.joints)))
-    if isinstance(skeleton, JointBody):
-        retarget: Retargeter = JointRetargeter(skeleton, layout.joints, rest)
-    elif file.kind == "mannequin":
-        retarget = MannequinRetargeter(skeleton)
-    else:
-        retarget = ServoHumanoidRetargeter(skeleton, layout.joints, limits.lower, limits.upper)
+    rest = _by_joint(path, layout, "rest", file.rest, np.clip(0.0, limits.lower, limits.upper))
     outside = (rest < limits.lower) | (rest > limits.upper)
     if outside.any():
         joint = int(np.argmax(outside))
@@ -97,20 +108,53 @@ def load_robot(path: Path, skeleton: Skeleton) -> Robot:
             f"{path}: rest.{layout.joints[joint]} is {rest[joint]}, "
             f"outside {limits.lower[joint]:.2f} to {limits.upper[joint]:.2f} rad"
         )
+    if file.kind == "mannequin":
+        return Robot(file.name, spec, model, layout, limits, rest, MannequinRetargeter(skeleton), 1.0, file.servo)
     scale = file.root_height / skeleton.leg_length if file.root_height and skeleton.leg_length > 0.0 else 1.0
-    return Robot(file.name, spec, model, layout, limits, rest, retarget, scale, file.servo)
+    if isinstance(skeleton, JointBody):
+        taught = JointRetargeter(skeleton, layout.joints, rest)
+        return Robot(file.name, spec, model, layout, limits, rest, taught, scale, file.servo)
+    retarget = _retargeter(path, file, solver or file.solver, skeleton, model, layout, limits, rest, dt)
+    feet = [model.body(file.parts[foot]).id for foot in ("r_foot", "l_foot") if foot in file.parts]
+    footing = Footing(skeleton, model, feet, np.array(file.root_rotation), scale)
+    return Robot(file.name, spec, model, layout, limits, rest, retarget, scale, file.servo, footing)
+
+
+def _retargeter(
+    path: Path,
+    file: RobotFile,
+    solver: Solver,
+    skeleton: Skeleton,
+    model: mujoco.MjModel,
+    layout: Layout,
+    limits: JointLimits,
+    rest: Array,
+    dt: float,
+) -> Retargeter:
+    parts = file.parts
+    if solver == "angles":
+        if parts:
+            RobotLimbs(path, model, parts, np.array(file.root_rotation), layout.joints)
+        try:
+            return ServoHumanoidRetargeter(skeleton, layout.joints, limits.lower, limits.upper, file.angles, rest)
+        except UnknownNameError as error:
+            raise UnknownNameError(f"{path}: {error}") from None
+    from sim.inverse_kinematics import InverseKinematics
+
+    if not parts:
+        raise FileFormatError(f"{path}: solver 'ik' needs a table [parts]: `motiondeck robot calibrate` writes one")
+    limbs = RobotLimbs(path, model, parts, np.array(file.root_rotation), layout.joints)
+    return InverseKinematics(skeleton, limbs, limits, rest, dt)
 
 
 def _load_spec(path: Path, file: RobotFile) -> mujoco.MjSpec:
-    model_path = path.parent / str(file.model)
-    if not model_path.is_file():
-        raise FileFormatError(f"{path}: model: there is no file {model_path}")
+    model_path = path.parent / Path(str(file.model)).expanduser()
+    spec = read_model(model_path)
+    root = next(body for body in spec.worldbody.bodies if body.joints)
+    height = file.root_height or max(float(root.pos[2]), 0.05)
+    root.pos = [0.0, 0.0, height]
+    root.quat = list(file.root_rotation)
     try:
-        spec = mujoco.MjSpec.from_file(str(model_path))
-        root = spec.worldbody.first_body()
-        if root is None:
-            raise FileFormatError(f"{model_path}: there is no body in it")
-        height = max(float(root.pos[2]), 0.05)
         set_stage(spec, height)
         add_lamp(root, height)
         add_gantry(spec, root)
@@ -136,12 +180,12 @@ def _limits(path: Path, file: RobotFile, model: mujoco.MjModel, layout: Layout) 
 
 
 def _positions(model: mujoco.MjModel, layout: Layout) -> tuple[Array, Array]:
-    """The range of each joint in the model; a ball joint may turn equally far in every direction."""
+    """The range of each joint in the model, or half a turn; a ball joint may turn equally far in every direction."""
     joint = model.actuator_trnid[:, 0]
     limited = model.jnt_limited[joint].astype(bool)
     reach = model.jnt_range[joint]
-    lower = np.where(limited, reach[:, 0], -np.inf)
-    upper = np.where(limited, reach[:, 1], np.inf)
+    lower = np.where(limited, reach[:, 0], -np.pi)
+    upper = np.where(limited, reach[:, 1], np.pi)
     balls = layout.ball.ravel()
     lower[balls] = -upper[balls]
     return lower, upper

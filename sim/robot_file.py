@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import msgspec
 
-from controller.errors import FileFormatError, UnknownNameError
+from controller.config import read_toml
+from controller.errors import FileFormatError
 from sim.servo import Servo
+
+Solver = Literal["angles", "ik"]
+SOLVERS: tuple[Solver, ...] = ("angles", "ik")
 
 
 class JointLimit(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """What differs for one joint: rad/s, rad/s^2, rad/s^3; position in rad, within what the model allows."""
+    """What differs for one joint: rad/s, rad/s^2, rad/s^3; position in rad, in place of the model's range."""
 
     velocity: float | None = None
     acceleration: float | None = None
@@ -31,24 +34,40 @@ class LimitTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     joints: dict[str, JointLimit] = {}
 
 
+class Angle(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """A joint that turns as one of the angle solver's does: q = zero + sign * angle, rad."""
+
+    joint: str
+    sign: Literal[-1, 1] = 1
+    zero: float = 0.0
+
+
 class RobotFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """A robot.
 
     Attributes:
         name: what it is called.
-        kind: which way poses are carried onto it.
+        kind: a mannequin is built from the skeleton, a humanoid is loaded from its model.
         limits: what its joints may do at most.
-        model: its MJCF file, beside this one; a mannequin is built from the skeleton instead.
+        model: the humanoid's MJCF or URDF file, from this file's folder.
+        solver: how poses are carried onto it: by angles of limbs, or by inverse kinematics.
         root_height: of its root above the floor when it stands straight, m; none plays paths at their own scale.
+        root_rotation: quaternion of its root body while it stands upright and faces x.
+        parts: body part to body of the model, for inverse kinematics and for the feet.
+        angles: the angle solver's joints to the model's; none where they have the same names.
         rest: joint positions to rest in, rad; those not named rest at zero.
         servo: what each of its servos can do; without it they are as strong as the model has them.
     """
 
     name: str
-    kind: Literal["mannequin", "servo20"]
+    kind: Literal["mannequin", "humanoid"]
     limits: LimitTable
     model: str | None = None
+    solver: Solver = "angles"
     root_height: float | None = None
+    root_rotation: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+    parts: dict[str, str] = {}
+    angles: dict[str, Angle] = {}
     rest: dict[str, float] = {}
     servo: Servo | None = None
 
@@ -57,38 +76,13 @@ def read_robot_file(path: Path) -> RobotFile:
     """Reads a robot file.
 
     Raises:
-        FileFormatError: if the file is missing, is no TOML, or a value is of the wrong kind or size.
-        UnknownNameError: if a key is none of those a robot file has; it names the nearest.
+        FileFormatError: if the file is missing, is no TOML, or a key or a value is none that a robot file has.
     """
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise FileFormatError(f"{path}: there is no such robot file") from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise FileFormatError(f"{path}: cannot be read as TOML: {error}") from error
-    _refuse_unknown(path, "", content, RobotFile)
-    limits = content.get("limits")
-    if isinstance(limits, dict):
-        _refuse_unknown(path, "limits.", limits, LimitTable)
-        joints = limits.get("joints")
-        for joint, limit in joints.items() if isinstance(joints, dict) else ():
-            _refuse_unknown(path, f"limits.joints.{joint}.", limit, JointLimit)
-    if isinstance(content.get("servo"), dict):
-        _refuse_unknown(path, "servo.", content["servo"], Servo)
-    try:
-        robot = msgspec.convert(content, RobotFile)
-    except msgspec.ValidationError as error:
-        raise FileFormatError(f"{path}: {error}") from error
+    if not path.exists():
+        raise FileFormatError(f"{path}: there is no such robot file")
+    robot = read_toml(path, RobotFile)
     _check_numbers(path, robot)
     return robot
-
-
-def _refuse_unknown(path: Path, place: str, table: Any, struct: type[msgspec.Struct]) -> None:
-    known = [field.name for field in msgspec.structs.fields(struct)]
-    for key in table if isinstance(table, dict) else ():
-        if key not in known:
-            nearest = UnknownNameError.among("key", key, known)
-            raise UnknownNameError(f"{path}: {place}{key}: {nearest} Allowed: {', '.join(known)}.")
 
 
 def _check_numbers(path: Path, robot: RobotFile) -> None:
@@ -100,6 +94,7 @@ def _check_numbers(path: Path, robot: RobotFile) -> None:
             if value is not None and not 0.0 < value < float("inf"):
                 raise FileFormatError(f"{path}: {place}.{key} is {value}; it must be a positive number")
     positions = {f"rest.{name}": value for name, value in robot.rest.items()}
+    positions |= {f"angles.{name}.zero": angle.zero for name, angle in robot.angles.items()}
     for name, own in robot.limits.joints.items():
         positions |= {
             f"limits.joints.{name}.{key}": v for key in ("lower", "upper") if (v := getattr(own, key)) is not None
@@ -113,12 +108,16 @@ def _check_numbers(path: Path, robot: RobotFile) -> None:
             raise FileFormatError(f"{path}: servo.{key} is {value}; it must be a finite number")
     if robot.root_height is not None and not 0.0 < robot.root_height < float("inf"):
         raise FileFormatError(f"{path}: root_height is {robot.root_height}; it must be a positive number of metres")
+    if not abs(sum(component**2 for component in robot.root_rotation) - 1.0) < 1e-3:
+        raise FileFormatError(f"{path}: root_rotation is {list(robot.root_rotation)}, which is no unit quaternion")
     if (robot.model is None) != (robot.kind == "mannequin"):
         raise FileFormatError(
             f"{path}: model: "
             + (
                 "a mannequin is built, not loaded"
                 if robot.model
-                else f"a robot of kind '{robot.kind}' needs its MJCF file"
+                else f"a robot of kind '{robot.kind}' needs its MJCF or URDF file"
             )
         )
+    if robot.kind == "mannequin" and robot.solver == "ik":
+        raise FileFormatError(f"{path}: solver: a mannequin plays its skeleton's joints exactly and needs no 'ik'")

@@ -17,7 +17,20 @@ for _library in ("OPENBLAS", "OMP", "MKL"):
 
 import typer  # noqa: E402
 
-from controller.cli import clip, evaluate, fit, library, play, plot, recognize, replay, rig, segment, send  # noqa: E402
+from controller.cli import (  # noqa: E402
+    clip,
+    evaluate,
+    fit,
+    library,
+    play,
+    plot,
+    recognize,
+    replay,
+    rig,
+    robot,
+    segment,
+    send,
+)
 
 app = typer.Typer(
     name="motiondeck",
@@ -36,6 +49,7 @@ app.command("evaluate")(evaluate.evaluate)
 app.add_typer(library.app, name="library")
 app.add_typer(clip.app, name="clip")
 app.add_typer(rig.app, name="rig")
+app.add_typer(robot.app, name="robot")
 app.add_typer(recognize.app, name="recognize")
 app.command("segment")(segment.segment)
 

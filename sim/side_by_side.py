@@ -1,0 +1,64 @@
+"""Side by side: a robot beside the human whose motion it plays, as one model to be drawn."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from controller.mocap.posture import Pose
+from controller.mocap.skeleton import Skeleton
+from controller.rotations import Array
+from sim.robot import load_robot
+
+PREFIX = "robot/"
+APART = 0.9  # heights of the human's root
+
+
+class SideBySide:
+    """A mannequin of the robot's size on the left, the robot on the right, on one floor.
+
+    Attributes:
+        model: both of them.
+    """
+
+    def __init__(self, skeleton: Skeleton, human: Path, robot: Path, dt: float) -> None:
+        """Loads both.
+
+        Args:
+            skeleton: whose poses will come.
+            human, robot: the robot files of the mannequin and of the robot.
+            dt: seconds from one pose to the next.
+        """
+        self._robot = load_robot(robot, skeleton, dt=dt)
+        self._scale = self._robot.path_scale
+        self._human = load_robot(human, replace(skeleton, length=skeleton.length * self._scale))
+        spec, other = self._human.spec.copy(), self._robot.spec.copy()
+        for thing in [*other.worldbody.geoms, *other.worldbody.lights, *other.equalities]:
+            other.delete(thing)
+        for texture in [*other.textures]:
+            if texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX:
+                other.delete(texture)
+        self._apart = np.array([0.0, -APART * self._scale * skeleton.leg_length])
+        spec.attach(other, prefix=PREFIX, frame=spec.worldbody.add_frame())
+        self.model = spec.compile()
+        self._qpos = np.zeros(self.model.nq)
+
+    def qpos(self, pose: Pose) -> Array:
+        """Both as they are in a pose, shape (nq,); overwritten by the next call.
+
+        The robot is kept beside the human, however far its own steps would have carried it.
+        """
+        split = self._human.model.nq
+        small = replace(pose, root_position=pose.root_position * self._scale)
+        self._human.place(self._human.retarget(small), small, self._qpos[:split])
+        limits = self._robot.limits
+        targets = np.clip(self._robot.retarget(pose), limits.lower, limits.upper)
+        self._robot.place(targets, pose, self._qpos[split:])
+        self._qpos[split : split + 2] = self._qpos[:2] + self._apart
+        return self._qpos
