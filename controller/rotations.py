@@ -5,6 +5,8 @@ All functions broadcast over the leading axes. A quaternion turns a vector by  v
 
 from __future__ import annotations
 
+from math import cos, sin
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -153,6 +155,9 @@ def to_matrix(q: Array) -> Array:
 
 def yaw(angle: Array | float) -> Array:
     """Quaternions (..., 4) that turn by angle (...) rad about z, the vertical."""
+    if np.ndim(angle) == 0:  # plain numbers spare the loop most of the time
+        half_angle = 0.5 * float(angle)
+        return np.array([cos(half_angle), 0.0, 0.0, sin(half_angle)])
     half = 0.5 * np.asarray(angle, dtype=np.float64)
     zero = np.zeros_like(half)
     return np.stack([np.cos(half), zero, zero, np.sin(half)], axis=-1)

@@ -10,6 +10,7 @@ import viser
 
 from controller.errors import MotiondeckError
 from controller.realtime.commands import (
+    Blend,
     CommandClient,
     EmergencyStop,
     Home,
@@ -52,6 +53,11 @@ class Panel:
         for motion, button in zip(motions, self._buttons, strict=True):
             button.on_click(lambda _, motion=motion: self._send(Queue(motion) if self._queue.value else Switch(motion)))
         self._queue = gui.add_checkbox("after the present one", False, hint="Queue a motion instead of switching now")
+        with gui.add_folder("blend", expand_by_default=False):
+            self._second = gui.add_dropdown("with", motions, hint="Mixed into the motion that is played")
+            self._share = gui.add_slider("share", min=0.0, max=1.0, step=0.05, initial_value=0.0)
+            self._share.on_update(self._share_moved)
+        self._motions = motions
         gui.add_divider()
         self._speed = gui.add_slider("speed", min=SLOWEST, max=FASTEST, step=0.05, initial_value=1.0)
         self._speed.on_update(self._speed_moved)
@@ -92,6 +98,10 @@ class Panel:
         if event.client is not None:
             self._moved = time.monotonic()
             self._send(SetSpeed(factor=float(self._speed.value)))
+
+    def _share_moved(self, event: viser.GuiEvent) -> None:
+        if event.client is not None and 0 <= self._current < len(self._motions):
+            self._send(Blend(self._motions[self._current], str(self._second.value), float(self._share.value)))
 
     def _send(self, message: Message) -> None:
         """Sends a command and shows a refusal on the page; page callbacks come from many threads, the socket is one."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from controller.cli.child import child_process
 from controller.errors import FileFormatError
-from controller.realtime.commands import Message, Queue, Refused, Reply, SetSpeed, Status, Switch
+from controller.realtime.commands import Blend, Message, Queue, Refused, Reply, SetSpeed, Status, Switch
 from controller.realtime.loop import LoopState
 from controller.realtime.recording import COMMANDS, MODES
 from controller.realtime.stop import StopRequest
@@ -54,6 +54,8 @@ class TickRecorder:
                 argument = self._motions.index(to) if to in self._motions else math.nan
             case SetSpeed(factor=factor):
                 argument = factor
+            case Blend(share=share):
+                argument = share
             case _:
                 argument = math.nan
         fields["argument"][0] = argument

@@ -31,6 +31,7 @@ def full_report(
             "settled_s": switch.settled_s,
             "after": switch.after,
             "via": list(switch.via),
+            **({"blend": list(switch.blend)} if switch.blend is not None else {}),
         }
         for switch in switches
     ]

@@ -19,7 +19,7 @@ import msgspec
 from controller.cli.terminal import parse_command
 from controller.config import read_toml
 from controller.errors import FileFormatError, MotiondeckError, UnknownNameError
-from controller.realtime.messages import CommandError, Message, Queue, Switch
+from controller.realtime.messages import Blend, CommandError, Message, Queue, Switch
 
 
 @dataclass(frozen=True)
@@ -71,8 +71,9 @@ def read_timeline(path: Path, motions: Iterable[str]) -> tuple[str, list[Timed]]
             message = parse_command(line.say.split())
         except CommandError as error:
             raise FileFormatError(f"{place}: {error}") from None
-        if isinstance(message, Switch | Queue) and message.to not in known:
-            raise FileFormatError(f"{place}: {UnknownNameError.among('motion', message.to, known)}")
+        for name in _named(message):
+            if name not in known:
+                raise FileFormatError(f"{place}: {UnknownNameError.among('motion', name, known)}")
         timeline.append(Timed(line.at, message))
     return file.motion, sorted(timeline, key=lambda timed: timed.at)
 
@@ -106,6 +107,16 @@ def parse_script(text: str, motions: Iterable[str]) -> tuple[list[Cue], float | 
         cues.append(Cue(at, words[0]))
         at += _seconds(words[1], place) if len(words) == 2 else 0.0
     return cues, at if at > cues[-1].at else None
+
+
+def _named(message: Message) -> tuple[str, ...]:
+    """The motions that a command names."""
+    match message:
+        case Switch(to=to) | Queue(to=to):
+            return (to,)
+        case Blend(first=first, second=second):
+            return first, second
+    return ()
 
 
 def _seconds(word: str, place: int) -> float:

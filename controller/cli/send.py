@@ -18,11 +18,13 @@ def send(
         list[str],
         typer.Argument(
             metavar="COMMAND",
-            help="switch MOTION [direct] | queue MOTION | speed FACTOR [SECONDS] | pause | resume | home | estop "
-            "| reset | status | stop",
+            help="switch MOTION [direct] | queue MOTION | blend MOTION MOTION SHARE | speed FACTOR [SECONDS] | pause "
+            "| resume | home | estop | reset | status | stop",
         ),
     ],
-    wait: Annotated[bool, typer.Option("--wait", help="Wait until a switch, or a queued motion, has settled.")] = False,
+    wait: Annotated[
+        bool, typer.Option("--wait", help="Wait until a switch, a queued motion or a blend has settled.")
+    ] = False,
     command_port: Annotated[int, typer.Option("--command-port", help="The deck's command port.")] = DEFAULT_PORT,
     as_json: Annotated[bool, typer.Option("--json", help="Print the deck's answer as one JSON object.")] = False,
 ) -> None:
@@ -34,13 +36,13 @@ def send(
 
     from controller.cli.terminal import describe, parse_command
     from controller.realtime.commands import CommandClient
-    from controller.realtime.messages import Accepted, Queue, Refused, Switch
+    from controller.realtime.messages import Accepted, Blend, Queue, Refused, Switch
 
     request = parse_command(words)
     client = CommandClient(command_port)
     try:
         answer = client.request(request)
-        if wait and isinstance(request, Switch | Queue) and isinstance(answer, Accepted):
+        if wait and isinstance(request, Switch | Queue | Blend) and isinstance(answer, Accepted):
             if answer.after or answer.via:
                 print(describe(answer), file=sys.stderr)
             answer = client.wait_settled(answer.id, _LONGEST_WAIT) or answer

@@ -15,6 +15,7 @@ from controller.errors import MotiondeckError
 from controller.realtime.commands import (
     DEFAULT_PORT,
     Accepted,
+    Blend,
     CommandClient,
     CommandError,
     EmergencyStop,
@@ -40,6 +41,7 @@ HELP = """\
 MOTION           switch to a motion (Tab completes); also: switch MOTION
 switch MOTION direct   at once and straight, however far it is
 queue MOTION     play it when the present motion has ended or gone round
+blend A B SHARE  play a mixture of two motions, SHARE (0 to 1) of the second
 speed FACTOR     play at 0.1 to 3 times the recorded tempo; speed FACTOR SECONDS takes its time
 pause, resume    stand still, go on
 home             go to the rest pose; resume or a motion goes on
@@ -58,7 +60,7 @@ _PLAIN = {
     "stop": Stop,
     "quit": Stop,
 }
-_WORDS = ("switch", "queue", "speed", *_PLAIN, "help")
+_WORDS = ("switch", "queue", "blend", "speed", *_PLAIN, "help")
 _ALLOWED = f"MOTION, {COMMANDS}"
 _HEARTBEAT = 0.3  # s of silence before asking whether the deck is still there; three questions are asked
 _STARTING = 5.0  # s that a deck may take from opening its port to answering
@@ -77,6 +79,10 @@ def parse_command(words: Sequence[str]) -> Message:
             return checked(Switch(name, direct=True))
         case ["queue", name]:
             return checked(Queue(name))
+        case ["blend", first, second, share]:
+            return checked(Blend(first, second, _number(share, "blend takes two motions and a share from 0 to 1")))
+        case ["blend", *_]:
+            raise CommandError("blend takes two motions and a share of the second, as in: blend walk jog 0.3")
         case ["speed", factor]:
             return checked(SetSpeed(_number(factor)))
         case ["speed", factor, over]:
@@ -93,11 +99,11 @@ def parse_command(words: Sequence[str]) -> Message:
             raise CommandError(f"'{' '.join(words)}' is no command. Commands: {_ALLOWED}.")
 
 
-def _number(word: str) -> float:
+def _number(word: str, wanted: str = f"speed takes a number from {SLOWEST:g} to {FASTEST:g}") -> float:
     try:
         return float(word)
     except ValueError:
-        raise CommandError(f"speed takes a number from {SLOWEST:g} to {FASTEST:g}, not '{word}'") from None
+        raise CommandError(f"{wanted}, not '{word}'") from None
 
 
 def describe(reply: Reply) -> str:
@@ -114,7 +120,8 @@ def describe(reply: Reply) -> str:
             doing = "switching to" if reply.switching else "playing"
             mode = "" if reply.mode == "playing" else f"{reply.mode}; "
             queue = f"; next: {', '.join(reply.queue)}" if reply.queue else ""
-            return f"{mode}{doing} {reply.motion}, {how}{queue}; motions: {', '.join(reply.motions)}"
+            blend = f" with {reply.blend[1]:.2f} of {reply.blend[0]}" if reply.blend else ""
+            return f"{mode}{doing} {reply.motion}{blend}, {how}{queue}; motions: {', '.join(reply.motions)}"
 
 
 class _Interrupted(Exception):
@@ -189,7 +196,7 @@ def follow(client: CommandClient, lines: Iterable[str]) -> None:
             continue
         reply = client.request(message, _STARTING)
         print(describe(reply), flush=True)
-        if isinstance(message, Switch) and isinstance(reply, Accepted):
+        if isinstance(message, Switch | Blend) and isinstance(reply, Accepted):
             settled = client.wait_settled(reply.id)
             print(describe(settled) if settled else "not settled yet", flush=True)
 

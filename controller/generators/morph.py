@@ -34,6 +34,10 @@ class Morph(Protocol):
         """Leaves the network playing the target alone, from where the mixture is."""
         ...
 
+    def give_up(self) -> None:
+        """Leaves it playing the source alone."""
+        ...
+
 
 def morph(network: ConceptorNetwork | EchoStateNetwork, source: str, target: str) -> Morph:
     """A morph that starts where a network is in the motion it plays.
@@ -51,7 +55,7 @@ class _ConceptorMorph:
     def __init__(self, network: ConceptorNetwork, source: str, target: str) -> None:
         self._network = network
         self._source, self._target, self._to = network[source], network[target], target
-        playing, _, self._z_source = network.snapshot()
+        playing, self._bound, self._z_source = network.snapshot()
         _check(playing is self._source, source)
         self._z_target = np.zeros_like(self._target.offset)
         self._mu = 0.0
@@ -74,6 +78,9 @@ class _ConceptorMorph:
         playing, bound, _ = anchor.snapshot()
         self._network.restore((playing, bound, self._z_target.astype(np.float32)))
 
+    def give_up(self) -> None:
+        self._network.restore((self._source, self._bound, self._z_source.astype(np.float32)))
+
 
 class _EchoStateMorph:
     def __init__(self, network: EchoStateNetwork, source: str, target: str) -> None:
@@ -88,6 +95,9 @@ class _EchoStateMorph:
 
     def settle(self) -> None:
         self._play(self._target)
+
+    def give_up(self) -> None:
+        self._play(self._source)
 
     def _play(self, part: EchoStateMotion) -> None:
         _, x, y = self._network.snapshot()

@@ -18,7 +18,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from controller.mocap.skeleton import ROOT, Skeleton
+from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array, best_fit, between
 
 Vector: TypeAlias = Iterable[Any]  # x, y, z: each a float, or an array over the frames
@@ -35,7 +35,7 @@ def orient(skeleton: Skeleton, direction: Array) -> Array:
     Returns:
         Unit quaternions, shape (..., 1 + B, 4), with rotate(result[..., 1:, :], rest_direction) == direction.
     """
-    first = skeleton.children(ROOT)
+    first = skeleton.first
     root = best_fit(np.swapaxes(direction[..., first, :], -1, -2) @ skeleton.rest_direction[first])
     one_frame = direction.ndim == 2
     goal: Any = direction.tolist() if one_frame else np.ascontiguousarray(np.moveaxis(direction, (-2, -1), (0, 1)))

@@ -73,6 +73,11 @@ class Skeleton:
         return np.flatnonzero(self.parent == bone)
 
     @cached_property
+    def first(self) -> NDArray[np.int64]:
+        """The bones that hang from the root."""
+        return self.children(ROOT)
+
+    @cached_property
     def levels(self) -> tuple[NDArray[np.int64], ...]:
         """The bones by their distance from the root, so that each level needs only the one before it."""
         depth = np.zeros(len(self), dtype=np.int64)

@@ -10,6 +10,7 @@ from controller.errors import MotiondeckError
 from controller.realtime.commands import (
     Accepted,
     Address,
+    Blend,
     CommandServer,
     EmergencyStop,
     Home,
@@ -27,6 +28,9 @@ from controller.realtime.commands import (
     Switch,
 )
 from controller.realtime.stop import StopRequest
+
+Awaited = Switch | Queue | Blend
+"""Commands that are answered once more when they are carried out."""
 
 _MOST_AWAITED = 256  # switches whose end somebody waits for
 
@@ -85,6 +89,15 @@ class Commandable(Protocol):
         """Plays a motion after all others."""
         ...
 
+    @property
+    def blend(self) -> tuple[str, float] | None:
+        """What is mixed into the motion, and its share."""
+        ...
+
+    def blend_in(self, first: str, second: str, share: float) -> Progress:
+        """Plays a mixture of two motions."""
+        ...
+
     def set_speed(self, factor: float, over: float = 0.0) -> None:
         """Plays at another tempo."""
         ...
@@ -113,22 +126,24 @@ class CommandDesk:
         self._deck = deck
         self._server = server
         self._note = note
-        self._awaited: deque[tuple[Address, Switch | Queue, Progress]] = deque(maxlen=_MOST_AWAITED)
+        self._awaited: deque[tuple[Address, Awaited, Progress]] = deque(maxlen=_MOST_AWAITED)
 
     def __call__(self, stop: StopRequest) -> None:
         """Answers what has come, and those who wait for a switch that has settled or been overtaken."""
         for message, sender in self._server.poll():
             reply, progress = self.carry_out(message, stop)
-            if progress is not None and isinstance(message, Switch | Queue):
+            if progress is not None and isinstance(message, Awaited):
                 self._awaited.append((sender, message, progress))
             self._server.reply(sender, reply)
         for _ in range(len(self._awaited)):
             sender, message, progress = self._awaited.popleft()
             if progress.settled_s is not None:
                 took = progress.settled_s - progress.commanded_s
-                self._server.reply(sender, Settled(message.to, took, message.id))
+                self._server.reply(sender, Settled(_aim(message), took, message.id))
             elif progress.overtaken:
-                self._server.reply(sender, Refused(f"the switch to {message.to} was overtaken by another", message.id))
+                self._server.reply(
+                    sender, Refused(f"the switch to {_aim(message)} was overtaken by another", message.id)
+                )
             else:
                 self._awaited.append((sender, message, progress))
 
@@ -176,6 +191,8 @@ class CommandDesk:
                 progress = deck.switch(to, direct=direct)
             case Queue(to=to):
                 progress = deck.enqueue(to)
+            case Blend(first=first, second=second, share=share):
+                progress = deck.blend_in(first, second, share)
             case SetSpeed(factor=factor, over=over):
                 return deck.set_speed(factor, over)
             case _:
@@ -196,4 +213,10 @@ class CommandDesk:
             id=message.id,
             queue=deck.queue,
             mode=stop.mode,
+            blend=deck.blend,
         )
+
+
+def _aim(message: Awaited) -> str:
+    """What is played when the command has been carried out."""
+    return f"{message.first} + {message.second}" if isinstance(message, Blend) else message.to

@@ -20,6 +20,7 @@ from controller.errors import MotiondeckError
 from controller.realtime.messages import (
     MOST_BYTES,
     Accepted,
+    Blend,
     CommandError,
     EmergencyStop,
     Home,
@@ -46,6 +47,7 @@ __all__ = [
     "DEFAULT_PORT",
     "Accepted",
     "Address",
+    "Blend",
     "CommandClient",
     "CommandError",
     "CommandServer",

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from math import cos, sin
 
 import numpy as np
 
@@ -17,20 +18,25 @@ from controller.generators.base import CrossingNetwork
 from controller.generators.centralized_network import CentralizedNetwork
 from controller.generators.frame_player import FramePlayer
 from controller.generators.guard import Guard
+from controller.generators.mixture import Mixture
 from controller.mocap.posture import Pose, Posture
 from controller.realtime.interfaces import Retargeter
+from controller.realtime.joining import Joining
 from controller.realtime.messages import FASTEST, SLOWEST
 from controller.realtime.repertoire import Motion, read_repertoire
 from controller.realtime.routes import Routes
-from controller.realtime.transition import Crossing, Fade, best_anchor, difference
+from controller.realtime.transition import Briskness, Crossing, Fade, best_anchor, difference
 from controller.rotations import Array, multiply, yaw
-from controller.training.library import MotionLibrary
+from controller.training.library import MotionLibrary, Network
 
 # How fast the tempo itself may change, 1/s: a pause takes 0.4 s.
 TEMPO_RATE = 2.5
 
 # A difference in joint velocity counts as much as the way it goes in this time (8 frames at 120 Hz), s.
 VELOCITY_REACH = 8.0 / 120.0
+
+# How long it takes inside a network from one motion to another, s.
+MORPH_SECONDS = 1.0
 
 REMEMBERED_SWITCHES = 10_000
 MOST_QUEUED = 32
@@ -48,6 +54,7 @@ class Switch:
         after: the motion whose end is awaited first, or "".
         via: the motions on the way.
         overtaken: whether another command came before it had settled.
+        blend: what is mixed in as soon as the motion is played, and its share.
     """
 
     to: str
@@ -57,6 +64,7 @@ class Switch:
     after: str = ""
     via: tuple[str, ...] = ()
     overtaken: bool = False
+    blend: tuple[str, float] | None = None
 
 
 class Deck:
@@ -67,6 +75,7 @@ class Deck:
         retarget: from the skeleton's poses to the robot's joints.
         motion: what to play first.
         direct: whether every switch goes straight to its motion, at once.
+        joining: how motions are joined; by itself as suits the network.
 
     Attributes:
         time: s since the start, in ticks of the loop.
@@ -77,7 +86,15 @@ class Deck:
         posture, pose: what is shown.
     """
 
-    def __init__(self, library: MotionLibrary, retarget: Retargeter, motion: str, *, direct: bool = False) -> None:
+    def __init__(
+        self,
+        library: MotionLibrary,
+        retarget: Retargeter,
+        motion: str,
+        *,
+        direct: bool = False,
+        joining: Joining | None = None,
+    ) -> None:
         self.motions = library.network.motions
         self._encoding = library.encoding
         self._retarget = retarget
@@ -85,26 +102,31 @@ class Deck:
         self._routes = Routes.between(self._repertoire)
         self._direct = direct
         self._check(motion)
-        self._guard = _guard(library)
+        self._joining: Joining | None = joining
+        core = self._core = library.network.twin()
+        self._guard = None if isinstance(core, CentralizedNetwork) else _guard(core, library)
         self._recues = 0  # how many of the guard's are faded in already
-        self._player = FramePlayer(self._guard or library.network.twin(), library.info.rate)
+        self._mixture = Mixture(self._guard or core, core)
+        self._player = FramePlayer(self._mixture, library.info.rate)
         self._player.cue(motion)
         self._fade: Fade | Crossing | None = None
         self._fade_start = 0.0
         self._current: Switch | None = None  # the switch that is being carried out
         self._fading: Switch | None = None  # the switch that the fade belongs to
+        self._mixing: Switch | None = None  # the switch that the present mixture belongs to
         self._ahead: deque[str] = deque()  # the motions that the current one has still to begin
         self._queued: deque[Switch] = deque()
         self._waits = False  # whether the next of them waits for the end of what is played
         self._at = 0.0  # s into the motion
         self._end = self._repertoire[motion].seconds  # the place at which it has ended or gone round
         self.time = 0.0
+        self._dt = 1.0 / library.info.rate
         self.switches: deque[Switch] = deque(maxlen=REMEMBERED_SWITCHES)
         self.speed = 1.0
         self.paused = False
         self.commanded_speed = 1.0
         self._tempo_rate = TEMPO_RATE
-        self._root_xy = np.zeros(2)
+        self._x = self._y = 0.0
         self._heading = 0.0
         self._before = self.posture = self._decode(self._player.step(0.0), 1.0)
         self.pose = self._place(self.posture, 0.0)
@@ -123,6 +145,12 @@ class Deck:
     def settled(self) -> bool:
         """Whether no switch is under way."""
         return self._current is None and self._fade is None
+
+    @property
+    def blend(self) -> tuple[str, float] | None:
+        """What is mixed into the motion that is played, and its present share."""
+        blended = self._mixture.mixed and not isinstance(self._fade, Crossing)
+        return (self._mixture.other, self._mixture.share) if blended else None
 
     @property
     def recues(self) -> int:
@@ -150,15 +178,47 @@ class Deck:
         self._check(to)
         direct = direct or self._direct
         loop = self._repertoire[to].loop
+        current = self._current
+        if current is not None and (current.to, current.blend) == (to, None) and loop and not (direct and self._ahead):
+            self._forget(self._queued)
+            self._queued.clear()
+            return current
+        return self._command(Switch(to, self.time), direct)
+
+    def blend_in(self, first: str, second: str, share: float) -> Switch:
+        """Plays a mixture of two motions that go on for ever, inside the network, as its paper defines it.
+
+        The first is switched to if it is not played, then the second is mixed in; at a share of 0 or 1 one plays alone.
+
+        Args:
+            first, second: the motions.
+            share: of the second, in [0, 1].
+
+        Raises:
+            UnknownNameError: if there is no such motion; it names the nearest.
+            MotiondeckError: if the two cannot be blended; it says why.
+        """
+        for name in (first, second):
+            self._check(name)
+            if not self._repertoire[name].loop:
+                raise MotiondeckError(f"{name} happens once; only motions that go on for ever can be blended")
+        if first == second:
+            raise MotiondeckError(f"a blend takes two motions, not {first} twice")
+        if not 0.0 <= share <= 1.0:
+            raise MotiondeckError(f"a share of {share:g} is not between 0 and 1")
+        if not self._direct and (via := self._routes.by_way_of(first, second)):
+            raise MotiondeckError(f"{first} and {second} are too far apart to be blended: between them lies {via[0]}")
+        if self.blend is not None and (self._player.motion, self._mixture.other) == (second, first):
+            first, second, share = second, first, 1.0 - share
+        return self._command(Switch(first, self.time, blend=(second, share)), self._direct)
+
+    def _command(self, switch: Switch, direct: bool) -> Switch:
+        """Sets out on a switch; what was commanded before is forgotten."""
         self._forget(self._queued)
         self._queued.clear()
-        current = self._current
-        if current is not None and current.to == to and loop and not (direct and self._ahead):
-            return current
-        if current is not None:
-            self._forget([current])
+        if self._current is not None:
+            self._forget([self._current])
         self._ahead.clear()
-        switch = Switch(to, self.time)
         self.switches.append(switch)
         self._set_out(switch, direct)
         return switch
@@ -211,13 +271,16 @@ class Deck:
     def update(self, dt: float) -> tuple[Array, Pose]:
         """Goes dt seconds on; the joint targets (J,), rad, and the pose they come from."""
         self.time += dt
+        self._dt = dt
         goal = 0.0 if self.paused else self.commanded_speed
-        self.speed += float(np.clip(goal - self.speed, -self._tempo_rate * dt, self._tempo_rate * dt))
+        most = self._tempo_rate * dt
+        self.speed += min(max(goal - self.speed, -most), most)
         tempo = self.speed * self._onset()
         self._at += dt * tempo
         shown = self._faded(self._decode(self._player.step(dt * tempo), tempo))
         if self._fading is not None and self._fading.first_change_s is None:
             self._fading.first_change_s = self.time
+        self._look_at_mixture()
         if self._is_due():
             self._begin(self._ahead.popleft(), shown, dt)
         elif self._guard and self._guard.recues > self._recues:
@@ -240,9 +303,15 @@ class Deck:
     def _set_out(self, switch: Switch, direct: bool) -> None:
         """Makes a switch the current one and lays out its way."""
         here = self._here
-        if switch.to == here.name and here.loop:
-            switch.first_change_s = switch.settled_s = self.time
-            self._current = None
+        blended = self._mixture.other
+        if switch.to == here.name and here.loop and (not blended or (switch.blend or ("",))[0] == blended):
+            # What is shown already is that motion, or fades to it.
+            self._current = switch
+            if switch.blend is None:
+                switch.first_change_s = switch.settled_s = self.time
+                self._current = None
+            elif self._fade is None:
+                self._mix(switch)
             return
         if not direct:
             switch.via = self._routes.by_way_of(here.name, switch.to)
@@ -253,7 +322,7 @@ class Deck:
 
     def _is_due(self) -> bool:
         """Whether the next motion is to begin now."""
-        over = self._fade is None and self._at >= self._end
+        over = self._fade is None and not self._mixture.crossing and self._at >= self._end
         if self._current is None and self._queued and over:
             self._set_out(self._queued.popleft(), self._direct)
         return bool(self._ahead) and (over or not self._waits)
@@ -264,27 +333,28 @@ class Deck:
         A network that goes over by itself is left to do so, unless another switch is still under way.
         """
         leaving, entering = self._here, self._repertoire[motion]
-        network = self._player.network
-        if self._fade is None and isinstance(network, CrossingNetwork):
-            anchor = self._player.cross(network, motion, len(entering.places))
-            self._fade, self._fade_start = Crossing(network), self.time
+        bound = _briskness(leaving, entering)
+        joining = self._joining or ("morph" if isinstance(self._core, CrossingNetwork) else "inertialise")
+        self._mixing = None
+        if joining in ("morph", "crossfade") and self._fade is None and not self._mixture.mixed:
+            anchor = self._go_over(motion, shown, dt, bound, inside=joining == "morph")
         else:
-            place = self._joints(shown)
-            velocity = (place - self._joints(self.posture)) / dt
-            anchor = best_anchor(place, velocity, entering.places, entering.velocities, VELOCITY_REACH)
-            self._enter(motion, anchor, shown, dt, _briskness(leaving, entering))
+            anchor = self._anchor(motion, self.posture, shown, dt)
+            self._enter(motion, anchor, shown, dt, bound)
+            if joining == "cut":
+                self._fade = Crossing(self._mixture)  # which is on no way: it is over at once
         self._at = anchor * entering.spacing
         self._end = entering.seconds + (self._at if entering.loop else 0.0)
         self._waits = True  # only motions that happen once lie on a way, and they are finished
         self._fading = self._current
 
-    def _enter(self, motion: str, anchor: int, shown: Posture, dt: float, bound: Array) -> None:
+    def _enter(self, motion: str, anchor: int, shown: Posture, dt: float, bound: Briskness) -> None:
         """Goes on from an anchor of a motion, and fades from what is shown to it."""
         self._player.cue_anchor(motion, anchor)
         tempo = self.speed if self._here.loop else 0.0
         target_before = self._decode(self._player.step(0.0), tempo)
         target = self._decode(self._player.step(dt * tempo), tempo)
-        self._fade = difference((self.posture, shown), (target_before, target), dt, bound)
+        self._fade = difference((self.posture, shown), (target_before, target), dt, self._places, bound)
         self._fade_start = self.time
 
     def _onset(self) -> float:
@@ -302,11 +372,67 @@ class Deck:
             return self._fade.apply(target, elapsed)
         self._fade = None
         if self._fading is not None:
+            if self._fading.first_change_s is None:
+                self._fading.first_change_s = self.time
             if self._fading is self._current and not self._ahead:
-                self._fading.settled_s = self.time
-                self._current = None
+                if self._fading.blend is None:
+                    self._fading.settled_s = self.time
+                    self._current = None
+                else:
+                    self._mix(self._fading)
             self._fading = None
         return target
+
+    def _mix(self, switch: Switch) -> None:
+        """Mixes in what a switch has to have mixed in, now that its motion is played."""
+        assert switch.blend is not None
+        other, share = switch.blend
+        frames = round(abs(share - self._mixture.share) * MORPH_SECONDS * self._player.rate)
+        self._mixture.mix(other, share, frames, self._anchor(other, self._before, self.posture, self._dt))
+        self._mixing = switch
+
+    def _go_over(self, motion: str, shown: Posture, dt: float, bound: Briskness, *, inside: bool) -> int:
+        """Goes over to a motion by mixing, inside the network or side by side; the anchor where it is entered."""
+        entering = self._repertoire[motion]
+        self._fade_start = self.time
+        if inside and isinstance(self._core, CrossingNetwork):
+            self._fade = Crossing(self._core)
+            return self._player.cross(self._core, motion, len(entering.places))
+        anchor, seconds = self._anchor(motion, self.posture, shown, dt), MORPH_SECONDS
+        if not inside:
+            frames = self._mixture.anchors(motion)
+            rate = (frames[(anchor + 1) % len(frames)] - frames[anchor - 1]) / (2.0 * entering.spacing)
+            before, now = (self._decode(frames[anchor] - back * self.speed * rate, self.speed) for back in (dt, 0.0))
+            seconds = difference((self.posture, shown), (before, now), dt, self._places, bound).duration
+        self._mixture.mix(motion, 1.0, round(seconds * self._player.rate), anchor, inside=inside)
+        self._player.motion = motion
+        self._fade = Crossing(self._mixture)
+        return anchor
+
+    def _anchor(self, motion: str, before: Posture, now: Posture, dt: float) -> int:
+        """Where a motion resembles a body most."""
+        there, place = self._repertoire[motion], self._joints(now)
+        velocity = (place - self._joints(before)) / dt
+        return best_anchor(place, velocity, there.places, there.velocities, VELOCITY_REACH)
+
+    def _look_at_mixture(self) -> None:
+        """Keeps record of the switch that a blend belongs to, and of what is played when one motion is left of it."""
+        switch, mixture = self._mixing, self._mixture
+        if switch is None or not (mixture.heard or not mixture.mixed):
+            return
+        if switch.first_change_s is None:
+            switch.first_change_s = self.time
+        if mixture.crossing:
+            return
+        self._mixing = None
+        if mixture.motion != self._player.motion:
+            here = self._repertoire[mixture.motion]
+            self._player.motion = here.name
+            self._at = mixture.anchor * here.spacing
+            self._end = here.seconds + self._at
+        if switch is self._current and not self._ahead:
+            switch.settled_s = self.time
+            self._current = None
 
     def _decode(self, channels: Array, speed: float) -> Posture:
         """The posture of channels, its path played at a speed."""
@@ -321,33 +447,35 @@ class Deck:
     def _place(self, posture: Posture, dt: float) -> Pose:
         """Where a posture stands after walking on for dt seconds."""
         self._heading += float(posture.turn_rate) * dt
-        cos, sin = np.cos(self._heading), np.sin(self._heading)
-        forward, left = posture.velocity * dt
-        self._root_xy += cos * forward - sin * left, sin * forward + cos * left
-        position = np.array([self._root_xy[0], self._root_xy[1], float(posture.height)])
+        cosine, sine = cos(self._heading), sin(self._heading)
+        forward, left = (posture.velocity * dt).tolist()
+        self._x += cosine * forward - sine * left
+        self._y += sine * forward + cosine * left
+        position = np.array([self._x, self._y, float(posture.height)])
         return Pose(position, np.array(self._heading), multiply(yaw(self._heading), posture.rotation))
+
+    def _places(self, posture: Posture) -> Array:
+        """Positions of root and joints in the heading frame, from the ground below the root, shape (1 + B, 3), m."""
+        return self._encoding.skeleton.joints(np.array([0.0, 0.0, posture.height]), posture.rotation)
 
     def _joints(self, posture: Posture) -> Array:
         """Joint positions relative to the root in the heading frame, and the root's height, shape (F,), m."""
-        skeleton = self._encoding.skeleton
-        joints = skeleton.joints(np.zeros(3), posture.rotation)[1:]
-        return np.append(joints.ravel(), posture.height)
+        places = self._places(posture)
+        return np.append((places[1:] - places[0]).ravel(), posture.height)
 
     def _check(self, motion: str) -> None:
         if motion not in self._repertoire:
             raise UnknownNameError.among("motion", motion, self.motions)
 
 
-def _guard(library: MotionLibrary) -> Guard | None:
-    """A guard around a network of its own; none for a centralized one, which has no state that could be lost."""
-    network = library.network.twin()
-    if isinstance(network, CentralizedNetwork):
-        return None
+def _guard(network: Network, library: MotionLibrary) -> Guard:
+    """A guard around a network; a centralized one has no state that could be lost, and needs none."""
     motions = library.info.motions
     lengths = {motion.name: motion.frames for motion in motions}
     return Guard(network, lengths, {motion.name: motion.plays == "loop" for motion in motions})
 
 
-def _briskness(leaving: Motion, entering: Motion) -> Array:
-    """What the bones are used to in the brisker of two motions."""
-    return np.maximum(leaving.briskness, entering.briskness)
+def _briskness(leaving: Motion, entering: Motion) -> Briskness:
+    """What joints may do on the way: accelerate as in the brisker of two motions, on top of what the second does."""
+    acceleration = max(leaving.briskness.acceleration, entering.briskness.acceleration)
+    return Briskness(acceleration, entering.briskness.speed)

@@ -1,7 +1,7 @@
 """Messages: what a deck can be told, and what it answers; typed, and JSON on the wire.
 
-Every command carries a number that its answers repeat. It is answered at once by Accepted, Refused or State; a Switch
-or Queue that was accepted is answered once more when it has settled.
+Every command carries a number that its answers repeat. It is answered at once by Accepted, Refused or State; a Switch,
+Queue or Blend that was accepted is answered once more when it has settled.
 """
 
 from __future__ import annotations
@@ -47,6 +47,21 @@ class Queue(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="queue"
     """Play a motion after what is played and queued: a loop goes round to its end, what happens once is finished."""
 
     to: str
+    id: Number = 0
+
+
+class Blend(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="blend"):
+    """Play a mixture of two motions that go on for ever.
+
+    Attributes:
+        first: is switched to, if it is not played.
+        second: is mixed in then.
+        share: of the second, from 0 to 1.
+    """
+
+    first: str
+    second: str
+    share: float
     id: Number = 0
 
 
@@ -146,6 +161,7 @@ class State(msgspec.Struct, frozen=True, tag="state"):
         id: of the command.
         queue: what is played next.
         mode: whether the joints follow the motion, stand at home, are held, or are held by the emergency stop.
+        blend: what is mixed into the motion, and its share.
     """
 
     motion: str
@@ -156,12 +172,13 @@ class State(msgspec.Struct, frozen=True, tag="state"):
     id: Number
     queue: list[str] = []
     mode: Mode = "playing"
+    blend: tuple[str, float] | None = None
 
 
-Message = Switch | Queue | SetSpeed | Pause | Resume | Home | EmergencyStop | Reset | Stop | Status
+Message = Switch | Queue | Blend | SetSpeed | Pause | Resume | Home | EmergencyStop | Reset | Stop | Status
 Reply = Accepted | Refused | Settled | State
 
-COMMANDS = "switch MOTION, queue MOTION, speed FACTOR, pause, resume, home, estop, reset, status, stop"
+COMMANDS = "switch MOTION, queue MOTION, blend A B SHARE, speed FACTOR, pause, resume, home, estop, reset, status, stop"
 
 encode = msgspec.json.Encoder().encode
 _messages = msgspec.json.Decoder(Message)
@@ -203,6 +220,12 @@ def checked(message: Message) -> Message:
     match message:
         case Switch(to=name) | Queue(to=name) if not 0 < len(name) <= LONGEST_NAME:
             raise CommandError(f"a motion's name has 1 to {LONGEST_NAME} characters")
+        case Blend(first=first, second=second) if not (
+            0 < len(first) <= LONGEST_NAME and 0 < len(second) <= LONGEST_NAME
+        ):
+            raise CommandError(f"a motion's name has 1 to {LONGEST_NAME} characters")
+        case Blend(share=share) if not 0.0 <= share <= 1.0:
+            raise CommandError(f"a share of {share:g} is not allowed; give one from 0 to 1")
         case SetSpeed(factor=factor) if not (math.isfinite(factor) and SLOWEST <= factor <= FASTEST):
             raise CommandError(f"speed {factor:g} is not allowed; give a factor from {SLOWEST:g} to {FASTEST:g}")
         case SetSpeed(over=over) if not 0.0 <= over <= LONGEST_RAMP:

@@ -98,6 +98,19 @@ class RecordedDeck:
         """
         return self.switch(to)
 
+    @property
+    def blend(self) -> None:
+        """Nothing."""
+        return
+
+    def blend_in(self, first: str, second: str, share: float) -> Switch:
+        """Refuses.
+
+        Raises:
+            MotiondeckError: always.
+        """
+        return self.switch(f"{first} + {second}")
+
     def set_speed(self, factor: float, over: float = 0.0) -> None:
         """Replays at another tempo."""
         self.commanded_speed = factor

@@ -25,7 +25,7 @@ from controller.realtime.telemetry import named
 from controller.rotations import Array
 
 VERSION = 1
-COMMANDS = ("switch", "queue", "speed", "pause", "resume", "home", "estop", "reset", "stop")
+COMMANDS = ("switch", "queue", "speed", "pause", "resume", "home", "estop", "reset", "stop", "blend")
 """What the field `command` counts from 1; 0 is a tick without one."""
 MODES = ("playing", "home", "held", "emergency stop")
 """What the field `mode` counts from 0."""

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.evaluation.matching import joint_features
-from controller.mocap.encoding import Encoding
+from controller.realtime.transition import Briskness
 from controller.rotations import Array
 from controller.training.library import MotionLibrary
 
 ENTRY_SHARE = 0.1
 HELD_M = 0.02
-LEAST_BRISKNESS = 4.0
+LEAST_ACCELERATION = 2.0  # m/s^2; less is standing still
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Motion:
         exits: the same positions where it may be left: anywhere in a loop, else its last pose, shape (E, F), m.
         spacing: from anchor to anchor, s.
         seconds: how long a loop's round takes, or how long it takes until only the last pose is held.
-        briskness: the largest angular acceleration of the root and of each bone, shape (1 + B,), rad/s^2.
+        briskness: the largest acceleration of any joint in the world, and the largest speed of each.
     """
 
     name: str
@@ -38,7 +38,7 @@ class Motion:
     exits: Array
     spacing: float
     seconds: float
-    briskness: Array
+    briskness: Briskness
 
 
 def read_repertoire(library: MotionLibrary) -> dict[str, Motion]:
@@ -60,7 +60,7 @@ def read_repertoire(library: MotionLibrary) -> dict[str, Motion]:
             exits=places if loop else places[-1:],
             spacing=spacing,
             seconds=moving * spacing,
-            briskness=_briskness(library.encoding, frames, spacing),
+            briskness=_briskness(places, library.encoding.decode(frames).velocity, spacing),
         )
     return repertoire
 
@@ -78,7 +78,12 @@ def _rate(values: Array, spacing: float, *, loop: bool) -> Array:
     return np.gradient(values, spacing, axis=0)
 
 
-def _briskness(encoding: Encoding, frames: Array, spacing: float) -> Array:
-    """Peak angular accelerations; the root's is that of the briskest bone that it follows."""
-    bones = np.linalg.norm(np.diff(encoding.directions(frames), n=2, axis=0), axis=-1).max(0) / spacing**2
-    return np.maximum(np.concatenate([[bones[encoding.leading].max()], bones]), LEAST_BRISKNESS)
+def _briskness(places: Array, velocity: Array, spacing: float) -> Briskness:
+    """Peaks over places (A, F) and the root's velocity along the ground (A, 2) at the anchors."""
+    count = len(places)
+    joints = np.concatenate([np.zeros((count, 1, 3)), places[:, :-1].reshape(count, -1, 3)], axis=1)
+    speed = np.linalg.norm(np.diff(joints, axis=0), axis=-1).max(0) / spacing
+    acceleration = np.diff(joints, n=2, axis=0) / spacing**2
+    acceleration[..., :2] += np.diff(velocity, axis=0)[1:, None] / spacing
+    acceleration[..., 2] += np.diff(places[:, -1], n=2)[:, None] / spacing**2
+    return Briskness(max(float(np.linalg.norm(acceleration, axis=-1).max()), LEAST_ACCELERATION), speed)

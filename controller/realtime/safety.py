@@ -16,7 +16,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.errors import MotiondeckError
 from controller.realtime.interfaces import JointLimits
@@ -27,7 +26,7 @@ CHANGED = 1e-9
 """A target that is changed by more than this (rad) counts as changed."""
 
 _ROUNDING = 1e-12  # rad, by which a sum of many positions may miss what it should be
-_CANDIDATES = 17  # accelerations looked at between the two extremes, when one has to be chosen
+_STEPS = 16  # so finely an acceleration is chosen between two extremes
 
 
 class LimitError(MotiondeckError):
@@ -56,6 +55,7 @@ class SafetyEnvelope:
         self._v_max = limits.velocity * (inside * dt)
         self._a_max = limits.acceleration * (inside * dt**2)
         self._j_max = limits.jerk * (inside * dt**3)
+        self._limits = self._v_max, self._a_max, self._j_max, self._lower, self._upper
         self.changed = np.zeros(len(self._lower), dtype=np.int64)
         self._safe = np.empty(len(self._lower))
         self._shown = self._safe.view()
@@ -115,15 +115,18 @@ class SafetyEnvelope:
         )
         position = goal.copy()
         if not passes.all():
-            bent = np.flatnonzero(~passes)
-            position[bent], a[bent] = self._bent(bent, a[bent], matched[bent], goal_a[bent])
+            who = np.flatnonzero(~passes)
+            columns = (self._p, self._v, self._a, goal, goal_v, a, goal_a, matched, *self._limits)
+            rows = zip(*(column[who].tolist() for column in columns), strict=True)
+            position[who], a[who] = zip(*(_bent(*row) for row in rows), strict=True)
         self._move_to(position, a)
         self.changed += ~(np.abs(self._safe - targets) <= CHANGED)  # a NaN compares false, so it counts
         return self._shown
 
     def brake(self) -> Array:
         """The targets of one tick on the way to rest, as __call__ returns them; where the joints stop is held then."""
-        a = braked(self._v, self._a, self._a_max, self._j_max)
+        states = zip(self._v.tolist(), self._a.tolist(), self._a_max.tolist(), self._j_max.tolist(), strict=True)
+        a = np.array([braked(*state) for state in states])
         self._move_to(self._p + (self._v + a), a)
         self._goal, self._goal_v = self._p, self._v
         return self._shown
@@ -133,59 +136,80 @@ class SafetyEnvelope:
         self._p, self._v, self._a = position, self._v + a, a
         np.copyto(self._safe, position)
 
-    def _bent(
-        self, who: NDArray[np.intp], direct: Array, matched: NDArray[np.bool_], goal_a: Array
-    ) -> tuple[Array, Array]:
-        """The next positions and accelerations of the joints `who`, by the three rules with exact tests.
 
-        `direct` is the acceleration that reaches the target in this tick, and `matched` says whether the joint would
-        then soon move as the target does.
-        """
-        p, v, a, goal = self._p[who], self._v[who], self._a[who], self._goal[who]
-        v_max, a_max, j_max = self._v_max[who], self._a_max[who], self._j_max[who]
+def _bent(
+    p: float,
+    v: float,
+    a: float,
+    goal: float,
+    goal_v: float,
+    direct: float,
+    goal_a: float,
+    matched: bool,
+    v_max: float,
+    a_max: float,
+    j_max: float,
+    lower: float,
+    upper: float,
+) -> tuple[float, float]:
+    """The next position and acceleration of one joint, by the three rules with exact tests.
 
-        # The accelerations within the limits; letting one go must not drive the velocity over its limit either.
-        stop = braked(v, a, a_max, j_max)
-        low = np.minimum(np.maximum(np.maximum(a - j_max, -a_max), -held_back(v_max + v, j_max)), stop)
-        high = np.maximum(np.minimum(np.minimum(a + j_max, a_max), held_back(v_max - v, j_max)), stop)
+    `direct` is the acceleration that reaches the target in this tick, and `matched` says whether the joint would
+    then soon move as the target does.
+    """
 
-        passes = matched & (low <= direct) & (direct <= high)
-        chosen = direct
-        if not passes.all():
-            goal_v = self._goal_v[who]
-            steady = (np.abs(goal_a) <= a_max) & (np.abs(goal_v) <= v_max)  # else it jumps: nothing to predict
-            goal_v, goal_a = np.clip(goal_v, -v_max, v_max), np.where(steady, goal_a, 0.0)
+    # The accelerations within the limits; letting one go must not drive the velocity over its limit either.
+    stop = braked(v, a, a_max, j_max)
+    low = min(max(a - j_max, -a_max, -held_back(v_max + v, j_max)), stop)
+    high = max(min(a + j_max, a_max, held_back(v_max - v, j_max)), stop)
 
-            def overshoot(c: Array) -> Array:
-                return p + v + c - goal + stopping_run(v + c - goal_v, c - goal_a, a_max, j_max).rest
+    chosen = direct
+    passes = matched and low <= direct <= high
+    if not passes:
+        steady = abs(goal_a) <= a_max and abs(goal_v) <= v_max  # else it jumps: nothing to predict
+        goal_v, goal_a = min(max(goal_v, -v_max), v_max), goal_a if steady else 0.0
 
-            chosen = np.where(passes, direct, _rising_zero(overshoot, low, high))
+        def overshoot(c: float) -> float:
+            return p + v + c - goal + stopping_run(v + c - goal_v, c - goal_a, a_max, j_max).rest
 
-        bottom, top = np.minimum(self._lower[who], p) - _ROUNDING, np.maximum(self._upper[who], p) + _ROUNDING
+        chosen = _rising_zero(overshoot, low, high)
 
-        def stops_inside(c: Array) -> NDArray[np.bool_]:
-            run = stopping_run(v + c, c, a_max, j_max)
-            return (p + v + c + run.rise <= top) & (p + v + c + run.fall >= bottom)
+    bottom, top = min(lower, p) - _ROUNDING, max(upper, p) + _ROUNDING
 
-        inside = stops_inside(chosen)
-        if not inside.all():
-            share = np.linspace(0.0, 1.0, _CANDIDATES)[:, None]
-            allowed = stops_inside(stop + share * (chosen - stop))
-            allowed[0] = True  # rule 3: found safe when the last step was taken
-            farthest = np.argmin(allowed, axis=0) - 1
-            chosen = np.where(inside, chosen, stop + share[farthest, 0] * (chosen - stop))
-        return np.where(passes & inside, goal, p + (v + chosen)), chosen
+    def stops_inside(c: float) -> bool:
+        run = stopping_run(v + c, c, a_max, j_max)
+        return p + v + c + run.rise <= top and p + v + c + run.fall >= bottom
+
+    if stops_inside(chosen):
+        return goal if passes else p + (v + chosen), chosen
+    # Rule 3: to stop was found safe when the last step was taken; from there as far as it stays so.
+    way = chosen - stop
+    inside = 0
+    while inside + 1 < _STEPS and stops_inside(stop + (inside + 1) / _STEPS * way):
+        inside += 1
+    chosen = stop + inside / _STEPS * way
+    return p + (v + chosen), chosen
 
 
-def _rising_zero(function: Callable[[Array], Array], low: Array, high: Array) -> Array:
-    """Where an increasing function of (K, n) arrays crosses zero between low and high (n,), or the nearest end."""
-    grid = low + np.linspace(0.0, 1.0, _CANDIDATES)[:, None] * (high - low)
-    value = function(grid)
-    after = np.clip((value < 0.0).sum(axis=0), 1, _CANDIDATES - 1)
-    column = np.arange(len(low))
-    y0, y1 = value[after - 1, column], value[after, column]
-    share = np.clip(-y0 / np.where(y1 > y0, y1 - y0, 1.0), 0.0, 1.0)
-    return grid[after - 1, column] + share * (grid[after, column] - grid[after - 1, column])
+def _rising_zero(function: Callable[[float], float], low: float, high: float) -> float:
+    """Where an increasing function crosses zero between low and high, or the nearest end; to a part in _STEPS."""
+    y_low, y_high = function(low), function(high)
+    if y_low >= 0.0 or low >= high:
+        return low
+    if y_high <= 0.0:
+        return high
+    enough = (high - low) / _STEPS
+    while True:
+        # A straight line between the ends, but not so near to one of them that the other never moves.
+        share = min(max(-y_low / (y_high - y_low), 0.1), 0.9)
+        middle = low + share * (high - low)
+        y = function(middle)
+        if y < 0.0:
+            low, y_low = middle, y
+        else:
+            high, y_high = middle, y
+        if high - low <= enough:
+            return low - y_low / (y_high - y_low) * (high - low)
 
 
 def check_limits(limits: JointLimits) -> None:

@@ -24,6 +24,7 @@ from controller.realtime.clock import VirtualClock
 from controller.realtime.command_desk import CommandDesk
 from controller.realtime.commands import (
     LOOPBACK,
+    Blend,
     CommandServer,
     EmergencyStop,
     Home,
@@ -243,6 +244,7 @@ def _command(rng: np.random.Generator, motions: tuple[str, ...], number: int) ->
         *[Switch(motion, number)] * 5,
         Switch(motion, number, direct=True),
         *[Queue(motion, number)] * 2,
+        *[Blend(motion, str(rng.choice(motions)), float(rng.uniform()), number)] * 2,
         SetSpeed(float(rng.uniform(0.1, 3.0)), number),
         Pause(number),
         *[Resume(number)] * 3,

@@ -9,19 +9,33 @@ length.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
-from controller.generators.base import CrossingNetwork
 from controller.mocap.posture import Posture
 from controller.quintic import run_out
 from controller.rotations import Array, conjugate, from_rotation_vector, multiply, to_rotation_vector
 
 SHORTEST, LONGEST = 0.2, 1.6
 
-# The largest second derivatives on [0, 1] of the quintics that start with value 1 or with slope 1.
-_VALUE_CURVE, _SLOPE_CURVE = 5.7735, 3.9419
+# The largest derivatives on [0, 1] of the quintics that start with value 1 or with slope 1.
+_VALUE_SLOPE, _VALUE_CURVE, _SLOPE_CURVE = 1.875, 5.7735, 3.9419
+
+
+@dataclass(frozen=True)
+class Briskness:
+    """How briskly joints may move while a difference fades, and how fast the target moves them.
+
+    Attributes:
+        acceleration: of any joint, m/s^2.
+        speed: of the root and of each joint relative to the root, shape (1 + B,), m/s.
+    """
+
+    acceleration: float
+    speed: Array
 
 
 @dataclass(frozen=True)
@@ -68,11 +82,20 @@ class Fade:
         return elapsed < self.duration
 
 
+class GoingOver(Protocol):
+    """What goes over from one motion to another by itself."""
+
+    @property
+    def crossing(self) -> bool:
+        """Whether it is on its way."""
+        ...
+
+
 @dataclass(frozen=True)
 class Crossing:
     """A switch that the network carries out by itself: nothing is left to fade, and both motions keep their tempo."""
 
-    network: CrossingNetwork
+    network: GoingOver
 
     def apply(self, target: Posture, elapsed: float) -> Posture:
         """The target as it is."""
@@ -87,31 +110,52 @@ class Crossing:
         return self.network.crossing
 
 
-def difference(shown: tuple[Posture, Posture], target: tuple[Posture, Posture], dt: float, bound: Array) -> Fade:
+def difference(
+    shown: tuple[Posture, Posture],
+    target: tuple[Posture, Posture],
+    dt: float,
+    joints: Callable[[Posture], Array],
+    bound: Briskness,
+) -> Fade:
     """The fade that leads from what is shown to a target.
 
     Args:
         shown, target: each the postures dt seconds ago and now.
         dt: s.
-        bound: angular acceleration that the fade may add to the root and to each bone, shape (1 + B,), rad/s^2; it
-            decides how long the fade takes.
+        joints: positions of root and joints in a posture, from the ground below the root, shape (1 + B, 3), m.
+        bound: decides how long the fade takes.
     """
     turn = _turn(shown[1], target[1])
     rate = (turn - _nearest(_turn(shown[0], target[0]), turn)) / dt
     drift = _drift(shown[1]) - _drift(target[1])
     drift_rate = (drift - _drift(shown[0]) + _drift(target[0])) / dt
-    return Fade(duration(turn, rate, bound), turn, rate, drift, drift_rate)
+    apart = joints(shown[1]) - joints(target[1])
+    parting = (apart - joints(shown[0]) + joints(target[0])) / dt
+    length = duration(apart, parting, np.linalg.norm(turn, axis=-1), float(np.hypot(*drift[1:3])), bound)
+    return Fade(length, turn, rate, drift, drift_rate)
 
 
-def duration(turn: Array, rate: Array, bound: Array) -> float:
-    """The time in which a difference can fade with no bone accelerated beyond its bound, within SHORTEST and LONGEST,
-    s.
+def duration(apart: Array, parting: Array, angle: Array, drift: float, bound: Briskness) -> float:
+    """The time in which a difference can fade with no joint accelerated beyond the bound, within SHORTEST and LONGEST.
 
-    The fade's acceleration is at most  5.77 |turn| / T^2 + 3.94 |rate| / T;  set equal to the bound and solved for T.
+    In a time T a joint that is d away, with a rate of v, is brought in at up to 5.77 d / T^2 + 3.94 v / T, and the root
+    changes its own velocity at up to 1.875 drift / T. Since the bone turns by an angle meanwhile, at up to
+    w = 1.875 angle / T, and the target moves the joint at a speed u, w^2 d / angle and 2 w u come on top (centripetal,
+    Coriolis); of these half is taken, for their peaks come at another moment. The sum is set equal to the bound.
+
+    Args:
+        apart, parting: how far the joints are from the target and the rate of that, shape (1 + B, 3), m and m/s.
+        angle: by which the bones are turned, shape (1 + B,), rad.
+        drift: by how much the root's velocity differs, m/s.
+        bound: see there.
+
+    Returns:
+        s.
     """
-    value = _VALUE_CURVE * np.linalg.norm(turn, axis=-1)
-    slope = _SLOPE_CURVE * np.linalg.norm(rate, axis=-1)
-    needed = (slope + np.sqrt(slope * slope + 4.0 * bound * value)) / (2.0 * bound)
+    far, rate = np.linalg.norm(apart, axis=-1), np.linalg.norm(parting, axis=-1)
+    square = (_VALUE_CURVE + 0.5 * _VALUE_SLOPE**2 * angle) * far
+    slope = _SLOPE_CURVE * rate + _VALUE_SLOPE * (drift + angle * bound.speed)
+    needed = (slope + np.sqrt(slope * slope + 4.0 * bound.acceleration * square)) / (2.0 * bound.acceleration)
     return float(np.clip(needed.max(), SHORTEST, LONGEST))
 
 

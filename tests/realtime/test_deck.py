@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 import synthetic
 from controller.errors import MotiondeckError, UnknownNameError
 from controller.realtime.deck import MOST_QUEUED, Deck
+from controller.realtime.joining import JOININGS
 from controller.realtime.messages import FASTEST, SLOWEST
 from controller.training.library import load_library
 
@@ -235,7 +236,7 @@ def test_an_unknown_motion_is_refused_with_the_nearest_name(library):
     st.lists(
         st.tuples(
             st.integers(1, 60),
-            st.sampled_from([*synthetic.MOTIONS, "queue bow", "queue wave", "pause", "resume", 0.1, 0.5, 3.0]),
+            st.sampled_from([*synthetic.MOTIONS, "queue bow", "queue wave", "blend", "pause", "resume", 0.1, 0.5, 3.0]),
         ),
         max_size=8,
     )
@@ -245,7 +246,9 @@ def test_whatever_is_commanded_targets_are_finite_and_repeatable(library, comman
     for _ in range(2):
         deck, targets = new_deck(library), []
         for ticks, command in commands:
-            if command == "pause":
+            if command == "blend":
+                deck.blend_in("march", "wave", 0.1 * (ticks % 11))
+            elif command == "pause":
                 deck.pause()
             elif command == "resume":
                 deck.resume()
@@ -306,3 +309,92 @@ def test_a_centralized_library_needs_no_guard():
     deck = Deck(library, bone_directions, library.network.motions[0])
     deck.update(DT)
     assert deck.recues == 0
+
+
+def test_a_blend_lies_between_its_motions(library):
+    deck = new_deck(library)
+    joints(library, deck, 0.5)
+    record = deck.blend_in("march", "wave", 0.5)
+    places = joints(library, deck, 2.0)
+    assert deck.settled
+    assert record.settled_s - record.commanded_s == pytest.approx(0.5, abs=0.05)
+    assert deck.blend == ("wave", 0.5)
+    assert (deck.motion, deck.playing) == ("march", "march")
+    assert np.abs(np.diff(places[-50:], axis=0)).max() > 1e-3
+    alone = [np.ptp(joints(library, new_deck(library, m), 1.0)[:, 0, 0]) for m in ("march", "wave")]
+    assert min(alone) < np.ptp(places[-200:, 0, 0]) < max(alone)
+
+
+def test_a_blend_plays_its_first_motion_before(library):
+    deck = new_deck(library, "wave")
+    joints(library, deck, 0.3)
+    record = deck.blend_in("march", "wave", 0.25)
+    ticks_until(deck, lambda: record.settled_s is not None)
+    assert (deck.playing, deck.blend) == ("march", ("wave", 0.25))
+
+
+@pytest.mark.parametrize(("share", "left"), [(1.0, "wave"), (0.0, "march")])
+def test_the_share_of_a_blend_can_be_moved_and_at_its_ends_one_motion_is_left(library, share, left):
+    deck = new_deck(library)
+    deck.blend_in("march", "wave", 0.5)
+    joints(library, deck, 1.0)
+    deck.blend_in("wave", "march", 0.6)  # the same two the other way round
+    joints(library, deck, 1.0)
+    assert deck.blend == ("wave", pytest.approx(0.4))
+    record = deck.blend_in("march", "wave", share)
+    ticks_until(deck, lambda: record.settled_s is not None)
+    joints(library, deck, 0.1)
+    assert (deck.playing, deck.blend) == (left, None)
+    joints(library, deck, 2.0)
+    assert deck.recues == 0
+
+
+@pytest.mark.parametrize("to", synthetic.MOTIONS)
+def test_a_switch_leaves_a_blend(library, to):
+    deck = new_deck(library)
+    deck.blend_in("march", "wave", 0.5)
+    joints(library, deck, 1.2)
+    deck.switch(to)
+    places = joints(library, deck, 3.0)
+    assert (deck.playing, deck.blend, deck.settled) == (to, None, True)
+    assert np.isfinite(places).all()
+
+
+def test_a_blend_that_another_command_overtakes_never_settles(library):
+    deck = new_deck(library)
+    record = deck.blend_in("march", "wave", 0.9)
+    joints(library, deck, 0.2)
+    deck.switch("wave")
+    joints(library, deck, 3.0)
+    assert record.overtaken
+    assert record.settled_s is None
+    assert (deck.playing, deck.blend) == ("wave", None)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "share", "why"),
+    [
+        ("march", "bow", 0.5, "bow happens once"),
+        ("march", "march", 0.5, "two motions"),
+        ("march", "wave", 1.5, "between 0 and 1"),
+        ("march", "wave", float("nan"), "between 0 and 1"),
+        ("march", "wavee", 0.5, "wave"),
+    ],
+)
+def test_what_cannot_be_blended_is_refused(library, first, second, share, why):
+    with pytest.raises(MotiondeckError, match=why):
+        new_deck(library).blend_in(first, second, share)
+
+
+@pytest.mark.parametrize("joining", JOININGS)
+@pytest.mark.parametrize("to", ["wave", "bow"])
+def test_however_motions_are_joined_the_target_is_played_in_the_end(library, joining, to):
+    deck = Deck(library, bone_directions, "march", joining=joining)
+    joints(library, deck, 0.53)
+    record = deck.switch(to)
+    assert np.isfinite(joints(library, deck, 4.0)).all()
+    assert (deck.playing, deck.blend, deck.settled) == (to, None, True)
+    assert record.commanded_s < record.first_change_s <= record.settled_s < 3.0
+    if to == "bow":
+        held = joints(library, deck, 0.5)
+        assert np.ptp(held, axis=0).max() < 0.02

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from controller.cli.terminal import describe, listen_to, parse_command
 from controller.realtime.commands import (
     Accepted,
+    Blend,
     CommandClient,
     CommandError,
     CommandServer,
@@ -39,6 +40,7 @@ from controller.realtime.commands import (
         ("switch pause", Switch("pause")),
         ("switch waltz direct", Switch("waltz", direct=True)),
         ("queue waltz", Queue("waltz")),
+        ("blend walk jog 0.3", Blend("walk", "jog", 0.3)),
         ("speed 1.5", SetSpeed(1.5)),
         ("speed 1.5 4", SetSpeed(1.5, over=4.0)),
         ("home", Home()),
@@ -58,11 +60,14 @@ def test_words_become_messages(line, message):
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("", "is no command. Commands: MOTION, switch MOTION, queue MOTION, speed FACTOR, pause"),
+        ("", "is no command. Commands: MOTION, switch MOTION, queue MOTION, blend A B SHARE, speed FACTOR, pause"),
         ("dance the waltz", "'dance the waltz' is no command"),
         ("switch", "switch takes one argument"),
         ("switch walk jog", "switch takes one argument"),
         ("queue", "queue takes one argument"),
+        ("blend walk jog", "blend takes two motions and a share"),
+        ("blend walk jog much", "not 'much'"),
+        ("blend walk jog 1.2", "from 0 to 1"),
         ("speed", "speed takes one argument"),
         ("speed 1 soon", "not 'soon'"),
         ("speed 1 100", "0 to 60 s"),
@@ -84,7 +89,7 @@ def test_any_words_are_a_message_or_a_command_error(words):
         message = parse_command(words)
     except CommandError:
         return
-    assert isinstance(message, Switch | SetSpeed | Pause | Resume | Status | Stop)
+    assert isinstance(message, Switch | Blend | SetSpeed | Pause | Resume | Status | Stop)
 
 
 def test_replies_are_told_in_one_line():

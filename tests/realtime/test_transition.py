@@ -4,8 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller.mocap.posture import Posture
-from controller.realtime.transition import LONGEST, SHORTEST, best_anchor, difference, duration
-from controller.rotations import from_rotation_vector, multiply, normalise, to_rotation_vector
+from controller.realtime.transition import LONGEST, SHORTEST, Briskness, best_anchor, difference, duration
+from controller.rotations import from_rotation_vector, multiply, normalise, rotate, to_rotation_vector
 
 BONES = 5
 
@@ -20,6 +20,12 @@ def smooth_posture(seed, t):
     return Posture(np.array(drift[0]), drift[1:3], np.array(drift[3]), turn)
 
 
+def tips(posture):
+    """Where the ends of bones of 30 cm are that all hang from the root."""
+    up = np.array([0.0, 0.0, float(posture.height)])
+    return rotate(posture.rotation, np.array([0.3, 0.0, 0.0])) + up
+
+
 def angle_between(a, b):
     return np.linalg.norm(to_rotation_vector(multiply(a.rotation, b.rotation * [1, -1, -1, -1])), axis=-1).max()
 
@@ -27,7 +33,7 @@ def angle_between(a, b):
 def fade_of(seed, bound, dt=0.005):
     shown = smooth_posture(seed, -dt), smooth_posture(seed, 0.0)
     target = smooth_posture(seed + 1, 1.0 - dt), smooth_posture(seed + 1, 1.0)
-    return difference(shown, target, dt, np.full(BONES, bound)), shown, seed + 1
+    return difference(shown, target, dt, tips, Briskness(bound, np.ones(BONES))), shown, seed + 1
 
 
 @given(st.integers(0, 200), st.floats(5.0, 500.0))
@@ -50,22 +56,30 @@ def test_velocity_is_continuous_at_the_switch(seed):
     assert np.abs(after_step - before_step).max() < 0.15
 
 
-@given(st.floats(0.0, 3.0), st.floats(0.0, 20.0), st.floats(1.0, 500.0))
-def test_the_duration_keeps_the_fade_within_its_bound(angle, rate, bound):
-    turn, slope = np.array([[angle, 0, 0]]), np.array([[0, rate, 0]])
-    length = duration(turn, slope, np.array([bound]))
+@given(st.floats(0.0, 2.0), st.floats(0.0, 8.0), st.floats(0.0, 3.0), st.floats(1.0, 500.0))
+def test_the_duration_keeps_the_fade_within_its_bound(apart, parting, drift, bound):
+    far, rate = np.array([[apart, 0, 0]]), np.array([[0, parting, 0]])
+    length = duration(far, rate, np.zeros(1), drift, Briskness(bound, np.zeros(1)))
     assert SHORTEST <= length <= LONGEST
     if length < LONGEST:
         s = np.linspace(0, 1, 400)[:, None]
         value = -60 * s + 180 * s**2 - 120 * s**3
         rise = -36 * s + 96 * s**2 - 60 * s**3
-        acceleration = (value * turn + length * rise * slope) / length**2
-        assert np.linalg.norm(acceleration, axis=1).max() <= bound * 1.001
+        acceleration = np.linalg.norm((value * far + length * rise * rate) / length**2, axis=1)
+        walk = 30.0 * (s[:, 0] * (1 - s[:, 0])) ** 2 * drift / length
+        assert (acceleration + walk).max() <= bound * 1.001
+
+
+@given(st.floats(0.01, 2.0), st.floats(0.0, 3.0), st.floats(0.0, 4.0))
+def test_bones_that_turn_far_or_fast_take_longer(apart, angle, speed):
+    far, still = np.array([[apart, 0.0, 0.0]]), np.zeros((1, 3))
+    plain = duration(far, still, np.zeros(1), 0.0, Briskness(20.0, np.zeros(1)))
+    assert duration(far, still, np.array([angle]), 0.0, Briskness(20.0, np.array([speed]))) >= plain
 
 
 def test_a_larger_bound_makes_a_shorter_fade():
-    turn, rate = np.array([[1.0, 0, 0]]), np.zeros((1, 3))
-    lengths = [duration(turn, rate, np.array([bound])) for bound in (5.0, 20.0, 80.0)]
+    far, still = np.array([[1.0, 0, 0]]), np.zeros((1, 3))
+    lengths = [duration(far, still, np.ones(1), 0.0, Briskness(b, np.ones(1))) for b in (5.0, 20.0, 80.0)]
     assert lengths == sorted(lengths, reverse=True)
     assert lengths[0] > lengths[2]
 
@@ -77,7 +91,7 @@ def test_a_difference_near_half_a_turn_does_not_spin_round():
     zero = np.zeros(2)
     shown = tuple(Posture(np.array(1.0), zero, np.array(0.0), h) for h in half)
     target = Posture(np.array(1.0), zero, np.array(0.0), still)
-    fade = difference(shown, (target, target), dt, np.array([50.0]))
+    fade = difference(shown, (target, target), dt, tips, Briskness(50.0, np.ones(1)))
     assert np.linalg.norm(fade.turn_rate) == pytest.approx(0.02 / dt, rel=0.01)
 
 
