@@ -20,6 +20,7 @@ class Way(StrEnum):
     EXPERTS = "experts"
     CHANGE_POINTS = "change-points"
     CROSS_PREDICTION = "cross-prediction"
+    PLANES = "planes"
 
 
 def segment(
@@ -31,18 +32,29 @@ def segment(
     recognizer: Annotated[
         Path | None, typer.Option("--recognizer", help="For experts: a trained recognizer instead of the labels.")
     ] = None,
+    count: Annotated[
+        int | None, typer.Option("--segments", min=1, help="For planes: how many segments; without it that is found.")
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", metavar="FILE", help="Draw the cuts over the motion (.png, .svg, .pdf).")
+    ] = None,
     skeleton: Annotated[Path | None, typer.Option("--skeleton", help="The .asf of an .amc recording.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
 ) -> None:
     """Cut a recording into its behaviours.
 
     With experts every frame is recognized, by a trained recognizer or by experts that learn the first occurrence of
-    each behaviour from --labels and are asked about the rest. With change-points (segments as uniform as can be) and
-    cross-prediction (borders where each side is a surprise to the other) nobody needs to have labelled anything.
+    each behaviour from --labels and are asked about the rest. With change-points (segments as uniform as can be),
+    cross-prediction (borders where each side is a surprise to the other) and planes (each segment as near as can be to
+    a plane of four dimensions; the borders are the best there are) nobody needs to have labelled anything.
 
     Labels have the format of Barbic et al. 2004: earliest, best and latest acceptable frame of each border.
 
-    Example:  motiondeck segment 86_01.amc --method experts --labels barbic_01_ground_truth.txt
+    [bold]Examples[/]
+
+      motiondeck segment 86_01.amc --method experts --labels barbic_01_ground_truth.txt
+
+      motiondeck segment 86_01.amc --method planes --segments 7 --plot cuts.png
     """
     from controller.errors import MotiondeckError
     from controller.mocap.reading import read_clip
@@ -54,11 +66,17 @@ def segment(
         raise MotiondeckError(f"{file}: there is no such file")
     if recognizer is not None and method is not Way.EXPERTS:
         raise MotiondeckError(f"--recognizer goes with --method experts, not with {method.value}")
+    if count is not None and method is not Way.PLANES:
+        raise MotiondeckError(f"--segments goes with --method planes, not with {method.value}")
+    if plot is not None:
+        from controller.cli.centralized_plots import draw_segments, need_folder
+
+        need_folder(plot)
     clip = read_clip(file, skeleton or skeleton_of(file, file.parent.parent))
     marked = read_labels(labels) if labels else None
     if marked is not None and abs(marked.frames - len(clip)) > 0.05 * len(clip):
         raise MotiondeckError(f"{labels}: speaks of {marked.frames} frames, but {file} has {len(clip)}. Wrong trial?")
-    cut = _by_experts(clip, marked, recognizer) if method is Way.EXPERTS else _unsupervised(clip, method)
+    cut = _by_experts(clip, marked, recognizer) if method is Way.EXPERTS else _unsupervised(clip, method, count)
     said: dict[str, Any] = {"file": str(file), "method": method.value, "frames": len(clip), **cut}
     if marked is not None:
         import numpy as np
@@ -73,6 +91,8 @@ def segment(
             "recall": score.recall,
             "f1": score.f1,
         }
+    if plot is not None:
+        draw_segments(clip, said, marked, plot)
     if as_json:
         print(json.dumps(said))
         return
@@ -131,12 +151,17 @@ def _by_experts(clip: Clip, marked: Labels | None, recognizer: Path | None) -> d
     return said
 
 
-def _unsupervised(clip: Clip, method: Way) -> dict[str, Any]:
+def _unsupervised(clip: Clip, method: Way, count: int | None) -> dict[str, Any]:
     import numpy as np
 
     from controller.recognition import change_points
     from controller.recognition.features import FeatureRecipe, features
 
+    if method is Way.PLANES:
+        from controller.mocap.segmentation import body_features, find_segments
+
+        ends = find_segments(body_features(clip), clip.rate, count)
+        return {"segments": [_segment(None, first, end, clip.rate) for first, end in ends]}
     by_kernel = method is Way.CHANGE_POINTS
     rate = change_points.KERNEL_RATE if by_kernel else change_points.PREDICTION_RATE
     signal = features(clip, FeatureRecipe(height=True, rate=rate))
@@ -155,11 +180,10 @@ def _segments(path: Any, stride: float, clip: Clip, classes: tuple[str, ...] | N
     frames = [round(start * stride) for start in starts]
     ends = [*frames[1:], len(clip)]
     return [
-        {
-            "motion": classes[int(path[start])] if classes else None,
-            "from_frame": frame,
-            "from_s": frame / clip.rate,
-            "to_s": end / clip.rate,
-        }
+        _segment(classes[int(path[start])] if classes else None, frame, end, clip.rate)
         for start, frame, end in zip(starts, frames, ends, strict=True)
     ]
+
+
+def _segment(motion: str | None, first: int, end: int, rate: float) -> dict[str, Any]:
+    return {"motion": motion, "from_frame": first, "from_s": first / rate, "to_s": end / rate}

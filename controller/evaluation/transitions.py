@@ -154,7 +154,8 @@ def _channels(library: MotionLibrary, postures: list[Posture]) -> Array:
     out = np.zeros((len(postures), library.encoding.channels))
     out[:, HEIGHT] = [float(posture.height) for posture in postures]
     rotation = np.stack([posture.rotation for posture in postures])
-    out[:, FIRST_BONE:] = rotate(rotation[:, 1:], library.skeleton.rest_direction).reshape(len(out), -1)
+    bones = rotate(rotation[:, 1:], library.skeleton.rest_direction).reshape(len(out), -1)
+    out[:, FIRST_BONE : FIRST_BONE + bones.shape[1]] = bones
     return out
 
 
@@ -165,7 +166,7 @@ def _measured(
         return Crossing(source, target, method, end - start, inf, inf, inf, inf, True, "the network ran away")
     # What is shown: the thesis draws the vectors as they come, shrunken bones and all.
     skeleton = judge.encoding.skeleton
-    vectors = run[:, FIRST_BONE:].reshape(len(run), -1, 3)
+    vectors = run[:, FIRST_BONE : FIRST_BONE + 3 * len(skeleton)].reshape(len(run), -1, 3)
     joints = skeleton.chain @ (vectors * skeleton.length[:, None])
     seen = 1e3 * np.concatenate([joints.reshape(len(run), -1), run[:, [HEIGHT]]], axis=1)
     ratios = _peaks(seen[max(0, start - 3) : end + AFTER]) / np.maximum(peaks[source], peaks[target])

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +50,7 @@ class BoneDirections:
     name: ClassVar[Literal["bone directions"]] = "bone directions"
 
     @classmethod
-    def of(cls, skeleton: Skeleton) -> BoneDirections:
+    def of(cls, skeleton: Skeleton) -> Self:
         """The encoding for a skeleton whose hips bear one of the usual names.
 
         Raises:
@@ -85,13 +85,12 @@ class BoneDirections:
         return FIRST_BONE + 3 * (hips if opposite else hips[:0])
 
     def encode(self, clip: Clip) -> Array:
-        """The channels of a clip, shape (T, 4 + 3 B); the first frame's velocities repeat the second's."""
+        """The channels of a clip, shape (T, C); the first frame's velocities repeat the second's."""
         heading = self.heading(clip.rotation)
         in_heading = multiply(conjugate(yaw(heading))[:, None, :], clip.rotation)
         out = np.empty((len(clip), self.channels))
         out[:, HEIGHT] = clip.root_position[:, 2]
-        out[:, FIRST_BONE:] = rotate(in_heading[:, 1:], self.skeleton.rest_direction).reshape(len(clip), -1)
-        out[:, self.silent] = 0.0
+        out[:, FIRST_BONE:] = self.spell(in_heading)
         turn = np.diff(heading)
         step = np.diff(clip.root_position[:, :2], axis=0)
         cos, sin = np.cos(heading[1:]), np.sin(heading[1:])
@@ -103,13 +102,23 @@ class BoneDirections:
         return out
 
     def decode(self, channels: Array) -> Posture:
-        """The postures of channels (..., 4 + 3 B); directions are brought back to unit length."""
+        """The postures of channels (..., C); directions are brought back to unit length."""
         return Posture(
             height=self.height(channels),
             velocity=channels[..., FORWARD : LEFT + 1],
             turn_rate=channels[..., TURN_RATE],
-            rotation=orient(self.skeleton, self.directions(channels)),
+            rotation=self.rotations(channels),
         )
+
+    def spell(self, rotation: Array) -> Array:
+        """The channels from FIRST_BONE on of rotations (T, 1 + B, 4) in the heading frame, shape (T, C - 4)."""
+        out = rotate(rotation[:, 1:], self.skeleton.rest_direction).reshape(len(rotation), -1)
+        out[:, self.silent - FIRST_BONE] = 0.0
+        return out
+
+    def rotations(self, channels: Array) -> Array:
+        """The rotations that channels (..., C) speak of, in the heading frame, shape (..., 1 + B, 4)."""
+        return orient(self.skeleton, self.directions(channels))
 
     def directions(self, channels: Array) -> Array:
         """Where the bones point, brought back to unit length, shape (..., B, 3)."""

@@ -1,4 +1,4 @@
-"""Where one motion of a recording ends and the next begins: by hand, by labels, or found; and how well it was found.
+"""Where one motion of a recording ends and the next begins: by hand, by labels, or found; and joining what was cut.
 
 What is found follows J. Barbic et al., "Segmenting motion capture data into distinct behaviors" (Graphics Interface
 2004): a simple motion stays near a plane of few dimensions, and a border is where that plane changes. Where they walk
@@ -7,9 +7,7 @@ on greedily, here the borders with the least total residual are computed exactly
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,21 +29,6 @@ MOST_SEGMENTS = 40
 Bounds = tuple[tuple[int, int], ...]
 
 
-@dataclass(frozen=True)
-class Border:
-    """A border as a person has marked it.
-
-    Attributes:
-        before: what is done up to it.
-        earliest, best, latest: frames; a found border between the outer two is right.
-    """
-
-    before: str
-    earliest: int
-    best: int
-    latest: int
-
-
 def by_hand(borders: list[int], frames: int) -> Bounds:
     """Segments (first frame, end) between borders.
 
@@ -59,35 +42,15 @@ def by_hand(borders: list[int], frames: int) -> Bounds:
     return tuple(pairwise(ends))
 
 
+def borders_between(segments: Bounds) -> NDArray[np.int64]:
+    """The frames at which one segment ends and the next begins, shape (S - 1,)."""
+    return np.array([end for _, end in segments[:-1]], dtype=np.int64)
+
+
 def by_labels(labels: NDArray[np.generic]) -> Bounds:
     """Segments over which a label, one a frame, stays the same."""
     changes = np.flatnonzero(labels[1:] != labels[:-1]) + 1
     return by_hand(changes.tolist(), len(labels))
-
-
-def read_borders(path: Path) -> list[Border]:
-    """The borders in a label file of the CMU 86 trials: a count, then for each segment `number name` and its end.
-
-    An end is three frames, the earliest acceptable, the best and the latest; that of the last segment is one and marks
-    no border. Where the three are not in order they are put in order.
-
-    Raises:
-        FileFormatError: it names the file and the line.
-    """
-    try:
-        lines = [line.split() for line in path.read_text(encoding="ascii").splitlines()]
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileFormatError(f"{path}: cannot be read as a label file ({error})") from None
-    rows = [(number, words) for number, words in enumerate(lines, start=1) if words]
-    if not rows or not rows[0][1][0].isdecimal() or len(rows) != 1 + 2 * int(rows[0][1][0]):
-        raise FileFormatError(f"{path}: not a label file: a count of segments, and two lines for each of them")
-    borders = []
-    for (number, title), (line, end) in zip(rows[1:-2:2], rows[2:-2:2], strict=True):
-        if len(title) != 2 or len(end) != 3 or not all(word.isdecimal() for word in end):
-            place = number if len(title) != 2 else line
-            raise FileFormatError(f"{path} line {place}: expected a number and a name, then three frames")
-        borders.append(Border(title[1], *sorted(int(word) for word in end)))
-    return borders
 
 
 def body_features(clip: Clip) -> Array:
@@ -165,50 +128,6 @@ def _best_borders(residual: Array, most: int) -> tuple[Array, NDArray[np.int64]]
         before[k] = through.argmin(0)
         least[k] = through.min(0)
     return least[:, -1], before
-
-
-@dataclass(frozen=True)
-class Agreement:
-    """How found borders compare with marked ones.
-
-    Attributes:
-        right: found borders inside the window of a marked one, each window once.
-        found, marked: how many there are.
-    """
-
-    right: int
-    found: int
-    marked: int
-
-    @property
-    def precision(self) -> float:
-        """The share of the found borders that are right."""
-        return self.right / self.found if self.found else 1.0
-
-    @property
-    def recall(self) -> float:
-        """The share of the marked borders that were found."""
-        return self.right / self.marked if self.marked else 1.0
-
-    @property
-    def f1(self) -> float:
-        """The harmonic mean of both."""
-        both = self.precision + self.recall
-        return 2.0 * self.precision * self.recall / both if both else 0.0
-
-
-def compare(segments: Bounds, marked: list[Border], tolerance: int = 0) -> Agreement:
-    """Scores the inner borders of segments against marked windows, widened by a tolerance in frames."""
-    found = [end for _, end in segments[:-1]]
-    free = list(found)
-    right = 0
-    for border in marked:
-        low, high = border.earliest - tolerance, border.latest + tolerance
-        inside = [frame for frame in free if low <= frame <= high]
-        if inside:
-            free.remove(min(inside, key=lambda frame: abs(frame - border.best)))
-            right += 1
-    return Agreement(right, len(found), len(marked))
 
 
 def cross_fade(pieces: list[Array], overlap: int) -> Array:

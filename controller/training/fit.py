@@ -180,7 +180,8 @@ def prepare(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: No
     A recipe that wants them as recorded gets them so.
     """
     body = read_clip(find_recording(data, recipe.body)).skeleton
-    encoding = encoding_of(body)
+    twist = recipe.encoding == "joint rotations"
+    encoding = encoding_of(body, twist=twist)
     frames: dict[str, Array] = {}
     before: dict[str, Array] = {}
     rates: set[float] = set()
@@ -189,7 +190,7 @@ def prepare(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: No
         clip = _cut(read_clip(find_recording(data, motion.file)), motion)
         rates.add(clip.rate)
         if recipe.as_recorded and not isinstance(recipe.network, CentralizedRecipe):
-            channels, washout = encoding_of(clip.skeleton).encode(clip), recipe.network.washout
+            channels, washout = encoding_of(clip.skeleton, twist=twist).encode(clip), recipe.network.washout
             if len(channels) < 2 * washout:
                 raise FileFormatError(f"motion '{motion.name}' is shorter than twice the washout of {washout} frames")
             before[motion.name], frames[motion.name] = channels[:washout], channels[washout:]

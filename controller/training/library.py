@@ -24,6 +24,7 @@ from controller.generators.echo_state import EchoStateMotion, EchoStateNetwork
 from controller.mocap.bone_directions import BoneDirections
 from controller.mocap.encoding import Encoding
 from controller.mocap.joint_angles import JointAngles, JointBody
+from controller.mocap.joint_rotations import JointRotations
 from controller.mocap.normalisation import Normalisation
 from controller.mocap.skeleton import Skeleton
 
@@ -93,7 +94,7 @@ class LibraryInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
     version: int
     name: str
     network: Literal["conceptor", "echo-state", "centralized"]
-    encoding: Literal["bone directions", "joint angles"]
+    encoding: Literal["bone directions", "joint rotations", "joint angles"]
     rate: float
     seed: int
     motions: list[MotionInfo]
@@ -177,7 +178,7 @@ def load_library(path: Path) -> MotionLibrary:
     """
     header, stored = read_arrays(path, KIND)
     info = _read_info(path, header)
-    encoding = _joints(path, info) if info.encoding == JointAngles.name else _bones(path, info.skeleton)
+    encoding = _joints(path, info) if info.encoding == JointAngles.name else _bones(path, info)
     network = _Reader(stored).network(info, encoding.channels)
     stored.finish()
     return MotionLibrary(info, network, encoding)
@@ -203,7 +204,8 @@ def _joints(path: Path, info: LibraryInfo) -> JointAngles:
         raise FileFormatError(f"{path}: {error}") from None
 
 
-def _bones(path: Path, info: SkeletonInfo) -> BoneDirections:
+def _bones(path: Path, header: LibraryInfo) -> BoneDirections:
+    info = header.skeleton
     try:
         skeleton = Skeleton(
             info.name,
@@ -217,7 +219,8 @@ def _bones(path: Path, info: SkeletonInfo) -> BoneDirections:
     for hip in (info.right_hip, info.left_hip):
         if hip not in skeleton.bones:
             raise FileFormatError(f"{path}: hip bone '{hip}' is not in its skeleton")
-    return BoneDirections(skeleton, info.right_hip, info.left_hip)
+    kind = JointRotations if header.encoding == JointRotations.name else BoneDirections
+    return kind(skeleton, info.right_hip, info.left_hip)
 
 
 class _Reader:

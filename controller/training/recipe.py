@@ -46,6 +46,7 @@ class LibraryRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_
         network: its kind and parameters.
         motions: what it learns.
         body: the recording whose skeleton all motions are carried to.
+        encoding: what a network hears of a body; joint rotations keep the twist of bones.
         as_recorded: learn the recordings as they are, each on its own body, no loop closed and no end held; the first
             frames, as many as the washout, only lead in. This is what the thesis does.
         loop_keeps: the least share of a recording that its loop keeps.
@@ -57,6 +58,7 @@ class LibraryRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_
     network: ConceptorRecipe | EchoStateRecipe | CentralizedRecipe
     motions: list[MotionRecipe]
     body: str
+    encoding: Literal["bone directions", "joint rotations"] = "bone directions"
     as_recorded: bool = False
     loop_keeps: float = 0.6
     seeds: list[int] = msgspec.field(default_factory=lambda: [0, 1, 2, 3, 4])

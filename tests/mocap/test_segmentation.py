@@ -1,4 +1,4 @@
-"""Borders are read, found where a motion changes, scored against windows, and crossed without a jump."""
+"""Borders are found where a motion changes, and crossed without a jump."""
 
 from itertools import pairwise
 
@@ -10,61 +10,15 @@ from hypothesis import strategies as st
 from controller.errors import FileFormatError
 from controller.mocap.reading import read_clip
 from controller.mocap.segmentation import (
-    Agreement,
-    Border,
     body_features,
+    borders_between,
     by_hand,
     by_labels,
-    compare,
     cross_fade,
     find_segments,
-    read_borders,
 )
-
-LABELS = "3\n1 walking\n500 550 600\n2 jump\n1150 1100 1200 \n3 walking\n1900\n"
-
-
-def written(tmp_path, text):
-    path = tmp_path / "labels.txt"
-    path.write_text(text)
-    return path
-
-
-def test_borders_are_read_and_put_in_order(tmp_path):
-    assert read_borders(written(tmp_path, LABELS)) == [
-        Border("walking", 500, 550, 600),
-        Border("jump", 1100, 1150, 1200),
-    ]
-
-
-@pytest.mark.parametrize(
-    ("text", "place"),
-    [
-        ("", "a count"),
-        ("walking\n", "a count"),
-        ("2\n1 walking\n500 550 600\n", "two lines"),
-        ("2\n1 walking\n500 550\n2 jump\n900\n", "line 3"),
-        ("2\nwalking\n500 550 600\n2 jump\n900\n", "line 2"),
-        ("2\n1 walking\n500 x 600\n2 jump\n900\n", "line 3"),
-    ],
-)
-def test_a_damaged_label_file_is_refused_by_its_place(tmp_path, text, place):
-    with pytest.raises(FileFormatError, match=place):
-        read_borders(written(tmp_path, text))
-
-
-@given(st.text(alphabet="0123456789 ab\n", max_size=80))
-def test_any_text_is_read_or_refused(tmp_path, text):
-    try:
-        borders = read_borders(written(tmp_path, text))
-    except FileFormatError:
-        return
-    assert all(b.earliest <= b.best <= b.latest for b in borders)
-
-
-def test_a_missing_file_is_refused(tmp_path):
-    with pytest.raises(FileFormatError, match="nowhere"):
-        read_borders(tmp_path / "nowhere.txt")
+from controller.recognition.border_score import BorderScore, score_borders
+from controller.recognition.labels import read_labels
 
 
 @given(st.lists(st.integers(-5, 60), max_size=6))
@@ -113,11 +67,10 @@ def test_what_is_too_short_is_refused():
 
 def test_a_recorded_sequence_is_cut_where_people_cut_it(mocap_data):
     clip = read_clip(mocap_data / "cmu/86/86_01.amc")
-    marked = read_borders(mocap_data / "cmu/86/labels/barbic_01_ground_truth.txt")
-    agreement = compare(find_segments(body_features(clip), clip.rate, 7), marked)
-    assert agreement == Agreement(right=6, found=6, marked=6)
-    unaided = compare(find_segments(body_features(clip), clip.rate), marked)
-    assert unaided.f1 >= 0.8
+    marked = read_labels(mocap_data / "cmu/86/labels/barbic_01_ground_truth.txt").borders
+    features = body_features(clip)
+    assert score_borders(borders_between(find_segments(features, clip.rate, 7)), marked) == BorderScore(6, 6, 6)
+    assert score_borders(borders_between(find_segments(features, clip.rate)), marked).f1 >= 0.8
 
 
 def test_features_do_not_see_where_a_body_stands_or_faces(mocap_data):
@@ -125,17 +78,6 @@ def test_features_do_not_see_where_a_body_stands_or_faces(mocap_data):
     features = body_features(clip)
     # Root and its height aside, nothing is further from the root than a body is tall.
     assert np.abs(features[:, 3 : features.shape[1] // 2]).max() < 2.5
-
-
-def test_agreement_counts_each_window_once():
-    marked = [Border("a", 90, 100, 110), Border("b", 190, 200, 210), Border("c", 290, 300, 310)]
-    agreement = compare(by_hand([95, 105, 205, 260], 400), marked)
-    assert agreement == Agreement(right=2, found=4, marked=3)
-    assert agreement.precision == 0.5
-    assert agreement.recall == pytest.approx(2 / 3)
-    assert agreement.f1 == pytest.approx(4 / 7)
-    assert compare(by_hand([85, 205, 320], 400), marked, tolerance=10) == Agreement(3, 3, 3)
-    assert compare(by_hand([], 400), marked).f1 == 0.0
 
 
 @given(st.integers(0, 12), st.integers(1, 4))

@@ -1,0 +1,133 @@
+"""Figures like those of Vakulenko et al. 2017: coordinates as networks say them, errors over models, and cuts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from controller.errors import MotiondeckError
+from controller.rotations import Array
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from controller.mocap.clip import Clip
+    from controller.recognition.labels import Labels
+
+RECORDED, PLAYED = "#c0392b", "#1f5fa8"
+
+
+def need_folder(path: Path) -> None:
+    """Says what is missing before anything is computed.
+
+    Raises:
+        MotiondeckError: if matplotlib is not installed or the folder is not there.
+    """
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError:
+        raise MotiondeckError("--plot needs matplotlib; install it with: pip install 'motiondeck[plot]'") from None
+    if not path.absolute().parent.is_dir():
+        raise MotiondeckError(f"{path.parent}: there is no such folder to write {path.name} to")
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Writes a figure.
+
+    Raises:
+        MotiondeckError: if it cannot be written.
+    """
+    try:
+        figure.savefig(path, dpi=130)
+    except (OSError, ValueError) as error:
+        raise MotiondeckError(f"{path}: cannot be drawn ({error})") from None
+
+
+def draw_segments(clip: Clip, said: dict[str, Any], marked: Labels | None, path: Path) -> None:
+    """Hands, feet and head of a recording over time, the cuts through them, and the windows that were marked."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11, 3.6), layout="constrained")
+    axes = figure.add_subplot()
+    time = np.arange(len(clip)) / clip.rate
+    for bone, height in zip(("root", *clip.skeleton.bones), clip.joints()[:, :, 2].T, strict=True):
+        if bone.endswith(("hand", "wrist", "foot", "head", "root")):
+            axes.plot(time, height, linewidth=0.8, label=bone)
+    for index, one in enumerate(said["segments"]):
+        if index:
+            axes.axvline(one["from_s"], color="black", linewidth=1.4, label="cut" if index == 1 else None)
+        name = one["motion"] or str(index + 1)
+        axes.annotate(
+            name, (0.5 * (one["from_s"] + one["to_s"]), 1.01), xycoords=("data", "axes fraction"), ha="center"
+        )
+    if marked is not None:
+        for index, (earliest, best, latest) in enumerate(marked.borders / clip.rate):
+            axes.axvspan(earliest, latest, color="#f5b041", alpha=0.35, label=None if index else "marked by hand")
+            axes.axvline(best, color="#d68910", linewidth=0.8)
+    axes.set_xlabel("s")
+    axes.set_ylabel("height, m")
+    axes.set_xlim(0.0, time[-1])
+    axes.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    save(figure, path)
+
+
+def draw_coordinates(
+    recorded: Array, played: dict[str, Array], names: list[str], rate: float, title: str, path: Path
+) -> None:
+    """Coordinates of markers over time, recorded and as networks say them, and the last marker in space (figures 3 to 12).
+
+    Args:
+        recorded: shape (K, M, 3), mm.
+        played: the same by each network.
+        names: of the markers.
+        rate: frames per second.
+        title: above it.
+        path: the file.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(3.6 * len(names) + 3.6, 8.0), layout="constrained")
+    grid = figure.add_gridspec(3, len(names) + 1)
+    time = np.arange(len(recorded)) / rate
+    shades = dict(zip(played, ("#8fc1e3", "#3c8dbc", PLAYED, "#0b2d52"), strict=False))
+    for column, name in enumerate(names):
+        for row, axis in enumerate("xyz"):
+            axes = figure.add_subplot(grid[row, column])
+            axes.plot(time, recorded[:, column, row], color=RECORDED, linewidth=1.6, label="recorded")
+            for label, output in played.items():
+                axes.plot(time, output[:, column, row], color=shades[label], linewidth=0.9, label=label)
+            if not row:
+                axes.set_title(name)
+            if not column:
+                axes.set_ylabel(f"{axis}, mm")
+            if row == 2:
+                axes.set_xlabel("s")
+            if not row and not column:
+                axes.legend(fontsize=7)
+    space = figure.add_subplot(grid[:2, -1], projection="3d")
+    space.plot(*recorded[:, -1].T, color=RECORDED, linewidth=1.4)
+    for label, output in played.items():
+        space.plot(*output[:, -1].T, color=shades[label], linewidth=0.7)
+    space.set_title(f"{names[-1]} in space, mm")
+    figure.suptitle(title)
+    save(figure, path)
+
+
+def draw_lines(
+    curves: dict[str, tuple[Array, Array]], labels: tuple[str, str], title: str, path: Path, **scale: str
+) -> None:
+    """Curves (x, y) by name; scale may be xscale="log" and yscale="log"."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.0, 4.4), layout="constrained")
+    axes = figure.add_subplot(**scale)
+    for name, (x, y) in curves.items():
+        axes.plot(x, y, "o-", markersize=3.5, label=name)
+    axes.set_xlabel(labels[0])
+    axes.set_ylabel(labels[1])
+    axes.set_title(title)
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8)
+    save(figure, path)
