@@ -76,7 +76,7 @@ def draw_segments(clip: Clip, said: dict[str, Any], marked: Labels | None, path:
 def draw_coordinates(
     recorded: Array, played: dict[str, Array], names: list[str], rate: float, title: str, path: Path
 ) -> None:
-    """Coordinates of markers over time, recorded and as networks say them, and the last marker in space (figures 3 to 12).
+    """Coordinates over time, recorded and as networks say them, and the last marker in space (figures 3 to 12).
 
     Args:
         recorded: shape (K, M, 3), mm.
