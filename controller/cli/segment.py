@@ -69,7 +69,7 @@ def segment(
     if count is not None and method is not Way.PLANES:
         raise MotiondeckError(f"--segments goes with --method planes, not with {method.value}")
     if plot is not None:
-        from controller.cli.centralized_plots import draw_segments, need_folder
+        from controller.cli.centralized_plots import need_folder
 
         need_folder(plot)
     clip = read_clip(file, skeleton or skeleton_of(file, file.parent.parent))
@@ -92,6 +92,8 @@ def segment(
             "f1": score.f1,
         }
     if plot is not None:
+        from controller.cli.centralized_plots import draw_segments
+
         draw_segments(clip, said, marked, plot)
     if as_json:
         print(json.dumps(said))

@@ -47,7 +47,7 @@ class BoneDirections:
     right_hip: str = "rhip"
     left_hip: str = "lhip"
 
-    name: ClassVar[Literal["bone directions"]] = "bone directions"
+    name: ClassVar[Literal["bone directions", "joint rotations"]] = "bone directions"
 
     @classmethod
     def of(cls, skeleton: Skeleton) -> Self:
