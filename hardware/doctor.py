@@ -17,7 +17,7 @@ from hardware.scale import RigScale
 from hardware.switching import describe_errors
 from hardware.wire_time import rate_limit
 
-_USUAL_LATENCY = 16
+_USB_SERIAL = Path("/sys/bus/usb-serial/devices")
 _LIKELY = (57600, 1_000_000, 4_000_000, 2_000_000, 3_000_000, 115_200, 9600)
 _SLOW_ANSWER = 20e-6  # s of return delay that nobody minds
 _CLOSE_TO_HOT = 12.0  # degC
@@ -99,10 +99,30 @@ def scan(open_bus: Callable[[int], Bus], bauds: Iterable[int] = _LIKELY) -> list
 def latency_timer(port: str) -> int | None:
     """The latency timer of a USB adapter, ms; None where the system has none for this port."""
     try:
-        name = Path(port).resolve().name
-        return int(Path(f"/sys/bus/usb-serial/devices/{name}/latency_timer").read_text())
+        return int(_latency_file(port).read_text())
     except (OSError, ValueError):
         return None
+
+
+def shorten_latency(port: str) -> str:
+    """Sets the latency timer of a USB adapter to 1 ms; what was done, or what to do for it, in words.
+
+    The adapter forgets it when it is unplugged.
+    """
+    before, file = latency_timer(port), _latency_file(port)
+    if before is None:
+        return f"{port} has no latency timer that could be set"
+    if before <= 1:
+        return f"the latency timer of {port} is 1 ms already"
+    try:
+        file.write_text("1")
+    except OSError as error:
+        return f"the latency timer of {port} stays {before} ms ({error.strerror}): echo 1 | sudo tee {file}"
+    return f"the latency timer of {port} was {before} ms and is {latency_timer(port)} ms now, until it is unplugged"
+
+
+def _latency_file(port: str) -> Path:
+    return _USB_SERIAL / Path(port).resolve().name / "latency_timer"
 
 
 def examine(config: RigConfig, bus: Bus) -> Report:
@@ -132,8 +152,8 @@ def examine(config: RigConfig, bus: Bus) -> Report:
     latency = latency_timer(bus.port.name)
     if latency is not None and latency > 1:
         problems.append(
-            f"the USB adapter holds answers for up to {latency} ms: "
-            f"echo 1 | sudo tee /sys/bus/usb-serial/devices/{Path(bus.port.name).resolve().name}/latency_timer"
+            f"the USB adapter holds answers for up to {latency} ms: motiondeck rig doctor --fix sets 1, or: "
+            f"echo 1 | sudo tee {_latency_file(bus.port.name)}"
         )
     slowest = max((servo.return_delay_us for servo in servos), default=0) * 1e-6
     length = RigScale(config).block.length
@@ -180,7 +200,10 @@ def set_up(open_bus: Callable[[int], Bus], id: int, baud: int) -> tuple[Found, I
     """
     found = scan(open_bus)
     if not found:
-        raise RigError("no servo answers at any baud rate. Check power, cable and adapter.")
+        raise RigError(
+            "no servo answers at any baud rate. Check power, cable and adapter; "
+            "servos that speak Protocol 1.0 (AX, RX, older MX firmware) are not heard."
+        )
     if len(found) > 1:
         who = ", ".join(f"id {one.identity.id} at {one.baud}" for one in found)
         raise RigError(f"{len(found)} servos answer ({who}). Connect the one to set up alone.")

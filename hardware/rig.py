@@ -14,12 +14,14 @@ import msgspec
 from hardware.control_table.models import MODELS
 from hardware.control_table.table import ControlTable
 from hardware.errors import RigFileError
+from hardware.rig_lines import line_of
 
 # The loop reads and writes one block of addresses for all.
 _IN_ONE_BLOCK = ("torque_enable", "status_return_level", "bus_watchdog", "goal_position", "present_velocity",
                  "present_position", "indirect_data_1")  # fmt: skip
 _NEEDED = (*_IN_ONE_BLOCK[:-1], "hardware_error_status", "shutdown", "operating_mode", "profile_velocity",
            "profile_acceleration", "min_position_limit", "max_position_limit")  # fmt: skip
+_PROTOCOL_1 = re.compile(r"(AX|RX|DX|EX)-\d|MX-12|MX-\d+.*\(?1\.0\)?$")
 BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
 
 
@@ -52,6 +54,11 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     gear: Annotated[float, msgspec.Meta(gt=0)] = 1.0
 
     def __post_init__(self) -> None:
+        if _PROTOCOL_1.match(self.model.upper()):
+            raise ValueError(
+                f"model '{self.model}' speaks Protocol 1.0, Motiondeck speaks 2.0 only. An MX-28, MX-64 or MX-106 can be "
+                "given firmware of Protocol 2.0 with the maker's wizard; AX, RX, DX and EX servos cannot"
+            )
         if self.model not in MODELS:
             near = MODELS.near(self.model)
             raise ValueError(
@@ -159,13 +166,13 @@ def load_rig(path: str | Path) -> RigConfig:
     try:
         return msgspec.toml.decode(data, type=RigConfig)
     except msgspec.ValidationError as error:
-        raise RigFileError(f"{path}: {_explain(str(error))}") from error
+        raise RigFileError(_explain(path, data.decode(), str(error))) from error
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise RigFileError(f"{path} is no complete TOML file: {error}") from error
 
 
-def _explain(message: str) -> str:
-    """What msgspec found, with the place in the words of the file and with the allowed keys where one is unknown."""
+def _explain(path: str | Path, text: str, message: str) -> str:
+    """What msgspec found, with line and place in the words of the file, and the allowed keys where one is unknown."""
     what, _, where = message.partition(" - at `$")
     place = re.sub(r"\[(\d+)\]", lambda found: f" {int(found[1]) + 1}", where.rstrip("`").lstrip("."))
     place = place.replace("joints ", "joint ", 1)
@@ -178,4 +185,17 @@ def _explain(message: str) -> str:
     elif what.startswith("Invalid enum value"):
         allowed = {"on_exit": "'off' and 'hold'", "on_loss": "'stop' and 'go on'"}.get(place, "-1 and 1")
         what = f"{what.removeprefix('Invalid enum value ')} is not allowed; {allowed} are"
-    return f"{place}: {what}." if place else f"{what}."
+    key = unknown[1] if unknown else where.rpartition(".")[2].rstrip("`")
+    line = _line(text, where, key, what)
+    return f"{path}{f' line {line}' if line else ''}: {f'{place}: ' if place else ''}{what}."
+
+
+def _line(text: str, where: str, key: str, what: str) -> int | None:
+    """The line of what is wrong: of the key, of the joint, or of what the message itself speaks of first or last."""
+    joint = re.search(r"joints\[(\d+)\]", where)
+    if joint:
+        return line_of(text, key if not key.startswith("joints[") else "", int(joint[1]) + 1)
+    spoken_of = re.findall(r"joint (\d+) \(", what)
+    if spoken_of:
+        return line_of(text, "", int(spoken_of[-1]))
+    return line_of(text, key or what.split(" ", 1)[0])

@@ -102,7 +102,10 @@ def scan(
 def doctor(
     rig: RigArgument,
     port: PortOption = None,
-    fix: Annotated[bool, typer.Option("--fix", help="Set every servo's return delay to 0.")] = False,
+    fix: Annotated[
+        bool,
+        typer.Option("--fix", help="Set every servo's return delay to 0, and the USB adapter's latency timer to 1 ms."),
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Check a rig without moving it: servos, settings, temperatures, and how fast the wire can be; exit 1 on a problem.
@@ -111,11 +114,13 @@ def doctor(
     """
     import msgspec
 
-    from hardware.doctor import examine, shorten_return_delays
+    from hardware.doctor import examine, shorten_latency, shorten_return_delays
 
     config = load(rig)
     with open_bus(config, port) as bus:
         refused = shorten_return_delays(config, bus) if fix else []
+        if fix:
+            print(shorten_latency(bus.port.name), file=sys.stderr)
         report = examine(config, bus)
     if as_json:
         print(msgspec.json.encode(report).decode())

@@ -46,6 +46,9 @@ class Models(Mapping[str, ControlTable]):
         return difflib.get_close_matches(model.upper(), self, n=3, cutoff=0.5)
 
 
+# The maker's list of numbers leaves this one out, though its table is there; the number is its manual's.
+_UNLISTED = {"XW430-T200": 1280}
+
 MODELS = Models()
 
 
@@ -56,7 +59,7 @@ def model_name(number: int) -> str:
 
 @cache
 def _numbers() -> dict[str, int]:
-    return {XM430_W350.model: XM430_W350.number} | model_numbers()
+    return {XM430_W350.model: XM430_W350.number} | _UNLISTED | model_numbers()
 
 
 @cache

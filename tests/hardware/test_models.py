@@ -12,7 +12,8 @@ from hardware.state_block import StateBlock
 
 def test_every_model_that_the_maker_numbers_has_a_table():
     assert set(model_numbers()) <= set(MODELS)
-    assert len(MODELS) >= 60
+    assert len(MODELS) >= 61
+    assert model_name(1280) == "XW430-T200"
     for model in MODELS:
         end = 0
         for register in MODELS[model].registers.values():

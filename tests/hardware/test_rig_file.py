@@ -51,6 +51,8 @@ def test_an_angle_becomes_pulses(written):
         (("1_000_000", "1234"), "baud 1234 is none of 9600,"),
         (("id = 1", "id = 253"), "joint 1.id: Expected `int` <= 252"),
         (("direction = 1", "direction = 2"), "joint 1.direction: 2 is not allowed; -1 and 1 are"),
+        (("XM430-W350", "AX-12A"), "joint 1: model 'AX-12A' speaks Protocol 1.0, Motiondeck speaks 2.0 only"),
+        (("XM430-W350", "MX-28(1.0)"), "joint 1: model 'MX-28(1.0)' speaks Protocol 1.0"),
         (("-W350", "-X"), "joint 1: model 'XM430-X' is unknown"),
         (("lower = -1", "lower = 2"), "joint 1: limits must be finite numbers with lower < upper"),
         (("upper = 1", "upper = nan"), "joint 1: limits must be finite numbers"),
@@ -72,6 +74,54 @@ def test_a_mistake_is_named_with_its_place_and_what_is_allowed(written, change, 
         load_rig(path)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+LINES = f"""# a comment with joints = [ {{
+port = "/dev/tty # not a comment {{"
+baud = 1_000_000
+rate_hz = 100
+joints = [
+  {JOINT}, {JOINT.replace("neck", "nose").replace("id = 1", "id = 2")},
+  {JOINT.replace("neck", "jaw").replace("id = 1", "id = 3")},
+]
+on_exit = "off"
+"""
+TABLES = """rate_hz = 100
+port = "/dev/ttyUSB0"
+baud = 1_000_000
+
+[[joints]]
+name = "neck"
+id = 1
+model = "XM430-W350"
+direction = 1
+zero = 2048
+lower = -1
+upper = 1
+velocity = 4
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "change", "line"),
+    [
+        (LINES, ("baud = 1_000_000", "baud = 1234"), 3),
+        (LINES, ("rate_hz = 100", "rate_hz = 0"), 4),
+        (LINES, ("rate_hz = 100", "rote_hz = 100"), 4),
+        (LINES, ('on_exit = "off"', 'on_exit = "of"'), 9),
+        (LINES, ("id = 2", "id = 300"), 6),
+        (LINES, ("id = 3", "id = 2"), 7),
+        (LINES, ('"jaw"', "7"), 7),
+        (LINES, ('"jaw"', "jaw"), 7),
+        (TABLES, ("upper = 1", "upper = 9"), 5),
+        (TABLES, ("id = 1", 'id = "x"'), 7),
+        (TABLES, ("rate_hz", "rate"), 1),
+    ],
+)
+def test_the_line_of_a_mistake_is_named(written, text, change, line):
+    path = written(text.replace(*change))
+    with pytest.raises(RigFileError, match=rf"line {line}\b"):
+        load_rig(path)
 
 
 @pytest.mark.parametrize("length", [20, len(GOOD) - 4, 100])

@@ -5,7 +5,7 @@ import pytest
 
 from hardware.bus import Bus
 from hardware.calibration import calibrate, calibrated, save_rig
-from hardware.doctor import examine, latency_timer, scan, set_up, shorten_return_delays
+from hardware.doctor import examine, latency_timer, scan, set_up, shorten_latency, shorten_return_delays
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
@@ -73,6 +73,26 @@ def test_return_delays_stay_where_torque_is_on(rig_of_four, bus, port):
 
 def test_a_port_without_a_latency_timer_has_none(tmp_path):
     assert latency_timer(str(tmp_path)) is None
+
+
+def test_the_latency_timer_is_set_on_request(tmp_path, monkeypatch, rig_of_four, bus):
+    monkeypatch.setattr("hardware.doctor._USB_SERIAL", tmp_path)
+    file = tmp_path / "emulated" / "latency_timer"
+    assert "has no latency timer" in shorten_latency("emulated")
+    file.parent.mkdir()
+    file.write_text("16\n")
+    shorten_return_delays(rig_of_four, bus)
+    assert "holds answers for up to 16 ms" in "".join(examine(rig_of_four, bus).problems)
+    assert "was 16 ms and is 1 ms now" in shorten_latency("/dev/emulated")
+    assert "is 1 ms already" in shorten_latency("/dev/emulated")
+    assert examine(rig_of_four, bus).problems == []
+    file.write_text("16\n")
+
+    def refuse(*_):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("pathlib.Path.write_text", refuse)
+    assert "stays 16 ms (Permission denied): echo 1 | sudo tee" in shorten_latency("emulated")
 
 
 def test_one_servo_is_set_up(rig_of_four):
