@@ -99,7 +99,8 @@ def save_rig(config: RigConfig, path: Path) -> None:
     lines = [f"{key} = {_toml(value)}" for key, value in settings.items() if key != "joints"]
     lines += ["", "# zero in pulses, lower and upper in rad, velocity in rad/s", "joints = ["]
     for joint in config.joints:
-        row = ", ".join(f"{key} = {_toml(value)}" for key, value in msgspec.structs.asdict(joint).items())
+        own = {key: value for key, value in msgspec.structs.asdict(joint).items() if key != "port" or value}
+        row = ", ".join(f"{key} = {_toml(value)}" for key, value in own.items())
         lines.append(f"  {{ {row} }},")
     draft = path.with_name(f".{path.name}.draft")
     try:

@@ -6,6 +6,7 @@ import difflib
 import math
 import re
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -39,6 +40,7 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         acceleration: its limit, rad/s^2; 0 for none.
         current: its limit, A; 0 for the servo's own.
         gear: turns of the horn for one turn of the joint.
+        port: of the serial adapter that its servo is on; the rig's own if empty.
     """
 
     name: str
@@ -52,12 +54,13 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     acceleration: Annotated[float, msgspec.Meta(ge=0)] = 0.0
     current: Annotated[float, msgspec.Meta(ge=0)] = 0.0
     gear: Annotated[float, msgspec.Meta(gt=0)] = 1.0
+    port: str = ""
 
     def __post_init__(self) -> None:
         if _PROTOCOL_1.match(self.model.upper()):
             raise ValueError(
-                f"model '{self.model}' speaks Protocol 1.0, Motiondeck speaks 2.0 only. An MX-28, MX-64 or MX-106 can be "
-                "given firmware of Protocol 2.0 with the maker's wizard; AX, RX, DX and EX servos cannot"
+                f"model '{self.model}' speaks Protocol 1.0, Motiondeck speaks 2.0 only. An MX-28, MX-64 or MX-106 can "
+                "be given firmware of Protocol 2.0 with the maker's wizard; AX, RX, DX and EX servos cannot"
             )
         if self.model not in MODELS:
             near = MODELS.near(self.model)
@@ -106,7 +109,7 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A rig as its file says.
 
     Attributes:
-        port: of the serial adapter, such as /dev/ttyUSB0.
+        port: of the serial adapter, such as /dev/ttyUSB0, for joints that name no other.
         baud: of the bus, bits/s.
         rate_hz: how often targets are sent.
         joints: in the order of every array about this rig.
@@ -132,25 +135,52 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"baud {self.baud} is none of {', '.join(map(str, BAUD_RATES))}")
         if not 0 <= self.read_hz <= self.rate_hz:
             raise ValueError(f"read_hz {self.read_hz:g} must be from 0 to rate_hz, {self.rate_hz:g}")
-        layouts = {tuple(joint.table.place(name) for name in _IN_ONE_BLOCK): joint.model for joint in self.joints}
-        if len(layouts) > 1:
-            models = " and ".join(layouts.values())
-            raise ValueError(f"{models} keep their registers in different places: give each kind a rig of its own")
-        for key in ("id", "name"):
-            owners = Counter(getattr(joint, key) for joint in self.joints)
-            twice = [str(value) for value, count in owners.items() if count > 1]
-            if twice:
-                who = ", ".join(
-                    f"joint {number} ({joint.name}, id {joint.id})"
-                    for number, joint in enumerate(self.joints, 1)
-                    if str(getattr(joint, key)) in twice
-                )
-                raise ValueError(f"{key} {', '.join(twice)} is used more than once: {who}")
+        for port in self.ports:
+            layouts = {
+                tuple(joint.table.place(name) for name in _IN_ONE_BLOCK): joint.model
+                for joint in self.joints
+                if self._port_of(joint) == port
+            }
+            if len(layouts) > 1:
+                models = " and ".join(layouts.values())
+                raise ValueError(f"{models} keep their registers in different places: give each kind a port of its own")
+            self._refuse_doubles("id", [joint.id if self._port_of(joint) == port else None for joint in self.joints])
+        self._refuse_doubles("name", [joint.name for joint in self.joints])
 
     @property
     def names(self) -> tuple[str, ...]:
         """The joints' names, in order."""
         return tuple(joint.name for joint in self.joints)
+
+    @property
+    def ports(self) -> tuple[str, ...]:
+        """The ports its joints are on, each once, in order."""
+        return tuple(dict.fromkeys(self._port_of(joint) for joint in self.joints))
+
+    @property
+    def parts(self) -> tuple[RigConfig, ...]:
+        """The joints of each port as a rig of one port, in the order of `ports`."""
+        parts = []
+        for port in self.ports:
+            joints = tuple(
+                msgspec.structs.replace(joint, port="") for joint in self.joints if self._port_of(joint) == port
+            )
+            parts.append(msgspec.structs.replace(self, port=port, joints=joints))
+        return tuple(parts)
+
+    def _port_of(self, joint: RigJoint) -> str:
+        return joint.port or self.port
+
+    def _refuse_doubles(self, key: str, values: Sequence[object]) -> None:
+        """Raises ValueError where two joints have the same value; None is nobody's."""
+        twice = [value for value, count in Counter(values).items() if count > 1 and value is not None]
+        if twice:
+            who = ", ".join(
+                f"joint {number} ({joint.name}, id {joint.id})"
+                for number, (joint, value) in enumerate(zip(self.joints, values, strict=True), 1)
+                if value in twice
+            )
+            raise ValueError(f"{key} {', '.join(map(str, twice))} is used more than once: {who}")
 
 
 def load_rig(path: str | Path) -> RigConfig:

@@ -89,14 +89,14 @@ class SupervisedRig:
         self._new_bus: tuple[Bus, Array] | None = None
 
     @classmethod
-    def connect(cls, config: RigConfig, port: str | None = None) -> SupervisedRig:
-        """Opens the port (the rig file's own, unless another is named) and switches the rig on.
+    def connect(cls, config: RigConfig) -> SupervisedRig:
+        """Opens the port of a rig that has only one (see `joined_rig.connect_rig`) and switches the rig on.
 
         Raises:
             RigError: as `DynamixelRig`.
             PortError: if the port cannot be opened, or vanishes.
         """
-        return cls(config, lambda: Bus.open(port or config.port, config.baud))
+        return cls(config, lambda: Bus.open(config.port, config.baud))
 
     def __enter__(self) -> SupervisedRig:
         return self

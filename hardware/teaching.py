@@ -49,41 +49,39 @@ def loosen(config: RigConfig, bus: Bus) -> None:
         raise RigError(f"torque may still be on: {', '.join(unconfirmed)}. Check their cables.")
 
 
-def watch_hands(config: RigConfig, bus: Bus, sleep: Callable[[float], None]) -> Iterator[Moment]:
+def watch_hands(
+    config: RigConfig, parts: Sequence[tuple[RigConfig, Bus]], sleep: Callable[[float], None]
+) -> Iterator[Moment]:
     """The joints' angles, `rate_hz` times a second, for as long as they are asked for.
 
     Args:
         config: the rig, its torque off.
-        bus: open.
+        parts: the joints of each port, and its bus.
         sleep: how to wait for the next look, s.
 
     Raises:
         RigError: if a servo is silent for half a second; it is named.
         PortError: if the port vanishes.
     """
-    joints, ids = config.joints, [joint.id for joint in config.joints]
-    block = joints[0].table.place("present_position")
-    assert block is not None  # a rig's joints all have one, and all in the same place
-    turns: dict[int, int] = {}
-    start = due = bus.port.now()
-    heard = dict.fromkeys(ids, start)
+    clock = parts[0][1].port
+    turns: dict[str, int] = {}
+    start = due = clock.now()
+    heard = dict.fromkeys(config.names, start)
     while True:
-        now = bus.port.now()
-        statuses = bus.sync_read(ids, *block)
-        angles = np.full(len(joints), np.nan)
-        for index, joint in enumerate(joints):
-            status = statuses.get(joint.id)
-            if status is not None and not status.error:
-                pulses = joint.table["present_position"].decode(status.params)
-                turns.setdefault(joint.id, _turns(joint, pulses))
-                angles[index] = (pulses - turns[joint.id] - joint.zero) / joint.pulses_per_radian
-                heard[joint.id] = now
-        silent = [f"{joint.name} (id {joint.id})" for joint in joints if now - heard[joint.id] > _SILENT]
+        now = clock.now()
+        angles = np.full(len(config.joints), np.nan)
+        for part, bus in parts:
+            for joint, pulses in _positions(part, bus):
+                turns.setdefault(joint.name, _turns(joint, pulses))
+                angle = (pulses - turns[joint.name] - joint.zero) / joint.pulses_per_radian
+                angles[config.names.index(joint.name)] = angle
+                heard[joint.name] = now
+        silent = [f"{joint.name} (id {joint.id})" for joint in config.joints if now - heard[joint.name] > _SILENT]
         if silent:
             raise RigError(f"{', '.join(silent)} does not answer any more. Check the cable, then teach again.")
         yield Moment(now - start, angles)
-        due = max(due + 1.0 / config.rate_hz, bus.port.now())
-        sleep(max(0.0, due - bus.port.now()))
+        due = max(due + 1.0 / config.rate_hz, clock.now())
+        sleep(max(0.0, due - clock.now()))
 
 
 def taught(moments: Sequence[Moment], rate: float, trim: bool = True) -> Array:
@@ -133,6 +131,16 @@ def beyond_limits(config: RigConfig, angles: Array, rate: float) -> list[str]:
         if speed > joint.velocity:
             said.append(f"{joint.name} was moved at {speed:.1f} rad/s, it may {joint.velocity:g}")
     return said
+
+
+def _positions(part: RigConfig, bus: Bus) -> Iterator[tuple[RigJoint, int]]:
+    """The joints that answer, and where their servos stand, pulses."""
+    register = part.joints[0].table["present_position"]
+    statuses = bus.sync_read([joint.id for joint in part.joints], register.address, register.length)
+    for joint in part.joints:
+        status = statuses.get(joint.id)
+        if status is not None and not status.error:
+            yield joint, register.decode(status.params)
 
 
 def _turns(joint: RigJoint, pulses: int) -> int:

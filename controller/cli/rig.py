@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from controller.cli import rig_play, rig_teach
-from controller.cli.rig_port import JsonOption, PortOption, RigArgument, ended_by_sigterm, load, open_bus
+from controller.cli.rig_port import JsonOption, PortOption, RigArgument, ended_by_sigterm, load, open_buses
 from controller.errors import MotiondeckError
 
 app = typer.Typer(
@@ -117,14 +117,16 @@ def doctor(
     from hardware.doctor import examine, shorten_latency, shorten_return_delays
 
     config = load(rig)
-    with open_bus(config, port) as bus:
-        refused = shorten_return_delays(config, bus) if fix else []
-        if fix:
-            print(shorten_latency(bus.port.name), file=sys.stderr)
-        report = examine(config, bus)
+    reports, refused = [], []
+    with open_buses(config, port) as parts:
+        for part, bus in parts:
+            if fix:
+                refused += shorten_return_delays(part, bus)
+                print(shorten_latency(bus.port.name), file=sys.stderr)
+            reports.append(examine(part, bus))
     if as_json:
-        print(msgspec.json.encode(report).decode())
-    else:
+        print(msgspec.json.encode(reports[0] if len(reports) == 1 else {"ports": reports}).decode())
+    for report in reports if not as_json else []:
         print(f"{report.port} at {report.baud} baud, USB latency {report.latency_ms or 'unknown'} ms")
         for servo in report.servos:
             print(
@@ -134,10 +136,12 @@ def doctor(
         print(f"the wire allows {report.possible_hz:.0f} Hz; the rig file wants {report.rate_hz:g} Hz")
         for problem in report.problems:
             print(f"problem: {problem}")
+    problems = sum(len(report.problems) for report in reports)
+    if not as_json:
         if refused:
             print(f"return delay not set: {', '.join(refused)} (is torque on?)")
-        print("no problem found" if not report.problems else f"{len(report.problems)} problems")
-    if report.problems:
+        print("no problem found" if not problems else f"{problems} problems")
+    if problems:
         raise typer.Exit(1)
 
 
@@ -183,9 +187,10 @@ def monitor(
 
     config = load(rig)
     end = time.monotonic() + seconds if seconds else float("inf")
-    with ended_by_sigterm(), open_bus(config, port) as bus:
+    with ended_by_sigterm(), open_buses(config, port) as parts:
         try:
-            for rows, hz in observe(config, bus):
+            for seen in zip(*(observe(part, bus) for part, bus in parts), strict=True):
+                rows, hz = [row for part, _ in seen for row in part], min(hz for _, hz in seen)
                 if as_json:
                     print(json.dumps({"hz": round(hz, 1), "joints": rows}), flush=True)
                 else:
@@ -207,6 +212,8 @@ def calibrate(
     Example:  motiondeck rig calibrate servo20 --out my-rig.toml
     """
     import threading
+
+    import msgspec
 
     from hardware.calibration import calibrate as guide
     from hardware.calibration import save_rig
@@ -233,8 +240,10 @@ def calibrate(
         return seen
 
     config = load(rig)
-    with ended_by_sigterm(), open_bus(config, port) as bus:
-        save_rig(guide(config, bus, ask, sweep), out)
+    with ended_by_sigterm(), open_buses(config, port) as parts:
+        found = {joint.name: joint for part, bus in parts for joint in guide(part, bus, ask, sweep).joints}
+        joints = tuple(msgspec.structs.replace(found[joint.name], port=joint.port) for joint in config.joints)
+        save_rig(msgspec.structs.replace(config, joints=joints), out)
     print(f"wrote {out}")
 
 
@@ -244,11 +253,20 @@ def stop(rig: RigArgument, port: PortOption = None, as_json: JsonOption = False)
 
     Example:  motiondeck rig stop servo20
     """
+    from hardware.errors import PortError
+    from hardware.joined_rig import on_ports
     from hardware.switching import switch_off
 
     config = load(rig)
-    with open_bus(config, port) as bus:
-        unconfirmed = switch_off(config, bus)
+    unconfirmed: list[str] = []
+    for part in on_ports(config, port or ()):
+        # One port that is gone must not keep the others from being switched off.
+        try:
+            with open_buses(part, None) as buses:
+                unconfirmed += [name for own, bus in buses for name in switch_off(own, bus)]
+        except PortError as error:
+            print(f"motiondeck: {error}", file=sys.stderr)
+            unconfirmed += part.names
     if as_json:
         print(
             json.dumps({"off": [name for name in config.names if name not in unconfirmed], "unconfirmed": unconfirmed})

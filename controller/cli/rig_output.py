@@ -18,6 +18,7 @@ from controller.realtime.interfaces import JointLimits
 from controller.rotations import Array
 
 if TYPE_CHECKING:
+    from hardware.joined_rig import JoinedRig
     from hardware.rig import RigConfig
     from hardware.supervised_rig import SupervisedRig
     from sim.robot import Robot
@@ -35,7 +36,7 @@ class RigOutput:
         MotiondeckError: if the rig has a joint that the robot has not.
     """
 
-    def __init__(self, rig: SupervisedRig, joints: tuple[str, ...], hz: float) -> None:
+    def __init__(self, rig: SupervisedRig | JoinedRig, joints: tuple[str, ...], hz: float) -> None:
         missing = [name for name in rig.names if name not in joints]
         if missing:
             raise MotiondeckError(
@@ -128,8 +129,8 @@ def open_rig(
         MotiondeckError: if the rig does not fit the robot or the rate, or cannot be connected.
     """
     from hardware.emulator.process import start_emulator
+    from hardware.joined_rig import connect_rig
     from hardware.rig import load_rig
-    from hardware.supervised_rig import SupervisedRig
 
     config = load_rig(file)
     every = rate / config.rate_hz
@@ -138,8 +139,8 @@ def open_rig(
             f"{file}: rate_hz = {config.rate_hz:g} does not divide the loop's {rate:g} Hz; give another --rate"
         )
     limits = narrowed(robot.limits, robot, config)
-    port = opening.enter_context(start_emulator(file)).port if emulated else None
-    rig = SupervisedRig.connect(config, port)
+    ports = opening.enter_context(start_emulator(file)).ports if emulated else ()
+    rig = connect_rig(config, ports)
     opening.callback(rig.close)
     return Channel(RigOutput(rig, robot.joints, config.rate_hz), round(every)), limits
 

@@ -83,7 +83,7 @@ def play(
 
 def stream(
     config: RigConfig,
-    port: str | None,
+    port: list[str] | None,
     source: Clip | MotionLibrary,
     motion: str | None,
     robot: str,
@@ -101,14 +101,14 @@ def stream(
     from controller.realtime.recorded_deck import RecordedDeck
     from controller.realtime.safety import SafetyEnvelope
     from controller.realtime.stop import StopRequest, stop_on_signals
-    from hardware.supervised_rig import SupervisedRig
+    from hardware.joined_rig import connect_rig
 
     with ExitStack() as opening:
         stop = opening.enter_context(stop_on_signals())
         server = CommandServer(command_port)
         opening.callback(server.close)
         cast = _cast(config, source, robot)
-        connected = SupervisedRig.connect(config, port)
+        connected = connect_rig(config, port or ())
         opening.callback(connected.close)
         output = RigOutput(connected, cast.joints, config.rate_hz)
         opening.callback(output.close)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -14,7 +14,10 @@ if TYPE_CHECKING:
     from hardware.rig import RigConfig
 
 RigArgument = Annotated[str, typer.Argument(metavar="RIG", help="A rig file (.toml), or a shipped one by its name.")]
-PortOption = Annotated[str | None, typer.Option("--port", help="Serial port instead of the rig file's own.")]
+PortOption = Annotated[
+    list[str] | None,
+    typer.Option("--port", help="Serial port instead of the rig file's own; for a rig with several, each in order."),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
 
 
@@ -31,15 +34,17 @@ def load(rig: str) -> RigConfig:
 
 
 @contextmanager
-def open_bus(config: RigConfig, port: str | None) -> Iterator[Bus]:
-    """The bus of a rig, given back in the end."""
+def open_buses(config: RigConfig, ports: list[str] | None) -> Iterator[list[tuple[RigConfig, Bus]]]:
+    """The bus of each port of a rig, with the joints that are on it; given back in the end."""
     from hardware.bus import Bus
+    from hardware.joined_rig import on_ports
 
-    bus = Bus.open(port or config.port, config.baud)
-    try:
-        yield bus
-    finally:
-        bus.close()
+    with ExitStack() as opening:
+        parts: list[tuple[RigConfig, Bus]] = []
+        for part in on_ports(config, ports or ()):
+            parts.append((part, bus := Bus.open(part.port, part.baud)))
+            opening.callback(bus.close)
+        yield parts
 
 
 @contextmanager

@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from controller.cli.rig_port import JsonOption, PortOption, RigArgument, ended_by_sigterm, load, open_bus
+from controller.cli.rig_port import JsonOption, PortOption, RigArgument, ended_by_sigterm, load, open_buses
 from controller.errors import MotiondeckError
 
 
@@ -51,17 +51,18 @@ def teach(
         raise MotiondeckError(f"--seconds {seconds:g} is not between 0 and 3600")
     config = load(rig)
     moments = []
-    with ended_by_sigterm(), open_bus(config, port) as bus:
+    with ended_by_sigterm(), open_buses(config, port) as parts:
         if seconds is None:
             _ask("The torque goes off: hold what would fall, then press Enter ")
-        loosen(config, bus)
+        for part, bus in parts:
+            loosen(part, bus)
         if seconds is None:
             _ask("Torque is off. Press Enter to begin ")
         done = threading.Event()
         if seconds is None:
             threading.Thread(target=_wait_for_enter, args=(done,), daemon=True).start()
         try:
-            for moment in watch_hands(config, bus, time.sleep):
+            for moment in watch_hands(config, parts, time.sleep):
                 moments.append(moment)
                 if done.is_set() or (seconds is not None and moment.time >= seconds):
                     break

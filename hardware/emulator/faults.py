@@ -106,16 +106,15 @@ class FaultPlan:
         self.unplugged = False
         self.latency = 0.0
 
-    def check(self, bus: EmulatedBus) -> None:
+    def check(self, ids: Sequence[int]) -> None:
         """Makes sure that the faults are about servos of this rig.
 
         Raises:
             FaultError: if one is not.
         """
-        ids = [device.id for device in bus.devices]
         for fault in self._faults:
             if fault.id is not None and fault.id not in ids:
-                raise FaultError(f"fault {fault.kind}: there is no id {fault.id} on this rig (ids: {ids}).")
+                raise FaultError(f"fault {fault.kind}: there is no id {fault.id} on this rig (ids: {list(ids)}).")
 
     def advance(self, bus: EmulatedBus, now: float) -> None:
         """Begins and ends what is due at the time `now`, s."""

@@ -15,12 +15,17 @@ class EmulatorProcess:
     """A running emulator; it ends with `stop`, with the `with` block, or with the process that started it.
 
     Attributes:
-        port: what a client opens.
+        ports: what a client opens, in the order of the rig's ports.
     """
 
-    def __init__(self, process: subprocess.Popen[str], port: str) -> None:
+    def __init__(self, process: subprocess.Popen[str], ports: list[str]) -> None:
         self._process = process
-        self.port = port
+        self.ports = ports
+
+    @property
+    def port(self) -> str:
+        """The only one, or the first."""
+        return self.ports[0]
 
     def __enter__(self) -> EmulatorProcess:
         return self
@@ -48,15 +53,15 @@ def start_emulator(path: str | Path) -> EmulatorProcess:
         RigFileError: if the file is not good.
         PortError: if the emulator does not start.
     """
-    load_rig(path)
+    config = load_rig(path)
     command = [sys.executable, "-m", "hardware.emulator", str(path)]
     # In a session of its own: Ctrl-C is for the deck, which still needs its servos to come to rest.
     process = subprocess.Popen(
         command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True, start_new_session=True
     )
-    port = process.stdout.readline().strip() if process.stdout is not None else ""
-    emulator = EmulatorProcess(process, port)
-    if not port:
+    ports = [process.stdout.readline().strip() for _ in config.ports] if process.stdout is not None else [""]
+    emulator = EmulatorProcess(process, ports)
+    if not all(ports):
         emulator.stop()
         raise PortError(f"the emulator for {path} did not start; what it said stands above.")
     return emulator

@@ -64,20 +64,27 @@ class PtyServer:
 
     def pump(self) -> None:
         """Carries what has arrived to the servos and their answers back; returns after 20 ms of silence."""
+        pump([self])
+
+    @property
+    def patience(self) -> float:
+        """For how long nothing has to be done if the host says nothing, s."""
+        due = self.wire.due
+        return _WAKE if due is None else min(_WAKE, max(0.0, due - self._now))
+
+    @property
+    def open(self) -> list[int]:
+        """What to wait for: the descriptor on which the host is heard, none while the adapter is out."""
         if self.wire.faults.unplugged != (self._master < 0):
             self._unplug() if self._master >= 0 else self._plug_in()
-        due = self.wire.due
-        patience = _WAKE if due is None else min(_WAKE, max(0.0, due - self._now))
-        if self._master < 0:
-            time.sleep(_WAKE)
-            ready = False
-        else:
-            # select, because poll() would wait in whole milliseconds.
-            ready = bool(select.select([self._master], [], [], patience)[0])
+        return [self._master] if self._master >= 0 else []
+
+    def turn(self, ready: Sequence[int]) -> None:
+        """Lives until now, and carries what has come if its descriptor is among those that are ready."""
         woken = time.monotonic()
         self._now += min(woken - self._woken, _LONGEST_STEP)
         self._woken = woken
-        if ready:
+        if self._master in ready:
             self._bus.baud = _speed(self._slave) or self._bus.baud
             self.wire.send(os.read(self._master, 65536), self._now)
         else:
@@ -116,6 +123,16 @@ class PtyServer:
             self._master = self._slave = -1
 
 
+def pump(servers: Sequence[PtyServer]) -> None:
+    """Waits until one of them has something to do, 20 ms at most, and has each take its turn."""
+    # select, because poll() would wait in whole milliseconds.
+    ready = select.select(
+        [number for server in servers for number in server.open], [], [], min(server.patience for server in servers)
+    )[0]
+    for server in servers:
+        server.turn(ready)
+
+
 def serve(
     config: RigConfig,
     announce: Callable[[str], None],
@@ -127,7 +144,8 @@ def serve(
 ) -> None:
     """Emulates the rig, tells `announce` the port to open, and serves any client until the parent process is gone.
 
-    Runs for ever otherwise: end it with a signal.
+    Runs for ever otherwise: end it with a signal. A rig with several ports gets as many, announced in order; a link is
+    numbered then (NAME-1, NAME-2), and a fault about one servo happens on every port that has its ID.
 
     Raises:
         RigError: if a model cannot be emulated.
@@ -135,13 +153,20 @@ def serve(
         FaultError: if a fault is about a servo that is not there.
     """
     parent = os.getppid()
-    server = PtyServer(EmulatedBus(config, strict), FaultPlan(faults, seed), paced, link)
-    announce(server.port)
+    FaultPlan(faults, seed).check([joint.id for joint in config.joints])
+    servers: list[PtyServer] = []
     try:
+        for number, part in enumerate(config.parts, 1):
+            ids = [joint.id for joint in part.joints]
+            plan = FaultPlan([fault for fault in faults if fault.id is None or fault.id in ids], seed)
+            name = link.with_name(f"{link.name}-{number}") if link is not None and len(config.ports) > 1 else link
+            servers.append(PtyServer(EmulatedBus(part, strict), plan, paced, name))
+            announce(servers[-1].port)
         while os.getppid() == parent:
-            server.pump()
+            pump(servers)
     finally:
-        server.close()
+        for server in servers:
+            server.close()
 
 
 def _speed(fd: int) -> int | None:

@@ -30,7 +30,7 @@ class Wire:
     ) -> None:
         self.bus = bus
         self.faults = faults or FaultPlan()
-        self.faults.check(bus)
+        self.faults.check([device.id for device in bus.devices])
         self.paced = paced
         self.half_duplex = half_duplex
         self.collisions = 0

@@ -1,4 +1,4 @@
-"""From a hand on an emulated rig to a network that plays it: teach, play the clip, fit, play what was learned."""
+"""From a hand on an emulated rig of two ports to a network that plays it: teach, play the clip, fit, play on."""
 
 import json
 import subprocess
@@ -11,13 +11,14 @@ from typer.testing import CliRunner
 from controller.cli.main import app
 from controller.mocap.joint_angles import angles_of, read_taught_clip, save_taught_clip, taught_clip
 
-RIG = """
+LIMITS = "zero = 2048, lower = -1.5, upper = 1.5, velocity = 4.0"
+RIG = f"""
 port = "/dev/nowhere"
 baud = 1000000
 rate_hz = 50
 joints = [
-  { name = "pan", id = 1, model = "XM430-W350", direction = 1, zero = 2048, lower = -1.5, upper = 1.5, velocity = 4.0 },
-  { name = "tilt", id = 2, model = "XM430-W350", direction = -1, zero = 2048, lower = -1.5, upper = 1.5, velocity = 4 },
+  {{ name = "pan", id = 1, port = "/dev/elsewhere", model = "XM430-W350", direction = 1, {LIMITS} }},
+  {{ name = "tilt", id = 1, model = "XM430-W350", direction = -1, {LIMITS} }},
 ]
 """
 
@@ -25,6 +26,11 @@ joints = [
 def motiondeck(*words):
     result = CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
     assert result.exit_code == 0, result.output
+    return json.loads(result.stdout.splitlines()[-1])
+
+
+def diagnosed(*words):
+    result = CliRunner().invoke(app, ["rig", "doctor", *map(str, words), "--json"], catch_exceptions=False)
     return json.loads(result.stdout.splitlines()[-1])
 
 
@@ -41,28 +47,32 @@ def port(rig, tmp_path):
     command = [sys.executable, "-m", "controller.cli.main", "rig", "emulate", str(rig), "--link", str(link)]
     process = subprocess.Popen([*command, "--fault", "hand:value=0.5"], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
-    assert process.stdout.readline().strip() == str(link)
-    yield link
+    ports = [process.stdout.readline().strip() for _ in range(2)]
+    assert ports == [f"{link}-1", f"{link}-2"]
+    yield ("--port", ports[0], "--port", ports[1])
     process.terminate()
     process.wait()
 
 
 def test_a_hand_teaches_and_the_network_plays_on(rig, port, tmp_path):
     clip, library = tmp_path / "wave.clip", tmp_path / "gestures.safetensors"
-    said = motiondeck("rig", "teach", rig, "--out", clip, "--port", port, "--seconds", "4", "--json")
+    said = motiondeck("rig", "teach", rig, "--out", clip, *port, "--seconds", "4", "--json")
     assert (said["joints"], said["beyond_limits"]) == (["pan", "tilt"], [])
     angles = angles_of(read_taught_clip(clip).rotation[:, 1:])
     assert angles.max(axis=0) == pytest.approx([0.5, 0.0], abs=0.02)
     assert angles.min(axis=0) == pytest.approx([0.0, -0.5], abs=0.02)
 
-    run = motiondeck("rig", "play", rig, clip, "--port", port, "--command-port", "0", "--json")
+    run = motiondeck("rig", "play", rig, clip, *port, "--command-port", "0", "--json")
     assert run["reason"] == "played to the end"
     assert run["rig"]["tracking_rmse_rad"] < 0.1
+
+    assert motiondeck("rig", "stop", rig, *port, "--json") == {"off": ["pan", "tilt"], "unconfirmed": []}
+    assert [len(one["servos"]) for one in diagnosed(rig, *port)["ports"]] == [1, 1]
 
     said = motiondeck("fit", clip, "--out", library, "--json")
     assert said["network"] == "centralized"
     assert said["motions"][0]["passed"]
-    words = ("rig", "play", rig, library, "wave", "--port", port, "--command-port", "0", "--seconds", "3", "--json")
+    words = ("rig", "play", rig, library, "wave", *port, "--command-port", "0", "--seconds", "3", "--json")
     run = motiondeck(*words)
     assert run["rig"]["tracking_rmse_rad"] < 0.1
     assert run["faults"] == {"deck": 0, "commands": 0, "telemetry": 0}

@@ -165,7 +165,7 @@ def test_a_killed_client_leaves_a_rig_that_stops(served):
     client.kill()
     client.wait()
     client.stdout.close()
-    until(lambda: servo["bus_watchdog"] == -1 and not served._bus.moving, "the stop")
+    until(lambda: servo["bus_watchdog"] == -1 and servo["present_velocity"] == 0, "the stop")
     stopped = servo["present_position"]
     assert stopped < 3900
     time.sleep(0.2)

@@ -19,7 +19,7 @@ def handled(rig_of_four):
 
 def watch(config, port, seconds):
     moments = []
-    for moment in watch_hands(config, Bus(port, config.baud), port.elapse):
+    for moment in watch_hands(config, [(config, Bus(port, config.baud))], port.elapse):
         moments.append(moment)
         if moment.time >= seconds:
             break
@@ -51,7 +51,7 @@ def test_a_joint_is_followed_across_the_servos_own_zero(rig_of_four, port):
         port.elapse(seconds)
 
     seen = []
-    for moment in watch_hands(rig_of_four, Bus(port, rig_of_four.baud), push):
+    for moment in watch_hands(rig_of_four, [(rig_of_four, Bus(port, rig_of_four.baud))], push):
         seen.append(moment.angles[0])
         if moment.time > 1.0:
             break
