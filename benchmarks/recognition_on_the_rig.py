@@ -1,8 +1,8 @@
-"""Recognition from the measured joints of an emulated rig, and jams:  python -m benchmarks.recognition_on_the_rig
+"""Recognition from measured joints, and jams:  python -m benchmarks.recognition_on_the_rig
 
-Plays the shipped library on the emulated 20-servo rig in simulated time, switches at random every 6 s for 10 minutes,
-and then jams joints, one at a time, at whatever position they are in. Prints one JSON object: when the right motion was
-seen, false alarms, jams found, and what watching costs a tick. Options: --seconds S, --every S, --jams N, --seed N.
+Plays the shipped library in simulated time on the emulated 20-servo rig (or on a simulated robot), switches at random
+every 6 s for 10 minutes, and then jams joints of the rig, one at a time, at whatever position they are in. Prints one
+JSON object: when the right motion was seen, false alarms, jams found, and what watching costs a tick.
 """
 
 from __future__ import annotations
@@ -13,232 +13,196 @@ import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import sys
 import time
-from abc import ABC, abstractmethod
-from pathlib import Path
+from collections.abc import Callable
 
 import numpy as np
 
 from controller.cli.resources import find
 from controller.cli.rig_output import RigOutput
+from controller.cli.watching import Watch, Watching
 from controller.realtime.channel import Channel
 from controller.realtime.clock import VirtualClock
 from controller.realtime.deck import Deck
 from controller.realtime.loop import LoopState, run
 from controller.realtime.safety import SafetyEnvelope
-from controller.recognition.deck_recognizer import JointWatcher, joint_motions, teach_joints
-from controller.recognition.following import FollowingWatch
-from controller.recognition.online import MismatchWatch
+from controller.realtime.stop import StopRequest
+from controller.recognition.deck_recognizer import joint_motions
+from controller.recognition.deck_watch import PATIENCE, DeckWatch
 from controller.training.library import load_library
 from hardware.bus import Bus
 from hardware.dynamixel_rig import DynamixelRig
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.rig import load_rig
+from sim.playback import PhysicsPlayback
 from sim.robot import load_robot
 
 RATE = 100.0
 USED = 0.3  # rad: a motion uses a joint that moves at least so far
+SOON = 2.0  # s within which a jam is to be found
+
+PLAYING = StopRequest()  # nobody stops these runs
 
 
 class SimulatedClock(VirtualClock):
     """A clock whose waiting lets time pass on the emulated bus."""
 
-    port: EmulatedPort
+    port: EmulatedPort | None = None
 
     def wait(self) -> int:
         """Lets one period pass, here and on the bus."""
-        self.port.elapse(self.period)
+        if self.port is not None:
+            self.port.elapse(self.period)
         return super().wait()
 
 
 class Stage:
-    """Robot, library and experts; each run gets a rig of its own."""
+    """Robot, library and rig; each run gets a rig, a deck and a watch of its own."""
 
-    def __init__(self) -> None:
+    def __init__(self, robot: str, *, rig: bool, speed: float) -> None:
         self.library = load_library(find("library", "thesis15", ".safetensors"))
-        self.robot = load_robot(find("robot", "servo20", ".toml"), self.library.skeleton)
-        self.config = load_rig(Path(find("rig", "servo20", ".toml")))
-        self.order = np.array([self.robot.joints.index(name) for name in self.config.names])
-        start = time.perf_counter()
-        limits = self.robot.limits
-        self.motions = {
-            name: np.clip(joints, limits.lower, limits.upper)[:, self.order]
-            for name, joints in joint_motions(self.library, self.robot.retarget).items()
-        }
-        self.bank = teach_joints(self.motions)
-        self.taught_s = time.perf_counter() - start
+        self.robot = load_robot(find("robot", robot, ".toml"), self.library.skeleton)
+        self.config = load_rig(find("rig", robot, ".toml")) if rig else None
+        self.speed = speed
 
-    def play(self, motion: str, seconds: float, observer: Observer) -> dict[str, object]:
-        """Plays from one motion on, and returns what the rig reports."""
-        port = EmulatedPort(EmulatedBus(self.config))
-        rig = DynamixelRig(self.config, Bus(port, self.config.baud))
-        channel = Channel(RigOutput(rig, self.robot.joints, self.config.rate_hz), round(RATE / self.config.rate_hz))
-        clock = SimulatedClock(RATE)
-        clock.port = port
-        deck = Deck(self.library, self.robot.retarget, motion)
-        observer.begin(deck, channel, port)
+    def play(self, motion: str, seconds: float, each_tick: Callable[[Deck, Watch, EmulatedPort | None], None]) -> Watch:
+        """Plays from one motion on, watches, and says so tick by tick."""
+        clock, robot = SimulatedClock(RATE), self.robot
+        robot.retarget.reset()
+        if self.config is None:
+            channel = Channel(PhysicsPlayback(robot, clock.period))
+        else:
+            clock.port = EmulatedPort(EmulatedBus(self.config))
+            rig = DynamixelRig(self.config, Bus(clock.port, self.config.baud))
+            output = RigOutput(rig, robot.joints, self.config.rate_hz)  # pyright: ignore[reportArgumentType]
+            channel = Channel(output, round(RATE / self.config.rate_hz))
+        watch = Watch(
+            Watching(PATIENCE, stop=False), self.library, robot.retarget, robot.joints, robot.limits, channel, RATE
+        )
+        robot.retarget.reset()
+        deck = Deck(self.library, robot.retarget, motion)
+        deck.set_speed(self.speed)
+
+        def publish(state: LoopState) -> None:
+            watch.look(state, deck, PLAYING)
+            each_tick(deck, watch, clock.port)
+
         run(
             deck,
             [channel],
             clock,
-            SafetyEnvelope(self.robot.limits, clock.period),
+            SafetyEnvelope(robot.limits, clock.period),
             seconds=seconds,
-            publish=observer.observe,
+            publish=publish,
             publish_every=1,
         )
-        said = channel.report()
-        rig.close()
-        return said
+        channel.output.close()
+        return watch
 
 
-class Observer(ABC):
-    """Watches a run tick by tick; the approach at the start and the stop at the end are not looked at."""
+def switching(stage: Stage, seconds: float, every: float, seed: int) -> dict[str, object]:
+    """Random switches: when the right motion is seen, and false alarms."""
+    rng = np.random.default_rng(seed)
+    after_command: list[float] = []
+    unseen: list[str] = []
+    state: dict[str, float | None] = {"next": every, "commanded": None}
 
-    def __init__(self, stage: Stage) -> None:
-        self.stage = stage
-        self.watcher = JointWatcher(stage.bank)
-        self.mismatch = MismatchWatch(self.watcher.recognizer)
-        self.following = FollowingWatch(len(stage.order), RATE)
-        self.cost: list[float] = []
+    def each_tick(deck: Deck, watch: Watch, port: EmulatedPort | None) -> None:
+        commanded = state["commanded"]
+        if commanded is not None and watch.watch.seen == deck.motion:
+            after_command.append(deck.time - commanded)
+            state["commanded"] = None
+        if deck.time >= (state["next"] or 0.0):
+            if commanded is not None:
+                unseen.append(deck.motion)
+            deck.switch(str(rng.choice([name for name in deck.motions if name != deck.motion])))
+            state["next"], state["commanded"] = deck.time + every, deck.time
 
-    def begin(self, deck: Deck, channel: Channel, port: EmulatedPort) -> None:
-        """Takes what the run consists of."""
-        self.deck, self.channel, self.port, self.time = deck, channel, port, deck.time
+    cost = timed(DeckWatch)
+    watch = stage.play(next(iter(stage.library.network.motions)), seconds, each_tick)
+    said = watch.report()
+    return {
+        "switches": len(after_command) + len(unseen),
+        "seen_after_command_s_median": float(np.median(after_command)),
+        "seen_after_command_s_p90": float(np.quantile(after_command, 0.9)),
+        "seen_after_its_first_tick_s_median": said["seen_after_s"],
+        "never_seen_before_the_next_command": unseen,
+        "right_share_from_0.7_s_after_settling": said["right_share"],
+        "false_alarms": [alarm["text"] for alarm in said["alarms"]],
+        "ticks": len(cost),
+        "cost_us_median": float(np.median(cost)) * 1e6,
+    }
 
-    def observe(self, state: LoopState) -> None:
-        """Takes in one tick."""
-        measured = self.channel.measured
-        if measured is None or self.deck.time == self.time:
-            return
-        self.time = self.deck.time
+
+def timed(watch: type[DeckWatch]) -> list[float]:
+    """Takes the time of each update of watches from now on, s."""
+    took: list[float] = []
+    update = watch.update
+
+    def clocked(*args, **kwargs):
         start = time.perf_counter()
-        joints = measured[self.stage.order]
-        self.watcher.update(joints, 1.0 / RATE)
-        wrong = self.mismatch.update(self.deck.motion, self.deck.settled, 1.0 / RATE)
-        stuck = self.following.update(state.targets[self.stage.order], joints)
-        seen = self.watcher.recognizer.motion
-        self.cost.append(time.perf_counter() - start)
-        self.take(seen, wrong, stuck)
+        alarms = update(*args, **kwargs)
+        took.append(time.perf_counter() - start)
+        return alarms
 
-    @abstractmethod
-    def take(self, seen: str | None, wrong: bool, stuck) -> None:
-        """Takes what was seen in one tick, and whether the two watches raise their voices."""
-
-
-class Switching(Observer):
-    """Switches at random, and notes when the right motion is seen."""
-
-    def __init__(self, stage: Stage, every: float, seed: int) -> None:
-        super().__init__(stage)
-        self.every, self.rng = every, np.random.default_rng(seed)
-        self.since, self.seen_at, self.settled_at = 0.0, None, None
-        self.after_command: list[float] = []
-        self.after_fade: list[float] = []
-        self.never: list[str] = []
-        self.right = self.asked = self.mismatch_ticks = self.stuck_ticks = 0
-
-    @abstractmethod
-    def take(self, seen: str | None, wrong: bool, stuck) -> None:
-        """Takes what was seen in one tick, and whether the two watches raise their voices."""
-        deck = self.deck
-        self.mismatch_ticks += wrong
-        self.stuck_ticks += bool(stuck.any())
-        self.since += 1.0 / RATE
-        if deck.settled and self.settled_at is None:
-            self.settled_at = self.since
-        if seen == deck.motion and self.seen_at is None:
-            self.seen_at = self.since
-        if self.settled_at is not None and self.since > self.settled_at + 0.7:
-            self.asked += 1
-            self.right += seen == deck.motion
-        if self.since >= self.every:
-            if self.settled_at is None:
-                pass  # the switch itself took longer than that: it was never shown
-            elif self.seen_at is None:
-                self.never.append(deck.motion)
-            else:
-                self.after_command.append(self.seen_at)
-                self.after_fade.append(self.seen_at - self.settled_at)
-            deck.switch(str(self.rng.choice([name for name in deck.motions if name != deck.motion])))
-            self.since, self.seen_at, self.settled_at = 0.0, None, None
-
-
-class Jamming(Observer):
-    """Jams one joint after a second, wherever it is, and notes when it is named."""
-
-    def __init__(self, stage: Stage, joint: int, at: float) -> None:
-        super().__init__(stage)
-        self.joint, self.at = joint, at
-        self.named: float | None = None
-        self.mismatched: float | None = None
-        self.others = False
-
-    @abstractmethod
-    def take(self, seen: str | None, wrong: bool, stuck) -> None:
-        """Takes what was seen in one tick, and whether the two watches raise their voices."""
-        if self.deck.time < self.at:
-            self.others |= bool(stuck.any())
-            return
-        device = self.port.bus.devices[self.joint]
-        device.bank.drive.jammed[device.row] = True
-        if stuck[self.joint] and self.named is None:
-            self.named = self.deck.time - self.at
-        if wrong and self.mismatched is None:
-            self.mismatched = self.deck.time - self.at
+    watch.update = clocked  # pyright: ignore[reportAttributeAccessIssue]
+    return took
 
 
 def jams(stage: Stage, count: int, seed: int) -> dict[str, object]:
+    """Jams of joints that the motion would move: which of them are named, and when."""
     rng = np.random.default_rng(seed)
+    order = [stage.robot.joints.index(name) for name in stage.config.names] if stage.config else []
     pairs = []
-    for motion, joints in stage.motions.items():
-        for joint in range(joints.shape[1]):
+    for motion, joints in joint_motions(stage.library, stage.robot.retarget).items():
+        for device, joint in enumerate(order):
             at = float(rng.uniform(0.5, 1.5))
-            coming = joints[round(at * 30.0) : round((at + 2.0) * 30.0), joint]
+            coming = joints[round(at * 30.0) : round((at + SOON) * 30.0), joint]
             if len(coming) and np.abs(coming - coming[0]).max() >= USED:
-                pairs.append((motion, joint, at))
+                pairs.append((motion, device, at))
     rng.shuffle(pairs)
-    found = []
-    for motion, joint, at in pairs[:count]:
-        observer = Jamming(stage, int(joint), float(at))
-        stage.play(str(motion), float(at) + 2.0, observer)
-        found.append((observer.named, observer.mismatched, observer.others))
-    named = [seconds for seconds, _, _ in found if seconds is not None]
+    named: list[float] = []
+    mismatched = before = 0
+    for motion, device, at in pairs[:count]:
+        device, at = int(device), float(at)
+
+        def jam(deck: Deck, watch: Watch, port: EmulatedPort | None, device: int = device, at: float = at) -> None:
+            if port is not None and deck.time >= at:
+                servo = port.bus.devices[device]
+                servo.bank.drive.jammed[servo.row] = True
+
+        alarms = stage.play(str(motion), at + SOON, jam).watch.alarms
+        joint = stage.config.names[device] if stage.config else ""
+        named += [alarm.at - at for alarm in alarms if alarm.joint == joint][:1]
+        mismatched += any(not alarm.joint for alarm in alarms)
+        before += any(alarm.at < at for alarm in alarms)
+    asked = max(len(pairs[:count]), 1)
     return {
-        "jams": len(found),
+        "jams": len(pairs[:count]),
         "of_possible": len(pairs),
-        "named_within_2_s": len(named) / max(len(found), 1),
+        "named_within_2_s": len(named) / asked,
         "named_after_s_median": float(np.median(named)) if named else None,
-        "mismatch_within_2_s": sum(m is not None for _, m, _ in found) / max(len(found), 1),
-        "false_before_the_jam": sum(others for _, _, others in found),
+        "mismatch_within_2_s": mismatched / asked,
+        "false_before_the_jam": before,
     }
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=600.0)
-    parser.add_argument("--every", type=float, default=6.0)
-    parser.add_argument("--jams", type=int, default=60)
+    parser.add_argument("--every", type=float, default=6.0, help="seconds between two switches")
+    parser.add_argument("--jams", type=int, default=60, help="how many joints are jammed")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--speed", type=float, default=1.0, help="the deck's tempo")
+    parser.add_argument("--robot", default="servo20")
+    parser.add_argument("--simulated", action="store_true", help="the simulated robot itself, without a rig or jams")
     arguments = parser.parse_args()
-    stage = Stage()
-    switching = Switching(stage, arguments.every, arguments.seed)
-    rig = stage.play(next(iter(stage.motions)), arguments.seconds, switching)
-    said: dict[str, object] = {
-        "taught_s": stage.taught_s,
-        "switches": len(switching.after_command) + len(switching.never),
-        "seen_after_command_s_median": float(np.median(switching.after_command)),
-        "seen_after_fade_s_median": float(np.median(switching.after_fade)),
-        "seen_after_fade_s_p90": float(np.quantile(switching.after_fade, 0.9)),
-        "shown_but_never_seen": switching.never,
-        "right_share_from_0.7_s_after_the_fade": switching.right / max(switching.asked, 1),
-        "false_mismatch_ticks": switching.mismatch_ticks,
-        "false_stuck_ticks": switching.stuck_ticks,
-        "ticks": len(switching.cost),
-        "cost_us_median": float(np.median(switching.cost)) * 1e6,
-        "rig_parked": rig["parked"],
-    }
-    if arguments.jams:
+    stage = Stage(arguments.robot, rig=not arguments.simulated, speed=arguments.speed)
+    said = switching(stage, arguments.seconds, arguments.every, arguments.seed)
+    print("switching is done", file=sys.stderr)
+    if arguments.jams and not arguments.simulated:
         said |= jams(stage, arguments.jams, arguments.seed)
     print(json.dumps(said, indent=1))
 

@@ -28,6 +28,7 @@ from controller.realtime.messages import FASTEST, SLOWEST
 from controller.realtime.recording import MODES
 from controller.rotations import Array
 from sim.private_page import PrivatePage
+from sim.seen import what_is_seen
 
 ANSWER_WITHIN = 1.0
 # A hand on the slider keeps it for so long before the deck's own speed is shown again, s.
@@ -40,8 +41,9 @@ OTHERS = (120, 130, 145)
 class Panel:
     """Buttons and figures beside the scene."""
 
-    def __init__(self, page: PrivatePage, motions: list[str], commands: CommandClient) -> None:
+    def __init__(self, page: PrivatePage, motions: list[str], joints: list[str], commands: CommandClient) -> None:
         self._page, self._commands = page, commands
+        self._motions, self._joints = motions, joints
         self._lock = Lock()
         self._current = -1
         self._paused = self._halted = False
@@ -49,6 +51,7 @@ class Panel:
         gui = page.gui
         gui.configure_theme(show_share_button=False, show_logo=False, brand_color=CURRENT)
         self._health = gui.add_html("")
+        self._seen = gui.add_html("")
         self._buttons = [gui.add_button(motion, color=OTHERS) for motion in motions]
         for motion, button in zip(motions, self._buttons, strict=True):
             button.on_click(lambda _, motion=motion: self._send(Queue(motion) if self._queue.value else Switch(motion)))
@@ -92,6 +95,8 @@ class Panel:
         if abs(speed - self._speed.value) > 0.024 and time.monotonic() - self._moved > HAND_ON:
             self._speed.value = min(max(speed, SLOWEST), FASTEST)
         self._health.content = _health(state)
+        if "seen" in state:
+            self._seen.content = what_is_seen(state, self._motions, self._joints)
 
     def _speed_moved(self, event: viser.GuiEvent) -> None:
         # A slider set by this program, not by a hand, reports no client.

@@ -49,13 +49,14 @@ def view(state: Path, command_port: int, port: int) -> None:
     reader = StateReader.open(state)
     description = reader.description
     motions = [str(motion) for motion in description["motions"]]
+    joints = [str(joint) for joint in description.get("joints", ())]
     try:
         model = mujoco.MjModel.from_xml_path(str(description["model_file"]))
     except ValueError as error:
         raise FileFormatError(f"{description['model_file']}: MuJoCo refuses it: {error}") from error
     page = PrivatePage(port, label=f"Motiondeck · {description['robot']}")
     scene = Scene(page, model)
-    panel = Panel(page, motions, CommandClient(command_port))
+    panel = Panel(page, motions, joints, CommandClient(command_port))
     follower = Follower()
     last_picture = last_health = 0.0
     last_tick = -1.0

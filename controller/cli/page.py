@@ -14,6 +14,7 @@ from typing import Protocol
 
 from controller.cli.body import Body, Stage
 from controller.cli.child import child_process
+from controller.cli.watching import NUMBERS, Watch
 from controller.errors import MotiondeckError
 from controller.realtime.loop import LoopState
 from controller.realtime.recording import MODES
@@ -88,21 +89,27 @@ class Page:
     Args:
         writer: of that state.
         stage: whose position is drawn.
+        watch: what recognizes the motion of the joints, if anything does.
     """
 
-    def __init__(self, writer: StateWriter, stage: Stage) -> None:
-        self._writer, self._stage = writer, stage
+    def __init__(self, writer: StateWriter, stage: Stage, watch: Watch | None = None) -> None:
+        self._writer, self._stage, self._watch = writer, stage, watch
 
     @classmethod
     @contextmanager
-    def open(cls, state: Path, motions: Sequence[str], body: Body) -> Iterator[Page]:
+    def open(cls, state: Path, motions: Sequence[str], body: Body, watch: Watch | None = None) -> Iterator[Page]:
         """Puts the robot's model and the state beside each other, where the view waits for them."""
         robot = body.robot
         model = state.with_name("robot.xml")
         robot.spec.to_file(str(model))
-        description = {"model_file": str(model), "motions": list(motions), "robot": robot.name}
-        numbers = {"qpos": robot.model.nq, "root_xy": 2} | dict.fromkeys(_NUMBERS, 1)
-        page = cls(StateWriter.create(state, description, numbers), body.stage)
+        description = {
+            "model_file": str(model),
+            "motions": list(motions),
+            "joints": list(robot.joints),
+            "robot": robot.name,
+        }
+        numbers = {"qpos": robot.model.nq, "root_xy": 2} | dict.fromkeys(_NUMBERS + (NUMBERS if watch else ()), 1)
+        page = cls(StateWriter.create(state, description, numbers), body.stage, watch)
         try:
             yield page
         finally:
@@ -127,6 +134,8 @@ class Page:
             fields["lateness_p50_us"][0] = lateness.p50
             fields["lateness_p999_us"][0] = lateness.p999
             fields["work_p50_us"][0] = state.work.percentiles().p50
+        if self._watch is not None:
+            self._watch.show(fields, deck.motions)
         self._writer.publish()
 
     def close(self) -> None:

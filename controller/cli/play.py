@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -11,6 +12,13 @@ import typer
 from controller.realtime.commands import DEFAULT_PORT, Switch
 
 PAGE_PORT = 8040
+
+
+class OnMismatch(StrEnum):
+    """What happens when the joints do not do what was commanded."""
+
+    WARN = "warn"
+    STOP = "stop"
 
 
 def play(
@@ -72,6 +80,16 @@ def play(
     command_port: Annotated[
         int, typer.Option("--command-port", help="Where `motiondeck send` reaches the deck; 0 for any free one.")
     ] = DEFAULT_PORT,
+    recognize: Annotated[
+        bool, typer.Option("--recognize", help="Recognize the motion from the measured joints, and show it.")
+    ] = False,
+    on_mismatch: Annotated[
+        OnMismatch,
+        typer.Option("--on-mismatch", help="With --recognize: warn or stop when the joints do something else."),
+    ] = OnMismatch.WARN,
+    mismatch_after: Annotated[
+        float, typer.Option("--mismatch-after", help="How long something else must be seen before that, s.")
+    ] = 0.5,
     as_json: Annotated[bool, typer.Option("--json", help="Print a report as one JSON object in the end.")] = False,
 ) -> None:
     """Play learned motions live and switch them on command.
@@ -93,6 +111,8 @@ def play(
 
       motiondeck play box1 --robot servo20 --root free --balance
 
+      motiondeck play --recognize --on-mismatch stop --robot servo20 --rig emulated
+
       motiondeck play --video walk.mp4 --seconds 6
     """
     from controller.cli.resources import find
@@ -106,6 +126,8 @@ def play(
         raise MotiondeckError(f"give either a motion ('{motion}') or a --script, not both")
     if (kinematic or video is not None) and (root != "gantry" or balance):
         raise MotiondeckError("--root and --balance are for simulated servos: leave --kinematic and --video")
+    if not 0.0 < mismatch_after < 1e4:
+        raise MotiondeckError(f"--mismatch-after {mismatch_after:g} s is not a length of time above 0")
     loaded = load_library(find("library", library, ".safetensors"))
     names = loaded.network.motions
     if motion is not None and motion not in names:
@@ -124,6 +146,8 @@ def play(
             )
         if record is not None:
             raise MotiondeckError("a film is not made live, so there are no ticks to record: leave --record or --video")
+        if recognize:
+            raise MotiondeckError("in a film nothing is measured to be recognized: leave --recognize or --video")
         from controller.cli.pictures import film
 
         cues = [Cue(0.0, first)]
@@ -139,6 +163,7 @@ def play(
     from controller.cli.body import Cast
     from controller.cli.report import summary
     from controller.cli.session import Session, Settings
+    from controller.cli.watching import Watching
     from controller.realtime.deck import Deck
 
     second = None
@@ -159,11 +184,12 @@ def play(
         core=core,
         follow=second,
         catch_up=overruns == "catch-up",
+        watching=Watching(mismatch_after, on_mismatch is OnMismatch.STOP) if recognize else None,
     )
     with Session(loaded, lambda retarget: Deck(loaded, retarget, first, direct=direct), timeline, settings) as session:
         report = session.run()
     _print(report, as_json, summary(report))
-    if any(output["parked"] for output in report["outputs"]):
+    if any(output["parked"] for output in report["outputs"]) or report.get("recognition", {}).get("stopped"):
         raise typer.Exit(1)
 
 

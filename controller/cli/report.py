@@ -8,6 +8,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from controller.cli.watching import in_words
 from controller.realtime.deck import Switch
 from controller.realtime.loop import LoopReport
 from controller.realtime.permissions import Permission
@@ -66,5 +67,6 @@ def summary(report: dict[str, Any]) -> str:
             + (f", tracking error {np.degrees(error):.2f} deg (rms)" if error is not None else "")
         )
     lines += [f"the robot fell after {o['fell_s']:.1f} s" for o in report["outputs"] if o.get("fell_s") is not None]
+    lines += in_words(report["recognition"]) if "recognition" in report else []
     lines += [f"output {o['name']} was parked: {o['fault']}" for o in report["outputs"] if o["parked"]]
     return "\n".join(lines)

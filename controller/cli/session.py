@@ -19,6 +19,7 @@ from controller.cli.page import HEALTH_EVERY, PICTURE_HZ, Page, viewer
 from controller.cli.record import TickRecorder, recording
 from controller.cli.report import full_report
 from controller.cli.script import Timed
+from controller.cli.watching import Watch, Watching
 from controller.realtime.clock import Clock, Ticker
 from controller.realtime.command_desk import Commandable, CommandDesk
 from controller.realtime.commands import CommandServer, Refused
@@ -59,6 +60,7 @@ class Settings:
         core: the core that the loop is to run on, if it matters; all other processes then keep off it.
         follow: a second robot that mirrors the first, if any.
         catch_up: whether ticks that were missed are made up for without waiting, or skipped.
+        watching: how the motion that the joints make is to be recognized, if at all.
     """
 
     robot: Cast
@@ -73,6 +75,7 @@ class Settings:
     core: int | None = None
     follow: Cast | None = None
     catch_up: bool = False
+    watching: Watching | None = None
 
 
 class Playable(Player, Commandable, Protocol):
@@ -161,7 +164,14 @@ class Session:
         self._deck = self._make_deck(Ensemble([body.robot.retarget for body in self.bodies]))
         self._channels = Body.channels_of(self.bodies)
         self._envelope = SafetyEnvelope(all_limits([body.limits for body in self.bodies]), self._clock.period)
-        self._page = opening.enter_context(Page.open(view, self._deck.motions, self._body)) if view else None
+        self._watch = (
+            Watch.over(self._body, self._channels[0], self._library, settings.rate, settings.watching)
+            if settings.watching
+            else None
+        )
+        self._page = (
+            opening.enter_context(Page.open(view, self._deck.motions, self._body, self._watch)) if view else None
+        )
         self._recorder = self._open_recorder(opening) if settings.record else None
         self._desk = CommandDesk(self._deck, self._server, self._recorder.note if self._recorder else None)
         if settings.terminal:
@@ -187,8 +197,8 @@ class Session:
                 seconds=settings.seconds if settings.seconds is not None else float("inf"),
                 rest=np.concatenate([body.robot.rest for body in self.bodies]),
                 commands=self._commands,
-                publish=self._publish if self._page or self._recorder else None,
-                publish_every=1 if self._recorder else self._ticks_a_picture,
+                publish=self._publish if self._page or self._recorder or self._watch else None,
+                publish_every=1 if self._recorder or self._watch else self._ticks_a_picture,
                 stop=self._stop,
             )
         # The joints first: what else is closed may take its time.
@@ -199,6 +209,7 @@ class Session:
         names = [name for body in self.bodies for name in body.joints]
         said = full_report(report, names, self._deck.switches, self._permissions)
         said |= {"refused": self._refused, "recues": self._deck.recues}
+        said |= {"recognition": self._watch.report()} if self._watch else {}
         return said | {"library": self._library.info.name, "robot": self._body.robot.name}
 
     def _commands(self, stop: StopRequest) -> None:
@@ -230,7 +241,9 @@ class Session:
                     print(f"motiondeck: {name} has ended; the deck plays on", file=sys.stderr)
 
     def _publish(self, state: LoopState) -> None:
-        """Hands the state to the recorder and, now and then, to the page."""
+        """Hands the state to the watch, to the recorder and, now and then, to the page."""
+        if self._watch is not None:
+            self._watch.look(state, self._deck, self._stop)
         if self._recorder is not None:
             deck = self._deck
             self._recorder.record(

@@ -72,6 +72,7 @@ class JointWatcher:
         self._since = 0.0
         self._before: Array | None = None
         self._frame = np.zeros(self.recognizer.channels)
+        self._scaled = np.zeros(self.recognizer.channels)
 
     def update(self, joints: Array, dt: float) -> None:
         """Takes the joints (J,), rad, measured dt >= 0 seconds after the last ones.
@@ -90,11 +91,13 @@ class JointWatcher:
         while due <= dt:
             share = due / dt
             np.multiply(self._before, 1.0 - share, out=self._frame)
-            self._frame += share * joints
+            np.multiply(joints, share, out=self._scaled)
+            self._frame += self._scaled
             self._take(self._frame)
             due += self._period
         self._since = self._period - (due - dt)
         self._before[:] = joints
 
     def _take(self, joints: Array) -> None:
-        self.recognizer.update(joints / ANGLE_UNIT)
+        np.multiply(joints, 1.0 / ANGLE_UNIT, out=self._scaled)
+        self.recognizer.update(self._scaled)

@@ -31,6 +31,7 @@ class FollowingWatch:
 
     Attributes:
         off: how far each joint is from where it was told to be, shape (J,), rad.
+        moved: how far each joint's targets of the last `lag` seconds lie apart, shape (J,), rad.
     """
 
     def __init__(
@@ -42,10 +43,13 @@ class FollowingWatch:
         self._targets = np.zeros((round(rate * lag) + 1, joints))
         self._tick = 0
         self._late = np.zeros(joints)
+        self._lowest, self._highest = np.zeros(joints), np.zeros(joints)
+        self._bad = np.zeros(joints, dtype=np.bool_)
         self.off = np.zeros(joints)
+        self.moved = np.zeros(joints)
 
     def update(self, targets: Array, measured: Array) -> NDArray[np.bool_]:
-        """Goes one tick on; which joints do not follow, shape (J,), bool.
+        """Goes one tick on; which joints do not follow, shape (J,), bool; the next call changes it.
 
         Args:
             targets: what was commanded in this tick, shape (J,), rad.
@@ -55,11 +59,17 @@ class FollowingWatch:
             self._targets[:] = targets
         self._targets[self._tick % len(self._targets)] = targets
         self._tick += 1
-        lowest, highest = self._targets.min(0), self._targets.max(0)
-        known = np.isfinite(measured)
-        np.maximum(lowest - measured, measured - highest, out=self.off)
-        np.maximum(self.off, 0.0, out=self.off)
-        self.off[~known] = np.inf
-        step = np.where(self.off > self._tolerance, self._period, -self._period)
-        self._late = np.clip(self._late + step, 0.0, 2.0 * self._patience)
-        return self._late > self._patience
+        lowest, highest, off, bad = self._lowest, self._highest, self.off, self._bad
+        np.minimum.reduce(self._targets, axis=0, out=lowest)
+        np.maximum.reduce(self._targets, axis=0, out=highest)
+        np.subtract(highest, lowest, out=self.moved)
+        lowest -= measured
+        np.subtract(measured, highest, out=off)
+        np.maximum(lowest, off, out=off)
+        np.maximum(off, 0.0, out=off)
+        np.copyto(off, np.inf, where=np.isnan(off, out=bad))
+        np.greater(off, self._tolerance, out=bad)
+        self._late -= self._period
+        self._late += 2.0 * self._period * bad
+        np.clip(self._late, 0.0, 2.0 * self._patience, out=self._late)
+        return np.greater(self._late, self._patience, out=bad)

@@ -58,6 +58,7 @@ class OnlineRecognizer:
         self._drive = np.zeros(neurons, dtype=np.float32)
         self._guess = np.zeros((experts, self.channels), dtype=np.float32)
         self._error = np.zeros(experts)
+        self._square = np.zeros(experts)
         self._weight = 0.0
         self.costs = np.full(experts, np.nan)
         self.frames = 0
@@ -81,10 +82,15 @@ class OnlineRecognizer:
         if self.frames:
             np.dot(self._readouts, state[:neurons], out=self._guess.reshape(-1))
             self._guess -= state[neurons:]
-            error = np.einsum("mc,mc->m", self._guess, self._guess) / self.channels
-            self._error += self._gain * (error - self._error)
+            square = self._square
+            np.einsum("mc,mc->m", self._guess, self._guess, out=square)
+            square *= self._gain / self.channels
+            self._error *= 1.0 - self._gain
+            self._error += square
             self._weight += self._gain * (1.0 - self._weight)
-            np.log(np.maximum(self._error / self._weight, SMALLEST_ERROR), out=self.costs)
+            np.multiply(self._error, 1.0 / self._weight, out=square)
+            np.maximum(square, SMALLEST_ERROR, out=square)
+            np.log(square, out=self.costs)
             self.costs -= self._centre
         np.dot(self._step, state, out=self._drive)
         self._drive += self._bias
@@ -109,8 +115,16 @@ class OnlineRecognizer:
         """How far the best expert is ahead of the second, in log error."""
         if not self.ready or len(self.costs) < 2:
             return 0.0
-        two = np.partition(self.costs, 1)[:2]
-        return float(two[1] - two[0])
+        best = int(self.costs.argmin())
+        least, self.costs[best] = self.costs[best], np.inf
+        second = self.costs.min()
+        self.costs[best] = least
+        return float(second - least)
+
+    @property
+    def confidence(self) -> float:
+        """How much smaller the best expert's error is than the second's, in [0, 1): 1 - exp(-margin)."""
+        return -math.expm1(-self.margin)
 
     @property
     def known(self) -> bool:
@@ -148,6 +162,11 @@ class MismatchWatch:
         self._since_switch = 0.0
         self.mismatch = 0.0
 
+    @property
+    def counting(self) -> bool:
+        """Whether a mismatch would count: the last switch is long enough ago."""
+        return self._since_switch > self._grace
+
     def update(self, commanded: str, settled: bool, dt: float) -> bool:
         """Goes dt seconds on; whether a mismatch has lasted for longer than the patience.
 
@@ -162,5 +181,5 @@ class MismatchWatch:
         self._since_switch += dt
         recognizer = self._recognizer
         wrong = commanded in recognizer.classes and recognizer.behind(commanded) > self._behind
-        self.mismatch = self.mismatch + dt if wrong and self._since_switch > self._grace else 0.0
+        self.mismatch = self.mismatch + dt if wrong and self.counting else 0.0
         return self.mismatch > self._patience
