@@ -79,7 +79,14 @@ class Stage:
             output = RigOutput(rig, robot.joints, self.config.rate_hz)  # pyright: ignore[reportArgumentType]
             channel = Channel(output, round(RATE / self.config.rate_hz))
         watch = Watch(
-            Watching(PATIENCE, stop=False), self.library, robot.retarget, robot.joints, robot.limits, channel, RATE
+            Watching(PATIENCE, stop=False),
+            self.library,
+            robot.retarget,
+            robot.joints,
+            robot.layout.ball,
+            robot.limits,
+            channel,
+            RATE,
         )
         robot.retarget.reset()
         deck = Deck(self.library, robot.retarget, motion)

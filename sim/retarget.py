@@ -15,7 +15,7 @@ from controller.errors import FileFormatError, UnknownNameError
 from controller.mocap.posture import Pose
 from controller.mocap.rest_pose import FOOT_SLOPE
 from controller.mocap.skeleton import Skeleton
-from controller.rotations import Array, to_rotation_vector
+from controller.rotations import Array, dot, to_rotation_vector
 from sim.layout import nearest_turn
 from sim.limbs import ENTRY, SIGN, LimbView, up_of
 from sim.robot_file import Angle
@@ -34,6 +34,8 @@ SERVO_HUMANOID_JOINTS = (
 GAIN = 4.0
 # ... and settle by this much a tick besides, rad.
 SETTLE = 0.02
+# So far a ball joint is followed past a half turn, rad, before it is brought back by a whole one.
+FURTHEST = 1.3 * pi
 # So far past the end of its range, rad, a joint waits for its goal to come back before it goes the other way round.
 WAIT = 0.6
 
@@ -50,10 +52,14 @@ class MannequinRetargeter:
         self._last[:] = 0.0
 
     def __call__(self, pose: Pose) -> Array:
-        """Targets (3 B,), rad; they follow a joint past a half turn without a jump."""
+        """Targets (3 B,), rad; they follow a joint past a half turn without a jump, up to FURTHEST."""
         from_parent = pose.rotation[self._parent][:, ENTRY] * SIGN
         relative = np.matmul(from_parent, pose.rotation[1:, :, None])[:, :, 0]
-        self._last = nearest_turn(to_rotation_vector(relative), self._last)
+        shortest = to_rotation_vector(relative)
+        wound = nearest_turn(shortest, self._last)
+        # Wound up so far, a joint is stopped by its limits; once it has got there it would stay there for good.
+        far = dot(wound, wound) > FURTHEST**2
+        self._last = np.where(far[:, None], shortest, wound)
         return self._last.reshape(-1)
 
 

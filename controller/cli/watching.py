@@ -8,13 +8,14 @@ from dataclasses import asdict, dataclass
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from controller.cli.body import Body
 from controller.realtime.channel import Channel
 from controller.realtime.interfaces import JointLimits, Retargeter
 from controller.realtime.loop import LoopState
 from controller.realtime.stop import StopRequest
-from controller.recognition.deck_recognizer import joint_motions, teach_joints
+from controller.recognition.deck_recognizer import joint_motions, teach_joints, unwind
 from controller.recognition.deck_watch import DeckWatch
 from controller.rotations import Array
 from controller.training.library import MotionLibrary
@@ -59,8 +60,8 @@ class Watch:
     @classmethod
     def over(cls, body: Body, channel: Channel, library: MotionLibrary, rate: float, asked: Watching) -> Watch:
         """A watch over the joints of a body that one of its channels measures."""
-        retarget = body.robot.retarget
-        watch = cls(asked, library, retarget, body.robot.joints, body.limits, channel, rate)
+        robot, retarget = body.robot, body.robot.retarget
+        watch = cls(asked, library, retarget, robot.joints, robot.layout.ball, body.limits, channel, rate)
         retarget.reset()  # what was played to the experts is not what comes first
         return watch
 
@@ -70,6 +71,7 @@ class Watch:
         library: MotionLibrary,
         retarget: Retargeter,
         joints: Sequence[str],
+        balls: NDArray[np.int64],
         limits: JointLimits,
         channel: Channel,
         rate: float,
@@ -81,6 +83,7 @@ class Watch:
             library: the motions.
             retarget: from its skeleton to the robot's joints.
             joints: the robot's joints; other robots' come after them in the targets.
+            balls: which of them are rotation vectors, shape (N, 3).
             limits: what the joints may do.
             channel: the output whose measurements are looked at; joints that it does not measure are left out.
             rate: ticks a second, Hz.
@@ -88,11 +91,12 @@ class Watch:
         measured = channel.output.measured()
         known = np.ones(len(joints), dtype=np.bool_) if measured is None else np.isfinite(measured[: len(joints)])
         self._order = np.flatnonzero(known)
+        self._balls = np.searchsorted(self._order, balls[known[balls].all(1)])
         self._asked, self._channel = asked, channel
-        motions = {
-            name: np.clip(targets, limits.lower, limits.upper)[:, self._order]
-            for name, targets in joint_motions(library, retarget).items()
-        }
+        motions = joint_motions(library, retarget)
+        for name, targets in motions.items():
+            motions[name] = np.clip(targets, limits.lower, limits.upper)[:, self._order]
+            unwind(motions[name], self._balls)
         self.watch = DeckWatch(teach_joints(motions), [joints[j] for j in self._order.tolist()], rate, asked.patience)
         self._targets, self._measured = np.zeros(len(self._order)), np.zeros(len(self._order))
         self._time = -1.0
@@ -107,6 +111,8 @@ class Watch:
             return
         np.take(state.targets, self._order, out=self._targets)
         np.take(self._channel.measured, self._order, out=self._measured)
+        unwind(self._targets, self._balls)
+        unwind(self._measured, self._balls)
         settled = played and deck.settled
         for alarm in self.watch.update(self._targets, self._measured, deck.playing, settled=settled, at=deck.time):
             if self._asked.stop and not stop:

@@ -7,6 +7,7 @@ the measured joint positions are the features.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from controller.errors import MotiondeckError
 from controller.generators.frame_player import FramePlayer
@@ -42,8 +43,23 @@ def joint_motions(library: MotionLibrary, retarget: Retargeter, rate: float = RA
     return out
 
 
+def unwind(joints: Array, balls: NDArray[np.int64]) -> None:
+    """Replaces the rotation vectors of ball joints, v = angle axis, by sin(angle) axis, in place.
+
+    A rotation has many rotation vectors, whole turns apart, and on which of them a joint is hangs on where it has been;
+    this is the same for all of them, and smooth.
+
+    Args:
+        joints: shape (..., J), rad.
+        balls: which of them are rotation vectors, shape (N, 3).
+    """
+    if len(balls):
+        vectors = joints[..., balls]
+        joints[..., balls] = vectors * np.sinc(np.linalg.norm(vectors, axis=-1, keepdims=True) / np.pi)
+
+
 def teach_joints(motions: dict[str, Array], recipe: ExpertRecipe = EXPERTS) -> ExpertBank:
-    """Experts on joint positions (T, J), rad.
+    """Experts on joint positions (T, J), rad, with ball joints unwound.
 
     Raises:
         MotiondeckError: if there are fewer than two motions to tell apart.

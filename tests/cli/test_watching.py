@@ -65,7 +65,9 @@ def play(library, at, stop):
     big = np.full(count, 1e4)
     limits = JointLimits(-big, big, big, big, big * 1e3)
     channel = Channel(Sticking(count, int(moves[:-1].argmax()), at))
-    watch = Watch(Watching(0.5, stop), library, bones_as_joints, joints, limits, channel, RATE)
+    watch = Watch(
+        Watching(0.5, stop), library, bones_as_joints, joints, np.zeros((0, 3), dtype=np.int64), limits, channel, RATE
+    )
     request = StopRequest()
 
     def publish(state):

@@ -6,7 +6,7 @@ from recognition_examples import CLASSES, clip
 
 from controller.errors import MotiondeckError
 from controller.recognition.bank import teach
-from controller.recognition.deck_recognizer import JointWatcher, joint_motions, teach_joints
+from controller.recognition.deck_recognizer import JointWatcher, joint_motions, teach_joints, unwind
 from controller.recognition.experts import ExpertRecipe
 from controller.recognition.features import ANGLE_UNIT, FeatureRecipe, features
 from controller.recognition.following import FollowingWatch
@@ -159,6 +159,18 @@ def test_a_measurement_that_is_missing_is_left_out(joints):
     watcher.update(np.zeros(watcher.recognizer.channels), 0.0)
     watcher.update(np.full(watcher.recognizer.channels, np.nan), 0.1)
     assert (watcher.recognizer.frames, watcher.recognizer.skipped) == (1, 1)
+
+
+@given(st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3), st.integers(-2, 2))
+def test_a_ball_joint_looks_the_same_whole_turns_further(vector, turns):
+    angle = float(np.linalg.norm(vector))
+    axis = np.array(vector) / angle if angle > 1e-6 else np.array([0.0, 0.0, 1.0])
+    balls = np.array([[1, 2, 3]])
+    joints = np.array([0.7, *(angle * axis)]), np.array([0.7, *((angle + 2.0 * np.pi * turns) * axis)])
+    for one in joints:
+        unwind(one, balls)
+    assert np.allclose(joints[0], [0.7, *(np.sin(angle) * axis)], atol=1e-9)
+    assert np.allclose(*joints, atol=1e-9)
 
 
 # --- following ---

@@ -31,13 +31,16 @@ def test_the_mannequin_turns_each_bone_as_its_parent_sees_it(seed):
     assert np.allclose(np.abs(np.sum(from_rotation_vector(targets) * seen, axis=-1)), 1.0)
 
 
-def test_a_mannequins_joint_turns_past_half_a_turn_without_a_jump():
+def test_a_mannequins_joint_turns_past_half_a_turn_without_a_jump_and_is_not_wound_up_for_good():
     body = human()
     retarget = MannequinRetargeter(body)
-    path = [retarget(bent_pose(body, relb=(0.0, turn, 0.1))).copy() for turn in np.linspace(0.0, 1.6 * np.pi, 200)]
+    path = [retarget(bent_pose(body, relb=(0.0, turn, 0.1))).copy() for turn in np.linspace(0.0, 1.28 * np.pi, 200)]
     assert np.abs(np.diff(path, axis=0)).max() < 0.05
-    retarget.reset()
     assert np.linalg.norm(retarget(bent_pose(body, relb=(0.0, 1.6 * np.pi, 0.0)))) <= np.pi
+    retarget(bent_pose(body, relb=(0.0, 0.95 * np.pi, 0.0)))
+    retarget(bent_pose(body, relb=(0.0, 1.2 * np.pi, 0.0)))
+    retarget.reset()
+    assert np.linalg.norm(retarget(bent_pose(body, relb=(0.0, 1.2 * np.pi, 0.0)))) <= np.pi
 
 
 def test_arms_out_and_legs_straight(servo20):
