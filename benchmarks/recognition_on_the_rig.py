@@ -16,6 +16,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import sys
 import time
 from collections.abc import Callable
+from copy import deepcopy
 
 import numpy as np
 
@@ -70,7 +71,6 @@ class Stage:
     def play(self, motion: str, seconds: float, each_tick: Callable[[Deck, Watch, EmulatedPort | None], None]) -> Watch:
         """Plays from one motion on, watches, and says so tick by tick."""
         clock, robot = SimulatedClock(RATE), self.robot
-        robot.retarget.reset()
         if self.config is None:
             channel = Channel(PhysicsPlayback(robot, clock.period))
         else:
@@ -81,15 +81,14 @@ class Stage:
         watch = Watch(
             Watching(PATIENCE, stop=False),
             self.library,
-            robot.retarget,
+            deepcopy(robot.retarget),
             robot.joints,
             robot.layout.ball,
             robot.limits,
             channel,
             RATE,
         )
-        robot.retarget.reset()
-        deck = Deck(self.library, robot.retarget, motion)
+        deck = Deck(self.library, deepcopy(robot.retarget), motion)
         deck.set_speed(self.speed)
 
         def publish(state: LoopState) -> None:
@@ -163,7 +162,7 @@ def jams(stage: Stage, count: int, seed: int) -> dict[str, object]:
     rng = np.random.default_rng(seed)
     order = [stage.robot.joints.index(name) for name in stage.config.names] if stage.config else []
     pairs = []
-    for motion, joints in joint_motions(stage.library, stage.robot.retarget).items():
+    for motion, joints in joint_motions(stage.library, deepcopy(stage.robot.retarget)).items():
         for device, joint in enumerate(order):
             at = float(rng.uniform(0.5, 1.5))
             coming = joints[round(at * 30.0) : round((at + SOON) * 30.0), joint]

@@ -16,7 +16,7 @@ from controller.mocap.files import listed
 from controller.mocap.joint_angles import JointBody, JointRetargeter
 from controller.mocap.posture import Pose
 from controller.mocap.skeleton import Skeleton
-from controller.realtime.interfaces import JointLimits
+from controller.realtime.interfaces import JointLimits, Retargeter
 from controller.rotations import Array
 from sim.footing import Footing
 from sim.layout import Layout
@@ -55,7 +55,7 @@ class Robot:
     layout: Layout
     limits: JointLimits
     rest: Array
-    retarget: MannequinRetargeter | ServoHumanoidRetargeter
+    retarget: Retargeter
     path_scale: float
     servo: Servo | None = None
     footing: Footing | None = None

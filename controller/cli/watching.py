@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import asdict, dataclass
 from typing import Any, Protocol
 
@@ -60,10 +61,9 @@ class Watch:
     @classmethod
     def over(cls, body: Body, channel: Channel, library: MotionLibrary, rate: float, asked: Watching) -> Watch:
         """A watch over the joints of a body that one of its channels measures."""
-        robot, retarget = body.robot, body.robot.retarget
-        watch = cls(asked, library, retarget, robot.joints, robot.layout.ball, body.limits, channel, rate)
-        retarget.reset()  # what was played to the experts is not what comes first
-        return watch
+        robot = body.robot
+        retarget = deepcopy(robot.retarget)  # one that remembers a pose must not remember the last one taught
+        return cls(asked, library, retarget, robot.joints, robot.layout.ball, body.limits, channel, rate)
 
     def __init__(
         self,
