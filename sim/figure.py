@@ -36,6 +36,7 @@ class Batch:
         offset: where each copy is in the frame of its geom, shape (N, 3), m.
         scale: the size of each copy along the axes of its geom, shape (N, 3).
         colour: red, green, blue of each copy, shape (N, 3), 0 to 255.
+        opacity: of all copies, 0 to 1.
     """
 
     mesh: Triangles
@@ -44,11 +45,12 @@ class Batch:
     offset: Array
     scale: Array
     colour: NDArray[np.uint8]
+    opacity: float
 
 
 def batches(model: mujoco.MjModel) -> dict[str, Batch]:
-    """What is to be drawn of a model, by shape; floors and other planes are left out."""
-    copies: dict[str, list[tuple[int, list[float], list[float]]]] = {}
+    """What is to be drawn of a model, by shape and opacity; floors and other planes are left out."""
+    copies: dict[tuple[str, float], list[tuple[int, list[float], list[float]]]] = {}
     meshes: dict[str, Triangles] = {
         "sphere": sphere(12, 20),
         "small sphere": sphere(8, 14),
@@ -58,7 +60,8 @@ def batches(model: mujoco.MjModel) -> dict[str, Batch]:
     small = SMALL * body_height(model)
 
     def add(shape: str, geom: int, scale: list[float], up: float = 0.0) -> None:
-        copies.setdefault(shape, []).append((geom, [0.0, 0.0, up], scale))
+        opacity = round(float(_colour(model, geom)[3]), 2)
+        copies.setdefault((shape, opacity), []).append((geom, [0.0, 0.0, up], scale))
 
     for geom in range(model.ngeom):
         if model.geom_group[geom] > LAST_VISIBLE_GROUP or _colour(model, geom)[3] == 0.0:
@@ -88,15 +91,16 @@ def batches(model: mujoco.MjModel) -> dict[str, Batch]:
                 )
                 add(name, geom, [1.0, 1.0, 1.0])
     return {
-        shape: Batch(
+        shape if opacity == 1.0 else f"{shape} {opacity:g}": Batch(
             mesh=meshes[shape],
             smooth=shape in ("sphere", "small sphere", "cylinder"),
             geom=np.array([geom for geom, _, _ in found]),
             offset=np.array([offset for _, offset, _ in found]),
             scale=np.array([scale for _, _, scale in found]),
             colour=np.array([np.round(255.0 * _colour(model, geom)[:3]) for geom, _, _ in found], dtype=np.uint8),
+            opacity=opacity,
         )
-        for shape, found in copies.items()
+        for (shape, opacity), found in copies.items()
     }
 
 

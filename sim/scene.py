@@ -45,12 +45,16 @@ class Follower:
 
 
 class Scene:
-    """A robot on a page, seen by someone who walks along with it."""
+    """A robot on a page, seen by someone who walks along with it.
+
+    Attributes:
+        height: of the robot, m.
+    """
 
     def __init__(self, page: PrivatePage, model: mujoco.MjModel) -> None:
         self._page, self._model = page, model
         self._data = mujoco.MjData(model)
-        height = body_height(model)
+        self.height = height = body_height(model)
         self._cell = 0.25 if height < 1.0 else 1.0
         scene = page.scene
         scene.set_up_direction("+z")
@@ -70,7 +74,10 @@ class Scene:
         for shape, batch in self._batches.items():
             position, orientation = poses(model, self._data, batch)
             # The same solids, flattened, are their own shadow: there is no shadow map for a slow computer to filter.
-            looks = (("robot", _linear(batch.colour), 1.0, 0.0), ("shadow", SHADOW, 1e-3, 0.002 * height))
+            looks = (
+                ("robot", _linear(batch.colour), 1.0, 0.0, None if batch.opacity == 1.0 else batch.opacity),
+                ("shadow", SHADOW, 1e-3, 0.002 * height, None if batch.opacity == 1.0 else 0.5 * batch.opacity),
+            )
             self._handles[shape] = [
                 scene.add_batched_meshes_simple(
                     f"/{name}/{shape}",
@@ -85,8 +92,9 @@ class Scene:
                     receive_shadow=False,
                     scale=(1.0, 1.0, thickness),
                     position=(0.0, 0.0, lift),
+                    opacity=opacity,
                 )
-                for name, colour, thickness, lift in looks
+                for name, colour, thickness, lift, opacity in looks
             ]
         page.initial_camera.position = (1.75 * height, -1.05 * height, 0.80 * height)
         page.initial_camera.look_at = (0.0, 0.0, 0.46 * height)

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import itertools
+import textwrap
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -80,6 +82,13 @@ def contact_sheet(
     Raises:
         PictureError: for no rows, for another file type, and where OpenGL is missing.
     """
+    bodies_sheet([(label, model, poses) for label, poses in rows], path, tile)
+
+
+def bodies_sheet(
+    rows: Sequence[tuple[str, mujoco.MjModel, Sequence[Array]]], path: Path, tile: tuple[int, int] = (200, 220)
+) -> None:
+    """As `contact_sheet`, with a body of its own in each row."""
     if not rows:
         raise PictureError(f"{path}: there are no motions to show")
     if path.suffix.lower() not in Image.registered_extensions():
@@ -89,12 +98,15 @@ def contact_sheet(
     sheet = Image.new("RGB", (margin + FRAMES_A_ROW * width, len(rows) * height), "white")
     pen = ImageDraw.Draw(sheet)
     font = ImageFont.load_default(15)
-    with _written_whole(path) as unfinished, OffScreen(model, tile) as screen:
-        for row, (label, poses) in enumerate(rows):
-            pen.text((12, (row + 0.5) * height), label, fill=(40, 46, 56), font=font, anchor="lm")
-            for column, qpos in enumerate(poses[:FRAMES_A_ROW]):
-                picture = Image.fromarray(screen.draw(qpos, cut=True))
-                sheet.paste(picture, (margin + column * width, row * height))
+    with _written_whole(path) as unfinished:
+        for model, numbered in itertools.groupby(enumerate(rows), key=lambda row: row[1][1]):
+            with OffScreen(model, tile) as screen:
+                for row, (label, _, poses) in numbered:
+                    text = textwrap.fill(label, 13)
+                    pen.text((12, (row + 0.5) * height), text, fill=(40, 46, 56), font=font, anchor="lm")
+                    for column, qpos in enumerate(poses[:FRAMES_A_ROW]):
+                        picture = Image.fromarray(screen.draw(qpos, cut=True))
+                        sheet.paste(picture, (margin + column * width, row * height))
         # A palette of 256 colours makes a quarter of the file, and nobody sees it.
         (sheet.quantize(256, dither=Image.Dither.NONE) if path.suffix.lower() == ".png" else sheet).save(unfinished)
 

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from controller.cli.play import PAGE_PORT
+
 if TYPE_CHECKING:
     from controller.mocap.facts import Facts, Recording
 
@@ -59,6 +61,67 @@ def convert(
     clip = _read(file, skeleton).clip
     write_clip(clip, out)
     print(f"wrote {out} ({len(clip)} frames of {len(clip.skeleton)} bones)")
+
+
+@app.command("plot")
+def plot(
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="One recording, or several for a sheet.")],
+    out: Annotated[Path, typer.Option("--out", metavar="PICTURE", help="The picture to write (.png).")],
+    skeleton: SkeletonOption = None,
+    sheet: Annotated[bool, typer.Option("--sheet", help="Mannequins instead of curves: one row a recording.")] = False,
+) -> None:
+    """Draw a recording: stick figures through the motion, heights and speeds, and for markers their gaps.
+
+    Several recordings, or --sheet, make a contact sheet: eight moments of each, done by its mannequin.
+
+    Example:  motiondeck clip plot walk.bvh --out walk.png
+    """
+    from controller.cli.clip_plot import plot_clip, plot_sheet
+
+    if sheet or len(files) > 1:
+        plot_sheet([_read(file, skeleton).clip for file in files], out)
+    else:
+        plot_clip(_read(files[0], skeleton), out)
+    print(f"wrote {out}")
+
+
+@app.command("view")
+def view(
+    file: FileArgument,
+    skeleton: SkeletonOption = None,
+    robot: Annotated[str | None, typer.Option("--robot", help="A robot that does the same beside the human.")] = None,
+    video: Annotated[
+        Path | None, typer.Option("--video", metavar="FILM", help="Film it off screen instead: .mp4 or .gif.")
+    ] = None,
+    port: Annotated[int, typer.Option("--port", help="The page's port; 0 for any free one.")] = PAGE_PORT,
+) -> None:
+    """View a recording in the browser: the human with its bones, and with --robot a robot doing the same beside it.
+
+    The page has a bar to drag through time, single steps, speed, footprints and contacts, and a camera that follows.
+    It is on 127.0.0.1 alone; Ctrl-C ends it.
+
+    Example:  motiondeck clip view dance.c3d --robot servo20
+    """
+    import numpy as np
+
+    from controller.cli.clip_act import act_of
+    from controller.cli.page import free_port
+    from controller.cli.pictures import FILM, film_frames
+    from controller.cli.resources import find
+    from sim.clip_page import show as show_act
+
+    clip = _read(file, skeleton).clip
+    body = None if robot is None else find("robot", robot, ".toml")
+    act = act_of(clip, body, ghost=video is None or body is not None)
+    if video is not None:
+        hz, _ = FILM.get(video.suffix.lower(), FILM[".mp4"])
+        shown = np.arange(0.0, len(act.qpos), act.rate / hz).astype(int)
+        film_frames(act.model, act.qpos[shown], len(shown), video)
+        print(f"wrote {video} ({len(shown)} frames)")
+        return
+    port = free_port(port)
+    print(f"page: http://127.0.0.1:{port}", flush=True)
+    show_act(act, port)
 
 
 def _read(file: Path, skeleton: Path | None) -> Recording:

@@ -44,7 +44,7 @@ _NUMBERS = (
 @contextmanager
 def viewer(command_port: int, port: int) -> Iterator[tuple[Path, subprocess.Popen[bytes]]]:
     """The browser view, a process of its own; yields the state file that it waits for, and the process."""
-    port = _free_port(port)
+    port = free_port(port)
     folder = Path(tempfile.mkdtemp(prefix="motiondeck-"))
     try:
         state = folder / "state"
@@ -143,7 +143,7 @@ class Page:
         self._writer.close()
 
 
-def _free_port(port: int) -> int:
+def free_port(port: int) -> int:
     """The port itself if nobody has it, or any free one for 0."""
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

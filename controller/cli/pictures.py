@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,8 @@ from controller.rotations import Array
 from controller.training.library import MotionLibrary, load_library
 
 if TYPE_CHECKING:
+    import mujoco
+
     from sim.playback import KinematicPlayback
     from sim.robot import Robot
 
@@ -59,21 +61,28 @@ def film(library: MotionLibrary, robot: str, cues: list[Cue], seconds: float, ou
         seconds: how long.
         out: the film, .mp4 or .gif.
     """
+    from sim.robot import load_robot
+
+    body = load_robot(find("robot", robot, ".toml"), library.skeleton)
+    hz, _ = FILM.get(out.suffix.lower(), FILM[".mp4"])
+    total = max(1, round(seconds * hz))
+    return film_frames(body.model, _frames(library, body, cues, total, hz), total, out)
+
+
+def film_frames(model: mujoco.MjModel, frames: Iterable[Array], total: int, out: Path) -> dict[str, object]:
+    """Films so many frames of qpos (nq,), at the rate that FILM gives the ending of the file; shows how far it is."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    from sim.robot import load_robot
     from sim.video import render
 
-    body = load_robot(find("robot", robot, ".toml"), library.skeleton)
     hz, size = FILM.get(out.suffix.lower(), FILM[".mp4"])
-    total = max(1, round(seconds * hz))
     columns = (TextColumn("filming"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
         task = bar.add_task("", total=total)
         done: Callable[[int], None] = lambda count: bar.update(task, completed=count)  # noqa: E731
-        frames = render(body.model, _frames(library, body, cues, total, hz), out, hz, size, True, done)
-    return {"video": str(out), "frames": frames, "fps": hz, "bytes": out.stat().st_size}
+        count = render(model, frames, out, hz, size, True, done)
+    return {"video": str(out), "frames": count, "fps": hz, "bytes": out.stat().st_size}
 
 
 def _frames(library: MotionLibrary, body: Robot, cues: list[Cue], total: int, hz: float) -> Iterator[Array]:

@@ -1,0 +1,88 @@
+"""A recording as something to look at: its body, its bones, its steps, and a robot that does the same beside it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from controller.mocap.clip import Clip
+from controller.mocap.posture import Pose
+from controller.rotations import Array
+
+if TYPE_CHECKING:
+    import mujoco
+
+    from sim.clip_page import Act
+
+GHOST = 0.45  # opacity of the human where a robot or its bones are to be seen
+FLOOR = "floor"
+
+
+def act_of(clip: Clip, robot: Path | None, ghost: bool = True) -> Act:
+    """What is to be shown of a clip.
+
+    Args:
+        clip: of a body.
+        robot: the file of a robot that does the same beside the human; None for the human alone.
+        ghost: whether the human is translucent.
+
+    Raises:
+        MotiondeckError: if the robot cannot be loaded, or cannot be fitted to this body.
+    """
+    from sim.clip_page import Act
+    from sim.feet import find_feet
+    from sim.stage import body_height
+    from sim.steps import footprints, soles, standing
+
+    model, qpos, joints = _alone(clip) if robot is None else _beside(clip, robot)
+    if ghost:
+        _fade(model)
+    feet = find_feet(model, model.qpos0)
+    corners = soles(model, qpos, feet)
+    stands = standing(corners, clip.rate, body_height(model))
+    parent = clip.skeleton.parent + 1
+    bones = np.stack([joints[:, parent], joints[:, 1:]], axis=2)
+    title = f"Motiondeck · {clip.name}" + ("" if robot is None else f" · {robot.stem}")
+    return Act(title, model, qpos, clip.rate, bones, footprints(model, corners, stands), stands, corners)
+
+
+def _poses(clip: Clip) -> list[Pose]:
+    """The frames of a clip one by one; where a body faces is its root's business here."""
+    heading = np.zeros(())
+    return [Pose(place, heading, turn) for place, turn in zip(clip.root_position, clip.rotation, strict=True)]
+
+
+def _alone(clip: Clip) -> tuple[mujoco.MjModel, Array, Array]:
+    """The mannequin of a clip, its qpos (T, nq), and the human's joints."""
+    from sim.layout import Layout
+    from sim.mannequin import build_mannequin
+    from sim.retarget import MannequinRetargeter
+
+    model = build_mannequin(clip.skeleton).compile()
+    layout, retarget = Layout.of(model), MannequinRetargeter(clip.skeleton)
+    qpos = np.empty((len(clip), model.nq))
+    for frame, pose in enumerate(_poses(clip)):
+        qpos[frame, :3], qpos[frame, 3:7] = pose.root_position, pose.rotation[0]
+        layout.place(retarget(pose), qpos[frame])
+    return model, qpos, clip.joints()
+
+
+def _beside(clip: Clip, robot: Path) -> tuple[mujoco.MjModel, Array, Array]:
+    """A human of the robot's size and the robot, their qpos (T, nq), and the human's joints."""
+    from sim.side_by_side import SideBySide
+
+    from controller.cli.resources import find
+
+    both = SideBySide(clip.skeleton, find("robot", "mannequin", ".toml"), robot, 1.0 / clip.rate)
+    qpos = np.array([both.qpos(pose).copy() for pose in _poses(clip)])
+    return both.model, qpos, clip.joints() * both.scale
+
+
+def _fade(model: mujoco.MjModel) -> None:
+    """Makes the human translucent; the materials of a robot beside it have a name of two parts."""
+    for index in range(model.nmat):
+        name = model.material(index).name
+        if name != FLOOR and "/" not in name:
+            model.mat_rgba[index, 3] = GHOST
