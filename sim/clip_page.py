@@ -103,8 +103,9 @@ class _Stage:
         scene = page.scene
         self._ground = scene.add_frame("/act", show_axes=False)
         self._bones = None
+        thick = 0.007 * self._scene.height
         if act.bones.shape[1]:
-            self._bones = scene.add_line_segments("/act/bones", act.bones[0].astype(np.float32), BONE, thickness=0.012)
+            self._bones = scene.add_line_segments("/act/bones", act.bones[0].astype(np.float32), BONE, thickness=thick)
         faces = np.array([[0, 1, 2], [0, 2, 3], [2, 1, 0], [3, 2, 0]], dtype=np.uint32)
         self._prints = [
             scene.add_mesh_simple(

@@ -57,7 +57,7 @@ def standing(corners: Array, rate: float, height: float) -> NDArray[np.bool_]:
     """Which feet stand, shape (T, F), given their corners (T, F, 4, 3), m, at a rate in Hz, for a body so high, m.
 
     The ground is where the lowest corners are most of the time: recordings know it only to some centimetres. A foot
-    that trembles off it for a moment goes on standing.
+    that trembles off it for a moment goes on standing, one that brushes it does not stand.
     """
     low = corners[..., 2].min(axis=2)
     ground = np.quantile(low.min(axis=1), 0.2) if low.size else 0.0
@@ -66,10 +66,12 @@ def standing(corners: Array, rate: float, height: float) -> NDArray[np.bool_]:
     speed = np.linalg.norm(step, axis=-1) * rate
     stands = (low < ground + NEAR * height) & (speed < STILL * height)
     for foot in range(stands.shape[1]):
-        lifted = ~stands[:, foot]
-        for first, end in _runs(lifted):
-            if end - first <= MOMENT * rate and first > 0 and end < len(lifted):
+        for first, end in _runs(~stands[:, foot]):
+            if end - first <= MOMENT * rate and first > 0 and end < len(stands):
                 stands[first:end, foot] = True
+        for first, end in _runs(stands[:, foot]):
+            if end - first <= MOMENT * rate and end - first < len(stands):
+                stands[first:end, foot] = False
     return stands
 
 

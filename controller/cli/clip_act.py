@@ -1,7 +1,11 @@
 """A recording as something to look at: its body, its bones, its steps, and a robot that does the same beside it."""
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +19,7 @@ if TYPE_CHECKING:
     import mujoco
 
     from sim.clip_page import Act
+    from sim.feet import Foot
 
 GHOST = 0.45  # opacity of the human where a robot or its bones are to be seen
 FLOOR = "floor"
@@ -32,14 +37,15 @@ def act_of(clip: Clip, robot: Path | None, ghost: bool = True) -> Act:
         MotiondeckError: if the robot cannot be loaded, or cannot be fitted to this body.
     """
     from sim.clip_page import Act
-    from sim.feet import find_feet
     from sim.stage import body_height
     from sim.steps import footprints, soles, standing
 
-    model, qpos, joints = _alone(clip) if robot is None else _beside(clip, robot)
+    model, qpos, joints, feet = _alone(clip) if robot is None else _beside(clip, robot)
     if ghost:
         _fade(model)
-    feet = find_feet(model, model.qpos0)
+    for light in range(model.nlight):
+        # One lamp is enough for two bodies.
+        model.light_active[light] = "/" not in model.light(light).name
     corners = soles(model, qpos, feet)
     stands = standing(corners, clip.rate, body_height(model))
     parent = clip.skeleton.parent + 1
@@ -54,8 +60,9 @@ def _poses(clip: Clip) -> list[Pose]:
     return [Pose(place, heading, turn) for place, turn in zip(clip.root_position, clip.rotation, strict=True)]
 
 
-def _alone(clip: Clip) -> tuple[mujoco.MjModel, Array, Array]:
-    """The mannequin of a clip, its qpos (T, nq), and the human's joints."""
+def _alone(clip: Clip) -> tuple[mujoco.MjModel, Array, Array, list[Foot]]:
+    """The mannequin of a clip, its qpos (T, nq), the human's joints and the feet."""
+    from sim.feet import find_feet
     from sim.layout import Layout
     from sim.mannequin import build_mannequin
     from sim.retarget import MannequinRetargeter
@@ -66,18 +73,20 @@ def _alone(clip: Clip) -> tuple[mujoco.MjModel, Array, Array]:
     for frame, pose in enumerate(_poses(clip)):
         qpos[frame, :3], qpos[frame, 3:7] = pose.root_position, pose.rotation[0]
         layout.place(retarget(pose), qpos[frame])
-    return model, qpos, clip.joints()
+    return model, qpos, clip.joints(), list(find_feet(model, model.qpos0))
 
 
-def _beside(clip: Clip, robot: Path) -> tuple[mujoco.MjModel, Array, Array]:
-    """A human of the robot's size and the robot, their qpos (T, nq), and the human's joints."""
-    from sim.side_by_side import SideBySide
-
+def _beside(clip: Clip, robot: Path) -> tuple[mujoco.MjModel, Array, Array, list[Foot]]:
+    """A human of the robot's size and the robot, their qpos (T, nq), the human's joints and the feet of both."""
     from controller.cli.resources import find
+    from sim.feet import find_feet
+    from sim.side_by_side import PREFIX, SideBySide
 
     both = SideBySide(clip.skeleton, find("robot", "mannequin", ".toml"), robot, 1.0 / clip.rate)
-    qpos = np.array([both.qpos(pose).copy() for pose in _poses(clip)])
-    return both.model, qpos, clip.joints() * both.scale
+    qpos = np.array([both.qpos(pose, own_path=True).copy() for pose in _poses(clip)])
+    feet = list(find_feet(both.human.model, both.human.model.qpos0))
+    feet += [replace(foot, body=PREFIX + foot.body) for foot in find_feet(both.robot.model, both.robot.model.qpos0)]
+    return both.model, qpos, clip.joints() * both.scale, feet
 
 
 def _fade(model: mujoco.MjModel) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controller.errors import MotiondeckError
-from controller.mocap.anatomy import anatomy
+from controller.mocap.anatomy import Side, anatomy
 from controller.rotations import Array
 
 if TYPE_CHECKING:
@@ -98,9 +98,10 @@ def _curves(heights: Any, speeds: Any, clip: Clip) -> None:
     heights.plot(time, joints[:, 0, 2], color=COLOUR["middle"], label="root")
     if head is not None:
         heights.plot(time, joints[:, 1 + head, 2], color="0.6", label="head")
-    for side in ("left", "right"):
-        for part, style in (("foot", "-"), ("hand", ":")):
-            if bones := parts.all(part, side):
+    sides: tuple[Side, ...] = ("left", "right")
+    for side in sides:
+        for bones, part, style in ((parts.all("foot", side), "foot", "-"), (parts.all("hand", side), "hand", ":")):
+            if bones:
                 lowest = joints[:, 1 + np.array(bones), 2].min(axis=1)
                 heights.plot(time, lowest, style, color=COLOUR[side], label=f"{side} {part}")
     heights.set(ylabel="height, m")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,8 +16,6 @@ from controller.rotations import Array
 from controller.training.library import MotionLibrary, load_library
 
 if TYPE_CHECKING:
-    import mujoco
-
     from sim.playback import KinematicPlayback
     from sim.robot import Robot
 
@@ -69,8 +67,8 @@ def film(library: MotionLibrary, robot: str, cues: list[Cue], seconds: float, ou
     return film_frames(body.model, _frames(library, body, cues, total, hz), total, out)
 
 
-def film_frames(model: mujoco.MjModel, frames: Iterable[Array], total: int, out: Path) -> dict[str, object]:
-    """Films so many frames of qpos (nq,), at the rate that FILM gives the ending of the file; shows how far it is."""
+def film_frames(model: Any, frames: Iterable[Array], total: int, out: Path) -> dict[str, object]:
+    """Films so many qpos (nq,) of a MuJoCo model, at the rate that FILM gives the ending of the file."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 

@@ -8,13 +8,13 @@ from typing import TypedDict
 
 import numpy as np
 
-from controller.mocap.anatomy import anatomy
+from controller.mocap.anatomy import Part, Side, anatomy
 from controller.mocap.c3d import read_c3d
 from controller.mocap.clip import Clip
 from controller.mocap.marker_fit import Fit, fit_markers
 from controller.mocap.reading import read_clip
 
-LIMBS = ("thigh", "shank", "foot", "upper arm", "forearm", "hand")
+LIMBS: tuple[Part, ...] = ("thigh", "shank", "foot", "upper arm", "forearm", "hand")
 
 
 class Gaps(TypedDict):
@@ -77,7 +77,8 @@ def facts(recording: Recording) -> Facts:
     speed = np.linalg.norm(np.diff(joints, axis=0), axis=-1) * clip.rate
     fastest = int(speed.max(axis=0).argmax()) if len(clip) > 1 else 0
     parts = anatomy(clip.skeleton)
-    missing = [f"{side} {part}" for part in LIMBS for side in ("left", "right") if parts.first(part, side) is None]
+    sides: tuple[Side, ...] = ("left", "right")
+    missing = [f"{side} {part}" for part in LIMBS for side in sides if parts.first(part, side) is None]
     return Facts(
         name=clip.name,
         source=clip.source,
