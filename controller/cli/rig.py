@@ -7,13 +7,17 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from controller.cli import rig_play, rig_teach
 from controller.cli.rig_port import JsonOption, PortOption, RigArgument, ended_by_sigterm, load, open_buses
 from controller.errors import MotiondeckError
+
+if TYPE_CHECKING:
+    from hardware.emulator.plant import JointPlant
+    from hardware.rig import RigConfig
 
 app = typer.Typer(
     help="Find, check, set up, watch, teach and play the servos of a rig; or emulate one.", no_args_is_help=True
@@ -37,13 +41,24 @@ def emulate(
     link: Annotated[
         Path | None, typer.Option("--link", help="A lasting name for the port, also when replugged.")
     ] = None,
+    robot: Annotated[
+        str | None,
+        typer.Option("--robot", help="The body that the servos turn: a robot file, or a shipped one."),
+    ] = None,
+    root: Annotated[str, typer.Option("--root", help="With --robot: fixed in the air, or free to fall.")] = "fixed",
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Only the first servo, as it comes from the box: id 1, 57600 baud.")
     ] = False,
 ) -> None:
     """Emulate a rig: print the port to open, and serve any client until Ctrl-C.
 
-    Example:  motiondeck rig emulate servo20 --fault dead:id=3,at=5,for=1
+    With --robot the servos turn a body with masses, so they feel load, stall and fall: as current, heat and sag.
+
+    [bold]Examples[/]
+
+      motiondeck rig emulate servo20 --fault dead:id=3,at=5,for=1
+
+      motiondeck rig emulate servo20 --robot servo20 --root free
     """
     from hardware.emulator.faults import KINDS, parse_fault
     from hardware.emulator.pty_server import serve
@@ -59,9 +74,10 @@ def emulate(
 
         one = msgspec.structs.replace(config.joints[0], id=1)
         config = msgspec.structs.replace(config, joints=(one,), baud=57600)
+    plant = _plant(config, robot, root) if robot is not None else None
     faults = [parse_fault(text) for text in fault or []]
     with ended_by_sigterm():
-        serve(config, lambda port: print(port, flush=True), faults, not unpaced, not lenient, link, seed)
+        serve(config, lambda port: print(port, flush=True), faults, not unpaced, not lenient, link, seed, plant)
 
 
 @app.command("scan")
@@ -276,6 +292,17 @@ def stop(rig: RigArgument, port: PortOption = None, as_json: JsonOption = False)
     if unconfirmed:
         print(f"motiondeck: not confirmed by {', '.join(unconfirmed)}. Cut the power.", file=sys.stderr)
         raise typer.Exit(1)
+
+
+def _plant(config: RigConfig, robot: str, root: str) -> JointPlant:
+    """A robot's body for the joints of a rig."""
+    from controller.cli.resources import find
+    from controller.mocap.joint_angles import JointBody
+    from sim.rig_plant import RigPlant
+    from sim.robot import load_robot
+
+    body = load_robot(find("robot", robot, ".toml"), JointBody.of(config.names))
+    return RigPlant(body, config.names, root)
 
 
 def _draw(rows: list[dict[str, object]], hz: float) -> None:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from hardware.emulator.bank import ServoBank
 from hardware.emulator.device import ACCESS, BAUD_RATES, INSTRUCTION, LENGTH, RANGE, Device
+from hardware.emulator.plant import STEP, Coupling, JointPlant
 from hardware.protocol2 import instructions as wire
 from hardware.protocol2.crc import checksum
 from hardware.protocol2.frames import ALERT, BROADCAST, HEADER, STATUS, Frame, Parser, build_status
@@ -52,8 +53,16 @@ class EmulatedBus:
         longest_gap: the silence inside an instruction that the servos forgive, s; None for any.
     """
 
-    def __init__(self, config: RigConfig, strict: bool = True, longest_gap: float | None = LONGEST_GAP) -> None:
+    def __init__(
+        self,
+        config: RigConfig,
+        strict: bool = True,
+        longest_gap: float | None = LONGEST_GAP,
+        plant: JointPlant | None = None,
+    ) -> None:
         """Switches the rig on, every servo at its zero and set to the rig's baud rate.
+
+        With a plant the horns are where its joints are, and feel what they turn.
 
         Raises:
             RigError: if a model cannot be emulated.
@@ -77,6 +86,8 @@ class EmulatedBus:
             self._banks.append(bank)
             placed |= {index: Device(bank, row) for row, index in enumerate(members)}
         self.devices = [placed[index] for index in range(len(config.joints))]
+        self._coupling = Coupling(plant, config.joints, self.devices) if plant is not None else None
+        self._turned = 0.0  # how far the plant is, s
         self.reindex()
 
     def __getitem__(self, id: int) -> Device:
@@ -103,6 +114,11 @@ class EmulatedBus:
         """Lets the servos live until the time `now`, s; a time that is past already changes nothing."""
         if now <= self._time:
             return
+        while self._coupling is not None and now - self._turned >= STEP:
+            self._turned += STEP
+            for bank in self._banks:
+                bank.live_until(self._turned, self._fed)
+            self._coupling.advance()
         for bank in self._banks:
             bank.live_until(now, self._fed)
             if bank.browned_out:

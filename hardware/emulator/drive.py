@@ -50,6 +50,7 @@ class Drive:
         supply: V.
         temperature: degC.
         pwm, current: at the end of the last step.
+        coupled: whether a plant moves the horns, by the torque that they give.
     """
 
     def __init__(self, motor: Motor, pulses_per_turn: int, shaft: Array) -> None:
@@ -76,6 +77,7 @@ class Drive:
         self.p_gain, self.i_gain, self.d_gain, self.ff_gain = (np.zeros(count) for _ in range(4))
         self.most_pwm, self.goal_pwm, self.goal_speed, self.goal_current = (np.zeros(count) for _ in range(4))
         self._sum = np.zeros(count)
+        self.coupled = False
         self.plan()
 
     def plan(self) -> None:
@@ -95,11 +97,18 @@ class Drive:
 
     def advance(self, seconds: float) -> None:
         """Lets them run for so long."""
-        if not self._at_rest():
+        if self.coupled or not self._at_rest():
             steps = math.ceil(seconds / _LONGEST_STEP)
             self._run(steps, seconds / steps)
         warmer = self.motor.warming * np.square(self.current) - (self.temperature - _ROOM) / self.motor.cooling
         self.temperature += warmer * seconds
+
+    def torque(self, row: int) -> float:
+        """What a motor gives to its horn now, N·m; without power it gives and holds nothing."""
+        if not self.on[row]:
+            return 0.0
+        given = self.pwm[row] / self.motor.full_pwm * self.supply[row] / self.motor.voltage
+        return self.motor.stall_torque * float(given - self.speed[row] / self._no_load - self.load[row])
 
     def _at_rest(self) -> bool:
         """Whether moving on would change nothing that anybody can see."""
@@ -144,6 +153,8 @@ class Drive:
                 top = np.abs(self.goal_current)
                 drive = np.where(limited, np.clip(drive, (back - top) * full, (back + top) * full), drive)
             drive = np.clip(drive, -most, most)
+            if self.coupled:
+                continue
             settled = drive * speed_per_pwm
             if sag is not None:
                 settled = settled - sag

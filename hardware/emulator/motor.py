@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from hardware.control_table.servo_traits import TRAITS
 from hardware.errors import RigError
 
+_GEARS = 0.7  # of the torque that an ideal motor would have is left behind the gears; an estimate
 _LAG = 0.015  # s; an estimate of rotor and gears without a load
 _WARMING = 1.5  # K/s at stall current; an estimate
 _COOLING = 240.0  # s, the time constant towards the room's temperature; an estimate
@@ -33,6 +35,12 @@ class Motor:
     lag: float = _LAG
     warming: float = _WARMING
     cooling: float = _COOLING
+
+    @property
+    def stall_torque(self) -> float:
+        """Of the horn at full voltage, N·m: an ideal motor's (stall power over no-load speed), less the gears'."""
+        power = self.voltage * self.stall_current * 1e-3
+        return _GEARS * power / (self.no_load_speed * 2.0 * math.pi / 60.0)
 
 
 def motor_of(model: str) -> Motor:

@@ -15,8 +15,9 @@ from pathlib import Path
 
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import Fault, FaultPlan
+from hardware.emulator.plant import JointPlant
 from hardware.emulator.wire import Wire
-from hardware.errors import PortError
+from hardware.errors import PortError, RigError
 from hardware.rig import RigConfig
 
 _WAKE = 0.02
@@ -141,6 +142,7 @@ def serve(
     strict: bool = True,
     link: Path | None = None,
     seed: int = 0,
+    plant: JointPlant | None = None,
 ) -> None:
     """Emulates the rig, tells `announce` the port to open, and serves any client until the parent process is gone.
 
@@ -148,11 +150,13 @@ def serve(
     numbered then (NAME-1, NAME-2), and a fault about one servo happens on every port that has its ID.
 
     Raises:
-        RigError: if a model cannot be emulated.
+        RigError: if a model cannot be emulated, or a rig on several ports is to move one plant.
         PortError: if the link cannot be made.
         FaultError: if a fault is about a servo that is not there.
     """
     parent = os.getppid()
+    if plant is not None and len(config.ports) > 1:
+        raise RigError(f"a rig on several ports ({', '.join(config.ports)}) cannot be coupled to one body")
     FaultPlan(faults, seed).check([joint.id for joint in config.joints])
     servers: list[PtyServer] = []
     try:
@@ -160,7 +164,7 @@ def serve(
             ids = [joint.id for joint in part.joints]
             plan = FaultPlan([fault for fault in faults if fault.id is None or fault.id in ids], seed)
             name = link.with_name(f"{link.name}-{number}") if link is not None and len(config.ports) > 1 else link
-            servers.append(PtyServer(EmulatedBus(part, strict), plan, paced, name))
+            servers.append(PtyServer(EmulatedBus(part, strict, plant=plant), plan, paced, name))
             announce(servers[-1].port)
         while os.getppid() == parent:
             pump(servers)

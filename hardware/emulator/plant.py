@@ -1,0 +1,53 @@
+"""What the horns of an emulated rig turn, where that is more than the motors: a mechanism with masses and contacts.
+
+The emulator asks for torques to be felt and angles to come back, and knows no simulator; `sim.rig_plant` provides one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+from hardware.emulator.device import Device
+from hardware.rig import RigJoint
+from hardware.scale import Array
+
+STEP = 0.002
+"""How often torques and angles are exchanged, s."""
+
+
+class JointPlant(Protocol):
+    """J joints that turn under torques."""
+
+    def advance(self, torques: Array, seconds: float) -> tuple[Array, Array]:
+        """Lets time pass under torques (J,), N·m; the joints' angles (J,), rad, and velocities (J,), rad/s, then."""
+        ...
+
+
+class Coupling:
+    """Horns on a plant: what the motors give goes in, where the joints are comes back."""
+
+    def __init__(self, plant: JointPlant, joints: Sequence[RigJoint], devices: Sequence[Device]) -> None:
+        self._plant = plant
+        self._devices = devices
+        self._ratio = np.array([joint.direction * joint.gear for joint in joints])  # turns of the horn per joint turn
+        self._per_radian = np.array([joint.pulses_per_radian for joint in joints])
+        for device in devices:
+            device.bank.drive.coupled = True
+        self._angles, _ = plant.advance(np.zeros(len(joints)), 0.0)
+        for device, pulses in zip(devices, self._per_radian * self._angles, strict=True):
+            device.bank.shaft[device.row] += pulses
+
+    def advance(self) -> None:
+        """Goes one STEP on."""
+        torques = np.array([device.bank.drive.torque(device.row) for device in self._devices]) * self._ratio
+        angles, velocities = self._plant.advance(torques, STEP)
+        # Only the change: how many whole turns a servo counts is its own affair.
+        moved, speeds = self._per_radian * (angles - self._angles), self._per_radian * velocities
+        self._angles = angles.copy()
+        for device, pulses, speed in zip(self._devices, moved, speeds, strict=True):
+            drive = device.bank.drive
+            drive.shaft[device.row] += pulses
+            drive.speed[device.row] = speed
