@@ -90,6 +90,19 @@ def play(
     mismatch_after: Annotated[
         float, typer.Option("--mismatch-after", help="How long something else must be seen before that, s.")
     ] = 0.5,
+    listen: Annotated[
+        str | None,
+        typer.Option(
+            "--listen", metavar="ADDRESS", help="Take commands at this address of this machine too, with a token only."
+        ),
+    ] = None,
+    token_file: Annotated[
+        Path | None, typer.Option("--token-file", metavar="FILE", help="The token; only you may read the file.")
+    ] = None,
+    join: Annotated[
+        Literal["inertialise", "crossfade", "morph", "cut"] | None,
+        typer.Option("--join", help="How motions are joined; by itself as suits the network."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print a report as one JSON object in the end.")] = False,
 ) -> None:
     """Play learned motions live and switch them on command.
@@ -165,12 +178,15 @@ def play(
     from controller.cli.session import Session, Settings
     from controller.cli.watching import Watching
     from controller.realtime.deck import Deck
+    from controller.realtime.sealing import read_token
 
     second = None
     if follow is not None:
         second = Cast(find("robot", follow, ".toml"), rig_file(follow_rig, follow), follow_rig == "emulated")
     elif follow_rig is not None:
         raise MotiondeckError("--follow-rig needs --follow ROBOT: whose servos are they?")
+    if listen is not None and token_file is None:
+        raise MotiondeckError(f"--listen {listen} needs --token-file FILE: anybody could move the robot otherwise")
     settings = Settings(
         robot=Cast(find("robot", robot, ".toml"), rig_file(rig, robot), rig == "emulated", root, balance),
         rate=rate,
@@ -185,8 +201,12 @@ def play(
         follow=second,
         catch_up=overruns == "catch-up",
         watching=Watching(mismatch_after, on_mismatch is OnMismatch.STOP) if recognize else None,
+        listen=listen,
+        token=read_token(token_file) if token_file is not None else None,
     )
-    with Session(loaded, lambda retarget: Deck(loaded, retarget, first, direct=direct), timeline, settings) as session:
+    with Session(
+        loaded, lambda retarget: Deck(loaded, retarget, first, direct=direct, joining=join), timeline, settings
+    ) as session:
         report = session.run()
     _print(report, as_json, summary(report))
     if any(output["parked"] for output in report["outputs"]) or report.get("recognition", {}).get("stopped"):

@@ -114,7 +114,7 @@ def stream(
         opening.callback(output.close)
         deck = _deck(source, motion, cast.retarget(connected.positions))
         channel = Channel(output)
-        desk = CommandDesk(deck, server)
+        desk = CommandDesk(deck, [server])
 
         def commands(stop: StopRequest) -> None:
             if isinstance(deck, RecordedDeck) and deck.over:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -26,6 +27,12 @@ def send(
         bool, typer.Option("--wait", help="Wait until a switch, a queued motion or a blend has settled.")
     ] = False,
     command_port: Annotated[int, typer.Option("--command-port", help="The deck's command port.")] = DEFAULT_PORT,
+    host: Annotated[
+        str | None, typer.Option("--host", metavar="ADDRESS", help="Of a deck on another machine, with its token.")
+    ] = None,
+    token_file: Annotated[
+        Path | None, typer.Option("--token-file", metavar="FILE", help="The token that deck is played with.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the deck's answer as one JSON object.")] = False,
 ) -> None:
     """Send a command to the deck that is running and print its answer; the exit code is 1 if it was refused.
@@ -35,11 +42,18 @@ def send(
     import msgspec
 
     from controller.cli.terminal import describe, parse_command
+    from controller.errors import MotiondeckError
     from controller.realtime.commands import CommandClient
     from controller.realtime.messages import Accepted, Blend, Queue, Refused, Switch
+    from controller.realtime.sealing import read_token
 
     request = parse_command(words)
-    client = CommandClient(command_port)
+    if (host is None) != (token_file is None):
+        raise MotiondeckError("a deck on another machine takes both --host ADDRESS and --token-file FILE")
+    if host is not None and token_file is not None:
+        client = CommandClient(command_port, host, read_token(token_file))
+    else:
+        client = CommandClient(command_port)
     try:
         answer = client.request(request)
         if wait and isinstance(request, Switch | Queue | Blend) and isinstance(answer, Accepted):

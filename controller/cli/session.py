@@ -59,6 +59,8 @@ class Settings:
         record: where every tick is recorded, if anywhere.
         core: the core that the loop is to run on, if it matters; all other processes then keep off it.
         follow: a second robot that mirrors the first, if any.
+        listen: the address of another interface where commands are taken, sealed with the token.
+        token: who has it may command.
         catch_up: whether ticks that were missed are made up for without waiting, or skipped.
         watching: how the motion that the joints make is to be recognized, if at all.
     """
@@ -76,6 +78,8 @@ class Settings:
     follow: Cast | None = None
     catch_up: bool = False
     watching: Watching | None = None
+    listen: str | None = None
+    token: bytes | None = None
 
 
 class Playable(Player, Commandable, Protocol):
@@ -149,7 +153,11 @@ class Session:
     def _prepare(self, opening: ExitStack) -> None:
         settings = self._settings
         self._server = CommandServer(settings.command_port)
-        opening.callback(self._server.close)
+        servers = [self._server]
+        if settings.listen is not None:
+            servers.append(CommandServer(self._server.port, settings.listen, settings.token))
+        for server in servers:
+            opening.callback(server.close)
         # The view takes longest to start, so it starts first and waits for the rest.
         view: Path | None = None
         if settings.page_port is not None:
@@ -173,7 +181,7 @@ class Session:
             opening.enter_context(Page.open(view, self._deck.motions, self._body, self._watch)) if view else None
         )
         self._recorder = self._open_recorder(opening) if settings.record else None
-        self._desk = CommandDesk(self._deck, self._server, self._recorder.note if self._recorder else None)
+        self._desk = CommandDesk(self._deck, servers, self._recorder.note if self._recorder else None)
         if settings.terminal:
             self._restore_tty = opening.enter_context(kept_tty())
             terminal = child_process("controller.cli.terminal", "--command-port", str(self._server.port))

@@ -116,36 +116,35 @@ class CommandDesk:
 
     Args:
         deck: what is commanded.
-        server: where commands come from.
+        servers: where commands come from.
         note: is told of each command and its answer.
     """
 
     def __init__(
-        self, deck: Commandable, server: CommandServer, note: Callable[[Message, Reply], None] | None = None
+        self, deck: Commandable, servers: Sequence[CommandServer], note: Callable[[Message, Reply], None] | None = None
     ) -> None:
         self._deck = deck
-        self._server = server
+        self._servers = servers
         self._note = note
-        self._awaited: deque[tuple[Address, Awaited, Progress]] = deque(maxlen=_MOST_AWAITED)
+        self._awaited: deque[tuple[CommandServer, Address, Awaited, Progress]] = deque(maxlen=_MOST_AWAITED)
 
     def __call__(self, stop: StopRequest) -> None:
         """Answers what has come, and those who wait for a switch that has settled or been overtaken."""
-        for message, sender in self._server.poll():
-            reply, progress = self.carry_out(message, stop)
-            if progress is not None and isinstance(message, Awaited):
-                self._awaited.append((sender, message, progress))
-            self._server.reply(sender, reply)
+        for server in self._servers:
+            for message, sender in server.poll():
+                reply, progress = self.carry_out(message, stop)
+                if progress is not None and isinstance(message, Awaited):
+                    self._awaited.append((server, sender, message, progress))
+                server.reply(sender, reply)
         for _ in range(len(self._awaited)):
-            sender, message, progress = self._awaited.popleft()
+            server, sender, message, progress = self._awaited.popleft()
             if progress.settled_s is not None:
                 took = progress.settled_s - progress.commanded_s
-                self._server.reply(sender, Settled(_aim(message), took, message.id))
+                server.reply(sender, Settled(_aim(message), took, message.id))
             elif progress.overtaken:
-                self._server.reply(
-                    sender, Refused(f"the switch to {_aim(message)} was overtaken by another", message.id)
-                )
+                server.reply(sender, Refused(f"the switch to {_aim(message)} was overtaken by another", message.id))
             else:
-                self._awaited.append((sender, message, progress))
+                self._awaited.append((server, sender, message, progress))
 
     def carry_out(self, message: Message, stop: StopRequest) -> tuple[Reply, Progress | None]:
         """Does what a command says; the answer, and for a switch what becomes of it."""

@@ -1,5 +1,7 @@
 """Commands over a socket: UDP datagrams on the loopback interface, for a loop that never waits.
 
+On another interface every datagram must be sealed with a token, in both directions; what is not is dropped unanswered.
+
 A datagram comes whole or not at all, so that a slow or broken client has no connection to stall. Whatever arrives is
 read in bounded amounts; what is no command is counted and, as far as there is time, refused.
 """
@@ -42,6 +44,7 @@ from controller.realtime.messages import (
     read_message,
     read_reply,
 )
+from controller.realtime.sealing import SEAL_BYTES, seal, unseal
 
 __all__ = [
     "DEFAULT_PORT",
@@ -95,26 +98,29 @@ class Traffic:
 
 
 class CommandServer:
-    """Receives commands on a loopback port; never blocks, and never raises once it is open.
+    """Receives commands on a port; never blocks, and never raises once it is open.
 
     Attributes:
         port: where it listens.
         traffic: what has arrived.
     """
 
-    def __init__(self, port: int = DEFAULT_PORT) -> None:
-        """Listens on 127.0.0.1; port 0 takes a free one.
+    def __init__(self, port: int = DEFAULT_PORT, host: str = LOOPBACK, token: bytes | None = None) -> None:
+        """Listens on 127.0.0.1, or with a token on another interface too; port 0 takes a free one.
 
         Raises:
-            SocketError: if the port is in use or out of range.
+            SocketError: if the port is in use or out of range, or another interface is to be used without a token.
         """
+        if host != LOOPBACK and token is None:
+            raise SocketError(f"commands are taken from {host} with a token only; give one with --token-file FILE")
+        self._token = token
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
-            self._socket.bind((LOOPBACK, port))
+            self._socket.bind((host, port))
         except (OSError, OverflowError) as error:
             self._socket.close()
             raise SocketError(
-                f"command port {port} cannot be used ({_why(error)}): perhaps another deck is running. "
+                f"command port {port} on {host} cannot be used ({_why(error)}): perhaps another deck is running. "
                 "Stop it with 'motiondeck send stop', or give another port with --command-port"
             ) from error
         self._socket.setblocking(False)
@@ -151,11 +157,16 @@ class CommandServer:
         """Takes in what has arrived, an emergency stop at the head; what is too much is dropped and counted."""
         for _ in range(_TAKEN):
             try:
-                data, sender = self._socket.recvfrom(MOST_BYTES + 1)
+                data, sender = self._socket.recvfrom(SEAL_BYTES + MOST_BYTES + 1)
             except BlockingIOError:
                 return
             except OSError:  # an earlier answer found nobody
                 continue
+            if self._token is not None:
+                data = unseal(self._token, data)
+                if data is None:
+                    self.traffic.malformed += 1
+                    continue
             if b'"estop"' in data:
                 self._waiting.appendleft((data, sender))
             else:
@@ -166,8 +177,9 @@ class CommandServer:
 
     def reply(self, receiver: Address, reply: Reply) -> None:
         """Answers a sender; an answer that cannot be delivered at once is dropped."""
+        data = encode(reply)
         with contextlib.suppress(OSError):
-            self._socket.sendto(encode(reply), receiver)
+            self._socket.sendto(data if self._token is None else seal(self._token, data), receiver)
 
     def close(self) -> None:
         """Gives the port back; may be called twice."""
@@ -175,21 +187,21 @@ class CommandServer:
 
 
 class CommandClient:
-    """Sends commands to a deck on this machine."""
+    """Sends commands to a deck on this machine, or with its token to one on another."""
 
-    def __init__(self, port: int = DEFAULT_PORT, host: str = LOOPBACK) -> None:
+    def __init__(self, port: int = DEFAULT_PORT, host: str = LOOPBACK, token: bytes | None = None) -> None:
         """Prepares to talk to the deck at a port; nothing is sent yet.
 
         Raises:
             SocketError: if there can be no such port.
         """
-        self._port = port
+        self._port, self._host, self._token = port, host, token
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             self._socket.connect((host, port))
         except (OSError, OverflowError) as error:
             self._socket.close()
-            raise SocketError(f"there is no way to a deck on port {port} ({_why(error)})") from error
+            raise SocketError(f"there is no way to a deck on {host}, port {port} ({_why(error)})") from error
         self._numbers = itertools.count(1)
         self._settled: dict[int, Settled | Refused] = {}
 
@@ -201,6 +213,8 @@ class CommandClient:
         """
         number = next(self._numbers)
         data = encode(msgspec.structs.replace(message, id=number))
+        if self._token is not None:
+            data = seal(self._token, data)
         try:
             self._socket.send(data)
         except ConnectionRefusedError:  # the news of an earlier datagram; this one was not sent
@@ -245,7 +259,10 @@ class CommandClient:
         """
         self._socket.settimeout(max(timeout_s, 1e-6))
         try:
-            return read_reply(self._socket.recv(65536))
+            data = self._socket.recv(65536)
+            if self._token is not None and (data := unseal(self._token, data)) is None:
+                raise SocketError(f"who answers at {self._host} has another token")
+            return read_reply(data)
         except TimeoutError:
             return None
         except ConnectionRefusedError:
@@ -256,6 +273,10 @@ class CommandClient:
         self._socket.close()
 
     def _no_deck(self) -> SocketError:
+        if self._token is not None:
+            return SocketError(
+                f"no deck answers at {self._host}, port {self._port}: is it played with --listen and the same token?"
+            )
         return SocketError(f"no deck is running on port {self._port}; start one with: motiondeck play")
 
 

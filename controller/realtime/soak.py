@@ -183,7 +183,7 @@ def soak(
     memory: list[tuple[float, float]] = []
     commands = answered = flood = restless = halted = tick = 0
     with closing(CommandServer(0)) as server, closing(_socket()) as client, closing(_socket()) as flooder:
-        desk = CommandDesk(deck, server)
+        desk = CommandDesk(deck, [server])
         address = (LOOPBACK, server.port)
 
         def command(stop: StopRequest) -> None:

@@ -1,5 +1,6 @@
 import socket
 import threading
+import time
 from contextlib import closing
 from dataclasses import dataclass, field
 
@@ -56,6 +57,7 @@ class TinyDeck:
     motions: tuple[str, ...] = ("walk", "jog", "waltz")
     motion: str = "walk"
     speed: float = 1.0
+    blend: tuple[str, float] | None = None
     paused: bool = False
     time: float = 0.0
     under_way: Progress | None = None
@@ -99,7 +101,7 @@ class Stage:
 
     def __init__(self):
         self.deck, self.server, self.stop = TinyDeck(), CommandServer(0), StopRequest()
-        self.desk = CommandDesk(self.deck, self.server)
+        self.desk = CommandDesk(self.deck, [self.server])
         self.client = CommandClient(self.server.port)
 
     def tick(self):
@@ -202,7 +204,7 @@ def test_a_stop_works_while_the_emergency_stop_is_on(stage):
 
 def test_a_note_is_taken_of_each_command(stage):
     noted = []
-    stage.desk = CommandDesk(stage.deck, stage.server, lambda message, reply: noted.append((message, reply)))
+    stage.desk = CommandDesk(stage.deck, [stage.server], lambda message, reply: noted.append((message, reply)))
     stage.ask(Pause())
     stage.ask(Switch("wlak"))
     assert [(type(message), type(reply)) for message, reply in noted] == [(Pause, Accepted), (Switch, Refused)]
@@ -247,7 +249,7 @@ def test_a_speed_out_of_range_is_refused_and_says_the_range(stage, factor):
     ("data", "said"),
     [
         (b"", "no command"),
-        (b'{"type":"dance"}', "switch MOTION, queue MOTION, speed FACTOR"),
+        (b'{"type":"dance"}', "switch MOTION, queue MOTION, blend A B SHARE"),
         (b'{"type":"switch"}', "to"),
         (b'{"type":"switch","to":""}', "1 to 100 characters"),
         (b'{"type":"switch","to":"' + b"a" * 101 + b'"}', "1 to 100 characters"),
@@ -363,7 +365,8 @@ def test_answering_nobody_does_no_harm(stage):
 
 
 def test_a_port_in_use_is_said_in_one_line(stage):
-    with pytest.raises(SocketError, match=f"port {stage.server.port} cannot be used.*another deck") as caught:
+    said = f"port {stage.server.port} on 127.0.0.1 cannot be used.*another deck"
+    with pytest.raises(SocketError, match=said) as caught:
         CommandServer(stage.server.port)
     assert "\n" not in str(caught.value)
 
@@ -416,3 +419,58 @@ def test_a_client_waits_for_its_own_answer(stage):
     finally:
         finished.set()
         thread.join()
+
+
+TOKEN = b"0123456789abcdef"
+
+
+@pytest.fixture
+def remote():
+    """A server that asks for a token, and a client that has it."""
+    with (
+        closing(CommandServer(0, "0.0.0.0", TOKEN)) as server,
+        closing(CommandClient(server.port, token=TOKEN)) as client,
+    ):
+        yield server, client
+
+
+def arrived(server):
+    """The commands that have come, after a moment for the datagrams."""
+    for _ in range(100):
+        if found := list(server.poll()):
+            return found
+        time.sleep(0.001)
+    return []
+
+
+def test_who_has_the_token_is_heard_and_answered_under_seal(remote):
+    server, client = remote
+    number = client.post(Switch("walk"))
+    ((message, sender),) = arrived(server)
+    assert message == Switch("walk", number)
+    server.reply(sender, Accepted(number))
+    assert client.receive(1.0) == Accepted(number)
+
+
+@pytest.mark.parametrize("token", [None, b"fedcba9876543210"])
+def test_without_the_token_nobody_is_heard_nor_answered(remote, token):
+    server, _ = remote
+    with closing(CommandClient(server.port, token=token)) as stranger:
+        stranger.post(EmergencyStop())
+        assert arrived(server) == []
+        assert server.traffic.malformed == 1
+        assert stranger.receive(0.01) is None
+
+
+def test_another_interface_is_not_listened_on_without_a_token():
+    with pytest.raises(SocketError, match="token only"):
+        CommandServer(0, "0.0.0.0")
+
+
+def test_a_deck_with_another_token_is_not_believed(remote):
+    server, _ = remote
+    with closing(CommandClient(server.port, token=b"fedcba9876543210")) as client:
+        client.post(Status())
+        server.reply(client._socket.getsockname(), Accepted(1))
+        with pytest.raises(SocketError, match="another token"):
+            client.receive(1.0)
