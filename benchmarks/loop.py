@@ -9,8 +9,9 @@ emulated servos. --view attaches the browser view, --hog keeps another core busy
 Lateness is that of a tick after the deadline its own clock promised. Motiondeck's deadlines are the start plus k
 periods; loop-rate-limiters sets each one a period after the last wake-up, so it is late against fewer promises and
 drifts: `drift` is how far the last tick was behind the start plus its number of periods (skipped ticks count as
-taken). An overrun is a tick more than a period late. Without the peer (pip install motiondeck[benchmark]) its rows are
-left out.
+taken). An overrun is a tick more than a period late. Every two seconds a switch is commanded; `change` is how many
+ticks after it the targets were first changed by it (p99). Without the peer (pip install motiondeck[benchmark]) its rows
+are left out.
 """
 
 from __future__ import annotations
@@ -32,11 +33,15 @@ from typing import Any
 for _library in ("OPENBLAS", "OMP", "MKL"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
 
+import numpy as np  # noqa: E402
+
 from controller.cli.body import Cast  # noqa: E402
 from controller.cli.resources import find  # noqa: E402
+from controller.cli.script import Timed  # noqa: E402
 from controller.cli.session import Session, Settings  # noqa: E402
 from controller.realtime.clock import Clock, Ticker  # noqa: E402
 from controller.realtime.deck import Deck  # noqa: E402
+from controller.realtime.messages import Switch  # noqa: E402
 from controller.realtime.permissions import handed_back, request_realtime  # noqa: E402
 from controller.training.library import MotionLibrary, load_library  # noqa: E402
 
@@ -111,6 +116,8 @@ def measure(
     library: MotionLibrary, clock: Clock, fifo: bool, rate: float, options: argparse.Namespace
 ) -> dict[str, Any]:
     """One run; its row of the table."""
+    motions = [name for name in ("jog", "walk", "box1", "waltz") if name in library.network.motions]
+    show = [Timed(2.0 * k, Switch(motions[k % len(motions)])) for k in range(1, int(options.seconds / 2.0))]
     with tempfile.TemporaryDirectory() as folder, hog(options.hog, options.core):
         settings = Settings(
             robot=Cast(
@@ -125,7 +132,7 @@ def measure(
             seconds=options.seconds,
             core=options.core,
         )
-        with Session(library, lambda retarget: Deck(library, retarget, "walk"), [], settings, clock) as session:
+        with Session(library, lambda retarget: Deck(library, retarget, "walk"), show, settings, clock) as session:
             report: dict[str, Any] = session.run()
     skipped = getattr(clock, "skipped", 0)
     seconds = report["ticks"] / report["rate_hz"]
@@ -138,9 +145,16 @@ def measure(
         "overruns": report["overruns"],
         "overruns_percent": 100.0 * report["overruns"] / report["ticks"],
         "drift_ms": 1e3 * (seconds - (report["ticks"] + skipped) / rate),
+        "change_p99_ticks": changed_after(report, rate),
         "work_p50_us": report["work_us"]["p50"],
         "work_p99_us": report["work_us"]["p99"],
     }
+
+
+def changed_after(report: dict[str, Any], rate: float) -> float | None:
+    """The 99th percentile of the ticks from a command to the first targets that it changed."""
+    waits = [s["first_change_s"] - s["commanded_s"] for s in report["switches"] if s["first_change_s"] is not None]
+    return round(rate * float(np.percentile(waits, 99.0)), 3) if waits else None
 
 
 def fifo_permitted() -> bool:
@@ -148,14 +162,14 @@ def fifo_permitted() -> bool:
         return request_realtime()[0].granted
 
 
-HEAD = "| Hz | clock | FIFO | late p50 us | p99 | p99.9 | max | overruns | % | drift ms | work p50 us | p99 |"
+HEAD = "| Hz | clock | FIFO | late p50 us | p99 | p99.9 | max | overruns | % | drift ms | change | work p50 us | p99 |"
 
 
 def line(row: dict[str, Any]) -> str:
     return (
         f"| {row['rate_hz']:g} | {row['clock']} | {'yes' if row['fifo'] else 'no'} | {row['p50_us']:.0f} "
         f"| {row['p99_us']:.0f} | {row['p999_us']:.0f} | {row['max_us']:.0f} | {row['overruns']} "
-        f"| {row['overruns_percent']:.3f} | {row['drift_ms']:.2f} "
+        f"| {row['overruns_percent']:.3f} | {row['drift_ms']:.2f} | {row['change_p99_ticks']} "
         f"| {row['work_p50_us']:.0f} | {row['work_p99_us']:.0f} |"
     )
 

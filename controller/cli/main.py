@@ -21,6 +21,7 @@ from controller.cli import (  # noqa: E402
     clip,
     evaluate,
     fit,
+    gamepad,
     library,
     play,
     plot,
@@ -42,6 +43,7 @@ app = typer.Typer(
 )
 app.command("play")(play.play)
 app.command("send")(send.send)
+app.command("gamepad")(gamepad.gamepad)
 app.command("replay")(replay.replay)
 app.command("plot")(plot.plot)
 app.command("fit")(fit.fit)

@@ -22,6 +22,7 @@ from controller.generators.morph import morph
 from controller.mocap.bone_directions import FIRST_BONE, HEIGHT
 from controller.mocap.posture import Pose, Posture
 from controller.realtime.deck import Deck
+from controller.realtime.joining import Joining
 from controller.rotations import Array, rotate
 from controller.training.fit import Syllabus
 from controller.training.library import MotionLibrary
@@ -31,6 +32,9 @@ RAMP = 120
 LONGEST = 3600
 AFTER = 12
 
+METHODS = ("morph", "deck", "crossfade", "cut")
+"""The thesis's mu ramp; what the deck does by itself; the deck with two runs side by side, and without any fade."""
+
 
 @dataclass(frozen=True)
 class Crossing:
@@ -38,7 +42,7 @@ class Crossing:
 
     Attributes:
         source, target: the motions.
-        method: "morph" for the thesis's, "deck" for ours.
+        method: one of METHODS.
         frames: how long it took.
         velocity, acceleration, jerk: peaks over the larger of both motions' own.
         bone_error: the largest |length / true length - 1| of a bone on the way.
@@ -66,7 +70,7 @@ def all_crossings(
     jobs: int = 1,
     tick: Callable[[], None] = lambda: None,
 ) -> list[Crossing]:
-    """Every ordered pair, by both methods; one switch a pair, at a random moment of the source.
+    """Every ordered pair, by all methods; one switch a pair, at a random moment of the source.
 
     Args:
         library: whose network plays.
@@ -103,10 +107,20 @@ def _from(
             # A motion that happens once has come to its end.
             begin = RAMP + int(rng.integers(RAMP)) if judge.loops[source] else len(syllabus.frames[source])
             after = 2 * len(syllabus.frames[target]) if judge.loops[target] else len(syllabus.frames[target]) + RAMP
-            for method, play in (("morph", _morphed), ("deck", _switched)):
-                run, start, end = play(library, source, target, begin, after)
+            for method in METHODS:
+                run, start, end = _played(method, library, source, target, begin, after)
                 crossings.append(_measured(source, target, method, run, start, end, judge, peaks))
     return crossings
+
+
+def _played(
+    method: str, library: MotionLibrary, source: str, target: str, begin: int, after: int
+) -> tuple[Array, int, int]:
+    """The channels of a run with a transition in it, and where that begins and ends."""
+    if method == "morph":
+        return _morphed(library, source, target, begin, after)
+    joining: dict[str, Joining | None] = {"crossfade": "crossfade", "cut": "cut"}
+    return _switched(library, source, target, begin, after, joining.get(method))
 
 
 def _morphed(library: MotionLibrary, source: str, target: str, begin: int, after: int) -> tuple[Array, int, int]:
@@ -126,9 +140,11 @@ def _morphed(library: MotionLibrary, source: str, target: str, begin: int, after
     return run, begin, begin + RAMP
 
 
-def _switched(library: MotionLibrary, source: str, target: str, begin: int, after: int) -> tuple[Array, int, int]:
+def _switched(
+    library: MotionLibrary, source: str, target: str, begin: int, after: int, joining: Joining | None
+) -> tuple[Array, int, int]:
     """The channels of a run of the deck with a switch in it, and where the switch begins and has settled."""
-    deck = Deck(library, _nothing, source)
+    deck = Deck(library, _nothing, source, joining=joining)
     dt = 1.0 / library.info.rate
     shown = [deck.posture]
     for _ in range(begin):

@@ -3,7 +3,7 @@ import pytest
 
 import synthetic
 from controller.evaluation.tables import crossing_table
-from controller.evaluation.transitions import RAMP, all_crossings
+from controller.evaluation.transitions import METHODS, RAMP, all_crossings
 from controller.training.fit import Syllabus
 
 LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}
@@ -15,11 +15,11 @@ def crossings():
     return all_crossings(synthetic.small_library(), syllabus)
 
 
-def test_every_ordered_pair_is_crossed_both_ways(crossings):
+def test_every_ordered_pair_is_crossed_in_every_way(crossings):
     names = list(synthetic.MOTIONS)
     pairs = [(c.source, c.target) for c in crossings if c.method == "deck"]
     assert pairs == [(a, b) for a in names for b in names if a != b]
-    assert len(crossings) == 2 * len(pairs)
+    assert len(crossings) == len(METHODS) * len(pairs)
 
 
 def test_the_deck_arrives_and_keeps_bones_whole(crossings):
@@ -36,5 +36,13 @@ def test_morphing_takes_its_ramp_and_shrinks_bones(crossings):
 
 def test_the_table_has_a_row_a_method_and_kind_and_every_pair_below(crossings):
     table = crossing_table("t", crossings, LOOPS, [])
-    assert [row["to"] for row in table.rows] == ["loops, morph", "once, morph", "loops, deck", "once, deck"]
+    assert [row["to"] for row in table.rows] == [
+        f"{kind}, {method}" for method in METHODS for kind in ("loops", "once")
+    ]
     assert len(table.details) == len(crossings)
+
+
+def test_a_cut_takes_no_time_and_is_by_far_the_hardest(crossings):
+    hardest = {method: np.median([c.acceleration for c in crossings if c.method == method]) for method in METHODS}
+    assert max(c.frames for c in crossings if c.method == "cut") <= 3
+    assert hardest["cut"] > 5.0 * hardest["deck"]
