@@ -25,6 +25,7 @@ from controller.cli import (  # noqa: E402
     library,
     play,
     plot,
+    preflight,
     recognize,
     replay,
     rig,
@@ -48,6 +49,7 @@ app.command("replay")(replay.replay)
 app.command("plot")(plot.plot)
 app.command("fit")(fit.fit)
 app.command("evaluate")(evaluate.evaluate)
+app.command("preflight")(preflight.preflight)
 app.add_typer(library.app, name="library")
 app.add_typer(clip.app, name="clip")
 app.add_typer(rig.app, name="rig")

@@ -1,0 +1,228 @@
+"""`motiondeck preflight`: whether a robot can play a library, motion by motion and switch by switch, and how fast."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from controller.realtime.interfaces import JointLimits
+    from sim.preflight import Verdict
+    from sim.robot import Robot
+
+
+def preflight(
+    library: Annotated[str, typer.Argument(help="A library file, or a shipped one by its name.")] = "thesis15",
+    robot: Annotated[str, typer.Option("--robot", help="A robot file, or: mannequin, servo20.")] = "servo20",
+    rig: Annotated[
+        str | None, typer.Option("--rig", help="A rig file, whose limits of position, speed and current count too.")
+    ] = None,
+    root: Annotated[
+        str, typer.Option("--root", help="What holds the robot up: gantry, fixed, or nothing (free).")
+    ] = "gantry",
+    balance: Annotated[
+        bool, typer.Option("--balance", help="A free robot keeps its feet in place and its weight above them.")
+    ] = False,
+    speed: Annotated[float, typer.Option("--speed", help="The tempo to judge at, 0.1 to 3.")] = 1.0,
+    motions_only: Annotated[bool, typer.Option("--motions-only", help="Leave the switches out.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
+    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw it (.png, .svg, .pdf).")] = None,
+) -> None:
+    """Find out what would go wrong before a robot plays a library, and at what speed it goes well.
+
+    Every motion and every switch is checked against limits of position and speed, torque, heat and collisions with
+    itself; motions are also played in physics. With `--root free` it counts whether the robot stands. The exit code
+    is 1 if anything is not all right.
+
+    [bold]Examples[/]
+
+      motiondeck preflight thesis15 --robot servo20
+
+      motiondeck preflight thesis15 --robot servo20 --speed 0.46 --motions-only
+
+      motiondeck preflight cmu86 --robot mannequin --root free --balance --json
+    """
+    from controller.cli.resources import find
+    from controller.errors import MotiondeckError
+    from controller.realtime.messages import FASTEST, SLOWEST
+    from controller.training.library import load_library
+    from sim.physics_model import physics_model
+    from sim.preflight import Preflight
+    from sim.robot import load_robot
+    from sim.takes import count_switches, motion_takes, switch_takes, switches_by_way_of
+
+    if not SLOWEST <= speed <= FASTEST:
+        raise MotiondeckError(f"--speed {speed:g} is not between {SLOWEST:g} and {FASTEST:g}")
+    if balance and root != "free":
+        raise MotiondeckError(f"a robot whose root is {root} need not balance: give --root free with --balance")
+    if plot is not None:
+        from controller.cli.preflight_plot import need_matplotlib
+
+        need_matplotlib(plot)
+    loaded = load_library(find("library", library, ".safetensors"))
+    body = load_robot(find("robot", robot, ".toml"), loaded.skeleton)
+    physics_model(body, root)  # an unknown root is better refused now
+    body, limits = _on_rig(body, rig)
+    judge = Preflight(body, limits, root, balance)
+    verdicts: list[Verdict] = []
+    with _progress("motions", len(loaded.network.motions)) as tick:
+        for take in motion_takes(loaded, body):
+            verdicts.append(judge.judge(take, simulate=True, tempo=speed))
+            tick()
+    motions = len(verdicts)
+    if not motions_only:
+        with _progress("switches", count_switches(loaded)) as tick:
+            for take in switch_takes(loaded, body):
+                verdicts.append(judge.judge(take, simulate=False, tempo=speed))
+                tick()
+        verdicts += _by_their_parts({v.name: v for v in verdicts}, switches_by_way_of(loaded))
+    report = _report(verdicts, motions, loaded.info.name, body.name, root, balance, speed)
+    if plot is not None:
+        from controller.cli.preflight_plot import draw
+
+        draw(verdicts[:motions], plot)
+    if as_json:
+        print(json.dumps(report))
+    else:
+        _print(verdicts, motions, report)
+    if not report["ok"]:
+        raise typer.Exit(1)
+
+
+def _on_rig(body: Robot, rig: str | None) -> tuple[Robot, JointLimits]:
+    """The robot with the servos of a rig, and the limits that both allow."""
+    if rig is None:
+        return body, body.limits
+    import msgspec
+
+    from controller.cli.resources import find
+    from controller.cli.rig_output import narrowed
+    from hardware.rig import load_rig
+
+    config = load_rig(find("rig", rig, ".toml"))
+    servo = body.servo
+    if servo is not None:
+        currents = [joint.current for joint in config.joints if joint.current > 0.0]
+        servo = msgspec.structs.replace(
+            servo,
+            current_limit=min([*currents, servo.current_limit or servo.current]),
+            hottest=min(servo.hottest, *(joint.hottest for joint in config.joints)),
+        )
+    return replace(body, servo=servo), narrowed(body.limits, body, config)
+
+
+def _by_their_parts(judged: dict[str, Verdict], ways: dict[tuple[str, str], tuple[str, ...]]) -> list[Verdict]:
+    """Switches that go by way of other motions: all that is found on the way, and the slowest of its speeds."""
+    from sim.preflight import Verdict
+
+    found = []
+    for (source, target), via in ways.items():
+        stops = (source, *via, target)
+        names = [f"{a} > {b}" for a, b in pairwise(stops)] + list(via)
+        parts = [judged[name] for name in names if name in judged]
+        tempos = [part.passes_at for part in parts]
+        passes = None if None in tempos else min(tempo for tempo in tempos if tempo is not None)
+        findings = tuple(finding for part in parts for finding in part.findings)
+        found.append(Verdict(f"{source} > {target}", findings, passes, via))
+    return found
+
+
+def _report(
+    verdicts: list[Verdict], motions: int, library: str, robot: str, root: str, balance: bool, speed: float
+) -> dict[str, Any]:
+    def said(verdict: Verdict) -> dict[str, Any]:
+        # Of a switch by way of others its parts say the numbers.
+        findings = [] if verdict.by_way_of else [asdict(finding) for finding in verdict.findings]
+        return {
+            "name": verdict.name,
+            "ok": verdict.ok,
+            "passes_at": verdict.passes_at,
+            "by_way_of": list(verdict.by_way_of),
+            "troubles": sorted({finding.check for finding in verdict.troubles}),
+            "findings": findings,
+        }
+
+    return {
+        "library": library,
+        "robot": robot,
+        "root": root,
+        "balance": balance,
+        "speed": speed,
+        "ok": all(verdict.ok for verdict in verdicts),
+        "motions": [said(verdict) for verdict in verdicts[:motions]],
+        "switches": [said(verdict) for verdict in verdicts[motions:]],
+    }
+
+
+def _print(verdicts: list[Verdict], motions: int, report: dict[str, Any]) -> None:
+    """A row a motion, green where all is well; of the switches only what is not."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console()
+    held = {"gantry": "on a gantry", "fixed": "fixed"}.get(report["root"], "free" + ", balancing" * report["balance"])
+    table = Table(
+        title=f"{report['library']} on {report['robot']}, {held}, at tempo {report['speed']:g}", box=box.SIMPLE_HEAD
+    )
+    every = [finding for verdict in verdicts[:motions] for finding in verdict.findings]
+    units = {finding.check: finding.unit for finding in every if finding.limit is not None or finding.check == "speed"}
+    for heading in ("", "passes at", *(f"{check}\n[dim]{unit}[/]" for check, unit in units.items())):
+        table.add_column(heading, justify="right" if heading else "left", overflow="fold", min_width=5)
+    for verdict in verdicts[:motions]:
+        found = {finding.check: _cell(finding.value, finding.limit, finding.ok) for finding in verdict.findings}
+        table.add_row(verdict.name, _tempo(verdict), *(found.get(check, "-") for check in units))
+    console.print(table)
+    for verdict in verdicts[:motions]:
+        for finding in verdict.troubles:
+            where = f" ({finding.where})" if finding.where else ""
+            console.print(f"{verdict.name}: {finding.check} {finding.value:.3g} {finding.unit}{where}", highlight=False)
+    switches = verdicts[motions:]
+    if switches:
+        bad = [verdict for verdict in switches if not verdict.ok]
+        console.print(f"\n{len(switches) - len(bad)} of {len(switches)} switches are all right at this tempo")
+        for verdict in bad:
+            if not verdict.by_way_of:
+                checks_bad = ", ".join(sorted({finding.check for finding in verdict.troubles}))
+                console.print(f"[red]{verdict.name}[/]: {checks_bad}; {_remedy(verdict)}", highlight=False)
+        console.print("Switches by way of other motions are judged by their parts.", style="dim")
+    console.print("All numbers: --json. What each means: docs/physics.md", style="dim")
+    if not report["ok"]:
+        console.print("A number in red is beyond its limit; slower: `speed FACTOR` at the prompt or with `send`.")
+
+
+def _cell(value: float, limit: float | None, ok: bool) -> str:
+    words = f"{value:.2f}" if abs(value) < 10.0 else f"{value:.0f}"
+    return words if limit is None else f"[{'green' if ok else 'red'}]{words}[/]"
+
+
+def _tempo(verdict: Verdict) -> str:
+    if verdict.passes_at is None:
+        return "[red]no tempo[/]"
+    return f"[{'green' if verdict.ok else 'yellow'}]{verdict.passes_at:.2f}[/]"
+
+
+def _remedy(verdict: Verdict) -> str:
+    if verdict.passes_at is None:
+        return "no slower tempo mends it"
+    return f"passes at tempo {verdict.passes_at:.2f}"
+
+
+@contextmanager
+def _progress(words: str, total: int) -> Iterator[Callable[[], None]]:
+    """A bar on a terminal, nothing in a pipe."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description:10}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
+        line = bar.add_task(words, total=total)
+        yield lambda: bar.update(line, advance=1)

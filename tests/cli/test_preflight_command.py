@@ -1,0 +1,72 @@
+"""`motiondeck preflight` as its users run it."""
+
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+import synthetic
+from controller.cli.main import app
+from controller.training.library import save_library
+from simulated_bodies import human
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory):
+    path = tmp_path_factory.mktemp("library") / "small.safetensors"
+    save_library(synthetic.small_library(), path)
+    return path
+
+
+def preflight(*arguments):
+    return CliRunner().invoke(app, ["preflight", *map(str, arguments)], env={"COLUMNS": "220"})
+
+
+def test_every_motion_and_every_switch_is_judged_and_the_exit_code_says_so(library, tmp_path):
+    picture = tmp_path / "preflight.png"
+    run = preflight(library, "--robot", "mannequin", "--json", "--plot", picture)
+    said = json.loads(run.stdout)
+    assert run.exit_code == (0 if said["ok"] else 1)
+    assert [motion["name"] for motion in said["motions"]] == ["march", "wave", "bow"]
+    pairs = {f"{a} > {b}" for a in ("march", "wave", "bow") for b in ("march", "wave", "bow") if a != b}
+    assert {switch["name"] for switch in said["switches"]} == pairs
+    checks = {finding["check"] for finding in said["motions"][0]["findings"]}
+    assert {"speed", "held back", "torque", "self-collision", "foot slide", "into the ground"} <= checks
+    assert "physics: off target" in checks
+    assert picture.stat().st_size > 5_000
+
+
+def test_the_table_names_what_is_wrong_and_the_tempo_that_passes(library):
+    run = preflight(library, "--robot", "mannequin", "--motions-only", "--root", "free")
+    assert run.exit_code == 1
+    assert "passes at" in run.stdout
+    assert "off balance" in run.stdout
+    assert "march: physics: stands" in run.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (("--speed", "9"), "--speed 9 is not between"),
+        (("--balance",), "give --root free with --balance"),
+        (("--root", "string"), "root 'string': choose gantry"),
+        (("--plot", "/nowhere/at/all.png"), "no such folder"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(library, arguments, complaint):
+    run = preflight(library, *arguments, "--robot", "mannequin")
+    assert run.exit_code == 1
+    assert complaint in str(run.exception)
+
+
+def test_a_rig_narrows_what_is_allowed():
+    from controller.cli.preflight import _on_rig
+    from controller.cli.resources import find
+    from sim.robot import load_robot
+
+    body = load_robot(find("robot", "servo20", ".toml"), human())
+    on_rig, limits = _on_rig(body, "servo20")
+    assert (limits.velocity <= body.limits.velocity).all()
+    assert limits.velocity.max() == 4.7
+    assert on_rig.servo is not None
+    assert on_rig.servo.hottest == 80.0
