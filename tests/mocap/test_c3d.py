@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from recordings import c3d_bytes
 
 from controller.errors import FileFormatError
 from controller.mocap.c3d import read_c3d
+from recordings import c3d_bytes
 
 LABELS = ["eva:C7", "eva:CLAV", "*3"]
 

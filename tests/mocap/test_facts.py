@@ -4,11 +4,11 @@ import json
 
 import numpy as np
 import pytest
-from recordings import BVH
 
 from controller.mocap.clip import Clip
 from controller.mocap.facts import Recording, facts, gaps, read_recording
 from controller.mocap.marker_fit import Fit
+from recordings import BVH
 from simulated_bodies import human
 
 

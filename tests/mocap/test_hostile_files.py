@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from recordings import AMC, ASF, BVH, c3d_bytes, mat_bytes, pattern_fields
 
 from controller.errors import MotiondeckError
 from controller.mocap.amc import read_amc
@@ -12,6 +11,7 @@ from controller.mocap.asf import read_asf
 from controller.mocap.bvh import read_bvh
 from controller.mocap.c3d import read_c3d
 from controller.mocap.patterns import read_pattern
+from recordings import AMC, ASF, BVH, c3d_bytes, mat_bytes, pattern_fields
 
 pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")
 

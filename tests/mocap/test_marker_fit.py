@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from recordings import c3d_bytes
 
 from controller.errors import FileFormatError
 from controller.mocap.c3d import Markers, read_c3d
@@ -11,6 +10,7 @@ from controller.mocap.patterns import JAEGER_BONES
 from controller.mocap.reading import read_clip
 from controller.mocap.rest_pose import TO_OURS
 from controller.rotations import conjugate, rotate
+from recordings import c3d_bytes
 from simulated_bodies import human, smooth_poses
 
 HALF_HIPS = 0.09  # of the made-up human
