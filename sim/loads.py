@@ -144,6 +144,8 @@ def _motion(robot: Robot, take: Take) -> tuple[Array, Array, Array]:
     """Positions (T, nq), velocities and accelerations (T, nv) of a take as it is played within the joints' range."""
     model, count = robot.model, len(take.targets)
     qpos = np.empty((count, model.nq))
+    if robot.footing is not None:
+        robot.footing.reset()
     for k, pose in enumerate(take.poses):
         robot.place(np.clip(take.targets[k], robot.limits.lower, robot.limits.upper), pose, qpos[k])
     qvel, step = np.empty((count, model.nv)), np.empty(model.nv)

@@ -152,6 +152,8 @@ class Preflight:
         targets, poses = _ticks(take, tempo)
         envelope = SafetyEnvelope(self.limits, TICK)
         envelope.start(np.clip(targets[0], self.limits.lower, self.limits.upper))
+        if self.robot.footing is not None:
+            self.robot.footing.reset()
         stage = PhysicsPlayback(self.robot, TICK, root, self.balance and root == "free")
         ticks = len(targets) if rounds is not None else round(FALL_SECONDS / TICK)
         off = np.zeros((ticks, targets.shape[1]))

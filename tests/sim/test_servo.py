@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.errors import FileFormatError, UnknownNameError
+from controller.errors import FileFormatError
 from sim.playback import PhysicsPlayback
 from sim.robot import load_robot
 from sim.servo import ROOM, Servo
@@ -72,7 +72,7 @@ def test_play_and_latency_show(tmp_path):
 @pytest.mark.parametrize(
     ("extra", "error", "complaint"),
     [
-        ("torqe = 3.0", UnknownNameError, r"servo\.torqe.*Did you mean torque"),
+        ("torqe = 3.0", FileFormatError, r"'torqe' in \[servo\].*Did you mean 'torque'"),
         ("backlash = -1.0", FileFormatError, r"servo\.backlash"),
         ("latency = inf", FileFormatError, r"servo\.latency is inf"),
     ],
