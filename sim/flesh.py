@@ -12,12 +12,10 @@ from typing import Literal
 import numpy as np
 
 from controller.mocap.anatomy import Anatomy, Part
-from controller.mocap.rest_pose import FOOT_SLOPE
+from controller.mocap.rest_pose import FOOT_SLOPE, LEG_PER_STATURE
 from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array, cross
 
-# The hip of an adult stands at 0.530 of the stature and the ankle at 0.039 (Winter 2009, fig. 4.1).
-LEG_PER_STATURE = 0.530 - 0.039
 REFERENCE_STATURE = 1.80
 
 # Mass of each part in percent of the body's, men (de Leva 1996, table 4); a limb's share is that of one side. The
@@ -35,6 +33,15 @@ PART_MASS: dict[Part, float] = {
     "foot": 1.37,
 }
 BODY_MASS_INDEX = 24.0
+
+# Where the mass of a limb's bone sits along it, and its radii of gyration across and along, in shares of its length
+# (de Leva 1996, table 4, men).
+LIMB_INERTIA: dict[Part, tuple[float, float, float]] = {
+    "upper arm": (0.577, 0.277, 0.158),
+    "forearm": (0.457, 0.270, 0.121),
+    "thigh": (0.410, 0.329, 0.149),
+    "shank": (0.446, 0.252, 0.103),
+}
 
 SMALLEST_MASS = 0.05
 
@@ -68,9 +75,10 @@ class Solid:
         return np.pi * a * a * (4.0 / 3.0 * a + 2.0 * c)
 
 
-def stature(skeleton: Skeleton) -> float:
-    """How tall a person with these legs is, m; a skeleton without legs is taken to be 1.80 m tall."""
-    leg = skeleton.leg_length
+def stature(skeleton: Skeleton, parts: Anatomy) -> float:
+    """How tall a person with these thighs and shanks is, m, or else with legs that long; without any, 1.80 m."""
+    legs = [*parts.all("thigh"), *parts.all("shank")]
+    leg = float(skeleton.length[legs].sum()) / 2.0 if len(legs) == 4 else skeleton.leg_length
     return leg / LEG_PER_STATURE if leg > 0.05 else REFERENCE_STATURE
 
 
@@ -84,7 +92,7 @@ def bone_frame(direction: Array) -> Array:
 
 def pelvis(skeleton: Skeleton, parts: Anatomy) -> list[Solid]:
     """What sits on the root itself."""
-    s = stature(skeleton) / REFERENCE_STATURE
+    s = stature(skeleton, parts) / REFERENCE_STATURE
     ends = skeleton.rest_direction * skeleton.length[:, None]
     hips = [bone for side in ("left", "right") if (bone := parts.first("hip", side)) is not None]
     width = max((abs(float(ends[hip, 1])) for hip in hips), default=0.09 * s)
@@ -98,7 +106,7 @@ def pelvis(skeleton: Skeleton, parts: Anatomy) -> list[Solid]:
 
 def flesh(skeleton: Skeleton, parts: Anatomy, bone: int) -> list[Solid]:
     """What sits on a bone; at least one solid, however short the bone."""
-    s = stature(skeleton) / REFERENCE_STATURE
+    s = stature(skeleton, parts) / REFERENCE_STATURE
     length = max(float(skeleton.length[bone]), 0.01 * s)
     axes = bone_frame(skeleton.rest_direction[bone])
     part = parts.part[bone]
@@ -155,8 +163,35 @@ def masses(skeleton: Skeleton, parts: Anatomy) -> Array:
             if bones:
                 length = skeleton.length[bones] + 1e-3
                 share[np.array(bones) + 1] = percent * length / length.sum()
-    total = BODY_MASS_INDEX * stature(skeleton) ** 2
+    total = BODY_MASS_INDEX * stature(skeleton, parts) ** 2
     return np.maximum(share / 100.0 * total, SMALLEST_MASS)
+
+
+@dataclass(frozen=True)
+class Inertia:
+    """How the mass of a bone is spread.
+
+    Attributes:
+        centre: where its middle is, from the start of the bone, shape (3,), m.
+        axes: columns are its principal axes, shape (3, 3).
+        moments: about these, shape (3,), kg m^2.
+    """
+
+    centre: Array
+    axes: Array
+    moments: Array
+
+
+def limb_inertia(skeleton: Skeleton, parts: Anatomy, bone: int, mass: float) -> Inertia | None:
+    """How the mass of a limb's bone is spread; None for others, whose solids tell."""
+    length = float(skeleton.length[bone])
+    share = LIMB_INERTIA.get(parts.part[bone])
+    if share is None or length < 0.05:
+        return None
+    centre, across, along = share
+    moments = mass * length**2 * np.array([across**2, across**2, along**2])
+    direction = skeleton.rest_direction[bone]
+    return Inertia(centre * length * direction, bone_frame(direction), moments)
 
 
 def _torso(skeleton: Skeleton, parts: Anatomy, bone: int, axes: Array, s: float) -> Solid:

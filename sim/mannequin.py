@@ -15,7 +15,7 @@ import numpy as np
 from controller.mocap.anatomy import Anatomy, Part, anatomy
 from controller.mocap.skeleton import ROOT, Skeleton
 from controller.rotations import Array, from_matrix
-from sim.flesh import Solid, flesh, masses, pelvis
+from sim.flesh import Solid, flesh, limb_inertia, masses, pelvis
 from sim.stage import add_gantry, add_lamp, set_stage
 
 ROOT_BODY = "(root)"  # no bone is called that
@@ -90,6 +90,11 @@ def build_mannequin(skeleton: Skeleton) -> mujoco.MjSpec:
         )
         body.add_site(name=name, pos=skeleton.rest_direction[bone] * skeleton.length[bone], size=[0.005] * 3, group=4)
         _dress(body, flesh(skeleton, parts, bone), mass[bone + 1], parts.side[bone])
+        spread = limb_inertia(skeleton, parts, bone, mass[bone + 1])
+        if spread is not None:
+            body.explicitinertial = True
+            body.mass, body.ipos, body.inertia = mass[bone + 1], spread.centre, spread.moments
+            body.iquat = from_matrix(spread.axes)
         bodies[bone] = body
     _add_servos(spec, skeleton, parts, height)
     add_lamp(root, height)

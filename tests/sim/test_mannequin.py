@@ -4,8 +4,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from controller.mocap.anatomy import anatomy
 from controller.mocap.patterns import read_pattern
 from controller.mocap.posture import Pose
+from controller.mocap.reading import read_clip
 from sim.flesh import stature
 from sim.layout import Layout
 from sim.mannequin import build_mannequin
@@ -47,9 +49,58 @@ def test_recorded_motions_play_back_exactly(mocap_data, motion):
     assert joint_error(model, clip.skeleton, poses) <= 1e-6
 
 
+SKELETONS = (
+    *(f"cmu/{subject}/{subject}.asf" for subject in ("02", "07", "08", "09", "10", "16", "35", "86")),
+    *(f"hdm05/HDM_{actor}.asf" for actor in ("bd", "bk", "dg", "mm", "tr")),
+    "bvh/cgspeed-3dsmax_cmu_131_01.bvh",
+    "bvh/cgspeed-motionbuilder_cmu_12_01.bvh",
+    "bvh/iclone_cmu_02_03.bvh",
+    "c3d/16_36_runjog.c3d",
+)
+
+
+@pytest.mark.parametrize("file", SKELETONS)
+def test_every_skeleton_there_is_plays_back_exactly(mocap_data, file):
+    path = mocap_data / file
+    skeleton = path if path.suffix == ".asf" else None
+    if skeleton is not None:
+        near = (
+            path.parent.glob("*.amc") if file.startswith("cmu") else path.parent.glob(f"squat1Reps/{path.stem}_*.amc")
+        )
+        path = min(near, key=lambda recording: recording.stat().st_size)
+    clip = read_clip(path, skeleton)
+    model = build_mannequin(clip.skeleton).compile()
+    poses = [
+        Pose(clip.root_position[frame], np.zeros(()), clip.rotation[frame])
+        for frame in np.linspace(0, len(clip) - 1, 20).astype(int)
+    ]
+    assert joint_error(model, clip.skeleton, poses) <= 1e-9
+    # And the body is one that people have.
+    assert 50.0 < model.body_mass.sum() < 100.0
+    assert 1.5 < stature(clip.skeleton, anatomy(clip.skeleton)) < 2.0
+
+
 def test_it_weighs_what_a_person_of_its_size_weighs():
     model = build_mannequin(human()).compile()
-    assert 20.0 < model.body_mass.sum() / stature(human()) ** 2 < 27.0
+    assert 20.0 < model.body_mass.sum() / stature(human(), anatomy(human())) ** 2 < 27.0
+
+
+def test_limbs_swing_as_a_person_s_do():
+    """Mass, its middle and its spread of each limb are those that de Leva (1996) measured."""
+    body = human()
+    model = build_mannequin(body).compile()
+    whole = model.body_mass.sum()
+    for bone, share, centre, radius in (
+        ("rkne", 0.1416, 0.41, 0.329),
+        ("lank", 0.0433, 0.446, 0.252),
+        ("relb", 0.0271, 0.577, 0.277),
+        ("lwri", 0.0162, 0.457, 0.27),
+    ):
+        index, length = model.body(bone).id, body.length[body.index(bone)]
+        assert model.body_mass[index] / whole == pytest.approx(share, rel=0.05)
+        assert model.body_ipos[index] @ body.rest_direction[body.index(bone)] == pytest.approx(centre * length)
+        most = np.sqrt(model.body_inertia[index].max() / model.body_mass[index])
+        assert most == pytest.approx(radius * length)
 
 
 def test_it_stands_on_the_floor_and_reaches_as_high_as_a_person():
@@ -60,7 +111,7 @@ def test_it_stands_on_the_floor_and_reaches_as_high_as_a_person():
     mujoco.mj_kinematics(model, data)
     moving = model.body_weldid[model.geom_bodyid] != 0
     top = (data.geom_xpos[moving, 2] + model.geom_rbound[moving]).max()
-    assert 0.9 * stature(body) < top < 1.1 * stature(body)
+    assert 0.9 * stature(body, anatomy(body)) < top < 1.1 * stature(body, anatomy(body))
 
 
 def test_left_and_right_limbs_differ_in_colour():
