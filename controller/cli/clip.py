@@ -105,10 +105,9 @@ def view(
     import numpy as np
 
     from controller.cli.clip_act import act_of
-    from controller.cli.page import free_port
+    from controller.cli.page import show_act
     from controller.cli.pictures import FILM, film_frames
     from controller.cli.resources import find
-    from sim.clip_page import show as show_act
 
     clip = _read(file, skeleton).clip
     body = None if robot is None else find("robot", robot, ".toml")
@@ -119,8 +118,6 @@ def view(
         film_frames(act.model, act.qpos[shown], len(shown), video)
         print(f"wrote {video} ({len(shown)} frames)")
         return
-    port = free_port(port)
-    print(f"page: http://127.0.0.1:{port}", flush=True)
     show_act(act, port)
 
 

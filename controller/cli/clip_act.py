@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from controller.errors import MotiondeckError
 from controller.mocap.clip import Clip
 from controller.mocap.posture import Pose
+from controller.realtime.recording import Recording
 from controller.rotations import Array
 
 if TYPE_CHECKING:
@@ -20,7 +22,9 @@ if TYPE_CHECKING:
 
     from sim.clip_page import Act
     from sim.feet import Foot
+    from sim.robot import Robot
 
+PICTURES = 60.0  # frames a second that are kept of a recorded run
 GHOST = 0.45  # opacity of the human where a robot or its bones are to be seen
 FLOOR = "floor"
 
@@ -52,6 +56,35 @@ def act_of(clip: Clip, robot: Path | None, ghost: bool = True) -> Act:
     bones = np.stack([joints[:, parent], joints[:, 1:]], axis=2)
     title = f"Motiondeck · {clip.name}" + ("" if robot is None else f" · {robot.stem}")
     return Act(title, model, qpos, clip.rate, bones, footprints(model, corners, stands), stands, corners)
+
+
+def act_of_recording(recording: Recording, robot: Robot) -> Act:
+    """What is to be shown of a recorded run: the robot where it was told to be, with its steps.
+
+    Raises:
+        MotiondeckError: if nothing was recorded, or it was another robot's.
+    """
+    from sim.clip_page import Act
+    from sim.feet import find_feet
+    from sim.stage import body_height
+    from sim.steps import footprints, soles, standing
+
+    fields = recording.fields
+    if recording.ticks == 0 or fields["targets"].shape[1] < len(robot.joints):
+        raise MotiondeckError(f"the recording holds no targets for the {len(robot.joints)} joints of {robot.name}")
+    rate = float(recording.description["rate"])
+    thin = max(1, round(rate / PICTURES))
+    model = robot.model
+    qpos = np.empty((len(range(0, recording.ticks, thin)), model.nq))
+    for row, tick in enumerate(range(0, recording.ticks, thin)):
+        pose = Pose(fields["root_position"][tick], fields["heading"][tick, 0], fields["root_rotation"][tick][None])
+        robot.place(fields["targets"][tick, : len(robot.joints)], pose, qpos[row])
+    feet = find_feet(model, model.qpos0)
+    corners = soles(model, qpos, feet)
+    stands = standing(corners, rate / thin, body_height(model))
+    title = f"Motiondeck · {robot.name} · replay"
+    no_bones = np.zeros((len(qpos), 0, 2, 3))
+    return Act(title, model, qpos, rate / thin, no_bones, footprints(model, corners, stands), stands, corners)
 
 
 def _poses(clip: Clip) -> list[Pose]:

@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from controller.cli.body import Body, Stage
 from controller.cli.child import child_process
@@ -20,6 +20,9 @@ from controller.realtime.loop import LoopState
 from controller.realtime.recording import MODES
 from controller.realtime.stop import StopRequest
 from controller.realtime.telemetry import StateWriter
+
+if TYPE_CHECKING:
+    from sim.clip_page import Act
 
 PICTURE_HZ = 50.0
 HEALTH_EVERY = 12  # pictures
@@ -141,6 +144,15 @@ class Page:
     def close(self) -> None:
         """Tells the view that this was all; may be called twice."""
         self._writer.close()
+
+
+def show_act(act: Act, port: int) -> None:
+    """Shows an act on a page of its own until Ctrl-C."""
+    from sim.clip_page import show
+
+    port = free_port(port)
+    print(f"page: http://127.0.0.1:{port}", flush=True)
+    show(act, port)
 
 
 def free_port(port: int) -> int:

@@ -24,6 +24,9 @@ def replay(
     rig: Annotated[
         str | None, typer.Option("--rig", help="Stream to servos: a rig file, or 'emulated' for emulated ones.")
     ] = None,
+    scrub: Annotated[
+        bool, typer.Option("--scrub", help="Show it on a page with a bar to drag through time; nothing is driven.")
+    ] = False,
     headless: Annotated[bool, typer.Option("--headless", help="No page and no terminal.")] = False,
     rate: Annotated[
         float | None, typer.Option("--rate", help="Ticks of the loop a second; by itself what was recorded.")
@@ -36,6 +39,8 @@ def replay(
     as_json: Annotated[bool, typer.Option("--json", help="Print a report as one JSON object in the end.")] = False,
 ) -> None:
     """Replay a recording: the same targets, through the same limits; speed, pause, home and estop work as in `play`.
+
+    With --scrub the targets are shown on a page where one can drag a bar through time and step from frame to frame.
 
     Example:  motiondeck replay show.rec --rig emulated
     """
@@ -53,6 +58,13 @@ def replay(
         print(f"{file} was cut short: its last whole chunk ends after {recording.ticks} ticks", file=sys.stderr)
     body = robot or str(recording.description["robot"])
     loaded = load_library(find("library", library or str(recording.description["library"]), ".safetensors"))
+    if scrub:
+        from controller.cli.clip_act import act_of_recording
+        from controller.cli.page import show_act
+        from sim.robot import load_robot
+
+        show_act(act_of_recording(recording, load_robot(find("robot", body, ".toml"), loaded.skeleton)), page_port)
+        return
     settings = Settings(
         robot=Cast(find("robot", body, ".toml"), rig_file(rig, body), rig == "emulated"),
         rate=rate if rate is not None else float(recording.description["rate"]),

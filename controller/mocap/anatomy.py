@@ -16,6 +16,9 @@ import numpy as np
 
 from controller.mocap.skeleton import ROOT, Skeleton
 
+# Forearm and hand, as recorded mostly without the fingers, over the upper arm.
+BEYOND_ELBOW = 1.25
+
 Part = Literal[
     "trunk", "neck", "head", "hip", "thigh", "shank", "foot", "clavicle", "upper arm", "forearm", "hand", "other"
 ]
@@ -119,8 +122,12 @@ def _name_leg(skeleton: Skeleton, main: Sequence[int], limb: np.ndarray, part: l
 
 def _name_arm(skeleton: Skeleton, main: Sequence[int], limb: np.ndarray, part: list[Part]) -> None:
     length = skeleton.length[list(main)]
-    # An upper arm and a forearm may be equally long: then the first is the upper arm.
-    upper = min(int(np.flatnonzero(length >= 0.9 * length.max())[0]), max(len(main) - 2, 0))
+    upper = 0
+    if len(main) > 1:
+        # The longest bone; a collar bone or a forearm may be as long, but what lies beyond it tells them apart.
+        ratio = np.maximum(length.sum() - np.cumsum(length), 1e-9)[:-1] / np.maximum(length[:-1], 1e-9)
+        nearly_longest = length[:-1] >= 0.9 * length[:-1].max()
+        upper = int(np.argmin(np.where(nearly_longest, np.abs(np.log(ratio / BEYOND_ELBOW)), np.inf)))
     _name(skeleton, main, limb, upper, part, ("clavicle", "upper arm", "forearm", "hand"))
 
 

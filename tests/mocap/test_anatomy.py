@@ -1,7 +1,7 @@
 from hypothesis import given
 
 from controller.mocap.anatomy import anatomy
-from simulated_bodies import HUMAN, human, skeleton_of, skeletons
+from simulated_bodies import AHEAD, DOWN, HUMAN, human, skeleton_of, skeletons
 
 
 def test_a_human_is_told_by_its_shape():
@@ -41,3 +41,31 @@ def test_any_skeleton_gets_a_part_and_a_side_for_every_bone(skeleton):
     parts = anatomy(skeleton)
     assert len(parts.part) == len(parts.side) == len(skeleton)
     assert all(parts.part[bone] == part for part in set(parts.part) for bone in parts.all(part))
+
+
+def test_a_collar_bone_longer_than_the_upper_arm_is_none():
+    """As in the skeleton of one of HDM05's actors, and on one side only."""
+    lengths = {"lsho": 0.262, "lelb": 0.259, "lwri": 0.194, "lhan": 0.2}
+    body = skeleton_of([(name, parent, way, lengths.get(name, length)) for name, parent, way, length in HUMAN])
+    parts = anatomy(body)
+    assert [parts.part[body.index(name)] for name in lengths] == ["clavicle", "upper arm", "forearm", "hand"]
+
+
+def test_forearms_as_long_as_upper_arms_are_none():
+    lengths = {"rsho": 0.13, "relb": 0.252, "rwri": 0.257, "rhan": 0.18}
+    body = skeleton_of([(name, parent, way, lengths.get(name, length)) for name, parent, way, length in HUMAN])
+    parts = anatomy(body)
+    assert [parts.part[body.index(name)] for name in lengths] == ["clavicle", "upper arm", "forearm", "hand"]
+
+
+def test_twist_bones_and_breasts_are_no_limbs_and_fingers_are_hands():
+    more = (
+        ("ltwist", 4, DOWN, 0.24),  # beside the thigh
+        ("breast", 8, (1, 0.4, 0), 0.16),
+        ("rthumb", 13, AHEAD, 0.04),
+    )
+    body = skeleton_of([*HUMAN, *more])
+    parts = anatomy(body)
+    assert [parts.part[body.index(name)] for name in ("ltwist", "breast", "rthumb")] == ["other", "other", "hand"]
+    plain = anatomy(human())
+    assert parts.part[: len(HUMAN)] == plain.part
