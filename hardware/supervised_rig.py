@@ -1,4 +1,4 @@
-"""A rig that looks after itself while a loop drives it: it eases hot joints, and comes back after what can be mended.
+"""A rig that looks after itself while a loop drives it: it eases hot and strained joints, and mends what can be.
 
     the bus was silent too long      the watchdogs are cleared; the joints start again from where they stand
     a servo has restarted            it is checked, set up and switched on again where it stands
@@ -26,6 +26,7 @@ from hardware.errors import MotiondeckError, PortError, RigError
 from hardware.faults import RigFaults
 from hardware.rig import RigConfig
 from hardware.scale import Array
+from hardware.strain import Strain
 from hardware.switching import describe_errors, resume
 from hardware.timings import Timings
 
@@ -80,6 +81,7 @@ class SupervisedRig:
         self._speed = np.array([joint.velocity for joint in config.joints])
         self._hottest = np.array([joint.hottest for joint in config.joints])
         self._ease = np.ones(len(self.names))
+        self._strain = Strain(config)
         self._catching_up = np.zeros(len(self.names), dtype=np.bool_)
         self._last_write = self._rig.now()
         self._heard = np.full(len(self.names), self._last_write)
@@ -143,6 +145,11 @@ class SupervisedRig:
     def easing(self) -> Array:
         """The part of its speed limit that each joint may use now, shape (J,)."""
         return np.where(self._catching_up, np.minimum(self._ease, _CATCHING_UP), self._ease)
+
+    @property
+    def yielding(self) -> NDArray[np.bool_]:
+        """Which joints push against something and give way, shape (J,)."""
+        return self._strain.yielding
 
     @property
     def mending(self) -> bool:
@@ -256,12 +263,20 @@ class SupervisedRig:
         now = self._rig.now()
         step = self._speed * min(_LONGEST_STEP, max(0.0, now - self._last_write))
         self._last_write = now
+        strain = self._strain
+        if strain.yielding.any():
+            here = self._rig.positions
+            near = np.clip(targets, here - strain.reach, here + strain.reach)
+            targets = np.where(strain.yielding, near, targets)
+            self._catching_up |= strain.yielding
         easing = self.easing
         if (easing >= 1.0).all():
             return targets
         goals = self._rig.goals
-        held = np.where(easing < 1.0, goals + np.clip(targets - goals, -easing * step, easing * step), targets)
-        self._catching_up &= ~(np.abs(targets - held) < _CAUGHT_UP)
+        held = np.where(
+            (easing < 1.0) & ~strain.yielding, goals + np.clip(targets - goals, -easing * step, easing * step), targets
+        )
+        self._catching_up &= strain.yielding | ~(np.abs(targets - held) < _CAUGHT_UP)
         return held
 
     def _look_after(self) -> None:
@@ -273,6 +288,7 @@ class SupervisedRig:
         rig, now = self._rig, self._rig.now()
         known = np.isfinite(rig.temperatures)
         margin = np.where(known, self._hottest - rig.temperatures, np.inf)
+        self._strain.note(rig.currents, now)
         self._ease = np.clip((margin - _EASED_TO) / (_EASED_FROM - _EASED_TO), _LEAST, 1.0)
         self._heard[rig.missed_in_a_row == 0] = now
         down = ~rig.torque & (rig.errors != 0)

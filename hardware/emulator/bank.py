@@ -26,6 +26,8 @@ VOLTAGE, HEAT, OVERLOAD = 0x01, 0x04, 0x20
 _SHORTEST_STEP = 0.001
 _IN_POSITION = 0x01
 _PROFILE_ONGOING = 0x02
+_NOT_FOLLOWING = 0x08
+_FOLLOWING_WINDOW = 200  # pulses, more than a free servo lags at full speed; the manual gives no figure
 _IN_POSITION_WINDOW = 20  # pulses; the manual gives no figure
 _RECTANGLE, _TRIANGLE, _TRAPEZOID = 0x10, 0x20, 0x30
 _OFFSET_IN_ONE_TURN = 1024  # pulses: position mode ignores homing offsets beyond
@@ -247,7 +249,10 @@ class ServoBank:
         registers["moving"] = np.abs(velocity) > registers["moving_threshold"]
         arrived = np.abs(drive.target - drive.shaft) <= _IN_POSITION_WINDOW
         ongoing = (np.abs(drive.target - drive.path) > 0.5) & drive.on
-        registers["moving_status"] = _IN_POSITION * arrived + (_PROFILE_ONGOING | self._shape) * ongoing
+        behind = (np.abs(drive.path - drive.shaft) > _FOLLOWING_WINDOW) & drive.on
+        registers["moving_status"] = (
+            _IN_POSITION * arrived + (_PROFILE_ONGOING | self._shape) * ongoing + _NOT_FOLLOWING * behind
+        )
         registers["realtime_tick"] = int(self._time * 1e3) % 32768
         registers["present_input_voltage"] = np.rint(drive.supply * 10.0)
         registers["present_temperature"] = np.rint(drive.temperature)

@@ -45,6 +45,24 @@ def test_velocity_and_current_have_the_joints_own_direction(rig, port):
     assert (rig.velocities < -1.0).all()
 
 
+def test_one_read_of_13_bytes_brings_all_that_is_watched(rig, port):
+    """The indirect cells show current, velocity, position, error, temperature and torque side by side."""
+    port.bus[2].fail(0x01)
+    port.bus.devices[2].bank.drive.temperature[2] = 41.0
+    port.elapse(0.01)
+    port.sent.clear()
+    rig.request_state()
+    port.elapse(0.02)
+    assert rig.collect_state()
+    (request,) = Parser().feed(b"".join(port.sent))
+    assert request.params[:4] == bytes((224, 0, 13, 0))
+    assert rig.temperatures.tolist() == [32.0, 32.0, 41.0, 32.0]
+    assert rig.errors.tolist() == [0, 1, 0, 0]
+    assert rig.torque.all()
+    cells = [port.bus[4][f"indirect_address_{cell}"] for cell in range(1, 14)]
+    assert cells == [126, 127, 128, 129, 130, 131, 132, 133, 134, 135, 70, 146, 64]
+
+
 def test_torque_comes_on_where_the_joints_stand(rig_of_four, port, bus):
     """A goal left from before would make the joints lunge."""
     port.bus[1].bank.shaft[:] = [1500.0, 2500.0, 1200.0, 2700.0]

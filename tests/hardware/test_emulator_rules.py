@@ -284,6 +284,61 @@ def test_the_moving_status_names_the_profile(servo, port):
     assert servo.get("moving_status") == 0x01
 
 
+def test_the_moving_status_tells_when_the_profile_is_not_followed(servo, port):
+    """[X] Moving Status (123) bit 3: following error."""
+    servo.put("torque_enable", 1)
+    servo.put("profile_velocity", 50)
+    port.bus[1].bank.drive.jammed[0] = True
+    servo.put("goal_position", 2600)
+    port.elapse(0.8)
+    assert servo.get("moving_status") & 0x08
+    port.bus[1].bank.drive.jammed[0] = False
+    port.elapse(1.0)
+    assert servo.get("moving_status") == 0x01
+
+
+def test_a_trip_of_the_watchdog_zeroes_the_profile_and_keeps_torque(servo, port):
+    """[X] Bus Watchdog (98): on a trip the profile (108, 112) is 0, torque stays; writing 0 clears it."""
+    servo.put("torque_enable", 1)
+    servo.put("profile_velocity", 50)
+    servo.put("profile_acceleration", 4)
+    servo.put("bus_watchdog", 5)
+    port.elapse(0.2)
+    names = ("bus_watchdog", "profile_velocity", "profile_acceleration", "torque_enable")
+    assert [servo.get(name) for name in names] == [-1, 0, 0, 1]
+    assert servo.put("goal_position", 2100) == 4
+    assert (servo.put("bus_watchdog", 0), servo.put("goal_position", 2100)) == (0, 0)
+
+
+def test_a_reboot_forgets_whole_turns(servo, port):
+    """[X] Present Position (132) is reset to one turn by power-up and reboot."""
+    port.bus[1].bank.shaft[0] = 2 * 4096 + 700.0
+    port.elapse(0.01)
+    assert servo.get("present_position") == 2 * 4096 + 700
+    servo.say(wire.reboot(1))
+    port.elapse(0.2)
+    assert servo.get("present_position") == 700
+
+
+def test_an_indirect_cell_has_the_access_and_range_of_its_target(servo):
+    """[X] Indirect Address (168): RAM places 64 to 661 only; Indirect Data (224) inherits access and range."""
+    assert servo.put("indirect_address_1", 63) == 4
+    assert servo.put("indirect_address_1", 662) == 4
+    assert servo.put("indirect_address_1", 132) == 0  # present position: read-only
+    assert servo.put("indirect_data_1", 1) == 7
+    assert servo.put("indirect_address_1", 65) == 0  # LED: 0 or 1
+    assert servo.put("indirect_data_1", 2) == 4
+    assert (servo.put("indirect_data_1", 1), servo.get("led")) == (0, 1)
+
+
+def test_the_realtime_tick_counts_milliseconds_and_starts_over(servo, port):
+    """[X] Realtime Tick (120): 0 to 32767 ms."""
+    port.elapse(1.5)
+    assert servo.get("realtime_tick") == pytest.approx(1500, abs=2)
+    port.elapse(32.0)
+    assert servo.get("realtime_tick") == pytest.approx(33500 - 32768, abs=2)
+
+
 def test_each_servo_waits_its_return_delay_in_a_sync_read_and_once_in_a_fast_one(rig_of_four):
     """[X] Return Delay Time (9): 2 us a count; DynamixelSDK issue 302: a sync read pays it for each servo."""
     port = EmulatedPort(EmulatedBus(rig_of_four), paced=True)

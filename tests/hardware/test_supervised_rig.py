@@ -148,6 +148,18 @@ def test_a_hot_joint_gets_slower_before_it_shuts_down(build):
     assert play(rig, port, [1.0] * 4, 2.0) == 0.0
 
 
+def test_a_blocked_joint_yields_before_it_shuts_down_and_catches_up_when_it_is_free(build):
+    rig, port = build("jam:id=1,at=0.5,for=6")
+    play(rig, port, [0.0] * 4, 0.6)
+    play(rig, port, [1.0] * 4, 4.0)
+    assert rig.yielding.tolist() == [True, False, False, False] or np.abs(rig.currents[0]) < 0.75 * 0.8 * 2.3
+    assert port.bus[1]["hardware_error_status"] == 0
+    assert rig.positions[1:] == pytest.approx([1.0] * 3, abs=0.02)
+    play(rig, port, [1.0] * 4, 4.0)
+    assert rig.positions == pytest.approx([1.0] * 4, abs=0.02)
+    assert not rig.yielding.any()
+
+
 def test_it_may_hold_in_the_end(build):
     rig, port = build(on_exit="hold")
     play(rig, port, [0.3] * 4, 1.0)
