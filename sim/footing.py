@@ -4,16 +4,19 @@ A robot with other proportions than the human's slides and floats if its root ju
 
 - the lowest point of its soles is as high above the floor as that of the human's soles, to scale, and nothing of it is
   ever below the floor: no fixed offset;
-- what touches the floor stays where it is: the root goes back by as much as the touching points of the robot's skin
-  would have gone on. Where nothing touches, the root takes the human's way, to scale.
+- what stands stays where it is: the root goes back by as much as the touching points of the robot's skin would have
+  gone on, those of a foot counting as far as the human's foot is still. Where nothing touches, or slides on purpose,
+  the root takes the human's way, to scale.
 
-The floor of the human is where its feet have been lowest of late, because recordings stand a few centimetres off.
+The floor of the human is where its still foot is, because recordings stand a few centimetres off and even drift.
 """
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's names come from compiled modules, which have no type stubs.)
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
@@ -29,8 +32,12 @@ from sim.surface import Surface
 # point of the skin touches it.
 STANDS = 0.02
 TOUCHES = 0.006
-# The floor rises by this share a tick towards feet that stand a little above it, and sinks at once.
-RISING, STEP = 0.002, 0.1
+# A foot is still if its ball is slower than this, in lengths of the leg a second. Hands and knees, whose stillness is
+# not looked at, count as much as a foot of such a share.
+STILL = 0.2
+OTHERS = 0.2
+# So fast the floor follows a still foot upwards, 1/s; down it follows any foot at once.
+FOLLOWS = 15.0
 TELEPORT = 0.3  # lengths of the leg in one tick: nobody walked there
 
 
@@ -53,49 +60,58 @@ class Soles:
         self._at = np.searchsorted(on_way, self._feet)
         self._length = skeleton.length[self._feet]
 
-    def lowest(self, pose: Pose) -> float:
-        """The height of the lowest point, m."""
+    def __call__(self, pose: Pose) -> tuple[Array, Array]:
+        """Where the balls of the F feet are, shape (F, 3), and how high each foot's lowest point is, shape (F,), m."""
         if not len(self._feet):
-            return float(self._skeleton.joints(pose.root_position, pose.rotation)[:, 2].min())
+            joints = self._skeleton.joints(pose.root_position, pose.rotation)
+            lowest = joints[[np.argmin(joints[:, 2])]]
+            return lowest, lowest[:, 2]
         bones = rotate(pose.rotation[self._bones + 1], self._offset)
         ball = pose.root_position + self._chain @ bones
         foot = bones[self._at]
         # A foot that slopes down by FOOT_SLOPE is flat: then heel and ball are level.
         slope = np.arctan2(-foot[:, 2], np.sqrt(foot[:, 0] ** 2 + foot[:, 1] ** 2)) - FOOT_SLOPE
-        flat = np.cos(FOOT_SLOPE) * self._length
-        heel = ball[:, 2] + 1.25 * flat * np.sin(slope)
-        return float(min(ball[:, 2].min(), heel.min()))
+        heel = ball[:, 2] + 1.25 * np.cos(FOOT_SLOPE) * self._length * np.sin(slope)
+        return ball, np.minimum(ball[:, 2], heel)
 
 
 class Footing:
     """Places the root of one robot, tick by tick."""
 
     def __init__(
-        self, skeleton: Skeleton, model: mujoco.MjModel, feet: list[int], root_rotation: Array, scale: float
+        self,
+        skeleton: Skeleton,
+        model: mujoco.MjModel,
+        feet: Sequence[int],
+        root_rotation: Array,
+        scale: float,
+        dt: float,
     ) -> None:
         """Looks at the robot's skin.
 
         Args:
             skeleton: whose poses will come.
             model: the robot.
-            feet: the bodies whose lowest point is that of the soles.
+            feet: the bodies that are its right and left foot; none for a robot without feet.
             root_rotation: of the root body while the robot stands upright and faces x, shape (4,).
             scale: the robot's size over the human's.
+            dt: seconds from one pose to the next.
         """
         self._soles, self._leg = Soles(skeleton), max(skeleton.leg_length * scale, 1e-3)
         self._model, self._data = model, mujoco.MjData(model)
-        self._turned, self._scale = root_rotation, scale
+        self._turned, self._scale, self._dt = root_rotation, scale, dt
         self._surface = Surface.of(model)
-        soles = np.isin(self._surface.body, feet)
-        self._sole = soles if soles.any() else np.ones(len(soles), dtype=bool)
+        self._foot_of = np.full(len(self._surface.body), -1)
+        for side, foot in enumerate(feet):
+            self._foot_of[np.isin(self._surface.body, below(model, foot))] = side
+        self._sole = self._foot_of >= 0 if len(feet) else np.ones(len(self._foot_of), dtype=bool)
         self.reset()
 
     def reset(self) -> None:
         """Forgets where it was: the next pose stands where the human stands."""
         self._floor: float | None = None
-        self._human = np.zeros(2)
-        self._points = np.zeros((0, 3))
-        self._root = np.zeros(2)
+        self._human = self._root = np.zeros(2)
+        self._balls = self._points = np.zeros((0, 3))
 
     def place(self, pose: Pose, qpos: Array) -> None:
         """Writes the root's position and rotation into qpos (nq,), whose joints are in place already."""
@@ -107,26 +123,39 @@ class Footing:
         points = self._surface.positions(data)
         heights = points[:, 2] - self._surface.radius
         human = self._scale * pose.root_position[:2]
+        balls, lows = self._soles(pose)
+        balls, low = self._scale * balls, self._scale * float(lows.min())
 
-        low = self._scale * self._soles.lowest(pose)
         going = human - self._human
         if self._floor is None or going @ going > (TELEPORT * self._leg) ** 2:
-            self._floor, self._root, self._human, self._points = low, human.copy(), human, points
-            going = human - self._human
-        above = low - self._floor
-        if above < STEP * self._leg:
-            self._floor += min(above, RISING * above)
+            self._floor, self._root, self._human = low, human.copy(), human
+            self._points, self._balls = points, balls
+            going = np.zeros(2)
+        speed = np.sqrt(np.einsum("ij,ij->i", balls - self._balls, balls - self._balls)) / (self._dt * self._leg)
+        still = 1.0 / (1.0 + (speed / STILL) ** 4)
+        rise = low - self._floor
+        self._floor += rise if rise < 0.0 else rise * float(still[np.argmin(lows)]) * min(FOLLOWS * self._dt, 1.0)
+
         height = max(low - self._floor - STANDS * self._leg, 0.0) - float(heights[self._sole].min())
         height = max(height, -float(heights.min()))
         # What is nearest to the floor decides, whatever it is: soles, knees, hands.
-        heights = heights + height
-        weight = np.exp(-heights / (TOUCHES * self._leg))
-        weight[heights > 6.0 * TOUCHES * self._leg] = 0.0
-        touching = min(float(weight.max()), 1.0)
-        if touching > 0.0:
+        weight = np.exp(-(heights + height) / (TOUCHES * self._leg))
+        weight *= np.append(still, OTHERS)[self._foot_of] if len(still) == 2 else OTHERS
+        touching = float(weight.max())
+        weight = weight**2
+        if touching > 1e-6:
             gone = weight @ (points - self._points)[:, :2] / weight.sum()
             going = (1.0 - touching) * going - touching * gone
         self._root = self._root + going
-        self._human, self._points = human, points
+        self._human, self._points, self._balls = human, points, balls
         qpos[:2] = self._root
         qpos[2] = height
+
+
+def below(model: mujoco.MjModel, body: int) -> list[int]:
+    """A body and all that hangs from it."""
+    found = [body]
+    for other in range(body + 1, model.nbody):
+        if int(model.body_parentid[other]) in found:
+            found.append(other)
+    return found

@@ -12,6 +12,8 @@ start from the last answer and no joint goes faster than it may, so the answer n
 
 from __future__ import annotations
 
+from math import cos, sin, sqrt
+
 import daqp
 import numpy as np
 
@@ -25,11 +27,13 @@ from sim.robot_limbs import SIDES, RobotLimbs
 
 # How much a vector counts that is as long as a leg.
 WEIGHT = {"leg": 4.0, "thigh": 1.0, "arm": 3.0, "upper_arm": 1.5, "foot": 2.0, "head": 1.5, "chest": 3.0}
+WEIGHT |= {"upper_arm_start": 2.0, "thigh_start": 2.0}
 # What it costs a joint to be 1 rad away from rest, or to move by 1 rad in a step.
 POSTURE = 3e-4
 DAMPING = 3e-3
 
-STEPS = 2  # a tick
+# A tick takes one step, and another one if a joint went this far in the first, rad.
+FAR, STEPS = 0.1, 2
 FIRST_STEPS, FIRST_REACH = 60, 0.3  # on the way to the first pose: at most so many, each joint by at most so much, rad
 SETTLED = 1e-4  # rad
 
@@ -88,26 +92,28 @@ class LimbSolver:
         """Forgets the last pose: the next one is reached from rest, however far it is, before it is answered."""
         self._q = np.clip(self._rest, self._limits.lower, self._limits.upper)
         self._started = False
+        self._missed = np.zeros(len(self.names))
         self._count, self._square, self._worst = 0, np.zeros(len(self.names)), np.zeros(len(self.names))
 
     def __call__(self, directions: Array, up: Array) -> Array:
         """Targets (N,), rad, for limbs that point in the directions (14, 3) and a vertical (3,), seen from the root."""
         lower, upper = self._limits.lower, self._limits.upper
+        goals = self._goals(directions, up)
         if not self._started:
             self._started = True
             for _ in range(FIRST_STEPS):
-                moved = self._advance(
-                    directions, up, np.maximum(lower - self._q, -FIRST_REACH), np.minimum(upper - self._q, FIRST_REACH)
-                )
-                if moved < SETTLED:
+                low, high = np.maximum(lower - self._q, -FIRST_REACH), np.minimum(upper - self._q, FIRST_REACH)
+                if self._advance(goals, low, high) < SETTLED:
                     break
         else:
             lowest = np.maximum(lower, self._q - self._step)
             highest = np.minimum(upper, self._q + self._step)
             for _ in range(STEPS):
-                if self._advance(directions, up, lowest - self._q, highest - self._q) < SETTLED:
+                if self._advance(goals, lowest - self._q, highest - self._q) < FAR:
                     break
-        self._note(directions, up)
+        self._count += 1
+        self._square += self._missed
+        np.maximum(self._worst, self._missed, out=self._worst)
         return self._q
 
     def shortfall(self) -> dict[str, dict[str, float]]:
@@ -118,12 +124,12 @@ class LimbSolver:
             for k, name in enumerate(self.names)
         }
 
-    def _advance(self, directions: Array, up: Array, low: Array, high: Array) -> float:
+    def _advance(self, goals: Array, low: Array, high: Array) -> float:
         """One step of at least low and at most high (N,), rad; returns how far the joint went that went farthest."""
         limbs = self._limbs
         limbs.place(self._q)
         positions = limbs.positions()
-        goals = self._goals(directions, up, limbs.chest_rotation())
+        goals = self._goals.seen_from_root(goals, limbs.chest_rotation())
         miss = (self._weight * (goals - (positions[1] - positions[0]))).ravel()
         jacobian = (self._weight[:, :, None] * limbs.jacobian(positions)).reshape(len(miss), -1)
         hessian = jacobian.T @ jacobian
@@ -132,19 +138,12 @@ class LimbSolver:
         step, _, flag, _ = daqp.solve(hessian, slope, self._no_rows, high, np.minimum(low, high), self._any_sense)
         if flag < 1:
             # It is a strictly convex problem with bounds that never cross, so this is a number gone wrong: hold.
-            return 0.0
-        step = np.clip(step, low, high)
+            step = np.zeros_like(self._q)
+        step = np.minimum(np.maximum(step, low), high)
         self._q = self._q + step
+        left = (miss - jacobian @ step).reshape(-1, 3) / self._weight
+        self._missed = np.einsum("ij,ij->i", left, left)
         return float(np.abs(step).max())
-
-    def _note(self, directions: Array, up: Array) -> None:
-        positions = self._limbs.positions()
-        goals = self._goals(directions, up, self._limbs.chest_rotation())
-        miss = goals - (positions[1] - positions[0])
-        square = np.einsum("ij,ij->i", miss, miss)
-        self._count += 1
-        self._square += square
-        np.maximum(self._worst, square, out=self._worst)
 
 
 class Goals:
@@ -172,15 +171,21 @@ class Goals:
             if f"{side}_foot_ahead" in names
         ]
         self._length = vectors.length
+        starts = np.array([name.endswith("_start") for name in names])
+        self._held = np.where(starts[:, None], vectors.rest, 0.0)
 
-    def __call__(self, directions: Array, up: Array, chest: Array) -> Array:
-        """The goals (K, 3), m, for directions (14, 3), the vertical (3,), and the robot's chest turned by (3, 3)."""
-        goals = self._mix @ directions
-        if len(self._with_chest):
-            goals[self._with_chest] = goals[self._with_chest] @ chest.T
+    def __call__(self, directions: Array, up: Array) -> Array:
+        """The goals (K, 3), m, for directions (14, 3) and the vertical (3,); arms and head as the chest sees them."""
+        goals = self._held + self._mix @ directions
         for k, thigh, shank, foot in self._feet:
             goals[k], goals[k + 1] = self._length[k] * sole(directions[thigh], directions[shank], directions[foot], up)
         return goals
+
+    def seen_from_root(self, goals: Array, chest: Array) -> Array:
+        """The goals (K, 3) of a robot whose chest is turned by (3, 3)."""
+        turned = goals.copy()
+        turned[self._with_chest] = goals[self._with_chest] @ chest.T
+        return turned
 
 
 def sole(thigh: Array, shank: Array, foot: Array, up: Array) -> Array:
@@ -195,12 +200,14 @@ def sole(thigh: Array, shank: Array, foot: Array, up: Array) -> Array:
     # Two planes tell which way a leg faces: that of the bent knee and that of the foot; both contain the shank.
     upright = max(-(sx * ux + sy * uy + sz * uz), 0.0) ** 2
     ax, ay, az = 2.0 * tx + fx, 2.0 * ty + fy, 2.0 * tz + fz
-    across = np.array([ay * sz - az * sy, az * sx - ax * sz, ax * sy - ay * sx])
-    level = np.array([uy * fz - uz * fy, uz * fx - ux * fz, ux * fy - uy * fx])
-    left = upright * level + (1.0 - upright + 1e-6) * across
-    left -= (left @ foot) * foot
-    length = float(np.sqrt(left @ left))
-    left = left / length if length > 1e-6 else np.array([0.0, 1.0, 0.0])
-    lx, ly, lz = left.tolist()
-    above = np.array([fy * lz - fz * ly, fz * lx - fx * lz, fx * ly - fy * lx])
-    return np.stack([np.cos(FOOT_SLOPE) * foot + np.sin(FOOT_SLOPE) * above, left])
+    lying = 1.0 - upright + 1e-6
+    lx = upright * (uy * fz - uz * fy) + lying * (ay * sz - az * sy)
+    ly = upright * (uz * fx - ux * fz) + lying * (az * sx - ax * sz)
+    lz = upright * (ux * fy - uy * fx) + lying * (ax * sy - ay * sx)
+    along = lx * fx + ly * fy + lz * fz
+    lx, ly, lz = lx - along * fx, ly - along * fy, lz - along * fz
+    length = sqrt(lx * lx + ly * ly + lz * lz)
+    lx, ly, lz = (lx / length, ly / length, lz / length) if length > 1e-6 else (0.0, 1.0, 0.0)
+    above = (fy * lz - fz * ly, fz * lx - fx * lz, fx * ly - fy * lx)
+    c, s = cos(FOOT_SLOPE), sin(FOOT_SLOPE)
+    return np.array([[c * fx + s * above[0], c * fy + s * above[1], c * fz + s * above[2]], [lx, ly, lz]])

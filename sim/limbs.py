@@ -66,14 +66,15 @@ class LimbView:
         seen_from = [chest] * len(arms) + [ROOT] * len(legs) + [chest, chest, ROOT, ROOT]
         vector = [*skeleton.rest_direction[[*arms, *legs]], AHEAD, LEFT, AHEAD, LEFT]
         self.length = np.concatenate([skeleton.length[[*arms, *legs]], np.ones(4)])
-        self._bones = np.array(bones) + 1
-        self._seen_from = np.array(seen_from) + 1
+        # Where the entries of the quaternions, and of their matrices, are in a pose's rotations laid out flat.
+        self._quaternions = (4 * (np.array(bones) + 1)[:, None] + np.arange(4))[:, :, None]
+        self._entries = 4 * (np.array(seen_from) + 1)[:, None, None] + ENTRY
         self._turn = np.stack([_turning(v) for v in vector])
 
     def __call__(self, pose: Pose) -> Array:
         """The unit vectors of LIMBS, shape (14, 3)."""
-        from_frame = pose.rotation[self._seen_from][:, ENTRY] * SIGN
-        q = np.matmul(from_frame, pose.rotation[self._bones][:, :, None])
+        flat = pose.rotation.ravel()
+        q = np.matmul(flat.take(self._entries) * SIGN, flat.take(self._quaternions))
         products = np.matmul(q, q.transpose(0, 2, 1)).reshape(len(q), 1, 16)
         return np.matmul(products, self._turn)[:, 0]
 

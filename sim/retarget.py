@@ -115,6 +115,10 @@ class ServoHumanoidRetargeter:
         low, high = np.zeros(len(SERVO_HUMANOID_JOINTS)), np.zeros(len(SERVO_HUMANOID_JOINTS))
         low[self._angle], high[self._angle] = ends.min(axis=0), ends.max(axis=0)
         self._limbs = LimbAngles(low, high)
+        # A robot whose joints are these angles, one by one, gets them as they are.
+        self._same = len(joints) == len(low) == len(angles) and all(
+            angles.get(name) == Angle(joint) for name, joint in zip(SERVO_HUMANOID_JOINTS, joints, strict=True)
+        )
         self._targets = np.zeros(len(joints)) if rest is None else rest.copy()
 
     def reset(self) -> None:
@@ -124,6 +128,8 @@ class ServoHumanoidRetargeter:
     def __call__(self, pose: Pose) -> Array:
         """Targets (J,), rad, within the robot's range; overwritten by the next call."""
         angles = np.array(self._limbs(self._view(pose), up_of(pose)))
+        if self._same:
+            return angles
         self._targets[self._joint] = self._zero + self._sign * angles[self._angle]
         return self._targets
 

@@ -116,7 +116,7 @@ def load_robot(path: Path, skeleton: Skeleton, solver: Solver | None = None, dt:
         return Robot(file.name, spec, model, layout, limits, rest, taught, scale, file.servo)
     retarget = _retargeter(path, file, solver or file.solver, skeleton, model, layout, limits, rest, dt)
     feet = [model.body(file.parts[foot]).id for foot in ("r_foot", "l_foot") if foot in file.parts]
-    footing = Footing(skeleton, model, feet, np.array(file.root_rotation), scale)
+    footing = Footing(skeleton, model, feet, np.array(file.root_rotation), scale, dt)
     return Robot(file.name, spec, model, layout, limits, rest, retarget, scale, file.servo, footing)
 
 

@@ -8,11 +8,21 @@ from typing import Literal
 import msgspec
 
 from controller.config import read_toml
-from controller.errors import FileFormatError
+from controller.errors import FileFormatError, UnknownNameError
 from sim.servo import Servo
 
 Solver = Literal["angles", "ik"]
 SOLVERS: tuple[Solver, ...] = ("angles", "ik")
+
+
+def solver_named(name: str | None) -> Solver | None:
+    """The solver of a name, none for none; UnknownNameError if there is no such solver."""
+    if name is None:
+        return None
+    for solver in SOLVERS:
+        if name == solver:
+            return solver
+    raise UnknownNameError.among("solver", name, SOLVERS)
 
 
 class JointLimit(msgspec.Struct, forbid_unknown_fields=True, frozen=True):

@@ -30,6 +30,8 @@ PARTS = (
     "head",
     *(f"{side}_{part}" for side in SIDES for part in ("upper_arm", "forearm", "hand", "thigh", "shank", "foot")),
 )
+ASIDE = 0.5  # a knee's axis is across its limb if it has less than this share of it
+CARRIED = 0.5  # lengths of the limb above the knee or elbow
 STEEPEST_SOLE = 0.5  # rad: what slopes more than this at rest is no sole
 
 
@@ -39,6 +41,7 @@ class Vectors:
 
     Attributes:
         names: what each is, such as "r_leg", length K.
+        rest: what each is when every joint is at zero, shape (K, 3), m.
         body: of start and end, shape (2, K).
         point: start and end in the frames of these bodies, shape (2, K, 3), m.
         length: shape (K,), m.
@@ -47,6 +50,7 @@ class Vectors:
     names: tuple[str, ...]
     body: NDArray[np.int64]
     point: Array
+    rest: Array
     length: Array
 
 
@@ -103,12 +107,13 @@ class RobotLimbs:
             for joint, (leader, curve) in followers(model).items()
             if leader in index
         ]
-        self._moves = moves[self.vectors.body].astype(np.float64)[..., None]
+        self._moves = moves[self.vectors.body].astype(np.float64)[:, :, None, :]
+        self._difference = self._moves[1] - self._moves[0]
+        self._cross = np.zeros((3, len(index), 3))
         self._follower_moves = [
             np.array([[joint in self._joints_above(int(b)) for b in row] for row in self.vectors.body], dtype=float)
             for _, joint, _ in self._followers
         ]
-        self._from_both = self._moves[1] - self._moves[0]
 
     @property
     def data(self) -> mujoco.MjData:
@@ -136,14 +141,15 @@ class RobotLimbs:
         """How the vectors turn with the joints, shape (K, 3, N), m/rad."""
         axis, anchor = self._data.xaxis[self._joint], self._data.xanchor[self._joint]
         start, end = positions
-        # A joint turns what hangs below it about its axis; what hangs from both ends of a vector turns it as a whole.
-        arm = self._moves[1] * end[:, None] - self._moves[0] * start[:, None] - self._from_both * anchor
-        turn = np.empty((len(end), 3, len(axis)))
-        ax, ay, az = axis.T
-        x, y, z = arm[..., 0], arm[..., 1], arm[..., 2]
-        turn[:, 0] = ay * z - az * y
-        turn[:, 1] = az * x - ax * z
-        turn[:, 2] = ax * y - ay * x
+        # a x p = S_a p for each axis a. A joint moves each end of a vector that hangs below it by a x (end - anchor).
+        cross, count = self._cross, len(axis)
+        cross[1, :, 0], cross[2, :, 0] = axis[:, 2], -axis[:, 1]
+        cross[0, :, 1], cross[2, :, 1] = -axis[:, 2], axis[:, 0]
+        cross[0, :, 2], cross[1, :, 2] = axis[:, 1], -axis[:, 0]
+        swept = (positions.reshape(-1, 3) @ cross.reshape(-1, 3).T).reshape(2, len(end), 3, count)
+        turn = self._moves[1] * swept[1]
+        turn -= self._moves[0] * swept[0]
+        turn -= self._difference * np.einsum("cnk,nk->cn", cross, anchor)
         for (leader, joint, curve), moves in zip(self._followers, self._follower_moves, strict=True):
             q = self._data.qpos[self._qpos[leader]]
             slope = np.polyval(np.polyder(curve[::-1]), q)
@@ -181,12 +187,10 @@ class RobotLimbs:
                 at = self._data.xpos[body]
                 add(f"{part}_{name}", (body, at), (body, at + size * axis))
         self._chest_at_rest = self._data.xmat[self._parts["chest"]].reshape(3, 3).copy()
-        found = Vectors(
-            tuple(names), np.array(ends, np.int64).T.copy(), np.array(points).transpose(1, 0, 2).copy(), np.zeros(0)
-        )
-        body = found.body
-        world = self._data.xpos[body] + rotate(self._data.xquat[body], found.point)
-        return Vectors(found.names, body, found.point, np.linalg.norm(world[1] - world[0], axis=1))
+        body, point = np.array(ends, np.int64).T.copy(), np.array(points).transpose(1, 0, 2).copy()
+        world = self._data.xpos[body] + rotate(self._data.xquat[body], point)
+        rest = world[1] - world[0]
+        return Vectors(tuple(names), body, point, rest, np.linalg.norm(rest, axis=1))
 
     def _limb(self, add, side: str, first: str, second: str, third: str, whole: str) -> float:
         """Adds a limb's upper part and the limb as a whole; returns its length when stretched."""
@@ -195,7 +199,10 @@ class RobotLimbs:
         start = self._joint_of(upper, None)[:2]
         knee_body, knee_at, axis = self._joint_of(lower, upper)
         # How far servos are set aside along the axis of the knee is no matter of where the limb points.
-        knee = knee_body, knee_at + ((start[1] - knee_at) @ axis) * axis
+        aside = float((start[1] - knee_at) @ axis)
+        if abs(aside) > ASIDE * np.linalg.norm(start[1] - knee_at):
+            axis, aside = np.zeros(3), 0.0  # it turns about the limb itself
+        knee = knee_body, knee_at + aside * axis
         tip_body, tip_at = lower, self._tip(lower, knee[1]) if end is None else knee[1]
         if end is not None:
             moved, tip_at, _ = self._joint_of(end, lower)
@@ -203,6 +210,12 @@ class RobotLimbs:
         tip = tip_body, tip_at - ((tip_at - knee[1]) @ axis) * axis
         add(f"{side}_{first}", start, knee)
         add(f"{side}_{whole}", start, tip)
+        # Where a joint far from it carries the beginning of the limb along (a clavicle's), that is to stay where it is.
+        base = self._parts["chest" if whole == "arm" else "pelvis"]
+        between = set(self._joints_above(upper)) - set(self._joints_above(base))
+        far = CARRIED * float(np.linalg.norm(knee[1] - start[1]))
+        if any(np.linalg.norm(self._data.xanchor[joint] - start[1]) > far for joint in between):
+            add(f"{side}_{first}_start", (base, self._data.xpos[base]), start)
         reach = float(np.linalg.norm(knee[1] - start[1]) + np.linalg.norm(tip[1] - knee[1]))
         self.reach[f"{side}_{whole}"] = reach
         return reach

@@ -41,6 +41,7 @@ class Cast:
         emulated: whether the rig's servos are emulated.
         root: what holds the simulated robot: gantry, fixed or free.
         balance: whether a free robot keeps its balance.
+        solver: how motions are carried onto it, in place of what its file says.
     """
 
     robot: Path
@@ -48,6 +49,7 @@ class Cast:
     emulated: bool = False
     root: str = "gantry"
     balance: bool = False
+    solver: str | None = None
 
 
 @dataclass(frozen=True)
@@ -97,8 +99,9 @@ def open_body(
     """
     from sim.playback import KinematicPlayback, PhysicsPlayback
     from sim.robot import load_robot
+    from sim.robot_file import solver_named
 
-    robot = load_robot(cast.robot, library.skeleton)
+    robot = load_robot(cast.robot, library.skeleton, solver_named(cast.solver), 1.0 / rate)
     stage = PhysicsPlayback(robot, 1.0 / rate, cast.root, cast.balance) if physics else KinematicPlayback(robot)
     opening.callback(stage.close)
     rig, limits = None, robot.limits

@@ -49,7 +49,9 @@ def draw_sheet(library: str, robot: str, out: Path) -> None:
     print(f"wrote {out} ({len(rows)} motions)", file=sys.stderr)
 
 
-def film(library: MotionLibrary, robot: str, cues: list[Cue], seconds: float, out: Path) -> dict[str, object]:
+def film(
+    library: MotionLibrary, robot: str, cues: list[Cue], seconds: float, out: Path, solver: str | None = None
+) -> dict[str, object]:
     """Films a script and returns what `play --video --json` says.
 
     Args:
@@ -58,10 +60,12 @@ def film(library: MotionLibrary, robot: str, cues: list[Cue], seconds: float, ou
         cues: what is played when.
         seconds: how long.
         out: the film, .mp4 or .gif.
+        solver: how motions are carried onto the robot, in place of what its file says.
     """
     from sim.robot import load_robot
+    from sim.robot_file import solver_named
 
-    body = load_robot(find("robot", robot, ".toml"), library.skeleton)
+    body = load_robot(find("robot", robot, ".toml"), library.skeleton, solver_named(solver), 1.0 / STEPS_A_SECOND)
     hz, _ = FILM.get(out.suffix.lower(), FILM[".mp4"])
     total = max(1, round(seconds * hz))
     return film_frames(body.model, _frames(library, body, cues, total, hz), total, out)

@@ -27,6 +27,12 @@ def play(
         str, typer.Option("--library", help="A library file, or a shipped one by its name.")
     ] = "thesis15",
     robot: Annotated[str, typer.Option("--robot", help="A robot file, or: mannequin, servo20.")] = "mannequin",
+    solver: Annotated[
+        str | None,
+        typer.Option(
+            "--solver", help="How motions are carried onto the robot: angles or ik; the robot file says by itself."
+        ),
+    ] = None,
     rig: Annotated[
         str | None,
         typer.Option("--rig", help="Stream to servos: a rig file, or 'emulated' for emulated servos of the robot."),
@@ -169,7 +175,7 @@ def play(
                 raise MotiondeckError(f"{script}: in a film there can be switches only")
             cues.append(Cue(timed.at, timed.message.to))
         length = seconds if seconds is not None else max(6.0, cues[-1].at + 4.0)
-        said = film(loaded, robot, cues, length, video)
+        said = film(loaded, robot, cues, length, video, solver)
         _print(said, as_json, f"wrote {video} ({length:g} s, {video.stat().st_size / 1e6:.1f} MB)")
         return
 
@@ -188,7 +194,7 @@ def play(
     if listen is not None and token_file is None:
         raise MotiondeckError(f"--listen {listen} needs --token-file FILE: anybody could move the robot otherwise")
     settings = Settings(
-        robot=Cast(find("robot", robot, ".toml"), rig_file(rig, robot), rig == "emulated", root, balance),
+        robot=Cast(find("robot", robot, ".toml"), rig_file(rig, robot), rig == "emulated", root, balance, solver),
         rate=rate,
         physics=not kinematic,
         realtime=realtime,

@@ -19,6 +19,10 @@ app = typer.Typer(help="Robots: list them, look into one, and fit motions to any
 RobotArgument = Annotated[str, typer.Argument(metavar="ROBOT", help="A robot file (.toml), or: mannequin, servo20.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
 
+SolverOption = Annotated[
+    str | None, typer.Option("--solver", help="angles or ik, in place of what the robot file says.")
+]
+
 CATALOGUE_KINDS = ("humanoid", "biped")
 PAGE_PORT = 8041
 
@@ -163,6 +167,71 @@ def calibrate(
             print(f"wrote {picture}", file=sys.stderr)
         if view:
             view_beside(library, motion, file, PAGE_PORT)
+
+
+@app.command("check")
+def check(
+    robot: RobotArgument,
+    files: Annotated[list[Path], typer.Argument(metavar="RECORDINGS", help="Recordings, or folders full of them.")],
+    solver: SolverOption = None,
+    seconds: Annotated[float, typer.Option("--seconds", help="So much of each recording, from its beginning.")] = 1e9,
+    as_json: JsonOption = False,
+) -> None:
+    """Carry recordings onto a robot and measure: one row each, exit code 1 if anything is not zero that must be.
+
+    Zero must be: bad (numbers that are none), beyond (targets outside a joint's range), fast (steps faster than a joint
+    may go), jumps (a joint goes far in one frame though the human does not). changed is how many targets the safety
+    envelope had to slow down. Then, in mm, how far knees, ankles, elbows and wrists are from the human's, to scale; how
+    fast standing soles slide (mm/s), and how deep anything sinks into the floor.
+
+    [bold]Examples[/]
+
+      motiondeck robot check servo20 recordings/ --solver ik
+
+      motiondeck robot check op3.toml walk.bvh jog.amc --json
+    """
+    from controller.cli.resources import find
+    from controller.cli.robot_check import check as rows_of
+    from controller.cli.robot_check import passes, recordings
+    from sim.robot_file import solver_named
+
+    if not seconds > 0.0:
+        raise MotiondeckError(f"--seconds {seconds:g} is not a length of time above 0")
+    named = solver_named(solver)
+    rows = list(rows_of(find("robot", robot, ".toml"), recordings(files), named, seconds, not as_json))
+    if as_json:
+        print(json.dumps(rows))
+    else:
+        _print_rows(rows)
+    if not all(passes(row) for row in rows):
+        raise typer.Exit(1)
+
+
+def _print_rows(rows: list[dict[str, Any]]) -> None:
+    """The table, its sums, and what went wrong."""
+    from rich.console import Console
+    from rich.table import Table
+
+    counts, millimetres = ("bad", "beyond", "too_fast", "jumps"), ("knee", "ankle", "elbow", "wrist", "slide", "sunk")
+    table = Table(box=None, header_style="bold")
+    for name in ("recording", "frames", "bad", "beyond", "fast", "jumps", "changed", *millimetres):
+        table.add_column(name, justify="left" if name == "recording" else "right")
+    for row in rows:
+        if "altered" in row:
+            cells = [str(row["frames"]), *(f"{row[name]:.0f}" for name in counts), f"{100.0 * row['altered']:.1f} %"]
+            cells += [f"{1000.0 * row[name]:.1f}" if name in row else "" for name in millimetres]
+            table.add_row(Path(row["clip"]).name, *cells)
+        elif "error" in row:
+            table.add_row(Path(row["clip"]).name, str(row["frames"]), "ERROR")
+    Console(width=None if sys.stdout.isatty() else 160).print(table)
+    carried = [row for row in rows if "altered" in row]
+    sums = ", ".join(f"{name.replace('_', ' ')} {sum(row[name] for row in carried):.0f}" for name in counts)
+    print(f"{len(carried)} recordings, {sum(row['frames'] for row in carried)} frames: {sums}")
+    for row in rows:
+        if "unread" in row or "error" in row:
+            print(
+                f"{'not read' if 'unread' in row else 'failed'}: {row['clip']}: {row.get('unread', row.get('error'))}"
+            )
 
 
 def _said(found: Calibration, file: Path) -> dict[str, Any]:

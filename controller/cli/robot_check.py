@@ -1,0 +1,101 @@
+"""Recordings carried onto a robot, one row each: what must be zero, and how well the robot does them."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from controller.errors import MotiondeckError
+from controller.mocap.clip import Clip
+from controller.mocap.reading import read_clip
+from sim.fidelity import carry, floor_measures, joint_measures, limb_errors
+from sim.robot import load_robot
+from sim.robot_file import Solver, read_robot_file
+from sim.robot_limbs import SIDES, RobotLimbs
+
+RECORDINGS = (".amc", ".bvh", ".c3d", ".mat")
+MUST_BE_ZERO = ("bad", "beyond", "too_fast", "jumps")
+
+
+def recordings(paths: Sequence[Path]) -> list[Path]:
+    """The recordings among some files and in some folders, sorted; MotiondeckError if there are none."""
+    found: list[Path] = []
+    for path in paths:
+        if not path.exists():
+            raise MotiondeckError(f"{path}: there is no such file or folder")
+        inside = path.rglob("*") if path.is_dir() else [path]
+        found += sorted(file for file in inside if file.is_file() and file.suffix.lower() in RECORDINGS)
+    if not found:
+        raise MotiondeckError(f"{', '.join(map(str, paths))}: no recordings ({', '.join(RECORDINGS)}) there")
+    return found
+
+
+def check(
+    robot: Path, files: Sequence[Path], solver: Solver | None, seconds: float, progress: bool
+) -> Iterator[dict[str, Any]]:
+    """One row a recording: `clip`, and either `error`, or its `frames` and the measures of `sim.fidelity`.
+
+    Args:
+        robot: the robot file.
+        files: the recordings.
+        solver: in place of the robot file's.
+        seconds: of each recording, from its beginning.
+        progress: whether to show a progress bar on a terminal.
+    """
+    from rich.console import Console
+    from rich.progress import track
+
+    console = Console(stderr=True)
+    rows = track(files, "carrying", console=console, transient=True, disable=not (progress and sys.stderr.isatty()))
+    for file in rows:
+        try:
+            clip = _shortened(read_clip(file, _skeleton_of(file)), seconds)
+        except MotiondeckError as error:
+            yield {"clip": str(file), "unread": str(error)}
+            continue
+        try:
+            yield {"clip": str(file), "frames": len(clip), "rate": clip.rate, **_measured(robot, clip, solver)}
+        except Exception as error:  # a row that says so is what the table is for
+            yield {"clip": str(file), "frames": len(clip), "error": f"{type(error).__name__}: {error}"}
+
+
+def passes(row: dict[str, Any]) -> bool:
+    """Whether all is zero that must be zero."""
+    return "unread" in row or ("error" not in row and not any(row[name] for name in MUST_BE_ZERO))
+
+
+def _measured(robot: Path, clip: Clip, solver: Solver | None) -> dict[str, float]:
+    file = read_robot_file(robot)
+    loaded = load_robot(robot, clip.skeleton, None if file.kind == "mannequin" else solver, 1.0 / clip.rate)
+    carried = carry(clip, loaded)
+    measures = joint_measures(clip, loaded, carried)
+    if file.parts:
+        limbs = RobotLimbs(robot, loaded.model, file.parts, np.array(file.root_rotation), loaded.joints)
+        measures |= limb_errors(clip, loaded, limbs, carried)
+        feet = {
+            side: loaded.model.body(file.parts[f"{side}_foot"]).id for side in SIDES if f"{side}_foot" in file.parts
+        }
+        measures |= floor_measures(clip, loaded, carried.qpos, feet)
+    return measures
+
+
+def _shortened(clip: Clip, seconds: float) -> Clip:
+    frames = max(2, int(min(seconds * clip.rate, len(clip))))
+    return replace(clip, root_position=clip.root_position[:frames], rotation=clip.rotation[:frames])
+
+
+def _skeleton_of(file: Path) -> Path | None:
+    """The .asf of an .amc: in its folder or the one above, the one whose name its own begins with, or the only one."""
+    if file.suffix.lower() != ".amc":
+        return None
+    for folder in (file.parent, file.parent.parent):
+        skeletons = sorted(other for other in folder.iterdir() if other.suffix.lower() == ".asf")
+        fitting = [other for other in skeletons if file.stem.startswith(other.stem)]
+        if len(fitting or skeletons) == 1:
+            return (fitting or skeletons)[0]
+    return None

@@ -1,0 +1,256 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from small_robots import LEG, SERVOS, humanoid, urdf
+
+from controller.errors import FileFormatError, UnknownNameError
+from controller.mocap.posture import Pose
+from sim.calibrate import calibrate, limb_directions, standing
+from sim.limbs import LIMBS, LimbView
+from sim.match import match
+from sim.model_file import read_model
+from sim.robot import load_robot
+from sim.robot_limbs import RobotLimbs
+from sim.surface import Surface
+from simulated_bodies import bent_pose, human, smooth_poses
+
+
+def model_file(tmp_path, text, name="small.xml"):
+    path = tmp_path / name
+    path.write_text(text)
+    return path
+
+
+def robot_file(tmp_path, text, name="small.xml"):
+    found = calibrate(model_file(tmp_path, text, name))
+    path = tmp_path / "small.toml"
+    path.write_text(found.to_toml(tmp_path))
+    return path
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory):
+    return load_robot(robot_file(tmp_path_factory.mktemp("robot"), humanoid()), human(), "ik")
+
+
+@pytest.mark.parametrize(
+    ("turned", "upright"),
+    [("0 0 0", [1.0, 0.0, 0.0, 0.0]), ("0 0 1.2", [1.0, 0.0, 0.0, 0.0])],
+)
+def test_the_parts_are_found_whatever_way_the_robot_faces(tmp_path, turned, upright):
+    path = model_file(tmp_path, humanoid(body=f'pos="0 0 0.5" euler="{turned}"'))
+    found = match(path, read_model(path).compile())
+    assert found.parts["l_shank"] == "left_shank"
+    assert found.parts["r_foot"] == "right_sole"
+    assert found.parts["l_forearm"] == "left_fore"
+    assert "head" not in found.parts
+    assert abs(found.root_rotation @ upright) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_names_that_tell_no_side_leave_it_to_the_feet(tmp_path):
+    path = model_file(tmp_path, humanoid().replace("left", "one").replace("right", "two"))
+    assert match(path, read_model(path).compile()).parts["l_thigh"] == "one_thigh"
+
+
+def test_a_calibrated_robot_stands_as_a_human_does(tmp_path):
+    found = calibrate(model_file(tmp_path, humanoid()))
+    assert max(found.missed.values()) < 0.05
+    assert found.root_height == pytest.approx(0.4 * np.cos(0.08) + 0.03, abs=0.01)
+
+
+def test_signs_and_zeros_of_the_angle_solver_are_found(tmp_path):
+    found = calibrate(model_file(tmp_path, humanoid()))
+    signs = {name: angle.sign for name, angle in found.angles.items()}
+    assert signs["l_hip_roll"] == 1
+    assert signs["r_hip_roll"] == -1
+    assert signs["r_ankle_pitch"] == -1
+    assert all(abs(angle.zero) < 0.02 for angle in found.angles.values())
+    assert {angle.joint for angle in found.angles.values()} == set(SERVOS)
+
+
+def test_both_solvers_pose_the_limbs_alike(tmp_path):
+    path = robot_file(tmp_path, humanoid())
+    pose = bent_pose(
+        human(), relb=(1.2, 0, 0.3), lelb=(-1.2, 0, 0), rkne=(0, -0.6, 0), rank=(0, 0.9, 0), rwri=(0, 0, 0.5)
+    )
+    ik, angles = (load_robot(path, human(), solver).retarget(pose).copy() for solver in ("ik", "angles"))
+    assert np.abs(ik - angles).max() < 0.15
+
+
+def test_limbs_lie_as_the_humans_do(robot):
+    body, view = human(), LimbView(human())
+    robot.retarget.reset()
+    pose = bent_pose(body, relb=(1.3, 0, 0.2), lelb=(-1.3, 0, 0.2), lkne=(0, -0.7, 0), lank=(0, 0.9, 0))
+    robot.retarget(pose)
+    there = limb_directions(robot.retarget.solver._limbs)
+    for limb in ("r_upper_arm", "r_forearm", "l_thigh", "l_shank", "r_thigh"):
+        row = LIMBS.index(limb)
+        assert there[row] @ view(pose)[row] > np.cos(0.08)
+
+
+@settings(max_examples=6, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_inverse_kinematics_obeys_range_and_pace_and_never_jumps(robot, seed):
+    robot.retarget.reset()
+    poses = smooth_poses(human(), np.random.default_rng(seed), 60, reach=2.5, step=0.2)
+    path = np.array([robot.retarget(pose).copy() for pose in poses])
+    assert np.isfinite(path).all()
+    assert np.all((path >= robot.limits.lower - 1e-9) & (path <= robot.limits.upper + 1e-9))
+    assert np.all(np.abs(np.diff(path, axis=0)) <= robot.limits.velocity * 0.005 + 1e-9)
+
+
+def test_what_cannot_be_reached_is_reported(robot):
+    robot.retarget.reset()
+    # A knee cannot bend forward.
+    for _ in range(5):
+        robot.retarget(bent_pose(human(), rank=(0, -1.0, 0)))
+    missed = robot.retarget.solver.shortfall()
+    assert missed["r_leg"]["worst_m"] > 0.02
+    assert missed["l_leg"]["worst_m"] < 0.01
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_how_vectors_turn_with_joints_is_their_derivative(robot, seed):
+    limbs, random = robot.retarget.solver._limbs, np.random.default_rng(seed)
+    q = np.clip(robot.rest + random.uniform(-0.4, 0.4, len(robot.rest)), robot.limits.lower, robot.limits.upper)
+    limbs.place(q)
+    start, end = limbs.positions()
+    turn = limbs.jacobian(np.stack([start, end])).copy()
+    for joint in range(len(q)):
+        limbs.place(q + 1e-6 * np.eye(len(q))[joint])
+        there = limbs.positions()
+        assert np.allclose((there[1] - there[0] - (end - start)) / 1e-6, turn[:, :, joint], atol=1e-5)
+
+
+def test_a_robot_without_a_free_root_gets_one(tmp_path):
+    assert calibrate(model_file(tmp_path, humanoid(free=""))).parts["pelvis"] == "trunk"
+
+
+def test_a_urdf_stands_on_its_legs(tmp_path):
+    path = robot_file(tmp_path, urdf(), "legs.urdf")
+    robot = load_robot(path, human())
+    assert len(robot.joints) == 6
+    assert robot.model.jnt_type[0] == 0
+    assert set(robot.model.actuator_forcerange.ravel()) == {-5.0, 5.0}
+    qpos = np.zeros(robot.model.nq)
+    robot.place(robot.retarget(bent_pose(human())), bent_pose(human()), qpos)
+    assert qpos[2] == pytest.approx(0.44, abs=0.02)
+
+
+def test_a_joint_that_follows_another_is_not_played_but_goes_along(tmp_path):
+    trunk = '<body name="lid" pos="0 0 0.3"><joint name="lid" axis="0 1 0"/><geom size="0.02"/></body>'
+    extra = '<equality><joint joint1="lid" joint2="left_knee" polycoef="0.1 -0.5 0 0 0"/></equality>'
+    robot = load_robot(robot_file(tmp_path, humanoid(trunk=trunk, extra=extra, servos=[*SERVOS, "lid"])), human())
+    assert "lid" not in robot.joints
+    targets, qpos = robot.rest.copy(), np.zeros(robot.model.nq)
+    targets[robot.joints.index("left_knee")] = 0.8
+    robot.layout.place(targets, qpos)
+    assert qpos[robot.model.joint("lid").qposadr[0]] == pytest.approx(0.1 - 0.5 * 0.8)
+
+
+def test_servos_that_have_no_gains_are_given_some(tmp_path):
+    motors = humanoid().replace("<position ", '<motor gear="10" ctrlrange="-1 1" ').replace(' kp="20"', "")
+    model = read_model(model_file(tmp_path, motors)).compile()
+    assert np.all(model.actuator_gainprm[:, 0] > 0.0)
+    assert np.allclose(model.actuator_forcerange, [[-10.0, 10.0]] * model.nu)
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        (
+            '<mujoco><worldbody><body name="base"><joint name="j"/><geom size="1"/></body></worldbody></mujoco>',
+            "joint 'j'",
+        ),
+        ('<mujoco><worldbody><body name="base"><geom size="1"/></body></worldbody></mujoco>', "no hinge joint"),
+        (
+            '<mujoco><worldbody><body name="base"><geom size="1"/><body><joint/><geom size="1"/></body></body>'
+            "</worldbody></mujoco>",
+            "no name",
+        ),
+        (humanoid(servos=["left_knee"]).replace(LEG.format(s="right", x=0, y=-0.06, sign=-1), ""), "legs"),
+    ],
+)
+def test_models_that_are_no_humanoids_are_named_with_the_reason(tmp_path, text, complaint):
+    with pytest.raises(FileFormatError, match=rf"small\.xml.*{complaint}"):
+        calibrate(model_file(tmp_path, text))
+
+
+@pytest.mark.parametrize(
+    ("was", "becomes", "error", "complaint"),
+    [
+        (
+            'l_shank = "left_shank"',
+            'l_shank = "left_shin"',
+            UnknownNameError,
+            r"parts\.l_shank: unknown body 'left_shin'",
+        ),
+        ('l_shank = "left_shank"', 'l_shin = "left_shank"', UnknownNameError, "unknown part 'l_shin'"),
+        ('l_shank = "left_shank"\n', "", FileFormatError, r"parts\.l_shank is missing"),
+        ('l_shank = "left_shank"', 'l_shank = "trunk"', FileFormatError, "no hinge joint at body 'trunk'"),
+        ('joint = "left_knee"', 'joint = "left_kne"', UnknownNameError, "unknown joint 'left_kne'.*left_knee"),
+        ("root_rotation = [1, 0, 0, 0]", "root_rotation = [1, 1, 0, 0]", FileFormatError, "no unit quaternion"),
+        ('solver = "ik"', 'solver = "magic"', FileFormatError, "solver"),
+    ],
+)
+def test_a_robot_file_that_does_not_fit_its_model_is_named(tmp_path, was, becomes, error, complaint):
+    path = robot_file(tmp_path, humanoid())
+    text = path.read_text()
+    assert was in text
+    path.write_text(text.replace(was, becomes))
+    with pytest.raises(error, match=complaint):
+        load_robot(path, human(), "angles" if "kne'" in complaint else None)
+
+
+def test_standing_feet_do_not_slide_and_nothing_sinks(robot):
+    """A human who sways over still feet and whose floor lies 8 cm too high."""
+    body, surface = human(), Surface.of(robot.model)
+    robot.retarget.reset()
+    robot.footing.reset()
+    import mujoco
+
+    data, feet = mujoco.MjData(robot.model), []
+    for frame in range(80):
+        sway = 0.25 * np.sin(0.1 * frame)
+        pose = bent_pose(body, rkne=(0, -sway, 0), lkne=(0, -sway, 0), rfoo=(0, sway + 0.3, 0), lfoo=(0, sway + 0.3, 0))
+        # The root goes back and forth above feet that stand.
+        ankle = body.joints(pose.root_position, pose.rotation)[1 + body.index("rank")]
+        pose = Pose(pose.root_position - ankle + np.array([0.0, 0.0, 0.16]), pose.heading, pose.rotation)
+        robot.place(robot.retarget(pose), pose, data.qpos)
+        mujoco.mj_kinematics(robot.model, data)
+        feet.append(data.body("right_sole").xpos[:2].copy())
+        assert abs(surface.heights(data).min()) < 1e-6
+    assert np.ptp(feet[5:], axis=0).max() < 0.01
+
+
+def test_a_leap_leaves_the_floor(robot):
+    robot.footing.reset()
+    stand = bent_pose(human(), rfoo=(0, 0.3, 0), lfoo=(0, 0.3, 0))
+    qpos, heights = np.zeros(robot.model.nq), []
+    targets = robot.retarget(stand)
+    for up in (0.0, 0.0, 0.1, 0.3, 0.1, 0.0):
+        robot.place(targets, Pose(stand.root_position + np.array([0.0, 0.0, up]), stand.heading, stand.rotation), qpos)
+        heights.append(qpos[2])
+    assert heights[3] - heights[0] == pytest.approx(0.28 * robot.path_scale, abs=0.02)
+    assert heights[5] == pytest.approx(heights[0], abs=1e-6)
+
+
+def test_the_standing_human_is_made_of_unit_vectors():
+    assert np.allclose(np.linalg.norm(standing(), axis=1), 1.0)
+
+
+def test_inverse_kinematics_needs_parts(tmp_path):
+    path = robot_file(tmp_path, humanoid())
+    text = path.read_text()
+    path.write_text(text[: text.index("[parts]")] + text[text.index("[rest]") :])
+    with pytest.raises(FileFormatError, match=r"\[parts\].*calibrate"):
+        load_robot(path, human())
+
+
+def test_limbs_can_be_asked_for_their_reach(tmp_path):
+    path = model_file(tmp_path, humanoid())
+    model = read_model(path).compile()
+    limbs = RobotLimbs(path, model, match(path, model).parts, np.array([1.0, 0, 0, 0]), tuple(SERVOS))
+    assert limbs.reach["l_leg"] == pytest.approx(0.4)
+    assert limbs.reach["r_arm"] == pytest.approx(0.3)
