@@ -55,7 +55,7 @@ def list_robots(
             if robot.category in CATALOGUE_KINDS
         ]
     if as_json:
-        print(json.dumps(rows))
+        print(json.dumps({"robots": rows}))
         return
     for row in rows:
         print(f"{row['name']:<22} {row['kind']:<10} {row['solver']:<8} {row['from']}")
@@ -200,7 +200,7 @@ def check(
     named = solver_named(solver)
     rows = list(rows_of(find("robot", robot, ".toml"), recordings(files), named, seconds, not as_json))
     if as_json:
-        print(json.dumps(rows))
+        print(json.dumps({"robot": robot, "solver": solver, "recordings": rows}))
     else:
         _print_rows(rows)
     if not all(passes(row) for row in rows):

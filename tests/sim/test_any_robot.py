@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from small_robots import LEG, SERVOS, humanoid, urdf
 
 from controller.errors import FileFormatError, UnknownNameError
 from controller.mocap.posture import Pose
@@ -14,6 +13,7 @@ from sim.robot import load_robot
 from sim.robot_limbs import RobotLimbs
 from sim.surface import Surface
 from simulated_bodies import bent_pose, human, smooth_poses
+from small_robots import LEG, SERVOS, humanoid, urdf
 
 
 def model_file(tmp_path, text, name="small.xml"):
