@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import sys
 import time
 from collections.abc import Iterator
@@ -44,7 +46,9 @@ def view_beside(library: str, motion: str, robot: Path, port: int) -> None:
     from sim.scene import Follower, Scene
 
     both, poses = _open(library, motion, robot)
-    page = PrivatePage(port, label=f"Motiondeck · {robot.stem}")
+    # viser announces itself on standard output, which is for what the command says.
+    with Path(os.devnull).open("w") as nowhere, contextlib.redirect_stdout(nowhere):
+        page = PrivatePage(port, label=f"Motiondeck · {robot.stem}")
     scene, follower = Scene(page, both.model), Follower()
     print(f"page: http://127.0.0.1:{port} (Ctrl-C ends it)", file=sys.stderr, flush=True)
     try:
