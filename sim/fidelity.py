@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.mocap.anatomy import anatomy
+from controller.mocap.anatomy import Side, anatomy
 from controller.mocap.clip import Clip
 from controller.mocap.posture import Pose
 from controller.realtime.safety import SafetyEnvelope
@@ -173,7 +173,8 @@ def standing_feet(clip: Clip) -> dict[str, NDArray[np.bool_]]:
     """When the human's right and left foot stand: their ball hardly moves, shape (T,) each."""
     parts = anatomy(clip.skeleton)
     found = {}
-    for side, name in (("r", "right"), ("l", "left")):
+    sides: tuple[tuple[str, Side], ...] = (("r", "right"), ("l", "left"))
+    for side, name in sides:
         foot = parts.first("foot", name)
         if foot is None:
             found[side] = np.zeros(len(clip), dtype=bool)
