@@ -88,6 +88,10 @@ def joint_measures(clip: Clip, robot: Robot, carried: Carried) -> dict[str, floa
     step = np.abs(np.diff(played, axis=0)) * clip.rate / limits.velocity if len(played) > 1 else np.zeros((1, 1))
     wanted = np.abs(np.diff(carried.wanted, axis=0)).max(axis=1) if len(played) > 1 else np.zeros(1)
     turned = np.linalg.norm(np.diff(carried.limbs, axis=0), axis=-1).max(axis=1) if len(played) > 1 else np.zeros(1)
+    if robot.footing is None and len(played) > 1:
+        # A mannequin also plays what the limbs do not show, such as a hand or a bone that rolls.
+        cosine = np.abs(np.einsum("tij,tij->ti", clip.rotation[1:], clip.rotation[:-1])).min(axis=1)
+        turned = np.maximum(turned, 2.0 * np.arccos(np.minimum(cosine, 1.0)))
     return {
         "bad": 0.0 if finite else 1.0,
         "beyond": float(((played < limits.lower - ROUNDING) | (played > limits.upper + ROUNDING)).sum()),
