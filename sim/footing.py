@@ -116,6 +116,10 @@ class Footing:
     def place(self, pose: Pose, qpos: Array) -> None:
         """Writes the root's position and rotation into qpos (nq,), whose joints are in place already."""
         qpos[3:7] = multiply(pose.rotation[0], self._turned)
+        if len(pose.rotation) == 1:
+            # Of a recorded run only the root is known: it goes along the human's path.
+            qpos[:3] = self._scale * pose.root_position
+            return
         data = self._data
         data.qpos[:] = qpos
         data.qpos[:3] = 0.0

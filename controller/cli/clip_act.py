@@ -75,12 +75,10 @@ def act_of_recording(recording: Recording, robot: Robot) -> Act:
     rate = float(recording.description["rate"])
     thin = max(1, round(rate / PICTURES))
     model = robot.model
-    # A run records the root of the pose and no bones, so the root goes along the human's path, scaled.
-    placed = replace(robot, footing=None)
     qpos = np.empty((len(range(0, recording.ticks, thin)), model.nq))
     for row, tick in enumerate(range(0, recording.ticks, thin)):
         pose = Pose(fields["root_position"][tick], fields["heading"][tick, 0], fields["root_rotation"][tick][None])
-        placed.place(fields["targets"][tick, : len(robot.joints)], pose, qpos[row])
+        robot.place(fields["targets"][tick, : len(robot.joints)], pose, qpos[row])
     feet = find_feet(model, model.qpos0)
     corners = soles(model, qpos, feet)
     stands = standing(corners, rate / thin, body_height(model))
