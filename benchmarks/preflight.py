@@ -22,7 +22,7 @@ from sim.self_collision import SelfCollision
 from sim.takes import motion_takes
 
 ROBOTS = ("servo20", "mannequin")
-TEMPOS = (0.25, 0.5, 1.0, 1.5)
+TEMPOS = (0.25, 0.5, 1.0)
 FOLLOWS = ("out of reach", "held back", "torque", "servo lag")
 
 
