@@ -1,9 +1,12 @@
-"""Segmentation of CMU subject 86, every labelled trial at hand:  python -m benchmarks.segmentation_table DATA
+"""Segmentation of every labelled CMU trial at hand:  python -m benchmarks.segmentation_table DATA [MOCAP6.mat]
 
 DATA is a folder with 86.asf, 86_01.amc, 62ch/86_NN.npy (all AMC channels), 4ch/86_NN.csv (rx of upper arms and
 thighs) and labels/barbic_NN_ground_truth.txt; what is missing is left out. Unsupervised on all, and the experts on
 86_01 for eight reservoirs. F1 counts borders inside the tolerance of whoever marked them; the thresholds are those of
 the library, the same everywhere.
+
+MOCAP6.mat holds six exercise sequences of subjects 13 and 14 (12 channels, 10 Hz). Nobody has marked a tolerance there,
+so a border counts within 1 s; channels are scaled to a standard deviation of 1.
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+import scipy.io
 
 from controller.mocap.amc import read_amc
 from controller.mocap.asf import read_asf
@@ -50,7 +54,7 @@ WAYS = {
 
 
 def main() -> None:
-    if len(sys.argv) != 2:
+    if len(sys.argv) not in (2, 3):
         sys.exit(__doc__)
     folder = Path(sys.argv[1])
     skeleton = read_asf(folder / "86.asf")
@@ -82,6 +86,8 @@ def main() -> None:
                     f"  {kind:<11} 86_{trial}: F1 {score.f1:.2f} ({score.hits} of {score.marked}, {score.found} given)"
                 )
             print(f"  {kind:<11} mean F1 {np.mean(scores):.2f} over {len(scores)} trials")
+    if len(sys.argv) == 3:
+        exercises(Path(sys.argv[2]))
     print("experts on 86_01, first occurrences learned, the rest asked")
     labels = read_labels(folder / "labels" / "barbic_01_ground_truth.txt")
     rows = [experts(features(clips["01"], LOOK), labels, seed) for seed in range(1, 9)]
@@ -89,6 +95,23 @@ def main() -> None:
         print(
             f"  {name:<15} {values.mean():.3f} +- {values.std():.3f}, worst {values.min():.3f} of {len(values)} seeds"
         )
+
+
+def exercises(path: Path) -> None:
+    """The six sequences of mocap6, cut without labels."""
+    sequences = scipy.io.loadmat(path)["DataBySeq"].ravel()
+    for way, (cut, _) in WAYS.items():
+        scores = []
+        for one in sequences:
+            rate = float(one["framerate"].squeeze())
+            frames, actions = one["X"] / one["X"].std(0), one["TrueZ"].ravel()
+            best = np.flatnonzero(np.diff(actions.astype(int))) + 1
+            accepted = np.column_stack([best - round(rate), best, best + round(rate)])
+            score = score_borders(cut(with_velocity(frames, rate), rate), accepted)
+            scores.append(score.f1)
+            name = one["filename"].item().item()
+            print(f"  {way:<20} {name}: F1 {score.f1:.2f} ({score.hits} of {score.marked}, {score.found} given)")
+        print(f"  {way:<20} mean F1 {np.mean(scores):.2f} over {len(scores)} sequences")
 
 
 def experts(signal, labels: Labels, seed: int) -> tuple[float, float, float]:

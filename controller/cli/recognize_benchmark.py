@@ -105,8 +105,8 @@ def _more(dataset: Dataset, protocols: list[Any]) -> dict[str, Any]:
     """The curves and figures beyond the table, for our experts with their standing settings."""
     import msgspec
 
-    from controller.recognition.benchmark import dimension_curves, unknown_auc, warp_curve
-    from controller.recognition.contenders import WITH_VELOCITY, ours
+    from controller.recognition.benchmark import TEMPOS, dimension_curves, unknown_auc, warp_curve
+    from controller.recognition.contenders import WITH_VELOCITY, at_any_tempo, ours
     from controller.recognition.cost import cost
     from controller.recognition.experts import ExpertRecipe
     from controller.recognition.first_check import checks
@@ -116,6 +116,8 @@ def _more(dataset: Dataset, protocols: list[Any]) -> dict[str, Any]:
         for protocol in protocols:
             done(f"time warp, {protocol}")
             out["time_warp"][protocol] = msgspec.to_builtins(warp_curve(ours(1)[0], dataset, protocol))
+            taught = warp_curve(at_any_tempo(1), dataset, protocol, taught=TEMPOS)
+            out["time_warp"][f"{protocol}, learned at three tempos"] = msgspec.to_builtins(taught)
             done(f"dimensions, {protocol}")
             out["dimensions"][protocol] = msgspec.to_builtins(dimension_curves(dataset, protocol, ExpertRecipe()))
             done(f"unknown motions, {protocol}")

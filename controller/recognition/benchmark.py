@@ -19,6 +19,7 @@ from controller.recognition.reduction import REDUCTIONS, Reduce
 from controller.rotations import Array
 
 WARPS = (0.5, 0.7, 0.85, 1.0, 1.2, 1.4, 2.0)
+TEMPOS = (0.7, 1.0, 1.4)
 DIMENSIONS = (2, 3, 5, 10, 15, 20, 30, 42)
 
 
@@ -110,18 +111,27 @@ class Point(msgspec.Struct, frozen=True, kw_only=True):
     accuracy: float
 
 
-def warp_curve(method: Method, dataset: Dataset, protocol: Protocol, warps: Sequence[float] = WARPS) -> list[Point]:
-    """Accuracy when motions are learned at their own tempo and asked at `x` times their duration."""
+def warp_curve(
+    method: Method,
+    dataset: Dataset,
+    protocol: Protocol,
+    warps: Sequence[float] = WARPS,
+    taught: Sequence[float] = (1.0,),
+) -> list[Point]:
+    """Accuracy when motions are asked at `x` times their duration, and learned at each of `taught` times it."""
     labels, classes = dataset.labels, len(dataset.classes)
-    plain = [method.look(example, 1.0) for example in dataset.examples]
-    count = len(plain)
+    count, copies = len(labels), len(taught)
+    learned = [method.look(example, tempo) for tempo in taught for example in dataset.examples]
+    every = np.tile(labels, copies + 1)
     out: list[Point] = []
     for warp in warps:
         asked = [method.look(example, warp) for example in dataset.examples]
-        # Each example stands there twice: as it is, to be learned, and warped, to be asked.
-        score = method.prepare(plain + asked, np.concatenate([labels, labels]), classes)
+        # Each example stands there at each tempo, to be learned, and warped, to be asked.
+        score = method.prepare(learned + asked, every, classes)
         right = [
-            score(learn, ask + count).argmin(1) == labels[ask] for learn, ask in folds(protocol, labels, dataset.actors)
+            score(np.concatenate([learn + copy * count for copy in range(copies)]), ask + copies * count).argmin(1)
+            == labels[ask]
+            for learn, ask in folds(protocol, labels, dataset.actors)
         ]
         out.append(Point(x=warp, accuracy=float(np.concatenate(right).mean())))
     return out

@@ -41,6 +41,11 @@ def ours(seed: int, look: FeatureRecipe = WITH_VELOCITY) -> list[Method]:
     return [Method(OURS, looking_at(look), shared_experts(ExpertRecipe(seed=seed)))]
 
 
+def at_any_tempo(seed: int) -> Method:
+    """Our experts for motions that are learned at several tempos: neurons without a time constant of their own."""
+    return Method(OURS, looking_at(WITH_VELOCITY), shared_experts(ExpertRecipe(leak=1.0, seed=seed)))
+
+
 def candidates(seed: int) -> list[Method]:
     """The settings among which a nested choice picks."""
     out = []
