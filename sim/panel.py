@@ -82,6 +82,7 @@ class Panel:
                 if button.color != colour:
                     button.color = colour
             self._current = motion
+            self._share.value = 0.0  # nothing is mixed into a motion that was switched to
         paused = bool(_number(state, "paused", 0.0))
         if paused != self._paused:
             self._paused = paused
