@@ -38,7 +38,7 @@ VELOCITY_REACH = 8.0 / 120.0
 # How long it takes inside a network from one motion to another, s.
 MORPH_SECONDS = 1.0
 
-REMEMBERED_SWITCHES = 10_000
+REMEMBERED_SWITCHES = 1_000
 MOST_QUEUED = 32
 
 
