@@ -101,6 +101,9 @@ class StoredArrays:
         self.path = path
         self._arrays = arrays
 
+    def __contains__(self, name: str) -> bool:
+        return name in self._arrays
+
     def size(self, name: str, axis: int = 0) -> int:
         """The length along an axis of an array that must be there and not be empty."""
         array = self._arrays.get(name)

@@ -14,7 +14,8 @@ from threadpoolctl import threadpool_limits
 from controller.evaluation.batch import batch_of
 from controller.evaluation.disturbance import Kind, Watched, disturbed
 from controller.generators.guard import beat, spread
-from controller.training.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir
+from controller.training.aperture_choice import settled_network
+from controller.training.conceptor_training import ConceptorRecipe, load_reservoir
 from controller.training.fit import Syllabus, teach
 from controller.training.library import Network
 from controller.training.recipe import LibraryRecipe
@@ -122,7 +123,8 @@ def _train(recipe: LibraryRecipe, syllabus: Syllabus, seed: int) -> Subject:
     with threadpool_limits(1):
         if isinstance(recipe.network, ConceptorRecipe):
             loaded = load_reservoir(lessons, recipe.network, seed)
-            network = conceptor_network(loaded, lessons, normalisation, recipe.network)
+            judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, holds=not recipe.as_recorded)
+            network = settled_network(loaded, lessons, normalisation, recipe.network, judge, seed)
             return Subject(seed, network, loaded.weights.astype(np.float32))
         return Subject(seed, teach(lessons, normalisation, recipe.network, seed))
 

@@ -11,12 +11,14 @@ import numpy as np
 from controller.errors import MotiondeckError
 from controller.evaluation.accuracy import mabs, nrmse
 from controller.evaluation.thesis import noisy_targets
-from controller.training.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir, what_drove
+from controller.training.aperture_choice import settled_network
+from controller.training.conceptor_training import ConceptorRecipe, load_reservoir, what_drove
 from controller.training.echo_state_training import EchoStateRecipe, train_echo_state
 from controller.training.fit import Syllabus, find_recording
 from controller.training.library import Network
 from controller.training.recipe import LibraryRecipe
 from controller.training.ridge import ridge
+from controller.training.self_test import Judge
 
 
 @dataclass(frozen=True)
@@ -63,7 +65,8 @@ def training_error(recipe: LibraryRecipe, syllabus: Syllabus, seed: int, data: P
             "training errors are measured for reservoirs only, and this recipe is for another network"
         )
     loaded = load_reservoir(lessons, plan, seed)
-    network = conceptor_network(loaded, lessons, normalisation, plan)
+    judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, holds=not recipe.as_recorded)
+    network = settled_network(loaded, lessons, normalisation, plan, judge, seed)
     states, inputs = np.concatenate(loaded.states), np.concatenate([lesson.frames for lesson in lessons])
     readout, targets = loaded.readout, inputs
     if data is not None:

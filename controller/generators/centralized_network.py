@@ -87,6 +87,10 @@ class CentralizedNetwork:
         """The same weights with a state of its own: what one player does, another does not see."""
         return CentralizedNetwork(self._of, self.rate)
 
+    def joined(self, other: CentralizedNetwork) -> CentralizedNetwork:
+        """The motions of both."""
+        return CentralizedNetwork(self._of | other._of, self.rate)
+
     @property
     def neurons(self) -> int:
         """How many centers and satellites all motions have together."""

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from controller.errors import UnknownNameError
 from controller.generators.base import Channels
+from controller.mocap.normalisation import Normalisation
 
 Float32 = NDArray[np.float32]
 
@@ -57,11 +58,35 @@ class ConceptorMotion:
         return 2.0 * float(np.sqrt(np.square(self.states).sum(1).max()))
 
 
-class ConceptorNetwork:
-    """Plays the motions of one reservoir frame by frame; fits `base.FrameNetwork`."""
+@dataclass(frozen=True)
+class Memory:
+    """What a reservoir of N neurons learned for all of its P motions together.
 
-    def __init__(self, motions: dict[str, ConceptorMotion]) -> None:
-        self._of = motions
+    Playing does not need it, adding a motion does (`training/incremental.py`).
+
+    Attributes:
+        estimate: V, shape (C, N): which input the network expects by its state.
+        readout: W_out, shape (C, N).
+        means: m of each motion, shape (P, N).
+        normalisation: between the channels of both and the encoding's units.
+    """
+
+    estimate: Float32
+    readout: Float32
+    means: Float32
+    normalisation: Normalisation
+
+
+class ConceptorNetwork:
+    """Plays the motions of one reservoir frame by frame; fits `base.FrameNetwork`.
+
+    Args:
+        motions: what it plays.
+        memory: what adding a motion needs, if that was kept.
+    """
+
+    def __init__(self, motions: dict[str, ConceptorMotion], memory: Memory | None = None) -> None:
+        self._of, self.memory = motions, memory
         self._reach = {name: part.reach for name, part in motions.items()}
         self.motions = tuple(motions)
         first = next(iter(motions.values()))
@@ -78,7 +103,7 @@ class ConceptorNetwork:
 
     def twin(self) -> ConceptorNetwork:
         """The same weights with a state of its own: what one player does, another does not see."""
-        return ConceptorNetwork(self._of)
+        return ConceptorNetwork(self._of, self.memory)
 
     @property
     def neurons(self) -> int:

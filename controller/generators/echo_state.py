@@ -84,8 +84,13 @@ class EchoStateNetwork:
 
     def twin(self) -> EchoStateNetwork:
         """The same weights with a state of its own: what one player does, another does not see."""
+        return self.with_motions({})
+
+    def with_motions(self, more: dict[str, EchoStateMotion]) -> EchoStateNetwork:
+        """The same reservoir with further motions."""
+        motions = self._of | more
         return EchoStateNetwork(
-            self.weights, self.feedback, self.bias, self.leak, self.normalisation, self._of, clipped=self.clipped
+            self.weights, self.feedback, self.bias, self.leak, self.normalisation, motions, clipped=self.clipped
         )
 
     @property

@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 from scipy.linalg import eigh
 
-from controller.generators.conceptor import ConceptorMotion, ConceptorNetwork
+from controller.generators.conceptor import ConceptorMotion, ConceptorNetwork, Memory
 from controller.generators.reservoir import Reservoir, drive, random_reservoir
 from controller.mocap.normalisation import Normalisation
 from controller.rotations import Array
@@ -35,6 +35,7 @@ class ConceptorRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, k
         learns: "input" learns V only, "weights" all of W.
         aperture: alpha, for every motion that has none of its own.
         apertures: alpha of single motions.
+        choose_apertures: whether a motion that fails with it is tried with others (`training/aperture_choice.py`).
         ridge: gamma of both regressions.
         rank: k, how many directions of a conceptor are kept.
         washout: frames until the state has forgotten its start.
@@ -49,6 +50,7 @@ class ConceptorRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, k
     learns: Literal["input", "weights"] = "input"
     aperture: float = 10.0
     apertures: dict[str, float] = msgspec.field(default_factory=dict)
+    choose_apertures: bool = False
     ridge: float = 1.0
     rank: int = 50
     washout: int = 100
@@ -64,6 +66,7 @@ class LoadedReservoir:
         weights: W, shape (N, N).
         readout: W_out, shape (C, N).
         before, states: of each lesson, shape (T_j, N): the state before and after each frame.
+        estimate: V, shape (C, N), or None where all of W was learned.
     """
 
     reservoir: Reservoir
@@ -71,6 +74,7 @@ class LoadedReservoir:
     readout: Array
     before: list[Array]
     states: list[Array]
+    estimate: Array | None = None
 
 
 def train_conceptors(
@@ -87,26 +91,32 @@ def train_conceptors(
     return conceptor_network(load_reservoir(lessons, recipe, seed), lessons, normalisation, recipe)
 
 
-def load_reservoir(lessons: list[Lesson], recipe: ConceptorRecipe, seed: int) -> LoadedReservoir:
-    """Drives a random reservoir with all lessons and learns W and W_out (eqs 3.8 and 3.11 - 3.13)."""
-    rng = np.random.default_rng(seed)
-    reservoir = random_reservoir(
+def draw_reservoir(recipe: ConceptorRecipe, channels: int, seed: int) -> Reservoir:
+    """W*, W_in and b of a seed."""
+    return random_reservoir(
         recipe.neurons,
-        lessons[0].frames.shape[1],
+        channels,
         spectral_radius=recipe.spectral_radius,
         input_scale=recipe.input_scale,
         bias_scale=recipe.bias_scale,
-        rng=rng,
+        rng=np.random.default_rng(seed),
     )
+
+
+def load_reservoir(lessons: list[Lesson], recipe: ConceptorRecipe, seed: int) -> LoadedReservoir:
+    """Drives a random reservoir with all lessons and learns W and W_out (eqs 3.8 and 3.11 - 3.13)."""
+    reservoir = draw_reservoir(recipe, lessons[0].frames.shape[1], seed)
     driven = drive(reservoir, [np.concatenate([lesson.lead_in(recipe.washout), lesson.frames]) for lesson in lessons])
     states = [x[len(x) - len(lesson.frames) :] for lesson, x in zip(lessons, driven, strict=True)]
     before = [x[len(x) - len(lesson.frames) - 1 : -1] for lesson, x in zip(lessons, driven, strict=True)]
     was, inputs = np.concatenate(before), np.concatenate([lesson.frames for lesson in lessons])
+    readout = ridge(np.concatenate(states), inputs, recipe.ridge)
     if recipe.learns == "weights":
         weights = ridge(was, what_drove(reservoir, was, inputs), recipe.ridge)
-    else:
-        weights = reservoir.weights + reservoir.input_weights @ ridge(was, inputs, recipe.ridge)
-    return LoadedReservoir(reservoir, weights, ridge(np.concatenate(states), inputs, recipe.ridge), before, states)
+        return LoadedReservoir(reservoir, weights, readout, before, states)
+    estimate = ridge(was, inputs, recipe.ridge)
+    weights = reservoir.weights + reservoir.input_weights @ estimate
+    return LoadedReservoir(reservoir, weights, readout, before, states, estimate)
 
 
 def what_drove(reservoir: Reservoir, before: Array, inputs: Array) -> Array:
@@ -118,28 +128,31 @@ def conceptor_network(
     loaded: LoadedReservoir, lessons: list[Lesson], normalisation: Normalisation, recipe: ConceptorRecipe
 ) -> ConceptorNetwork:
     """The conceptors of all lessons of a loaded reservoir, as a network that plays."""
-    return ConceptorNetwork(
-        {
-            lesson.name: _motion(
-                states, loaded, normalisation, recipe, recipe.apertures.get(lesson.name, recipe.aperture)
-            )
-            for lesson, states in zip(lessons, loaded.states, strict=True)
-        }
-    )
+    motions = {
+        lesson.name: conceptor_motion(
+            states, loaded, normalisation, recipe, recipe.apertures.get(lesson.name, recipe.aperture)
+        )
+        for lesson, states in zip(lessons, loaded.states, strict=True)
+    }
+    if loaded.estimate is None:
+        return ConceptorNetwork(motions)
+    means = np.stack([mean_state(states, recipe) for states in loaded.states])
+    estimate, readout, means = (a.astype(np.float32) for a in (loaded.estimate, loaded.readout, means))
+    return ConceptorNetwork(motions, Memory(estimate, readout, means, normalisation))
 
 
-def _motion(
+def mean_state(states: Array, recipe: ConceptorRecipe) -> Array:
+    """m of a motion's states (T, N): what its conceptor acts about."""
+    return states.mean(0) if recipe.form == "affine" else np.zeros(states.shape[1])
+
+
+def conceptor_motion(
     states: Array, loaded: LoadedReservoir, normalisation: Normalisation, recipe: ConceptorRecipe, aperture: float
 ) -> ConceptorMotion:
     """The conceptor of one motion's states (T, N), cut to its first k directions (eqs 3.9, 3.10)."""
-    neurons = states.shape[1]
-    mean = states.mean(0) if recipe.form == "affine" else np.zeros(neurons)
+    mean = mean_state(states, recipe)
     centred = states - mean
-    gram = centred @ centred.T / neurons
-    rank = min(recipe.rank, len(states) - 1, neurons)
-    values, vectors = eigh(gram, subset_by_index=(len(states) - rank, len(states) - 1))
-    values, vectors = values[::-1], vectors[:, ::-1]
-    directions = centred.T @ vectors / np.sqrt(neurons * np.maximum(values, 1e-12))
+    values, directions = principal_directions(centred, recipe.rank)
     singular = values / (values + aperture**-2)
     project = singular[:, None] * directions.T
     # Going back to the encoding's units is affine, so it can be part of the readout.
@@ -159,3 +172,12 @@ def _motion(
             )
         )
     )
+
+
+def principal_directions(centred: Array, rank: int) -> tuple[Array, Array]:
+    """The largest eigenvalues (k,) of R = X X' / N of states (T, N), and their directions U, shape (N, k)."""
+    frames, neurons = centred.shape
+    rank = min(rank, frames - 1, neurons)
+    values, vectors = eigh(centred @ centred.T / neurons, subset_by_index=(frames - rank, frames - 1))
+    values, vectors = np.maximum(values[::-1], 1e-12), vectors[:, ::-1]
+    return values, centred.T @ vectors / np.sqrt(neurons * values)

@@ -74,6 +74,22 @@ def train_echo_state(
         rng=rng,
         leak=recipe.leak,
     )
+    motions = learn_readouts(reservoir, lessons, recipe, rng)
+    return EchoStateNetwork(
+        reservoir.weights.astype(np.float32),
+        reservoir.input_weights.astype(np.float32),
+        reservoir.bias.astype(np.float32),
+        recipe.leak,
+        normalisation,
+        motions,
+        clipped=recipe.clipped,
+    )
+
+
+def learn_readouts(
+    reservoir: Reservoir, lessons: list[Lesson], recipe: EchoStateRecipe, rng: np.random.Generator
+) -> dict[str, EchoStateMotion]:
+    """A readout for each lesson; none of them depends on the others (eq. 2.4)."""
     targets = [np.concatenate([lesson.lead_in(recipe.washout), lesson.frames]) for lesson in lessons]
     # The state after step n has been fed the output of frame n - 1 and is to give frame n.
     forced = [np.concatenate([target[:1], target[:-1]]) for target in targets]
@@ -90,15 +106,7 @@ def train_echo_state(
             quiet[j][anchors].copy(),
             targets[j][anchors].astype(np.float32),
         )
-    return EchoStateNetwork(
-        reservoir.weights.astype(np.float32),
-        reservoir.input_weights.astype(np.float32),
-        reservoir.bias.astype(np.float32),
-        recipe.leak,
-        normalisation,
-        motions,
-        clipped=recipe.clipped,
-    )
+    return motions
 
 
 def _noisy_runs(

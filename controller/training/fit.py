@@ -18,8 +18,9 @@ from controller.mocap.encoding import Encoding, encoding_of
 from controller.mocap.normalisation import Normalisation
 from controller.mocap.reading import read_clip
 from controller.rotations import Array
+from controller.training.aperture_choice import settled_network
 from controller.training.centralized_training import CentralizedRecipe, train_centralized_network
-from controller.training.conceptor_training import ConceptorRecipe, train_conceptors
+from controller.training.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir
 from controller.training.echo_state_training import EchoStateRecipe, train_echo_state
 from controller.training.lesson import Lesson
 from controller.training.library import (
@@ -117,7 +118,7 @@ def fit(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None) 
                 progress("self-test")
                 verdicts = self_test(network, judge)
             else:
-                network = reservoir = teach(lessons, normalisation, recipe.network, seed)
+                network = reservoir = teach(lessons, normalisation, recipe.network, seed, judge)
                 progress("self-test")
                 verdicts = stress_test(reservoir, self_test(reservoir, judge), judge, seed)
             passed = sum(verdict.passed for verdict in verdicts.values())
@@ -143,7 +144,9 @@ def assemble(
         rate=syllabus.rate,
         seed=seed,
         motions=[
-            _motion_info(motion, syllabus, network, verdicts[motion.name], recipe.network.anchor_every)
+            describe_motion(
+                motion, syllabus.frames[motion.name], network, verdicts[motion.name], recipe.network.anchor_every
+            )
             for motion in recipe.motions
         ],
         skeleton=describe_skeleton(syllabus.encoding),
@@ -156,8 +159,10 @@ def assemble(
     return MotionLibrary(info, network, syllabus.encoding)
 
 
-def teach(lessons: list[Lesson], normalisation: Normalisation, recipe: Kind, seed: int) -> Network:
-    """The reservoir of a recipe, of whichever kind it is.
+def teach(
+    lessons: list[Lesson], normalisation: Normalisation, recipe: Kind, seed: int, judge: Judge | None = None
+) -> Network:
+    """The reservoir of a recipe, of whichever kind it is; a judge of its motions lets it choose apertures.
 
     Raises:
         MotiondeckError: if the recipe is for a centralized network.
@@ -165,7 +170,10 @@ def teach(lessons: list[Lesson], normalisation: Normalisation, recipe: Kind, see
     if isinstance(recipe, CentralizedRecipe):
         raise MotiondeckError("this is measured for reservoirs only, and the recipe is for a centralized network")
     if isinstance(recipe, ConceptorRecipe):
-        return train_conceptors(lessons, normalisation, recipe, seed)
+        loaded = load_reservoir(lessons, recipe, seed)
+        if judge is None:
+            return conceptor_network(loaded, lessons, normalisation, recipe)
+        return settled_network(loaded, lessons, normalisation, recipe, judge, seed)
     return train_echo_state(lessons, normalisation, recipe, seed)
 
 
@@ -187,7 +195,7 @@ def prepare(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: No
     rates: set[float] = set()
     for motion in recipe.motions:
         progress(f"reading {motion.name}")
-        clip = _cut(read_clip(find_recording(data, motion.file)), motion)
+        clip = cut(read_clip(find_recording(data, motion.file)), motion)
         rates.add(clip.rate)
         if recipe.as_recorded and not isinstance(recipe.network, CentralizedRecipe):
             channels, washout = encoding_of(clip.skeleton, twist=twist).encode(clip), recipe.network.washout
@@ -195,16 +203,19 @@ def prepare(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: No
                 raise FileFormatError(f"motion '{motion.name}' is shorter than twice the washout of {washout} frames")
             before[motion.name], frames[motion.name] = channels[:washout], channels[washout:]
             continue
-        channels = encoding.encode(clip.carried_to(body))
-        if motion.plays == "loop":
-            features = joint_features(encoding, channels)
-            frames[motion.name] = close_loop(channels, features, at_least=recipe.loop_keeps)
-        else:
-            frames[motion.name] = hold_end(channels, encoding.velocities)
+        frames[motion.name] = to_learn(encoding, clip, motion, recipe.loop_keeps)
     if len(rates) > 1:
         raise FileFormatError(f"recipe '{recipe.name}' mixes frame rates: {sorted(rates)} Hz")
     loops = {motion.name: motion.plays == "loop" for motion in recipe.motions}
     return Syllabus(encoding, rates.pop(), frames, loops, before)
+
+
+def to_learn(encoding: Encoding, clip: Clip, motion: MotionRecipe, loop_keeps: float) -> Array:
+    """The frames to learn of a clip, carried to the encoding's body: a closed loop, or a motion that holds its end."""
+    channels = encoding.encode(clip.carried_to(encoding.skeleton))
+    if motion.plays == "once":
+        return hold_end(channels, encoding.velocities)
+    return close_loop(channels, joint_features(encoding, channels), at_least=loop_keeps)
 
 
 def find_recording(data: Path, file: str) -> Path:
@@ -219,7 +230,12 @@ def find_recording(data: Path, file: str) -> Path:
     raise FileFormatError(f"{data / file}: there is no such file; --data is the folder that holds the recordings")
 
 
-def _cut(clip: Clip, motion: MotionRecipe) -> Clip:
+def cut(clip: Clip, motion: MotionRecipe) -> Clip:
+    """The frames of a clip that a recipe wants.
+
+    Raises:
+        FileFormatError: if they are not in it, or too few.
+    """
     first, end = motion.frames or (0, len(clip))
     if not 0 <= first < end <= len(clip):
         raise FileFormatError(f"motion '{motion.name}': frames {first} to {end} are not in a clip of {len(clip)}")
@@ -228,16 +244,16 @@ def _cut(clip: Clip, motion: MotionRecipe) -> Clip:
     return replace(clip, root_position=clip.root_position[first:end], rotation=clip.rotation[first:end])
 
 
-def _motion_info(
-    motion: MotionRecipe, syllabus: Syllabus, network: AnyNetwork, verdict: Verdict, anchor_every: int
+def describe_motion(
+    motion: MotionRecipe, frames: Array, network: AnyNetwork, verdict: Verdict, anchor_every: int
 ) -> MotionInfo:
-    taught = syllabus.frames[motion.name][::anchor_every]
+    """What a library knows of a motion that was learned from frames (T, C)."""
     return MotionInfo(
         name=motion.name,
         plays=motion.plays,
-        frames=len(syllabus.frames[motion.name]),
+        frames=len(frames),
         source=motion.file,
-        nrmse=nrmse(network.recall(motion.name), taught),
+        nrmse=nrmse(network.recall(motion.name), frames[::anchor_every]),
         error_mm=verdict.error_mm,
         passed=verdict.passed,
         reason=verdict.reason,

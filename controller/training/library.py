@@ -19,7 +19,7 @@ from controller.arrays_file import Kind, StoredArrays, read_arrays, write_arrays
 from controller.config import shaped
 from controller.errors import FileFormatError, MotiondeckError
 from controller.generators.centralized_network import CentralizedNetwork, StoredMotion
-from controller.generators.conceptor import ConceptorMotion, ConceptorNetwork
+from controller.generators.conceptor import ConceptorMotion, ConceptorNetwork, Memory
 from controller.generators.echo_state import EchoStateMotion, EchoStateNetwork
 from controller.mocap.bone_directions import BoneDirections
 from controller.mocap.encoding import Encoding
@@ -164,6 +164,10 @@ def save_library(library: MotionLibrary, path: Path) -> None:
         part = network[motion]
         for field in fields(part):
             arrays[f"motion/{motion}/{field.name}"] = getattr(part, field.name)
+    if isinstance(network, ConceptorNetwork) and network.memory is not None:
+        memory, normalisation = network.memory, network.memory.normalisation
+        arrays |= {f"memory/{name}": getattr(memory, name) for name in ("estimate", "readout", "means")}
+        arrays |= {"memory/shift": normalisation.shift, "memory/scaling": normalisation.scaling}
     if isinstance(network, EchoStateNetwork):
         arrays |= {"weights": network.weights, "feedback": network.feedback, "bias": network.bias}
         arrays |= {"shift": network.normalisation.shift, "scaling": network.normalisation.scaling}
@@ -227,7 +231,7 @@ class _Reader:
     """Makes a network of the arrays of a file."""
 
     def __init__(self, stored: StoredArrays) -> None:
-        self.path, self.size, self.take = stored.path, stored.size, stored.take
+        self.stored, self.path, self.size, self.take = stored, stored.path, stored.size, stored.take
 
     def network(self, info: LibraryInfo, channels: int) -> AnyNetwork:
         if info.network == "conceptor":
@@ -235,7 +239,8 @@ class _Reader:
             sizes = {len(part.bias) for part in parts.values()}
             if len(sizes) > 1:
                 raise FileFormatError(f"{self.path}: motions of different reservoir sizes {sorted(sizes)}")
-            network: AnyNetwork = ConceptorNetwork(parts)
+            memory = self.memory(len(parts), sizes.pop(), channels) if "memory/estimate" in self.stored else None
+            network: AnyNetwork = ConceptorNetwork(parts, memory)
         elif info.network == "centralized":
             network = self.centralized(info, channels)
         else:
@@ -245,13 +250,26 @@ class _Reader:
                 self.take("feedback", neurons, channels),
                 self.take("bias", neurons),
                 info.leak,
-                Normalisation(
-                    self.take("shift", channels, kind=np.float64), self.take("scaling", channels, kind=np.float64)
-                ),
+                self.normalisation("", channels),
                 {motion.name: self.echo_state(motion.name, neurons, channels) for motion in info.motions},
                 clipped=info.clipped,
             )
         return network
+
+    def memory(self, motions: int, neurons: int, channels: int) -> Memory:
+        return Memory(
+            estimate=self.take("memory/estimate", channels, neurons),
+            readout=self.take("memory/readout", channels, neurons),
+            means=self.take("memory/means", motions, neurons),
+            normalisation=self.normalisation("memory/", channels),
+        )
+
+    def normalisation(self, at: str, channels: int) -> Normalisation:
+        shift, scaling = (self.take(at + name, channels, kind=np.float64) for name in ("shift", "scaling"))
+        try:
+            return Normalisation(shift, scaling)
+        except MotiondeckError as error:
+            raise FileFormatError(f"{self.path}: {error}") from None
 
     def conceptor(self, motion: str, channels: int) -> ConceptorMotion:
         at = f"motion/{motion}/"

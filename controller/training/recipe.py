@@ -117,6 +117,16 @@ def recipe_of(tree: object, path: Path) -> LibraryRecipe:
     return _checked(shaped(tree, LibraryRecipe, f"{path} (its recipe)"), path)
 
 
+def check_name(name: str, path: Path) -> None:
+    """Refuses what no prompt or script could say.
+
+    Raises:
+        FileFormatError: it names the file.
+    """
+    if not NAME.fullmatch(name):
+        raise FileFormatError(f"{path}: motion '{name}' cannot be typed; use letters, digits, - and _ (at most 40)")
+
+
 def _checked(recipe: LibraryRecipe, path: Path) -> LibraryRecipe:
     names = [motion.name for motion in recipe.motions]
     twice = {name for name in names if names.count(name) > 1}
@@ -125,8 +135,7 @@ def _checked(recipe: LibraryRecipe, path: Path) -> LibraryRecipe:
     if not names:
         raise FileFormatError(f"{path}: there are no [[motions]] in it")
     for name in names:
-        if not NAME.fullmatch(name):
-            raise FileFormatError(f"{path}: motion '{name}' cannot be typed; use letters, digits, - and _ (at most 40)")
+        check_name(name, path)
     if not recipe.seeds or min(recipe.seeds) < 0:
         raise FileFormatError(f"{path}: seeds is {recipe.seeds}; give at least one whole number, none below 0")
     if not 0.1 <= recipe.loop_keeps < 1.0:

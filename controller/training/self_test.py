@@ -11,6 +11,7 @@ Each motion is started at its first anchor and left alone for three times its le
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,9 +60,12 @@ def run_free(network: FrameNetwork, motion: str, frames: int) -> Array:
     return out
 
 
-def self_test(network: FrameNetwork, judge: Judge) -> dict[str, Verdict]:
-    """Runs every motion of a network free and judges it: one verdict a motion."""
-    return {name: judge(name, run_free(network, name, RUN_LENGTHS * judge.length(name))) for name in judge.loops}
+def self_test(network: FrameNetwork, judge: Judge, motions: Iterable[str] | None = None) -> dict[str, Verdict]:
+    """Runs motions of a network free, all of them unless told which, and judges them: one verdict a motion."""
+    return {
+        name: judge(name, run_free(network, name, RUN_LENGTHS * judge.length(name)))
+        for name in (judge.loops if motions is None else motions)
+    }
 
 
 class Judge:

@@ -1,0 +1,124 @@
+"""Adds one motion to a library that has been trained, and leaves what is stored as it is.
+
+The new motion is learned from its clip alone: a conceptor network loads it into what is left of its reservoir
+(`training/incremental.py`), an echo-state network gets one more readout, a centralized one one more motion. It then
+has to pass the self-test beside the stored ones, which are known by what they play.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from controller.errors import MotiondeckError
+from controller.generators.centralized_network import CentralizedNetwork
+from controller.generators.conceptor import ConceptorNetwork
+from controller.generators.echo_state import EchoStateNetwork
+from controller.generators.reservoir import Reservoir
+from controller.mocap.clip import Clip
+from controller.mocap.normalisation import Normalisation
+from controller.rotations import Array
+from controller.training.centralized_training import CentralizedRecipe, train_centralized_network
+from controller.training.conceptor_training import ConceptorRecipe
+from controller.training.echo_state_training import EchoStateRecipe, learn_readouts
+from controller.training.fit import cut, describe_motion, to_learn
+from controller.training.incremental import load_one_more, memory_of, quota
+from controller.training.lesson import Lesson
+from controller.training.library import AnyNetwork, MotionLibrary
+from controller.training.recipe import LibraryRecipe, MotionRecipe, check_name, recipe_of
+from controller.training.self_test import Judge, Verdict, run_free, self_test
+from controller.training.stress_test import stress_test
+
+
+@dataclass(frozen=True)
+class Addition:
+    """A library with one motion more.
+
+    Attributes:
+        library: with the new motion as its last.
+        verdict: of the self-test on it.
+        quota_before, quota: the share of the reservoir's space that the stored motions claim, without it and with it;
+            None for networks that have no space to share.
+    """
+
+    library: MotionLibrary
+    verdict: Verdict
+    quota_before: float | None
+    quota: float | None
+
+
+def add_motion(library: MotionLibrary, path: Path, clip: Clip, motion: MotionRecipe) -> Addition:
+    """Learns a clip as one more motion of a library.
+
+    Args:
+        library: as it was trained or added to.
+        path: of the library, for error messages.
+        clip: the recording.
+        motion: what it is called, how it plays and which of its frames to take.
+
+    Raises:
+        MotiondeckError: if the name is taken or cannot be typed, the clip does not fit, or the network cannot be added
+            to.
+    """
+    info, network = library.info, library.network
+    recipe = recipe_of(info.recipe, path)
+    check_name(motion.name, path)
+    if motion.name in network.motions:
+        raise MotiondeckError(f"{path}: there is a motion '{motion.name}' in it already; give another --name")
+    if recipe.as_recorded:
+        raise MotiondeckError(
+            f"{path}: its motions were learned as recorded, without loops; such a library is not added to"
+        )
+    if abs(clip.rate - info.rate) > 1e-6:
+        raise MotiondeckError(f"{motion.file}: {clip.rate:g} frames a second; the library has {info.rate:g}")
+    frames = to_learn(library.encoding, cut(clip, motion), motion, recipe.loop_keeps)
+    lengths = {known.name: known.frames for known in info.motions}
+    with threadpool_limits(1):
+        grown, claimed = _learn(network, recipe, info.seed, info.rate, lengths, motion, frames)
+        loops = {known.name: known.plays == "loop" for known in info.motions} | {motion.name: motion.plays == "loop"}
+        played = {name: run_free(network.twin(), name, length) for name, length in lengths.items()}
+        judge = Judge(library.encoding, played | {motion.name: frames}, loops)
+        verdict = self_test(grown, judge, (motion.name,))
+        if not isinstance(grown, CentralizedNetwork):
+            verdict = stress_test(grown, verdict, judge, info.seed)
+    new = describe_motion(motion, frames, grown, verdict[motion.name], recipe.network.anchor_every)
+    longer = msgspec.structs.replace(recipe, motions=[*recipe.motions, motion])
+    header = msgspec.structs.replace(
+        info,
+        motions=[*info.motions, new],
+        recipe=msgspec.json.decode(msgspec.json.encode(longer)),
+        acknowledgement=f"{info.acknowledgement} '{motion.name}' was added from {Path(motion.file).name}.".strip(),
+    )
+    return Addition(MotionLibrary(header, grown, library.encoding), verdict[motion.name], *claimed)
+
+
+def _learn(
+    network: AnyNetwork,
+    recipe: LibraryRecipe,
+    seed: int,
+    rate: float,
+    lengths: dict[str, int],
+    motion: MotionRecipe,
+    frames: Array,
+) -> tuple[AnyNetwork, tuple[float | None, float | None]]:
+    """The network with one more motion, and what of its space is claimed before and after."""
+    plan, loop = recipe.network, motion.plays == "loop"
+    if isinstance(network, ConceptorNetwork) and isinstance(plan, ConceptorRecipe):
+        lesson = Lesson(motion.name, memory_of(network).normalisation.apply(frames), loop)
+        grown = load_one_more(network, lengths, lesson, plan, seed)
+        return grown, (quota(network, lengths, plan), quota(grown, lengths | {motion.name: len(frames)}, plan))
+    if isinstance(network, EchoStateNetwork) and isinstance(plan, EchoStateRecipe):
+        lesson = Lesson(motion.name, network.normalisation.apply(frames), loop)
+        reservoir = Reservoir(network.weights, network.feedback, network.bias, network.leak)
+        # Noise of its own, the same whenever this motion is added in this place.
+        part = learn_readouts(reservoir, [lesson], plan, np.random.default_rng([seed, len(lengths)]))
+        return network.with_motions(part), (None, None)
+    if isinstance(network, CentralizedNetwork) and isinstance(plan, CentralizedRecipe):
+        normalisation = Normalisation.fit([frames])
+        lesson = Lesson(motion.name, normalisation.apply(frames), loop)
+        return network.joined(train_centralized_network([lesson], normalisation, plan, rate, seed)), (None, None)
+    raise MotiondeckError(f"the recipe in the library '{recipe.name}' is for another kind of network")
