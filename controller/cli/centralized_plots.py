@@ -13,6 +13,7 @@ from controller.rotations import Array
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from controller.evaluation.tables import Table
     from controller.mocap.clip import Clip
     from controller.recognition.labels import Labels
 
@@ -130,4 +131,34 @@ def draw_lines(
     axes.set_title(title)
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8)
+    save(figure, path)
+
+
+def draw_segment_errors(table: Table, path: Path) -> None:
+    """Errors by segment and size (figures 15 and 16), and by joint and segment, absolute and relative (figure 14)."""
+    from matplotlib.figure import Figure
+
+    rows, details = table.rows, table.details
+    joints = list(dict.fromkeys(str(one["joint"]) for one in details))
+    figure = Figure(figsize=(13.0, 4.0 + 0.17 * len(joints)), layout="constrained")
+    grid = figure.add_gridspec(2, 2, height_ratios=(1.0, 0.06 * len(joints)))
+    axes = figure.add_subplot(grid[0, :])
+    width = 0.8 / len(table.draws)
+    for i, name in enumerate(table.draws):
+        heights = [float(row[name] or 0.0) for row in rows]
+        axes.bar(np.arange(len(rows)) + (i - 0.5 * (len(table.draws) - 1)) * width, heights, width, label=name[:-3])
+    axes.set_xticks(np.arange(len(rows)), [str(row["segment"]) for row in rows])
+    axes.set_xlabel("segment")
+    axes.set_ylabel("mm a coordinate")
+    axes.set_title(table.title)
+    axes.legend(fontsize=8)
+    for column, (key, title) in enumerate((("mm", "49 satellites: mm a coordinate"), ("relative", "relative, eq. 26"))):
+        axes = figure.add_subplot(grid[1, column])
+        values = np.array([float(one[key] or 0.0) for one in details]).reshape(-1, len(joints)).T
+        picture = axes.imshow(values, aspect="auto", cmap="viridis")
+        axes.set_yticks(np.arange(len(joints)), joints, fontsize=6)
+        axes.set_xticks(np.arange(values.shape[1]), [str(k + 1) for k in range(values.shape[1])])
+        axes.set_xlabel("segment")
+        axes.set_title(title)
+        figure.colorbar(picture, ax=axes)
     save(figure, path)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
 import typer
 
@@ -20,12 +20,23 @@ if TYPE_CHECKING:
     from controller.training.recipe import LibraryRecipe
 
 What = Literal["accuracy", "robustness", "stability", "transitions", "cost"]
+Measure = Literal[
+    "accuracy", "robustness", "stability", "transitions", "cost", "segments", "models", "coordinates", "reconstruction"
+]
 
 
 def evaluate(
-    subject: Annotated[str, typer.Argument(metavar="LIBRARY_OR_RECIPE", help="A recipe (.toml) or a library.")],
-    what: Annotated[What, typer.Argument(help="What to measure.")],
-    data: Annotated[Path, typer.Option("--data", metavar="DIR", help="The folder with the recordings.")],
+    subject: Annotated[
+        str,
+        typer.Argument(
+            metavar="SUBJECT", help="A recipe (.toml), a library, or a recording; or centralized-table1 with --paper."
+        ),
+    ],
+    what: Annotated[
+        Measure | None,
+        typer.Argument(help="What to measure; the last four are of recordings.", show_default=False),
+    ] = None,
+    data: Annotated[Path | None, typer.Option("--data", metavar="DIR", help="The folder with the recordings.")] = None,
     seeds: Annotated[int, typer.Option("--seeds", min=1, max=1000, help="How many networks of a recipe.")] = 3,
     first_seed: Annotated[int, typer.Option("--first-seed", min=0, help="The first of these networks' seeds.")] = 0,
     runs: Annotated[int, typer.Option("--runs", min=1, max=100_000, help="Of each motion of each network.")] = 100,
@@ -43,11 +54,25 @@ def evaluate(
     with); a library is taken as it is. Runs are judged by the
     self-test's criterion (docs/evaluation.md).
 
-    Example:  motiondeck evaluate configs/libraries/paper/esn-4.1.toml robustness --data recordings --seeds 3 --runs 100
+    Of a recording: how well centralized networks of 16, 49 and 100 satellites say its segments (segments), what
+    Akaike's criterion makes of centers and satellites (models), feet and wrists over time as networks of 25, 50 and 100
+    satellites say them (coordinates, drawn with --plot), and how well missing joints are filled in (reconstruction).
+
+    [bold]Examples[/]
+
+      motiondeck evaluate configs/libraries/paper/esn-4.1.toml robustness --data recordings --seeds 3 --runs 100
+
+      motiondeck evaluate --paper centralized-table1 --data recordings
+
+      motiondeck evaluate 86_01.amc coordinates --plot coordinates.png
     """
+    from controller.cli.evaluate_recording import TABLE1, is_recording, measure_recording
     from controller.errors import MotiondeckError
 
-    if not data.is_dir():
+    of_recording = is_recording(subject) or subject == TABLE1
+    if data is None and (subject == TABLE1 or not of_recording):
+        raise MotiondeckError("--data is missing: the folder that holds the recordings")
+    if data is not None and not data.is_dir():
         raise MotiondeckError(f"{data}: there is no such folder; --data is the folder that holds the recordings")
     for file in (table, plot):
         if file is not None and not file.absolute().parent.is_dir():
@@ -55,6 +80,13 @@ def evaluate(
     from controller.cli.plots import drawing
 
     draw = drawing() if plot is not None else None
+    if of_recording:
+        result, drawn = measure_recording(subject, what, data)
+        _deliver(result, table, plot, drawn or draw, as_json=as_json)
+        return
+    if what is None or what not in get_args(What):
+        raise MotiondeckError(f"of a library or a recipe is measured: {', '.join(get_args(What))}")
+    assert data is not None
     task = _Task.of(subject, data, range(first_seed, first_seed + seeds), runs, paper, jobs)
     measures = {
         "accuracy": accuracy,
@@ -63,7 +95,13 @@ def evaluate(
         "transitions": transitions,
         "cost": cost,
     }
-    result = measures[what](task, what)
+    _deliver(measures[what](task, what), table, plot, draw, as_json=as_json)
+
+
+def _deliver(
+    result: Table, table: Path | None, plot: Path | None, draw: Callable[[Table, Path], None] | None, *, as_json: bool
+) -> None:
+    """Writes, draws and prints a table."""
     if table is not None:
         _write_csv(result, table)
     if plot is not None and draw is not None:
@@ -120,7 +158,7 @@ class _Task:
         if self.library is not None:
             loaded = load_library(self.library)
             return [Subject(loaded.info.seed, loaded.reservoir)]
-        with _progress("training", len(self.seeds)) as tick:
+        with progress("training", len(self.seeds)) as tick:
             return train_subjects(self.recipe, self.syllabus, self.seeds, self.jobs, tick)
 
 
@@ -134,7 +172,7 @@ def accuracy(task: _Task, what: str) -> Table:
 
     if task.library is not None:
         raise MotiondeckError(f"{task.library}: accuracy is measured in training; give the recipe (.toml) instead")
-    with _progress("training and testing", len(task.seeds)) as tick:
+    with progress("training and testing", len(task.seeds)) as tick:
         plan, errors, verdicts = task.syllabus, [], []
         judge = Judge(plan.encoding, plan.frames, plan.loops, holds=not task.recipe.as_recorded)
         for seed in task.seeds:
@@ -165,7 +203,7 @@ def failures(task: _Task, what: Literal["robustness", "stability"]) -> Table:
     names = list(task.syllabus.frames)
     motions = [name for name in known if name in names] if task.paper and known else names
     subjects = task.subjects()
-    with _progress(what, len(subjects) * len(motions)) as tick:
+    with progress(what, len(subjects) * len(motions)) as tick:
         counts = sweep(
             what,
             subjects,
@@ -203,7 +241,7 @@ def transitions(task: _Task, what: str) -> Table:
         judge = Judge(plan.encoding, plan.frames, plan.loops, holds=holds)
         verdicts = self_test(subject.network, judge)
         library = assemble(task.recipe, plan, subject.network, subject.seed, verdicts)
-    with _progress("transitions", len(task.syllabus.frames)) as tick:
+    with progress("transitions", len(task.syllabus.frames)) as tick:
         crossings = all_crossings(library, task.syllabus, holds=holds, jobs=task.jobs, tick=tick)
     notes = [
         "median / 95th percentile / maximum; velocity, acceleration, jerk: peaks over the larger of both motions' own",
@@ -217,7 +255,7 @@ def cost(task: _Task, what: str) -> Table:
     from controller.evaluation.cost import costs, variants
     from controller.evaluation.tables import cost_table
 
-    with _progress("training", len(list(variants(task.recipe, task.syllabus)))) as tick:
+    with progress("training", len(list(variants(task.recipe, task.syllabus)))) as tick:
         found = costs(task.recipe, task.syllabus, task.seeds[0], tick)
     notes = [
         "processor time on one core; powers are slopes of a line through logarithms, the thesis's are upper bounds"
@@ -226,7 +264,7 @@ def cost(task: _Task, what: str) -> Table:
 
 
 @contextmanager
-def _progress(words: str, total: int) -> Iterator[Callable[[], None]]:
+def progress(words: str, total: int) -> Iterator[Callable[[], None]]:
     """A bar on a terminal, nothing in a pipe."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn

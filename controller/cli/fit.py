@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 if TYPE_CHECKING:
+    from controller.training.fit import Syllabus
     from controller.training.library import MotionLibrary
+    from controller.training.recipe import LibraryRecipe
 
 
 def fit(
@@ -24,6 +26,17 @@ def fit(
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where the library goes (.safetensors).")],
     data: Annotated[
         Path | None, typer.Option("--data", metavar="DIR", help="The folder with the recipe's recordings.")
+    ] = None,
+    centers: Annotated[
+        str | None,
+        typer.Option("--centers", metavar="N|auto", help="Of a centralized network, not the recipe's."),
+    ] = None,
+    satellites: Annotated[
+        str | None, typer.Option("--satellites", metavar="N|auto", help="The same; auto lets AICc choose.")
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", metavar="DIR", help="Draw feet and hands of each motion, recorded and played."),
     ] = None,
     allow_failing: Annotated[
         bool, typer.Option("--allow-failing", help="Write the library even if a motion fails its self-test.")
@@ -43,6 +56,8 @@ def fit(
       motiondeck fit configs/libraries/thesis15.toml --data recordings --out my.safetensors
 
       motiondeck fit wave.clip nod.clip --out gestures.safetensors
+
+      motiondeck fit configs/libraries/cmu86.toml --data cmu --centers auto --satellites auto --out small.safetensors
     """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -64,6 +79,11 @@ def fit(
         raise MotiondeckError(f"{data}: there is no such folder; --data is the folder that holds the recordings")
     if not out.parent.is_dir():
         raise MotiondeckError(f"{out.parent}: there is no such folder to write the library to")
+    plan = sized(plan, centers, satellites)
+    if plot is not None:
+        from controller.cli.centralized_plots import need_folder
+
+        need_folder(plot / "motion.png")
     console = Console(stderr=True)
     columns = (TextColumn("{task.description:28}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, disable=not sys.stderr.isatty(), transient=True) as bar:
@@ -73,14 +93,16 @@ def fit(
             bar.update(task, advance=1, description=step)
 
         library = training.fit(plan, data, progress)
+    closeness = told(library, training.prepare(plan, data), plan.network.anchor_every, plot)
     failing = [motion.name for motion in library.info.motions if not motion.passed]
     written = not failing or allow_failing
     if written:
         save_library(library, out)
     if as_json:
-        print(json.dumps(report(library) | {"written": str(out) if written else None}))
+        print(json.dumps(report(library) | {"told": closeness, "written": str(out) if written else None}))
     else:
         print_table(library)
+        print_closeness(library, closeness)
     if not written:
         raise MotiondeckError(
             f"{', '.join(failing)} failed the self-test, so {out} was not written. "
@@ -88,6 +110,79 @@ def fit(
         )
     if not as_json:
         print(f"wrote {out} ({out.stat().st_size / 1e6:.1f} MB, seed {library.info.seed})")
+
+
+def sized(plan: LibraryRecipe, centers: str | None, satellites: str | None) -> LibraryRecipe:
+    """The recipe with other sizes of its centralized network.
+
+    Raises:
+        MotiondeckError: if it has none, or a size is neither a number nor "auto".
+    """
+    import msgspec
+
+    from controller.errors import MotiondeckError
+    from controller.training.centralized_training import CentralizedRecipe
+
+    given = {name: value for name, value in (("centers", centers), ("satellites", satellites)) if value is not None}
+    if not given:
+        return plan
+    if not isinstance(plan.network, CentralizedRecipe):
+        raise MotiondeckError(f"recipe '{plan.name}' is for a reservoir, which has no {' and no '.join(given)}")
+    for name, value in given.items():
+        if value != "auto" and not (value.isdecimal() and 1 <= int(value) <= 1000):
+            raise MotiondeckError(f"--{name} {value}: give a number from 1 to 1000, or auto")
+    sizes: Any = {name: value if value == "auto" else int(value) for name, value in given.items()}
+    return msgspec.structs.replace(plan, network=msgspec.structs.replace(plan.network, **sizes))
+
+
+def told(library: MotionLibrary, syllabus: Syllabus, every: int, plot: Path | None) -> list[dict[str, Any]]:
+    """How well each motion is said where its anchors are, in mm (eqs 20 to 27), and what a centralized network took."""
+    from controller.cli.centralized_plots import draw_coordinates
+    from controller.evaluation.matching import joint_features
+    from controller.generators.centralized_network import CentralizedNetwork
+    from controller.training.model_choice import hands_and_feet, mean_absolute, mean_distance, relative_accuracy
+
+    network, rows = library.network, []
+    for name, frames in syllabus.frames.items():
+        said = network.recall(name)
+        places = [
+            joint_features(library.encoding, channels)[:, :-1].reshape(len(channels), -1, 3)
+            for channels in (frames[::every], said)
+        ]
+        recorded, played = (p[: min(map(len, places))] for p in places)
+        row: dict[str, Any] = {"motion": name, "mean_mm": mean_absolute(played, recorded)}
+        row |= {"joint_mm": mean_distance(played, recorded)}
+        row |= {"relative_accuracy": float(relative_accuracy(played, recorded).mean())}
+        if isinstance(network, CentralizedNetwork):
+            part = network.part(name)
+            row |= {"centers": len(part.frequency), "satellites": len(part.satellites)}
+            row |= {"largest_weight": part.largest_weight}
+        rows.append(row)
+        if plot is not None:
+            which = hands_and_feet(library.skeleton)
+            names = [library.skeleton.bones[bone] for bone in which]
+            draw_coordinates(
+                recorded[:, which],
+                {"network": played[:, which]},
+                names,
+                library.info.rate / every,
+                f"{library.info.name}: {name}",
+                plot / f"{name}.png",
+            )
+    return rows
+
+
+def print_closeness(library: MotionLibrary, rows: list[dict[str, Any]]) -> None:
+    """One row a motion: its network and its errors."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title="joints beside the recording, seen from the root")
+    for name in rows[0]:
+        table.add_column(name.replace("_mm", ", mm").replace("_", " "), justify="left" if name == "motion" else "right")
+    for row in rows:
+        table.add_row(*(f"{value:.4g}" if isinstance(value, float) else str(value) for value in row.values()))
+    Console().print(table)
 
 
 def report(library: MotionLibrary) -> dict[str, object]:

@@ -22,7 +22,7 @@ from controller.cli import (  # noqa: E402
     evaluate,
     fit,
     gamepad,
-    library,
+    library_motions,
     play,
     plot,
     preflight,
@@ -50,7 +50,7 @@ app.command("plot")(plot.plot)
 app.command("fit")(fit.fit)
 app.command("evaluate")(evaluate.evaluate)
 app.command("preflight")(preflight.preflight)
-app.add_typer(library.app, name="library")
+app.add_typer(library_motions.app, name="library")
 app.add_typer(clip.app, name="clip")
 app.add_typer(rig.app, name="rig")
 app.add_typer(robot.app, name="robot")

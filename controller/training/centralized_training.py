@@ -8,6 +8,7 @@ starts with a quarter, 0.45 or one turn and is moved with everything else.
 from __future__ import annotations
 
 from itertools import combinations
+from typing import Literal
 
 import msgspec
 import numpy as np
@@ -31,13 +32,13 @@ class CentralizedRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True,
     """The parameters of a centralized network.
 
     Attributes:
-        centers: n of each motion.
-        satellites: m of each motion, or a third of its frames where those are few.
+        centers: n of each motion, or "auto" for what Akaike's criterion prefers.
+        satellites: m of each motion, or a third of its frames where those are few; or "auto" likewise.
         iterations: of the joint refinement of all satellites.
     """
 
-    centers: int = 2
-    satellites: int = 60
+    centers: int | Literal["auto"] = 2
+    satellites: int | Literal["auto"] = 60
     iterations: int = 150
 
     @property
@@ -54,21 +55,39 @@ def train_centralized_network(
     Raises:
         MotiondeckError: see `train_centralized`.
     """
-    return CentralizedNetwork(
-        {
-            lesson.name: train_centralized(
-                normalisation.invert(lesson.frames),
-                rate,
-                loop=lesson.loop,
-                centers=recipe.centers,
-                satellites=max(1, min(recipe.satellites, len(lesson.frames) // 3)),
-                iterations=recipe.iterations,
-                seed=seed,
-            )
-            for lesson in lessons
-        },
+    motions = {}
+    for lesson in lessons:
+        channels = normalisation.invert(lesson.frames)
+        centers, satellites = _sizes(recipe, channels, rate, loop=lesson.loop, seed=seed)
+        motions[lesson.name] = train_centralized(
+            channels,
+            rate,
+            loop=lesson.loop,
+            centers=centers,
+            satellites=satellites,
+            iterations=recipe.iterations,
+            seed=seed,
+        )
+    return CentralizedNetwork(motions, rate)
+
+
+def _sizes(recipe: CentralizedRecipe, channels: Array, rate: float, *, loop: bool, seed: int) -> tuple[int, int]:
+    """n and m for a motion, chosen where the recipe leaves it open."""
+    # It trains networks to compare them, by the function below.
+    from controller.training.model_search import CENTERS, SATELLITES, score_models
+
+    fits = max(1, len(channels) // 3)
+    if recipe.centers != "auto" and recipe.satellites != "auto":
+        return recipe.centers, max(1, min(recipe.satellites, fits))
+    best = score_models(
+        channels,
         rate,
-    )
+        loop=loop,
+        centers=CENTERS if recipe.centers == "auto" else (recipe.centers,),
+        satellites=SATELLITES if recipe.satellites == "auto" else (min(recipe.satellites, fits),),
+        seed=seed,
+    )[0]
+    return best.centers, best.satellites
 
 
 def train_centralized(

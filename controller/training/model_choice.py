@@ -4,7 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
+from controller.mocap.anatomy import anatomy
+from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array
+
+
+def hands_and_feet(skeleton: Skeleton) -> list[int]:
+    """The bones that the paper looks at the ends of: feet and wrists, or what comes nearest to them.
+
+    Of a body without them it is the first four bones.
+    """
+    body = anatomy(skeleton)
+    found = [body.first(part, side) for part in ("foot", "hand") for side in ("right", "left")]
+    bones = [bone for bone in found if bone is not None]
+    return bones or list(range(min(4, len(skeleton))))
 
 
 def relative_accuracy(output: Array, markers: Array) -> Array:

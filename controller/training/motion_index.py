@@ -8,13 +8,26 @@ count; they scale the question and the tree alike and need a tree of their own.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
+import msgspec
 import numpy as np
 from scipy.spatial import KDTree
 
+from controller.arrays_file import Kind, read_arrays, write_arrays
+from controller.config import shaped
 from controller.errors import MotiondeckError
 from controller.generators.oscillators import require_frequencies
 from controller.rotations import Array
+
+KIND = Kind("motion index", "motiondeck-index", 1, "`motiondeck library index`")
+
+
+class IndexHeader(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """What an index file says of its rows."""
+
+    version: int
+    names: list[str]
 
 
 @dataclass(frozen=True)
@@ -79,3 +92,25 @@ class MotionIndex:
 
 def _first_bad(frequencies: Array) -> int:
     return int(np.flatnonzero(~(np.isfinite(frequencies) & (frequencies > 0.0)).all(axis=1))[0])
+
+
+def save_index(names: list[str], frequencies: Array, path: Path) -> None:
+    """Writes motions and their numbers, shape (N, f), into a file of their own.
+
+    Raises:
+        FileFormatError: if the folder cannot be written.
+    """
+    write_arrays(path, KIND, IndexHeader(KIND.version, names), {"frequencies": frequencies})
+
+
+def load_index(path: Path) -> tuple[list[str], Array]:
+    """The motions of an index file and their numbers, shape (N, f).
+
+    Raises:
+        FileFormatError: one line that names the file and what is wrong with it.
+    """
+    header, stored = read_arrays(path, KIND)
+    names = shaped(header, IndexHeader, f"{path} (header)").names
+    frequencies = stored.take("frequencies", len(names), stored.size("frequencies", 1), kind=np.float64)
+    stored.finish()
+    return names, frequencies

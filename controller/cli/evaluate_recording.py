@@ -1,0 +1,260 @@
+"""`motiondeck evaluate RECORDING ...`: what centralized networks make of one recording (Vakulenko et al. 2017)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from controller.errors import MotiondeckError
+from controller.evaluation.tables import Table, Value
+
+if TYPE_CHECKING:
+    from controller.mocap.clip import Clip
+    from controller.rotations import Array
+
+Draw = Callable[[Table, Path], None]
+
+TABLE1 = "centralized-table1"
+RECORDINGS = (".amc", ".bvh", ".mat", ".c3d")
+
+SEGMENT_SATELLITES = (16, 49, 100)
+SHOWN_SATELLITES = (25, 50, 100)
+CENTERS = 2
+ITERATIONS = 150
+
+# The paper cuts CMU 86 trial 1 into eleven segments; other recordings into what is worth a border.
+PAPER_SEGMENTS = {"86_01": 11}
+SHOWN_SECONDS = 12.0
+GAPS_S = (0.25, 0.5, 1.0)
+
+
+def is_recording(subject: str) -> bool:
+    """Whether what is to be evaluated is a recording, by its name."""
+    return Path(subject).suffix.lower() in RECORDINGS
+
+
+def measure_recording(subject: str, what: str | None, data: Path | None) -> tuple[Table, Draw | None]:
+    """A table, and how it is drawn if not as bars.
+
+    Raises:
+        MotiondeckError: if the recording cannot be read, or this is not measured of recordings.
+    """
+    from controller.mocap.reading import read_clip
+    from controller.recognition.dataset import skeleton_of
+
+    if subject == TABLE1:
+        if what is not None or data is None:
+            raise MotiondeckError(f"{TABLE1} is a table of its own: leave out '{what}'")
+        return table1(data), None
+    measures = {"segments": segments, "models": models, "coordinates": coordinates, "reconstruction": reconstruction}
+    if what not in measures:
+        raise MotiondeckError(f"of a recording is measured: {', '.join(measures)}")
+    path = Path(subject)
+    if not path.is_file():
+        raise MotiondeckError(f"{path}: there is no such file")
+    return measures[what](read_clip(path, skeleton_of(path, path.parent.parent)))
+
+
+def table1(data: Path) -> Table:
+    """Table 1 of the paper: its figures, ours with its method, ours with learned satellites."""
+    from controller.cli.evaluate import progress
+    from controller.evaluation.centralized_table1 import PAPER, centralized_table1
+    from controller.mocap.reading import read_clip
+    from controller.training.fit import find_recording
+
+    with progress("networks", 4 * len(PAPER)) as tick:
+        entries = list(centralized_table1(read_clip(find_recording(data, "86/86_01.amc")), progress=lambda _: tick()))
+    rows: list[dict[str, Value]] = [
+        {
+            "centers, satellites, segment": f"{e.centers}, {e.satellites}, {e.segment}",
+            "paper": e.paper,
+            "its method": e.fixed,
+            "learned": e.learned,
+            "its method mm": e.fixed_mm,
+            "learned mm": e.learned_mm,
+        }
+        for e in entries
+    ]
+    won = sum(e.learned < e.paper for e in entries)
+    notes = [
+        "integral relative accuracy (eq. 26) of feet and wrists, and mean absolute error of a coordinate in mm",
+        f"learned satellites are more accurate than the paper's figure in {won} of {len(entries)} cells",
+    ]
+    return Table("table 1, CMU 86 trial 1", rows, ("paper", "its method", "learned"), notes)
+
+
+def segments(clip: Clip) -> tuple[Table, Draw]:
+    """Errors of all joints in each segment (figures 14 to 16)."""
+    from controller.cli.evaluate import progress
+    from controller.mocap.segmentation import body_features, find_segments
+    from controller.training.model_choice import mean_absolute, mean_distance, relative_accuracy
+
+    places = 1e3 * clip.joints()
+    names = ("root", *clip.skeleton.bones)
+    cuts = find_segments(body_features(clip), clip.rate, PAPER_SEGMENTS.get(clip.name))
+    rows: list[dict[str, Value]] = []
+    details: list[dict[str, Value]] = []
+    with progress("networks", len(cuts) * len(SEGMENT_SATELLITES)) as tick:
+        for number, (first, end) in enumerate(cuts, 1):
+            part = places[first:end]
+            row: dict[str, Value] = {"segment": str(number), "seconds": (end - first) / clip.rate}
+            for satellites in SEGMENT_SATELLITES:
+                said = _say(part, clip.rate, satellites)
+                row[f"{satellites} satellites mm"] = mean_absolute(said, part)
+                row[f"{satellites} joint mm"] = mean_distance(said, part)
+                tick()
+                if satellites == SEGMENT_SATELLITES[1]:
+                    apart, shares = np.abs(said - part).mean((0, 2)), relative_accuracy(said, part)
+                    details += [
+                        {"segment": number, "joint": name, "mm": float(mm), "relative": float(share)}
+                        for name, mm, share in zip(names, apart, shares, strict=True)
+                    ]
+            rows.append(row)
+    mean: dict[str, Value] = {"segment": "mean"}
+    mean |= {name: float(np.mean([row[name] for row in rows])) for name in rows[0] if name != "segment"}  # pyright: ignore
+    rows.append(mean)
+    notes = [
+        "mean absolute error of a coordinate, and mean distance of a joint; details: each joint with 49 satellites"
+    ]
+    table = Table(
+        f"{clip.name}: {len(cuts)} segments, {len(names)} joints, {CENTERS} centers",
+        rows,
+        tuple(f"{m} satellites mm" for m in SEGMENT_SATELLITES),
+        notes,
+        details,
+    )
+
+    def draw(table: Table, path: Path) -> None:
+        from controller.cli.centralized_plots import draw_segment_errors
+
+        draw_segment_errors(table, path)
+
+    return table, draw
+
+
+def models(clip: Clip) -> tuple[Table, Draw]:
+    """Akaike's criterion over centers and satellites (figure 13), summed over the segments that are long enough."""
+    from controller.cli.evaluate import progress
+    from controller.mocap.segmentation import body_features, find_segments
+    from controller.training.model_choice import hands_and_feet
+    from controller.training.model_search import CENTERS as CHOICES
+    from controller.training.model_search import RATE, SATELLITES, score_models
+
+    bones = [0, *(bone + 1 for bone in hands_and_feet(clip.skeleton))]
+    places = clip.joints()[:, bones].reshape(len(clip), -1)
+    cuts = [cut for cut in find_segments(body_features(clip), clip.rate) if _frames(cut, clip) > 1.2 * SATELLITES[-1]]
+    if not cuts:
+        raise MotiondeckError(
+            f"{clip.source or clip.name}: no segment lasts longer than {1.2 * SATELLITES[-1] / RATE} s"
+        )
+    sums: dict[tuple[int, int], float] = {}
+    with progress("segments", len(cuts)) as tick:
+        for first, end in cuts:
+            for one in score_models(places[first:end], clip.rate, loop=False, centers=(*CHOICES, 4)):
+                key = (one.centers, one.satellites)
+                sums[key] = sums.get(key, 0.0) + one.aicc
+            tick()
+    best = min(sums, key=lambda key: sums[key])
+    rows: list[dict[str, Value]] = [
+        {"satellites": str(m)} | {f"{n} centers": sums.get((n, m)) for n in (*CHOICES, 4)} for m in SATELLITES
+    ]
+    title = f"{clip.name}: AICc at {RATE:g} Hz, {len(cuts)} segments, {places.shape[1]} coordinates"
+    notes = [f"the least: {best[0]} centers, {best[1]} satellites. A higher rate favours more satellites."]
+    table = Table(title, rows, tuple(name for name in rows[0] if name != "satellites"), notes)
+
+    def draw(table: Table, path: Path) -> None:
+        from controller.cli.centralized_plots import draw_lines
+
+        curves: dict[str, Any] = {}
+        for name in table.draws:
+            points = [(float(str(row["satellites"])), row[name]) for row in table.rows if row[name] is not None]
+            curves[name] = tuple(np.array(points, dtype=np.float64).T)
+        draw_lines(curves, ("satellites", "AICc"), table.title, path)
+
+    return table, draw
+
+
+def coordinates(clip: Clip) -> tuple[Table, Draw]:
+    """Feet and wrists over time as networks say them (figures 3 to 12): the first segments, each by its own network."""
+    from controller.cli.evaluate import progress
+    from controller.mocap.segmentation import body_features, find_segments
+    from controller.training.model_choice import hands_and_feet, mean_absolute
+
+    bones = hands_and_feet(clip.skeleton)
+    names = [clip.skeleton.bones[bone] for bone in bones]
+    places = 1e3 * clip.joints()[:, [bone + 1 for bone in bones]]
+    cuts = find_segments(body_features(clip), clip.rate)
+    shown = [cut for cut in cuts if cut[1] <= max(SHOWN_SECONDS * clip.rate, cuts[0][1])]
+    end = shown[-1][1]
+    said = {}
+    with progress("networks", len(SHOWN_SATELLITES)) as tick:
+        for satellites in SHOWN_SATELLITES:
+            parts = [_say(places[a:b], clip.rate, satellites) for a, b in shown]
+            said[f"{satellites} satellites"] = np.concatenate(parts)
+            tick()
+    rows: list[dict[str, Value]] = [
+        dict[str, Value](joint=name)
+        | {f"{label} mm": mean_absolute(path[:, i : i + 1], places[:end, i : i + 1]) for label, path in said.items()}
+        for i, name in enumerate(names)
+    ]
+    title = f"{clip.name}: the first {end / clip.rate:.1f} s, {len(shown)} segments, {CENTERS} centers"
+    table = Table(title, rows, tuple(f"{label} mm" for label in said), ["mean absolute error of a coordinate"])
+
+    def draw(table: Table, path: Path) -> None:
+        from controller.cli.centralized_plots import draw_coordinates
+
+        draw_coordinates(places[:end], said, names, clip.rate, table.title, path)
+
+    return table, draw
+
+
+def reconstruction(clip: Clip) -> tuple[Table, None]:
+    """How far off joints are that were hidden for a while and filled in from the others."""
+    from controller.cli.evaluate import progress
+    from controller.evaluation.hidden_joints import fill_hidden
+    from controller.mocap.segmentation import body_features, find_segments
+    from controller.training.model_choice import hands_and_feet
+
+    bones = hands_and_feet(clip.skeleton)
+    places = 1e3 * (clip.joints() - clip.root_position[:, None])
+    cuts = find_segments(body_features(clip), clip.rate)
+    rows: list[dict[str, Value]] = []
+    with progress("gaps", len(bones) * len(GAPS_S)) as tick:
+        for bone in bones:
+            for gap in GAPS_S:
+                parts = [places[a:b] for a, b in cuts]
+                found = fill_hidden(parts, bone + 1, clip.rate, gap)
+                if found is not None:
+                    label = f"{clip.skeleton.bones[bone]}, {gap:g} s"
+                    rows.append({"hidden": label, "network mm": found[0], "line mm": found[1], "cubic mm": found[2]})
+                tick()
+    if not rows:
+        raise MotiondeckError(f"{clip.source or clip.name}: too short to hide anything in it")
+    notes = ["one gap a segment; line and cubic: interpolated over the gap from the joint's own path"]
+    return Table(
+        f"{clip.name}: hidden joints, seen from the root", rows, ("network mm", "line mm", "cubic mm"), notes
+    ), None
+
+
+def _say(part: Array, rate: float, satellites: int) -> Array:
+    """What a learned network makes of a segment (K, M, 3)."""
+    from controller.training.satellite_learning import learn, ridge_readout, slow_and_fast
+
+    flat = part.reshape(len(part), -1)
+    time = np.arange(len(part)) / rate
+    middle = flat.mean(0)
+    count = min(satellites, len(part) - 1)
+    starts = slow_and_fast(len(part) / rate, CENTERS, 30, 0)
+    learned = learn(flat - middle, time, count, starts, iterations=ITERATIONS)
+    response = learned.respond(time)
+    return (response @ ridge_readout(response, flat - middle).T + middle).reshape(part.shape)
+
+
+def _frames(cut: tuple[int, int], clip: Clip) -> float:
+    """How many frames a segment has at the rate that models are compared at."""
+    from controller.training.model_search import RATE
+
+    return (cut[1] - cut[0]) * RATE / clip.rate
