@@ -92,11 +92,11 @@ def draw_coordinates(
     figure = Figure(figsize=(3.6 * len(names) + 3.6, 8.0), layout="constrained")
     grid = figure.add_gridspec(3, len(names) + 1)
     time = np.arange(len(recorded)) / rate
-    shades = dict(zip(played, ("#8fc1e3", "#3c8dbc", PLAYED, "#0b2d52"), strict=False))
+    shades = dict(zip(played, ("#8fc1e3", "#3c8dbc", PLAYED)[-len(played) :], strict=True))
     for column, name in enumerate(names):
         for row, axis in enumerate("xyz"):
             axes = figure.add_subplot(grid[row, column])
-            axes.plot(time, recorded[:, column, row], color=RECORDED, linewidth=1.6, label="recorded")
+            axes.plot(time, recorded[:, column, row], color=RECORDED, linewidth=2.6, alpha=0.6, label="recorded")
             for label, output in played.items():
                 axes.plot(time, output[:, column, row], color=shades[label], linewidth=0.9, label=label)
             if not row:

@@ -150,13 +150,16 @@ def models(clip: Clip) -> tuple[Table, Draw]:
         raise MotiondeckError(
             f"{clip.source or clip.name}: no segment lasts longer than {1.2 * SATELLITES[-1] / RATE} s"
         )
-    sums: dict[tuple[int, int], float] = {}
+    found: dict[tuple[int, int], list[float]] = {}
     with progress("segments", len(cuts)) as tick:
         for first, end in cuts:
             for one in score_models(places[first:end], clip.rate, loop=False, centers=(*CHOICES, 4)):
-                key = (one.centers, one.satellites)
-                sums[key] = sums.get(key, 0.0) + one.aicc
+                found.setdefault((one.centers, one.satellites), []).append(one.aicc)
             tick()
+    # A choice that failed in one segment cannot be compared with those that had to say them all.
+    sums = {key: sum(values) for key, values in found.items() if len(values) == len(cuts)}
+    if not sums:
+        raise MotiondeckError(f"{clip.source or clip.name}: no choice of sizes suits all of its segments")
     best = min(sums, key=lambda key: sums[key])
     rows: list[dict[str, Value]] = [
         {"satellites": str(m)} | {f"{n} centers": sums.get((n, m)) for n in (*CHOICES, 4)} for m in SATELLITES

@@ -75,6 +75,8 @@ def score_models(
             missed = float(np.square((motion.at(time) - seen) / spread).sum())
             parameters = (m + 1) * channels.shape[1] + m * (2 * n + 1) + 2 * n
             criterion = aicc(missed, seen.size, parameters)
+            if not np.isfinite(criterion):
+                continue
             scored.append(Scored(n, m, criterion, float(np.sqrt(missed / seen.size)), motion))
     if not scored:
         raise MotiondeckError(f"{len(channels)} frames are too few to choose a network by")

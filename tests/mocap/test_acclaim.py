@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from recordings import AMC, ASF
 from scipy.spatial.transform import Rotation
 
 from controller.errors import FileFormatError
 from controller.mocap.amc import read_amc
 from controller.mocap.asf import read_asf
 from controller.rotations import dot
+from recordings import AMC, ASF
 
 UNIT = 0.0254 / 0.45
 

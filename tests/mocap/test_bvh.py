@@ -4,13 +4,13 @@ import re
 
 import numpy as np
 import pytest
-from recordings import BVH
 from scipy.spatial.transform import Rotation
 
 from controller.errors import FileFormatError
 from controller.mocap.anatomy import anatomy
 from controller.mocap.bvh import read_bvh
 from controller.mocap.reading import read_clip
+from recordings import BVH
 
 
 def write(folder, text, name="bow.bvh"):

@@ -3,12 +3,12 @@ import zlib
 
 import numpy as np
 import pytest
-from recordings import mat_bytes, pattern_fields
 
 from controller.errors import FileFormatError
 from controller.mocap import mat5
 from controller.mocap.bone_directions import BoneDirections
 from controller.mocap.patterns import JAEGER_BONES, JAEGER_PARENT, JAEGER_REST, read_pattern, thesis_skeleton
+from recordings import mat_bytes, pattern_fields
 
 
 @pytest.fixture

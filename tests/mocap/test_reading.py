@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
-from recordings import AMC, ASF, mat_bytes, pattern_fields
 
 from controller.errors import FileFormatError
 from controller.mocap.reading import read_clip
+from recordings import AMC, ASF, mat_bytes, pattern_fields
 
 
 @pytest.fixture
