@@ -96,9 +96,7 @@ def main() -> None:
     print(f"a million steps change the centers' amplitude by {drift(network, network.motions[0]):.1e}", flush=True)
     own = float(np.quantile(np.concatenate(taught), 0.999))
     quantile, longest = switches(library)
-    print(
-        f"switches: acceleration p99.9 {quantile / own:.2f} of the motions' {own:.0f} m/s^2, at most {longest:.2f} s each"
-    )
+    print(f"switches: acceleration p99.9 {quantile / own:.2f} of the motions' {own:.0f} m/s^2, {longest:.2f} s")
 
 
 if __name__ == "__main__":
