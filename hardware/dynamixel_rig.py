@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.bus import Bus
-from hardware.errors import MotiondeckError, PortError
+from hardware.errors import PortError
 from hardware.faults import RigFaults
 from hardware.protocol2.instructions import FastReply
 from hardware.rig import RigConfig
 from hardware.scale import Array, RigScale, RigState
-from hardware.switching import hold_still, knows_fast_reads, switch_off, switch_on, tell_all
+from hardware.switching import hold_each, hold_still, knows_fast_reads, switch_off, switch_on, tell_all
 from hardware.timings import Timings
 
 _WATCHDOG_UNIT = 0.02  # s
@@ -207,19 +207,11 @@ class DynamixelRig:
         if self._closed:
             return []
         self._closed = self.gone = True
-        unconfirmed = self._hold_for_good() if self._held and self.config.on_exit == "hold" else None
-        if unconfirmed is None:
-            unconfirmed = switch_off(self.config, self.bus)
-        self.bus.close()
-        return unconfirmed
-
-    def _hold_for_good(self) -> list[str] | None:
-        """Has the servos hold where they are, without a watchdog; None if that does not work."""
+        end = hold_each if self._held and self.config.on_exit == "hold" else switch_off
         try:
-            hold_still(self.config, self.bus)
-        except MotiondeckError:
-            return None
-        return []
+            return end(self.config, self.bus)
+        finally:
+            self.bus.close()
 
     def _send(self, goals: Array) -> bool:
         """One sync write of goals, and before the first one the watchdog; False if the servos did not get them."""

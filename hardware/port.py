@@ -82,6 +82,8 @@ class SerialPort:
 
     def wait(self, seconds: float) -> bool:
         """Sleeps until something can be received, at most so long; whether something can."""
+        if self._fd < 0:
+            raise self._vanished()
         events = self._poll.poll(max(0.0, seconds) * 1e3)
         if events and events[0][1] & (select.POLLHUP | select.POLLERR | select.POLLNVAL):
             raise self._vanished()
@@ -92,7 +94,9 @@ class SerialPort:
         return time.monotonic()
 
     def close(self) -> None:
-        """Gives the device back; may be called twice."""
+        """Gives the device back; may be called twice, and afterwards every other call raises PortError."""
+        # The number may belong to another file soon: no byte meant for servos may reach that.
+        self._fd = -1
         self._serial.close()
 
     def _vanished(self) -> PortError:

@@ -191,7 +191,8 @@ class SupervisedRig:
         """
         self._stopped = True
         if self._job is not None:
-            self._job.join(_MENDED_WITHIN)
+            # Each of its waits for an answer has an end; before that it could still switch something on.
+            self._job.join()
             if self._new_bus is not None:
                 self._rig.attach(*self._new_bus)
         return self._rig.close()
@@ -243,8 +244,9 @@ class SupervisedRig:
             try:
                 if bus is None:
                     self._rig.bus.close()
-                    bus = self._open_bus()
-                self._new_bus = (bus, resume(self.config, bus))
+                    # The rig's own at once: whatever comes of it, `close` switches off over the port that is open.
+                    self._rig.bus = bus = self._open_bus()
+                self._new_bus = (bus, resume(self.config, bus, lambda: self._stopped))
                 return
             except MotiondeckError as error:
                 self._failure = error

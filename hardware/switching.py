@@ -5,7 +5,7 @@ These functions wait for each servo's answer; they are not for use inside a loop
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import msgspec
 import numpy as np
@@ -23,14 +23,20 @@ _NEAR = 0.05  # rad that a joint may stand outside its limits when switched on: 
 _HARDWARE_ERRORS = {1: "input voltage", 4: "overheated", 8: "encoder", 16: "electrical shock", 32: "overload"}
 
 
-def switch_on(config: RigConfig, bus: Bus) -> Array:
+def switch_on(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambda: False) -> Array:
     """Checks who is there, takes torque off, settles each servo's settings, makes its position its goal, torque on.
+
+    Args:
+        config: the rig.
+        bus: open.
+        cancelled: whether the rig is being closed meanwhile; torque does not come on then.
 
     Returns:
         The angles (J,), rad, at which the joints now hold.
 
     Raises:
-        RigError: if servos are missing, of another model, shut down, or outside their limits; it names them all.
+        RigError: if servos are missing, of another model, shut down, or outside their limits, it names them all; or if
+            it was cancelled.
         PortError: if the port vanishes.
     """
     check_identities(config, bus)
@@ -46,6 +52,8 @@ def switch_on(config: RigConfig, bus: Bus) -> Array:
         _limit_current(config, bus)
         show_state(config, bus)
         held = hold_still(config, bus)
+        if cancelled():
+            raise RigError("the rig was closed before torque was on.")
         _write(config, bus, "torque_enable", [1] * len(config.joints))
     except ServoError as error:
         raise RigError(str(error)) from error
@@ -94,10 +102,10 @@ def hold_still(config: RigConfig, bus: Bus) -> Array:
     return goals
 
 
-def resume(config: RigConfig, bus: Bus) -> Array:
+def resume(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambda: False) -> Array:
     """Brings a rig back that was switched on before: identities and settings verified, each joint where it stands.
 
-    A servo that has kept torque and settings just holds; one that has lost them is switched on anew.
+    A servo that has kept torque and settings just holds; one that has lost them is switched on anew (see `switch_on`).
 
     Returns:
         The angles (J,), rad, at which the joints now hold.
@@ -124,7 +132,7 @@ def resume(config: RigConfig, bus: Bus) -> Array:
             if is_set != (1, _POSITION_MODE, low, high)
         ]
         if lost:
-            switch_on(msgspec.structs.replace(config, joints=tuple(lost)), bus)
+            switch_on(msgspec.structs.replace(config, joints=tuple(lost)), bus, cancelled)
         show_state(config, bus)
     except ServoError as error:
         raise RigError(str(error)) from error
@@ -166,6 +174,29 @@ def switch_off(config: RigConfig, bus: Bus) -> list[str]:
         for joint in config.joints:
             try:
                 bus.write(joint.id, joint.table["torque_enable"].address, b"\0")
+            except ServoError:
+                unconfirmed.append(joint.name)
+    except PortError:
+        return list(config.names)
+    return unconfirmed
+
+
+def hold_each(config: RigConfig, bus: Bus) -> list[str]:
+    """Has each servo hold where it stands, without a watchdog; one that is silent costs the others nothing.
+
+    Returns:
+        The joints that did not confirm it: dead ones, or all where the port is gone.
+    """
+    unconfirmed: list[str] = []
+    ends = _ends(RigScale(config)).astype(np.int64).T.tolist()
+    try:
+        tell_all(config, bus, "bus_watchdog", 0)
+        for joint, (low, high) in zip(config.joints, ends, strict=True):
+            one = msgspec.structs.replace(config, joints=(joint,))
+            try:
+                _write(one, bus, "bus_watchdog", [0])
+                (present,) = _read(one, bus, "present_position")
+                _write(one, bus, "goal_position", [min(max(present, low), high)])
             except ServoError:
                 unconfirmed.append(joint.name)
     except PortError:

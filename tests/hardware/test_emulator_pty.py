@@ -1,11 +1,13 @@
 """A real pseudo-terminal: the maker's own client, our bus, and processes that come and go."""
 
+import os
 import subprocess
 import sys
 import threading
 import time
 
 import dynamixel_sdk as sdk
+import msgspec
 import numpy as np
 import pytest
 
@@ -14,8 +16,9 @@ from hardware.dynamixel_rig import DynamixelRig
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.process import start_emulator
 from hardware.emulator.pty_server import PtyServer
-from hardware.errors import PortError, RigFileError
+from hardware.errors import PortError, RigError, RigFileError
 from hardware.rig import load_rig
+from hardware.supervised_rig import SupervisedRig
 
 OK = sdk.COMM_SUCCESS
 GOAL, PRESENT, TORQUE, LIMIT = 116, 132, 64, 48
@@ -266,3 +269,82 @@ def test_the_emulators_command_says_what_is_wrong(tmp_path, arguments, code, sai
     assert run.returncode == code
     assert run.stderr.startswith(said)
     assert run.stdout == ""
+
+
+class Hub:
+    """Emulated servos whose adapter a test pulls and plugs in again, each time as another pseudo-terminal."""
+
+    def __init__(self, config):
+        self.bus = EmulatedBus(config)
+        self.server = PtyServer(self.bus)
+        self.over = threading.Event()
+        self.lock = threading.Lock()
+        self.thread = threading.Thread(target=self.serve)
+        self.thread.start()
+
+    def serve(self):
+        while not self.over.is_set():
+            with self.lock:
+                self.server.pump()
+            time.sleep(0)
+
+    def replug(self):
+        with self.lock:
+            old, self.server = self.server, PtyServer(self.bus)
+            old.close()
+
+    def close(self):
+        self.over.set()
+        self.thread.join()
+        self.server.close()
+
+
+@pytest.fixture
+def hub(rig_of_four):
+    hub = Hub(rig_of_four)
+    yield hub
+    hub.close()
+
+
+def test_after_a_failed_replug_torque_goes_off_over_the_new_port_and_nowhere_else(hub, rig_of_four, tmp_path):
+    config = msgspec.structs.replace(rig_of_four, reconnect_s=0.5)
+    rig = SupervisedRig(config, lambda: Bus.open(hub.server.port, config.baud))
+    first = rig._rig.bus.port
+    number = first._fd
+    hub.bus[2].dead = True
+    hub.replug()
+
+    def stopped():
+        try:
+            rig.write(np.zeros(4))
+        except RigError:
+            return True
+        return False
+
+    until(stopped, "the end of patience")
+    assert [hub.bus[id]["torque_enable"] for id in (1, 3, 4)] == [1, 1, 1]
+    with (tmp_path / "bystander").open("wb") as bystander:
+        # Whoever opens a file now may be given the number that the old port had.
+        taken = rig._rig.bus.port._fd == number
+        if not taken:
+            os.dup2(bystander.fileno(), number)
+        assert rig.close() == ["joint_2"]
+        if not taken:
+            os.close(number)
+    assert [hub.bus[id]["torque_enable"] for id in (1, 3, 4)] == [0, 0, 0]
+    assert (tmp_path / "bystander").read_bytes() == b""
+    for use in (lambda: first.send(b"\0"), first.receive, lambda: first.wait(0.0)):
+        with pytest.raises(PortError, match="is gone"):
+            use()
+
+
+def test_closing_while_it_mends_leaves_no_torque_on(hub, rig_of_four):
+    """The servos have lost torque and power, so mending means switching on: it must not, once the rig is closed."""
+    rig = SupervisedRig(rig_of_four, lambda: Bus.open(hub.server.port, rig_of_four.baud))
+    for id in (1, 2, 3, 4):
+        hub.bus[id]["torque_enable"] = 0
+    hub.replug()
+    until(lambda: rig.write(np.zeros(4)) or rig.mending, "the start of mending")
+    assert rig.close() == []
+    assert not any(device["torque_enable"] for device in hub.bus.devices)
+    assert not any(thread.name == "rig-mending" for thread in threading.enumerate())

@@ -169,6 +169,17 @@ def test_it_may_hold_in_the_end(build):
     assert port.bus[1]["present_position"] == pytest.approx(2048 + 0.3 * 2048 / np.pi, abs=1)
 
 
+def test_a_dead_servo_is_named_in_the_end_and_the_others_go_on_holding(build):
+    rig, port = build(on_exit="hold", on_loss="go on")
+    play(rig, port, [0.3] * 4, 1.0)
+    port.bus[2].dead = True
+    assert rig.close() == ["joint_2"]
+    port.elapse(1.0)
+    for id in (1, 3, 4):
+        assert (port.bus[id]["torque_enable"], port.bus[id]["bus_watchdog"]) == (1, 0)
+    assert port.bus[1]["present_position"] == pytest.approx(2048 + 0.3 * 2048 / np.pi, abs=1)
+
+
 def test_the_state_is_read_less_often_than_targets_are_sent(build):
     rig, port = build(read_hz=20.0)
     port.sent.clear()
