@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.bus import Bus
-from hardware.errors import PortError
+from hardware.errors import MotiondeckError, PortError, with_torque
 from hardware.faults import RigFaults
 from hardware.protocol2.instructions import FastReply
 from hardware.rig import RigConfig
@@ -57,9 +57,9 @@ class DynamixelRig:
         """Switches the servos of an open bus on, each where it stands.
 
         Raises:
-            RigError: if servos are missing, of another model, or not fit to be switched on; it names them all. No
-                torque is left on, and the bus is closed.
-            PortError: if the port vanishes.
+            RigError: if servos are missing, of another model, or not fit to be switched on; it names them all. Torque
+                is taken off again, the bus closed, and joints that did not confirm that are named too.
+            PortError: if the port vanishes; the same.
         """
         self.config = config
         self.names = config.names
@@ -83,6 +83,8 @@ class DynamixelRig:
         try:
             self.goals = switch_on(config, bus)
             self._fast = knows_fast_reads(config, bus)
+        except MotiondeckError as error:
+            raise with_torque(error, self.close()) from error
         except BaseException:
             self.close()
             raise
@@ -206,12 +208,14 @@ class DynamixelRig:
         """
         if self._closed:
             return []
-        self._closed = self.gone = True
+        self.gone = True
         end = hold_each if self._held and self.config.on_exit == "hold" else switch_off
         try:
-            return end(self.config, self.bus)
+            unconfirmed = end(self.config, self.bus)
         finally:
             self.bus.close()
+        self._closed = True
+        return unconfirmed
 
     def _send(self, goals: Array) -> bool:
         """One sync write of goals, and before the first one the watchdog; False if the servos did not get them."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 
 class MotiondeckError(Exception):
     """A mistake that the user can mend; the command line prints it without a traceback."""
@@ -29,3 +31,13 @@ class RefusedError(ServoError):
 
 class RigError(MotiondeckError):
     """A rig that is not as its file says, or not fit to be switched on; the message names the joints."""
+
+
+def still_on(joints: Sequence[str]) -> str:
+    """What to say of joints that did not confirm the end of a rig."""
+    return f"torque may still be on: {', '.join(joints)}. Switch the power off first."
+
+
+def with_torque(error: MotiondeckError, joints: Sequence[str]) -> MotiondeckError:
+    """The same error, which says also which joints did not confirm the end of the rig."""
+    return type(error)(f"{error} And {still_on(joints)}") if joints else error

@@ -12,7 +12,7 @@ from hardware.scale import Array
 class Rig(Protocol):
     """A rig that is switched on; arrays follow the order of the rig file's joints.
 
-    `DynamixelRig`, `SupervisedRig` and `SimulatedRig` fit it.
+    `DynamixelRig`, `SupervisedRig`, `JoinedRig` and `SimulatedRig` fit it.
     """
 
     config: RigConfig

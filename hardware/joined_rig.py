@@ -7,7 +7,7 @@ part is given targets any more, and the watchdogs of the others stop them.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import fields
 from types import TracebackType
 
@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.errors import RigError
+from hardware.errors import MotiondeckError, RigError, with_torque
 from hardware.faults import RigFaults
 from hardware.rig import RigConfig
 from hardware.scale import Array
@@ -106,7 +106,7 @@ class JoinedRig:
 
     def close(self) -> list[str]:
         """Ends all parts as the rig file says; the joints that did not confirm it. May be called twice."""
-        return [name for part, _ in self._parts for name in part.close()]
+        return _close_all([part for part, _ in self._parts])
 
     @contextmanager
     def _all_or_none(self) -> Iterator[list[tuple[SupervisedRig, NDArray[np.int64]]]]:
@@ -143,15 +143,33 @@ def connect_rig(config: RigConfig, ports: Sequence[str] = ()) -> SupervisedRig |
     """Opens the ports of a rig (its file's own, unless others are given) and switches it on.
 
     Raises:
-        RigError: as `DynamixelRig` and `on_ports`; no torque is left on.
-        PortError: if a port cannot be opened, or vanishes.
+        RigError: as `DynamixelRig` and `on_ports`; torque is taken off again where it was on, and joints that did not
+            confirm that are named.
+        PortError: if a port cannot be opened, or vanishes; the same.
     """
     rigs: list[SupervisedRig] = []
     try:
         for part in on_ports(config, ports):
             rigs.append(SupervisedRig.connect(part))
+    except MotiondeckError as error:
+        raise with_torque(error, _close_all(rigs)) from error
     except BaseException:
-        for rig in rigs:
-            rig.close()
+        _close_all(rigs)
         raise
     return rigs[0] if len(rigs) == 1 else JoinedRig(config, rigs)
+
+
+def _close_all(rigs: Sequence[SupervisedRig]) -> list[str]:
+    """Closes every rig, whatever becomes of the others; the joints that did not confirm it."""
+    unconfirmed: list[str] = []
+
+    def close(rig: SupervisedRig) -> None:
+        try:
+            unconfirmed.extend(rig.close())
+        except Exception:  # what went wrong is less urgent than the torque that it has left on
+            unconfirmed.extend(rig.names)
+
+    with ExitStack() as closing:
+        for rig in reversed(rigs):
+            closing.callback(close, rig)
+    return unconfirmed

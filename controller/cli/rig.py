@@ -45,7 +45,9 @@ def emulate(
         str | None,
         typer.Option("--robot", help="The body that the servos turn: a robot file, or a shipped one."),
     ] = None,
-    root: Annotated[str, typer.Option("--root", help="With --robot: fixed in the air, or free to fall.")] = "fixed",
+    root: Annotated[
+        str | None, typer.Option("--root", help="With --robot: fixed in the air (by itself), or free to fall.")
+    ] = None,
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Only the first servo, as it comes from the box: id 1, 57600 baud.")
     ] = False,
@@ -68,13 +70,15 @@ def emulate(
             print(f"{kind:<10} {meaning}")
         print("keys: id, at (s), for (s), chance (0 to 1), value")
         return
+    if root is not None and robot is None:
+        raise MotiondeckError(f"--root {root} is about a body: name it with --robot")
     config = load(rig)
     if fresh:
         import msgspec
 
         one = msgspec.structs.replace(config.joints[0], id=1)
         config = msgspec.structs.replace(config, joints=(one,), baud=57600)
-    plant = _plant(config, robot, root) if robot is not None else None
+    plant = _plant(config, robot, root or "fixed") if robot is not None else None
     faults = [parse_fault(text) for text in fault or []]
     with ended_by_sigterm():
         serve(config, lambda port: print(port, flush=True), faults, not unpaced, not lenient, link, seed, plant)
@@ -267,6 +271,11 @@ def calibrate(
 def stop(rig: RigArgument, port: PortOption = None, as_json: JsonOption = False) -> None:
     """Take the torque off every servo of a rig, now; exit 1 if one did not confirm it.
 
+    Only while no other program has the port. A rig that plays is stopped by Ctrl-C there, or from anywhere by
+    `motiondeck send stop` (as Ctrl-C) or `motiondeck send estop` (brake and hold).
+
+    After a program was killed, the servos' watchdogs stop them but leave torque on: this takes it off.
+
     Example:  motiondeck rig stop servo20
     """
     from hardware.errors import PortError
@@ -275,6 +284,7 @@ def stop(rig: RigArgument, port: PortOption = None, as_json: JsonOption = False)
 
     config = load(rig)
     unconfirmed: list[str] = []
+    remedy = "Cut the power."
     for part in on_ports(config, port or ()):
         # One port that is gone must not keep the others from being switched off.
         try:
@@ -283,6 +293,10 @@ def stop(rig: RigArgument, port: PortOption = None, as_json: JsonOption = False)
         except PortError as error:
             print(f"motiondeck: {error}", file=sys.stderr)
             unconfirmed += part.names
+            if "another program" in str(error):
+                remedy = (
+                    "If a rig is playing there: Ctrl-C, `motiondeck send estop` or `send stop`; else cut the power."
+                )
     if as_json:
         print(
             json.dumps({"off": [name for name in config.names if name not in unconfirmed], "unconfirmed": unconfirmed})
@@ -290,7 +304,7 @@ def stop(rig: RigArgument, port: PortOption = None, as_json: JsonOption = False)
     else:
         print(f"torque off: {len(config.names) - len(unconfirmed)} of {len(config.names)} servos")
     if unconfirmed:
-        print(f"motiondeck: not confirmed by {', '.join(unconfirmed)}. Cut the power.", file=sys.stderr)
+        print(f"motiondeck: not confirmed by {', '.join(unconfirmed)}. {remedy}", file=sys.stderr)
         raise typer.Exit(1)
 
 

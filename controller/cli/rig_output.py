@@ -99,13 +99,17 @@ class RigOutput:
         }
 
     def close(self) -> None:
-        """Takes the torque off, and names the joints of which that is not certain."""
-        unconfirmed = self._rig.close()
-        if unconfirmed:
-            print(
-                f"motiondeck: torque may still be on: {', '.join(unconfirmed)}. Switch the power off first.",
-                file=sys.stderr,
-            )
+        """Ends the rig as its file says, and names the joints of which that is not certain."""
+        close_saying(self._rig)
+
+
+def close_saying(rig: SupervisedRig | JoinedRig) -> None:
+    """Closes a rig, and says on stderr which joints did not confirm it; may be called twice."""
+    from hardware.errors import still_on
+
+    unconfirmed = rig.close()
+    if unconfirmed:
+        print(f"motiondeck: {still_on(unconfirmed)}", file=sys.stderr)
 
 
 def _hottest(temperatures: Array) -> float | None:
@@ -141,7 +145,7 @@ def open_rig(
     limits = narrowed(robot.limits, robot, config)
     ports = opening.enter_context(start_emulator(file)).ports if emulated else ()
     rig = connect_rig(config, ports)
-    opening.callback(rig.close)
+    opening.callback(close_saying, rig)
     return Channel(RigOutput(rig, robot.joints, config.rate_hz), round(every)), limits
 
 

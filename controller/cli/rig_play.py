@@ -92,7 +92,7 @@ def stream(
 ) -> dict[str, Any]:
     """Plays on a rig until the time is over or somebody stops it, and says how it went; see `play`."""
     from controller.cli.report import full_report
-    from controller.cli.rig_output import RigOutput
+    from controller.cli.rig_output import RigOutput, close_saying
     from controller.realtime.channel import Channel
     from controller.realtime.clock import Ticker
     from controller.realtime.command_desk import CommandDesk
@@ -109,7 +109,7 @@ def stream(
         opening.callback(server.close)
         cast = _cast(config, source, robot)
         connected = connect_rig(config, port or ())
-        opening.callback(connected.close)
+        opening.callback(close_saying, connected)
         output = RigOutput(connected, cast.joints, config.rate_hz)
         opening.callback(output.close)
         deck = _deck(source, motion, cast.retarget(connected.positions))

@@ -4,11 +4,18 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from controller.cli.main import app
+from controller.cli.resources import find
 from controller.cli.rig_output import RigOutput, narrowed
 from controller.errors import MotiondeckError
 from controller.mocap.posture import Pose
 from controller.realtime.interfaces import JointLimits
+from hardware.bus import Bus
+from hardware.emulator.bus import EmulatedBus
+from hardware.emulator.pty_server import PtyServer
+from hardware.rig import load_rig
 
 JOINTS = ("a", "b", "c")
 POSE = Pose(np.zeros(3), np.array(0.0), np.zeros((1, 4)))
@@ -95,3 +102,15 @@ def test_the_narrower_limit_of_robot_and_rig_holds():
 def test_a_rest_pose_that_the_rig_cannot_take_is_refused():
     with pytest.raises(MotiondeckError, match=r"rest pose of r has a at -1\.00 rad"):
         narrowed(*robot_and_rig(rest=-1.0))
+
+
+def test_stopping_a_rig_that_another_program_plays_on_says_how_to_stop_that():
+    config = load_rig(find("rig", "servo20", ".toml"))
+    server = PtyServer(EmulatedBus(config))
+    player = Bus.open(server.port, config.baud)
+    result = CliRunner().invoke(app, ["rig", "stop", "servo20", "--port", server.port])
+    player.close()
+    server.close()
+    assert result.exit_code == 1
+    assert "torque off: 0 of 20 servos" in result.stdout
+    assert "motiondeck send estop" in result.stderr

@@ -90,6 +90,7 @@ def test_what_cannot_be_taught_or_played_is_said(rig, tmp_path):
         (("rig", "play", rig, "thesis15", "wlak"), "unknown motion 'wlak'"),
         (("fit", other, rig, "--out", tmp_path / "x.safetensors"), "give one recipe, or clips"),
         (("fit", rig, "--out", tmp_path / "x.safetensors"), "arm.toml"),
+        (("rig", "emulate", rig, "--root", "free"), "--root free is about a body"),
     ):
         with pytest.raises(Exception, match=error) as raised:
             CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)

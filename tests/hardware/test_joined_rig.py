@@ -8,8 +8,8 @@ from hardware.bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import Fault, FaultPlan
 from hardware.emulator.port import EmulatedPort
-from hardware.errors import RigError
-from hardware.joined_rig import JoinedRig, on_ports
+from hardware.errors import PortError, RigError
+from hardware.joined_rig import JoinedRig, connect_rig, on_ports
 from hardware.supervised_rig import SupervisedRig
 
 
@@ -88,3 +88,36 @@ def test_when_one_part_stops_the_whole_rig_stands_still(config):
         assert device["bus_watchdog"] == -1
         assert device["present_velocity"] == 0
     bench.rig.close()
+
+
+def test_a_port_that_raises_while_it_closes_keeps_no_other_one_on(config, monkeypatch):
+    bench = Bench(config)
+
+    def fail():
+        raise RuntimeError("a bug")
+
+    monkeypatch.setattr(bench.rig._parts[0][0], "close", fail)
+    assert bench.rig.close() == ["joint_1", "joint_3"]
+    assert not any(device["torque_enable"] for device in bench.ports[1].bus.devices)
+
+
+def test_a_second_port_that_fails_leaves_no_torque_on_the_first_or_says_so(config, monkeypatch):
+    first = EmulatedPort(EmulatedBus(config.parts[0]))
+
+    def open_bus(name, baud):
+        if name == "second":
+            return Bus(first, baud)
+        first.bus[1].dead = True
+        raise PortError(f"cannot open the port {name}.")
+
+    monkeypatch.setattr(Bus, "open", open_bus)
+    with pytest.raises(PortError, match=r"port emulated\. And torque may still be on: joint_1\. Switch"):
+        connect_rig(config)
+    assert [device["torque_enable"] for device in first.bus.devices] == [1, 0]
+
+
+def test_a_rig_that_cannot_be_switched_on_names_who_may_still_have_torque(rig_of_four):
+    port = EmulatedPort(EmulatedBus(rig_of_four))
+    port.bus[2].dead = True
+    with pytest.raises(RigError, match=r"no answer .* joint_2 \(id 2\).* torque may still be on: joint_2\."):
+        SupervisedRig(rig_of_four, lambda: Bus(port, rig_of_four.baud))
