@@ -17,9 +17,8 @@ from controller.cli.resources import find
 from controller.training.library import load_library
 from sim.loads import loads_of
 from sim.preflight import Preflight
-from sim.robot import load_robot
 from sim.self_collision import SelfCollision
-from sim.takes import motion_takes
+from sim.takes import load_for_takes, motion_takes
 
 ROBOTS = ("servo20", "mannequin")
 TEMPOS = (0.25, 0.5, 1.0)
@@ -34,7 +33,7 @@ def main() -> None:
     library = load_library(find("library", given.library, ".safetensors"))
     rows = []
     for name in ROBOTS:
-        robot = load_robot(find("robot", name, ".toml"), library.skeleton)
+        robot = load_for_takes(find("robot", name, ".toml"), library.skeleton)
         free = Preflight(robot, robot.limits, "free")
         collisions = SelfCollision(robot)
         for take in motion_takes(library, robot):

@@ -99,7 +99,7 @@ class Calibration:
         lines += ["[parts]", *(f"{part} = {_quoted(body)}" for part, body in sorted(self.parts.items()))]
         lines += ["", "# Where the joints rest, rad; those not named rest at zero.", "[rest]"]
         lines += [
-            f"{_key(joint)} = {q:g}" for joint, q in zip(self.joints, self.rest.tolist(), strict=True) if abs(q) > 1e-3
+            f"{_key(joint)} = {q!r}" for joint, q in zip(self.joints, self.rest.tolist(), strict=True) if abs(q) > 1e-3
         ]
         if self.angles:
             lines += [

@@ -21,7 +21,9 @@ from controller.mocap.posture import Pose
 from controller.realtime.safety import SafetyEnvelope
 from controller.rotations import Array
 from sim.footing import below
+from sim.inverse_kinematics import InverseKinematics
 from sim.limbs import LIMBS, LimbView
+from sim.retarget import ServoHumanoidRetargeter
 from sim.robot import Robot
 from sim.robot_limbs import RobotLimbs
 from sim.surface import Surface
@@ -99,6 +101,24 @@ def joint_measures(clip: Clip, robot: Robot, carried: Carried) -> dict[str, floa
         "jumps": float(((wanted > JUMP) & (turned < 0.1 * JUMP)).sum()),
         "speed": float(step.max()),
         "altered": carried.altered,
+    }
+
+
+def shortfall(robot: Robot) -> dict[str, float]:
+    """What the robot could not reach of all poses since its retargeter was last reset.
+
+    Returns:
+        For inverse kinematics `short_rms` and `short_worst`: how far its goals were missed, over goals and frames, m;
+        for the angle solver `past_range`: how many of its goals lay outside their joint's range. Else nothing.
+    """
+    if isinstance(robot.retarget, ServoHumanoidRetargeter):
+        return {"past_range": float(robot.retarget.beyond)}
+    if not isinstance(robot.retarget, InverseKinematics):
+        return {}
+    missed = robot.retarget.solver.shortfall().values()
+    return {
+        "short_rms": float(np.sqrt(np.mean([goal["rms_m"] ** 2 for goal in missed]))),
+        "short_worst": max(goal["worst_m"] for goal in missed),
     }
 
 

@@ -107,8 +107,13 @@ class Footing:
         self._sole = self._foot_of >= 0 if len(feet) else np.ones(len(self._foot_of), dtype=bool)
         self.reset()
 
-    def reset(self) -> None:
-        """Forgets where it was: the next pose stands where the human stands."""
+    def reset(self, dt: float | None = None) -> None:
+        """Forgets where it was: the next pose stands where the human stands.
+
+        Args:
+            dt: seconds from one pose to the next from now on; as before by itself.
+        """
+        self._dt = dt or self._dt
         self._floor: float | None = None
         self._human = self._root = np.zeros(2)
         self._balls = self._points = np.zeros((0, 3))

@@ -145,7 +145,7 @@ def _motion(robot: Robot, take: Take) -> tuple[Array, Array, Array]:
     model, count = robot.model, len(take.targets)
     qpos = np.empty((count, model.nq))
     if robot.footing is not None:
-        robot.footing.reset()
+        robot.footing.reset(DT)
     for k, pose in enumerate(take.poses):
         robot.place(np.clip(take.targets[k], robot.limits.lower, robot.limits.upper), pose, qpos[k])
     qvel, step = np.empty((count, model.nv)), np.empty(model.nv)

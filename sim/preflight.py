@@ -10,11 +10,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from controller.mocap.posture import Pose
 from controller.realtime.interfaces import JointLimits
 from controller.realtime.safety import SafetyEnvelope
-from controller.rotations import Array
+from controller.rotations import Array, continuous, normalise
 from sim.loads import Loads, loads_of
 from sim.playback import PhysicsPlayback
 from sim.robot import Robot
@@ -149,11 +150,11 @@ class Preflight:
         Returns:
             how far a joint was from its target for longer than BRIEFLY, rad; which; when the robot fell, s, or None.
         """
-        targets, poses = _ticks(take, tempo)
+        targets, poses = _targets(take, tempo), _poses(take, tempo)
         envelope = SafetyEnvelope(self.limits, TICK)
         envelope.start(np.clip(targets[0], self.limits.lower, self.limits.upper))
         if self.robot.footing is not None:
-            self.robot.footing.reset()
+            self.robot.footing.reset(TICK)
         stage = PhysicsPlayback(self.robot, TICK, root, self.balance and root == "free")
         ticks = len(targets) if rounds is not None else round(FALL_SECONDS / TICK)
         off = np.zeros((ticks, targets.shape[1]))
@@ -172,7 +173,7 @@ class Preflight:
 
     def _joints(self, take: Take, loads: Loads, tempo: float) -> list[Finding]:
         joints, limits = self.robot.joints, self.limits
-        beyond = np.maximum(limits.lower - take.targets, take.targets - limits.upper).max(axis=0)
+        beyond = _lasting(np.maximum(limits.lower - take.targets, take.targets - limits.upper), DT)
         ends = np.minimum(take.targets - limits.lower, limits.upper - take.targets) < 1e-6
         share = ends.mean(axis=0)
         speed = tempo * np.abs(loads.velocity).max(axis=0) / limits.velocity
@@ -186,7 +187,7 @@ class Preflight:
 
     def _held_back(self, take: Take, tempo: float) -> Array:
         """How far the safety envelope keeps each joint from its target for longer than BRIEFLY, shape (J,), rad."""
-        targets, _ = _ticks(take, tempo)
+        targets = _targets(take, tempo)
         inside = np.clip(targets, self.limits.lower, self.limits.upper)
         envelope = SafetyEnvelope(self.limits, TICK)
         envelope.start(inside[0])
@@ -232,13 +233,30 @@ class Preflight:
         ]
 
 
-def _ticks(take: Take, tempo: float) -> tuple[Array, list[Pose]]:
-    """The targets (K, J) of a take at the ticks of a loop, and the pose of each."""
+def _ticks(take: Take, tempo: float) -> tuple[NDArray[np.int64], Array]:
+    """Which sample comes before each of the K ticks of a loop, and how far the tick is on the way to the next one."""
     at = np.arange(0.0, len(take.targets) - 1, TICK * tempo / DT)
-    low = at.astype(int)
-    share = (at - low)[:, None]
-    targets = (1.0 - share) * take.targets[low] + share * take.targets[low + 1]
-    return targets, [take.poses[k] for k in low]
+    before = at.astype(np.int64)
+    return before, at - before
+
+
+def _targets(take: Take, tempo: float) -> Array:
+    """The targets of a take at the ticks, shape (K, J), rad."""
+    k, share = _ticks(take, tempo)
+    return take.targets[k] + share[:, None] * (take.targets[k + 1] - take.targets[k])
+
+
+def _poses(take: Take, tempo: float) -> list[Pose]:
+    """The poses of a take at the ticks, length K."""
+    k, share = _ticks(take, tempo)
+    root = np.array([pose.root_position for pose in take.poses])
+    heading = np.unwrap([float(pose.heading) for pose in take.poses])
+    rotation = continuous(np.array([pose.rotation for pose in take.poses]))
+    root = root[k] + share[:, None] * (root[k + 1] - root[k])
+    heading = heading[k] + share * (heading[k + 1] - heading[k])
+    # From sample to sample a bone turns so little that the chord does for the arc.
+    rotation = normalise(rotation[k] + share[:, None, None] * (rotation[k + 1] - rotation[k]))
+    return [Pose(*pose) for pose in zip(root, heading, rotation, strict=True)]
 
 
 def _lasting(off: Array, dt: float = TICK) -> Array:

@@ -36,6 +36,7 @@ GAIN = 4.0
 SETTLE = 0.02
 # So far a ball joint is followed past a half turn, rad, before it is brought back by a whole one.
 FURTHEST = 1.3 * pi
+ROUNDING = 1e-9  # rad
 # So far past the end of its range, rad, a joint waits for its goal to come back before it goes the other way round.
 WAIT = 0.6
 
@@ -125,6 +126,11 @@ class ServoHumanoidRetargeter:
         """Forgets the last pose: the next one is taken as it comes."""
         self._limbs.reset()
 
+    @property
+    def beyond(self) -> int:
+        """How many goals lay outside their joint's range since the last reset, one a joint and pose."""
+        return self._limbs.beyond
+
     def __call__(self, pose: Pose) -> Array:
         """Targets (J,), rad, within the robot's range; overwritten by the next call."""
         angles = np.array(self._limbs(self._view(pose), up_of(pose)))
@@ -135,7 +141,11 @@ class ServoHumanoidRetargeter:
 
 
 class LimbAngles:
-    """The angles of SERVO_HUMANOID_JOINTS in closed form."""
+    """The angles of SERVO_HUMANOID_JOINTS in closed form.
+
+    Attributes:
+        beyond: how many goals lay outside their joint's range since the last reset.
+    """
 
     def __init__(self, lower: Array, upper: Array) -> None:
         """Args: their ranges, shape (20,), rad."""
@@ -144,6 +154,7 @@ class LimbAngles:
 
     def reset(self) -> None:
         """Forgets the last pose: the next one is taken as it comes."""
+        self.beyond = 0
         self._direction: Array | None = None
         self._last = [0.0] * len(SERVO_HUMANOID_JOINTS)
         self._across: list[Vector] = [(0.0, 1.0, 0.0), (0.0, 1.0, 0.0)]
@@ -235,7 +246,10 @@ class LimbAngles:
         other = goal - 2.0 * pi if goal > upper else goal + 2.0 * pi
         if (goal > upper + WAIT or goal < lower - WAIT) and lower <= other <= upper:
             goal = other
-        goal = min(max(goal, lower), upper)
+        reached = min(max(goal, lower), upper)
+        if abs(goal - reached) > ROUNDING and lower < upper:  # an angle without a range is of a joint that is not there
+            self.beyond += 1
+        goal = reached
         most = GAIN * moved + SETTLE * certain
         angles[joint] = last + min(max(goal - last, -most), most)
 

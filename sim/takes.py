@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from copy import deepcopy
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from controller.mocap.posture import Pose
+from controller.mocap.skeleton import Skeleton
 from controller.realtime.deck import Deck
 from controller.realtime.repertoire import read_repertoire
 from controller.realtime.routes import Routes
 from controller.rotations import Array
 from controller.training.library import MotionLibrary
-from sim.robot import Robot
+from sim.robot import Robot, load_robot
 
 DT = 0.01
 """s from sample to sample of a take."""
@@ -44,6 +46,11 @@ class Take:
     def seconds(self) -> float:
         """How long it takes."""
         return len(self.targets) * DT
+
+
+def load_for_takes(path: Path, skeleton: Skeleton) -> Robot:
+    """Loads a robot as `load_robot` does, to be posed once a sample: its joints may go as far as DT allows."""
+    return load_robot(path, skeleton, dt=DT)
 
 
 def motion_takes(library: MotionLibrary, robot: Robot) -> Iterator[Take]:

@@ -56,8 +56,7 @@ def preflight(
     from controller.training.library import load_library
     from sim.physics_model import physics_model
     from sim.preflight import Preflight
-    from sim.robot import load_robot
-    from sim.takes import count_switches, motion_takes, switch_takes, switches_by_way_of
+    from sim.takes import count_switches, load_for_takes, motion_takes, switch_takes, switches_by_way_of
 
     if not SLOWEST <= speed <= FASTEST:
         raise MotiondeckError(f"--speed {speed:g} is not between {SLOWEST:g} and {FASTEST:g}")
@@ -68,7 +67,7 @@ def preflight(
 
         need_matplotlib(plot)
     loaded = load_library(find("library", library, ".safetensors"))
-    body = load_robot(find("robot", robot, ".toml"), loaded.skeleton)
+    body = load_for_takes(find("robot", robot, ".toml"), loaded.skeleton)
     physics_model(body, root)  # an unknown root is better refused now
     body, limits = _on_rig(body, rig)
     judge = Preflight(body, limits, root, balance)

@@ -142,7 +142,8 @@ def calibrate(
       motiondeck play walk --robot op3.toml
     """
     from sim.calibrate import calibrate as find_out
-    from sim.robot_file import read_robot_file
+    from sim.reference_body import reference_body
+    from sim.robot import load_robot
 
     found = find_out(_model_file(model))
     file = out or Path(f"{found.name}.toml")
@@ -154,7 +155,7 @@ def calibrate(
         unfinished.replace(file)
     except OSError as error:
         raise MotiondeckError(f"{file}: cannot be written ({error.strerror})") from None
-    read_robot_file(file)
+    load_robot(file, reference_body())  # whatever it is good for, it can be loaded
     if as_json:
         print(json.dumps(_said(found, file)))
     else:
@@ -177,12 +178,15 @@ def check(
     seconds: Annotated[float, typer.Option("--seconds", help="So much of each recording, from its beginning.")] = 1e9,
     as_json: JsonOption = False,
 ) -> None:
-    """Carry recordings onto a robot and measure: one row each, exit code 1 if anything is not zero that must be.
+    """Carry recordings onto a robot and measure: one row each. The exit code is 1 if anything is not zero that must
+    be, or a recording could not be read.
 
     Zero must be: bad (numbers that are none), beyond (targets outside a joint's range), fast (steps faster than a joint
     may go), jumps (a joint goes far in one frame though the human does not). changed is how many targets the safety
-    envelope had to slow down. Then, in mm, how far knees, ankles, elbows and wrists are from the human's, to scale; how
-    fast standing soles slide (mm/s), and how deep anything sinks into the floor.
+    envelope had to slow down. What the robot could not reach: by inverse kinematics short and worst, how far the ends
+    of its limbs were from where they should be (rms and worst, mm); by angles past, how many goals lay outside a
+    joint's range. Then, in mm, how far knees, ankles, elbows and wrists are from the human's, to scale; how fast
+    standing soles slide (mm/s), and how deep anything sinks into the floor.
 
     [bold]Examples[/]
 
@@ -214,11 +218,15 @@ def _print_rows(rows: list[dict[str, Any]]) -> None:
 
     counts, millimetres = ("bad", "beyond", "too_fast", "jumps"), ("knee", "ankle", "elbow", "wrist", "slide", "sunk")
     table = Table(box=None, header_style="bold")
-    for name in ("recording", "frames", "bad", "beyond", "fast", "jumps", "changed", *millimetres):
+    reach = {"past_range": "past"} if any("past_range" in row for row in rows) else {}
+    if any("short_worst" in row for row in rows):
+        reach = {"short_rms": "short", "short_worst": "worst"}
+    for name in ("recording", "frames", "bad", "beyond", "fast", "jumps", "changed", *reach.values(), *millimetres):
         table.add_column(name, justify="left" if name == "recording" else "right")
     for row in rows:
         if "altered" in row:
             cells = [str(row["frames"]), *(f"{row[name]:.0f}" for name in counts), f"{100.0 * row['altered']:.1f} %"]
+            cells += [f"{row[name]:.0f}" if name == "past_range" else f"{1000.0 * row[name]:.1f}" for name in reach]
             cells += [f"{1000.0 * row[name]:.1f}" if name in row else "" for name in millimetres]
             table.add_row(Path(row["clip"]).name, *cells)
         elif "error" in row:

@@ -13,7 +13,7 @@ import numpy as np
 from controller.errors import MotiondeckError
 from controller.mocap.clip import Clip
 from controller.mocap.reading import read_clip
-from sim.fidelity import carry, floor_measures, joint_measures, limb_errors
+from sim.fidelity import carry, floor_measures, joint_measures, limb_errors, shortfall
 from sim.robot import load_robot
 from sim.robot_file import Solver, read_robot_file
 from sim.robot_limbs import SIDES, RobotLimbs
@@ -38,7 +38,7 @@ def recordings(paths: Sequence[Path]) -> list[Path]:
 def check(
     robot: Path, files: Sequence[Path], solver: Solver | None, seconds: float, progress: bool
 ) -> Iterator[dict[str, Any]]:
-    """One row a recording: `clip`, and either `error`, or its `frames` and the measures of `sim.fidelity`.
+    """One row a recording: `clip`, and either `unread`, or its `frames` and `error` or the measures of `sim.fidelity`.
 
     Args:
         robot: the robot file.
@@ -65,15 +65,15 @@ def check(
 
 
 def passes(row: dict[str, Any]) -> bool:
-    """Whether all is zero that must be zero."""
-    return "unread" in row or ("error" not in row and not any(row[name] for name in MUST_BE_ZERO))
+    """Whether it was read and all is zero that must be zero."""
+    return "unread" not in row and ("error" not in row and not any(row[name] for name in MUST_BE_ZERO))
 
 
 def _measured(robot: Path, clip: Clip, solver: Solver | None) -> dict[str, float]:
     file = read_robot_file(robot)
     loaded = load_robot(robot, clip.skeleton, None if file.kind == "mannequin" else solver, 1.0 / clip.rate)
     carried = carry(clip, loaded)
-    measures = joint_measures(clip, loaded, carried)
+    measures = joint_measures(clip, loaded, carried) | shortfall(loaded)
     if file.parts:
         limbs = RobotLimbs(robot, loaded.model, file.parts, np.array(file.root_rotation), loaded.joints)
         measures |= limb_errors(clip, loaded, limbs, carried)

@@ -8,7 +8,7 @@ from controller.cli.main import app
 from controller.errors import MotiondeckError, UnknownNameError
 from controller.mocap.clip import Clip
 from controller.mocap.writing import write_clip
-from simulated_bodies import human, smooth_poses
+from simulated_bodies import bent_pose, human, smooth_poses
 from small_robots import humanoid
 
 
@@ -63,12 +63,30 @@ def test_check_measures_each_recording(files, solver):
     assert row["bad"] == row["beyond"] == row["too_fast"] == row["jumps"] == 0
     assert row["sunk"] < 1e-6
     assert 0.0 <= row["knee"] < 0.05
+    if solver == "ik":
+        assert 0.0 < row["short_rms"] < row["short_worst"] < 0.1
+    else:
+        assert row["past_range"] >= 0
+
+
+def test_what_cannot_be_reached_is_shown(files):
+    clip = Clip(
+        "ahead", human(), 60.0, np.zeros((9, 3)), np.array([bent_pose(human(), rank=(0, -1.0, 0)).rotation] * 9)
+    )
+    write_clip(clip, files / "ahead.bvh")  # a knee that bends forward
+    rows = [
+        json.loads(run("check", files / "small.toml", files / "ahead.bvh", "--solver", solver, "--json").stdout)
+        for solver in ("ik", "angles")
+    ]
+    assert rows[0]["recordings"][0]["short_worst"] > 0.02
+    assert rows[1]["recordings"][0]["past_range"] >= 9
+    (files / "ahead.bvh").unlink()
 
 
 def test_check_finds_recordings_in_folders_and_goes_past_what_it_cannot_read(files):
     (files / "torn.bvh").write_text("HIERARCHY\n")
     result = run("check", files / "small.toml", files, "--seconds", "0.2")
-    assert result.exit_code == 0
+    assert result.exit_code == 1
     assert "1 recordings" in result.stdout
     assert "not read" in result.stdout
 

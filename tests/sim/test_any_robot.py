@@ -12,6 +12,7 @@ from sim.model_file import read_model
 from sim.robot import load_robot
 from sim.robot_limbs import RobotLimbs
 from sim.surface import Surface
+from sim.takes import DT, load_for_takes
 from simulated_bodies import bent_pose, human, smooth_poses
 from small_robots import LEG, SERVOS, humanoid, urdf
 
@@ -57,6 +58,21 @@ def test_a_calibrated_robot_stands_as_a_human_does(tmp_path):
     found = calibrate(model_file(tmp_path, humanoid()))
     assert max(found.missed.values()) < 0.05
     assert found.root_height == pytest.approx(0.4 * np.cos(0.08) + 0.03, abs=0.01)
+
+
+def test_a_joint_that_rests_at_the_very_end_of_its_range_can_be_loaded(tmp_path):
+    path = robot_file(tmp_path, humanoid().replace('range="0 2.5"', 'range="0.71234549 2.5"'))
+    robot = load_robot(path, human())
+    assert robot.rest[robot.joints.index("left_elbow")] == 0.71234549
+
+
+def test_takes_let_joints_go_as_fast_as_they_may(tmp_path):
+    path = robot_file(tmp_path, humanoid())
+    robot = load_for_takes(path, human())
+    robot.retarget(bent_pose(human()))
+    before = robot.retarget.solver._q.copy()
+    step = np.abs(robot.retarget(bent_pose(human(), rank=(0, 1.5, 0))) - before) / robot.limits.velocity / DT
+    assert step.max() == pytest.approx(1.0)
 
 
 def test_signs_and_zeros_of_the_angle_solver_are_found(tmp_path):

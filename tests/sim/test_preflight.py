@@ -5,6 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from controller.mocap.posture import Pose
+from controller.rotations import yaw
 from sim.loads import loads_of
 from sim.preflight import ASTRAY, SLOWEST, Preflight, fastest_passing, servo_lag
 from sim.robot import load_robot
@@ -68,6 +70,29 @@ def test_joints_that_a_rig_does_not_let_so_far_are_out_of_reach():
     narrow = replace(SERVO20.limits, upper=np.minimum(SERVO20.limits.upper, 0.3))
     verdict = Preflight(SERVO20, narrow).judge(swinging(1.0, seconds=3.0), simulate=False)
     assert "out of reach" in checks(verdict)
+
+
+def test_what_is_out_of_reach_for_an_instant_only_is_let_pass():
+    take, found = swinging(0.0), {}
+    upper = SERVO20.limits.upper.copy()
+    upper[3] = SERVO20.rest[3] + 0.01
+    limits = replace(SERVO20.limits, upper=upper)
+    for samples in (4, 6):
+        take.targets[20 : 20 + samples, 3] = upper[3] + 0.3
+        found[samples] = Preflight(SERVO20, limits).judge(take, simulate=False).findings[1]
+    assert found[4].ok
+    assert found[6].value == pytest.approx(0.3)
+
+
+def test_poses_go_evenly_from_tick_to_tick():
+    from sim.preflight import TICK, _poses
+
+    turns = 0.02 * np.arange(9)
+    poses = tuple(Pose(np.array([0.01 * k, 0.0, 1.0]), turns[k], yaw(turns[k])[None]) for k in range(9))
+    played = _poses(Take("go", False, np.zeros((9, 1)), poses), 0.7)
+    x = np.array([pose.root_position[0] for pose in played])
+    assert np.allclose(np.diff(x), 0.7 * TICK)
+    assert np.allclose([pose.rotation[0] for pose in played], [yaw(float(pose.heading)) for pose in played], atol=1e-6)
 
 
 @pytest.mark.parametrize("robot", [SERVO20, MANNEQUIN], ids=["servo20", "mannequin"])
