@@ -60,7 +60,7 @@ def calibrated(joint: RigJoint, zero: int, nudged: int, sweep: Sequence[int], ma
 def calibrate(
     config: RigConfig, bus: Bus, ask: Callable[[str], None], sweep: Callable[[str, Callable[[], int]], list[int]]
 ) -> RigConfig:
-    """Guides through every joint of a rig, torque off.
+    """Guides through every joint of a rig: its torque off, three measurements, and again where they cannot be used.
 
     Args:
         config: the rig as it was.
@@ -69,23 +69,31 @@ def calibrate(
         sweep: says what to do and collects positions, which the function it is given reads, until it is done.
 
     Raises:
-        RigError: as `calibrated`.
         ServoError: if a servo does not answer.
         PortError: if the port vanishes.
     """
     joints: list[RigJoint] = []
     for joint in config.joints:
+        who = f"{joint.name} (id {joint.id})"
         torque, position = joint.table["torque_enable"], joint.table["present_position"]
+        ask(f"{who}: hold it, its torque goes off")
         bus.write(joint.id, torque.address, b"\0")
 
         def read(id: int = joint.id, register=position) -> int:
             return register.decode(bus.read(id, register.address, register.length).params)
 
-        ask(f"{joint.name} (id {joint.id}): put it where its angle is 0")
-        zero = read()
-        ask(f"{joint.name}: turn it a little in its positive direction")
-        nudged = read()
-        joints.append(calibrated(joint, zero, nudged, sweep(f"{joint.name}: move it slowly to both ends", read)))
+        said = ""
+        while True:
+            ask(f"{said}{who}: put it where its angle is 0")
+            zero = read()
+            ask(f"{joint.name}: turn it a little in its positive direction")
+            nudged = read()
+            seen = sweep(f"{joint.name}: move it slowly to both ends", read)
+            try:
+                joints.append(calibrated(joint, zero, nudged, seen))
+                break
+            except RigError as error:
+                said = f"{error} Once more.\n"
     return msgspec.structs.replace(config, joints=tuple(joints))
 
 

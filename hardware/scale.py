@@ -39,6 +39,7 @@ class RigScale:
 
     Attributes:
         lower, upper: limits, shape (J,), rad.
+        rad_per_s: what one count of velocity means, shape (J,), rad/s; its sign is as that of `amperes`.
         amperes: what one count of current or load means, shape (J,), A, negative where the servo turns the other way.
         block: what `state` reads.
     """
@@ -49,7 +50,7 @@ class RigScale:
         self.upper = np.array([joint.upper for joint in joints])
         self._zero = np.array([joint.zero for joint in joints], dtype=np.float64)
         self._per_radian = np.array([joint.pulses_per_radian for joint in joints])
-        self._rad_per_s = np.array(
+        self.rad_per_s = np.array(
             [joint.table["present_velocity"].si / (joint.direction * joint.gear) for joint in joints]
         )
         self.amperes = np.array([joint.direction * _ampere(joint) for joint in joints])
@@ -73,7 +74,7 @@ class RigScale:
         healthy = "torque_enable" in (self.block.layout.names or ())
         return RigState(
             (counts["present_position"] - self._zero[joints]) / self._per_radian[joints],
-            counts["present_velocity"] * self._rad_per_s[joints],
+            counts["present_velocity"] * self.rad_per_s[joints],
             counts["force"] * self.amperes[joints],
             counts["present_temperature"].astype(np.float64) if healthy else np.empty(0),
             counts["hardware_error_status"].astype(np.int64) if healthy else np.empty(0, dtype=np.int64),

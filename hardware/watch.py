@@ -7,20 +7,28 @@ from collections.abc import Iterator
 
 from hardware.bus import Bus
 from hardware.rig import RigConfig
+from hardware.scale import RigScale
 from hardware.switching import describe_errors
 
 _SHOWN_EVERY = 1.0  # s
 _FORCE = ("present_current", "present_load")
 
 
-def observe(config: RigConfig, bus: Bus) -> Iterator[tuple[list[dict[str, object]], float]]:
+def observe(config: RigConfig, bus: Bus, share: float = 1.0) -> Iterator[tuple[list[dict[str, object]], float]]:
     """What the joints measure, a row each, and how often it could be read in the last second (Hz); for ever.
+
+    Args:
+        config: the joints of one port.
+        bus: that port's.
+        share: of each second that is spent on this port, where several are watched one after another.
 
     Raises:
         PortError: if the port vanishes.
     """
     ids = [joint.id for joint in config.joints]
     table = config.joints[0].table
+    scale = RigScale(config)
+    lasting = share * _SHOWN_EVERY
     # From the force to the temperature stands side by side in every model that a rig may have.
     force = next(name for name in _FORCE if name in table.registers)
     block = table.block(force, "present_temperature")
@@ -28,13 +36,13 @@ def observe(config: RigConfig, bus: Bus) -> Iterator[tuple[list[dict[str, object
     while True:
         since, count = time.monotonic(), 0
         statuses = bus.sync_read(ids, *block)
-        while statuses and time.monotonic() - since < _SHOWN_EVERY:
+        while statuses and time.monotonic() - since < lasting:
             statuses = bus.sync_read(ids, *block)
             count += 1
         errors = bus.sync_read(ids, *error)
         elapsed = time.monotonic() - since
         rows: list[dict[str, object]] = []
-        for joint in config.joints:
+        for index, joint in enumerate(config.joints):
             row: dict[str, object] = {"id": joint.id, "name": joint.name, "heard": False}
             status, problem = statuses.get(joint.id), errors.get(joint.id)
             if status is not None and not status.error:
@@ -47,15 +55,13 @@ def observe(config: RigConfig, bus: Bus) -> Iterator[tuple[list[dict[str, object
                 row |= {
                     "heard": True,
                     "position": round((value["present_position"] - joint.zero) / joint.pulses_per_radian, 4),
-                    "velocity": round(
-                        joint.table["present_velocity"].si * value["present_velocity"] * joint.direction, 3
-                    ),
-                    "current": round(joint.table[strength].si * value[strength] * joint.direction, 3),
+                    "velocity": round(float(scale.rad_per_s[index]) * value["present_velocity"], 3),
+                    "current": round(float(scale.amperes[index]) * value[strength], 3),
                     "temperature": value["present_temperature"],
                     "voltage": value["present_input_voltage"] / 10.0,
                     "errors": describe_errors(problem.params[0]) if problem and problem.params[0] else "",
                 }
             rows.append(row)
         if not statuses:
-            time.sleep(max(0.0, _SHOWN_EVERY - elapsed))
+            time.sleep(max(0.0, lasting - elapsed))
         yield rows, count / elapsed

@@ -209,7 +209,7 @@ def monitor(
     end = time.monotonic() + seconds if seconds else float("inf")
     with ended_by_sigterm(), open_buses(config, port) as parts:
         try:
-            for seen in zip(*(observe(part, bus) for part, bus in parts), strict=True):
+            for seen in zip(*(observe(part, bus, 1.0 / len(parts)) for part, bus in parts), strict=True):
                 rows, hz = [row for part, _ in seen for row in part], min(hz for _, hz in seen)
                 if as_json:
                     print(json.dumps({"hz": round(hz, 1), "joints": rows}), flush=True)

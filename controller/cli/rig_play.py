@@ -49,7 +49,9 @@ def play(
     """Play a taught clip once, or a library for as long as you like, on a rig alone.
 
     Nothing is simulated and nothing is shown: the rig is all there is. The approach to the first pose is slow; every
-    target keeps to the rig file's limits. `motiondeck send switch nod` (or pause, speed 0.5, home, estop) commands it.
+    target keeps to the rig file's limits. A clip ends at its last frame, even if it is held back or stopped.
+
+    `motiondeck send switch nod` (or pause, speed 0.5, home, estop) commands it.
 
     [bold]Examples[/]
 
@@ -112,15 +114,14 @@ def stream(
         opening.callback(close_saying, connected)
         output = RigOutput(connected, cast.joints, config.rate_hz)
         opening.callback(output.close)
-        deck = _deck(source, motion, cast.retarget(connected.positions))
+        retarget = cast.retarget(connected.positions)
+        deck = _deck(source, motion, retarget)
         channel = Channel(output)
         desk = CommandDesk(deck, [server])
 
         def commands(stop: StopRequest) -> None:
             if isinstance(deck, RecordedDeck) and deck.over:
                 stop.ask("played to the end")
-            if channel.parked:
-                stop.ask(f"the rig is lost: {channel.fault}")
             desk(stop)
 
         clock = Ticker(config.rate_hz)
@@ -131,7 +132,7 @@ def stream(
             clock,
             envelope,
             seconds=seconds if seconds is not None else float("inf"),
-            rest=cast.rest,
+            rest=_end(source, cast, retarget),
             commands=commands,
             stop=stop,
         )
@@ -145,7 +146,7 @@ class _Cast(NamedTuple):
     Attributes:
         joints: their names.
         limits: what they may do.
-        rest: where they end, shape (J,), rad, or None for where they stop.
+        rest: where they end, shape (J,), rad, or None for where they stop or their clip does.
         retarget: makes what carries poses to them, from where they stand at present, (J,), rad.
     """
 
@@ -187,6 +188,17 @@ def _limits(config: RigConfig) -> JointLimits:
         acceleration,
         acceleration / _RISE,
     )
+
+
+def _end(source: Clip | MotionLibrary, cast: _Cast, retarget: Retargeter) -> Array | None:
+    """Where the joints go in the end, (J,), rad; a clip that limits have held back still comes to its last frame."""
+    from controller.mocap.clip import Clip
+    from controller.mocap.posture import Pose
+
+    if not isinstance(source, Clip):
+        return cast.rest
+    last = retarget(Pose(source.root_position[-1], np.array(0.0), source.rotation[-1]))
+    return np.clip(last, cast.limits.lower, cast.limits.upper)
 
 
 def _deck(source: Clip | MotionLibrary, motion: str | None, retarget: Retargeter) -> Playable:

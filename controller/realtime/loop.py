@@ -143,7 +143,8 @@ def run(
                 state.overruns = clock.overruns
                 state.seconds = (clock.now() - start) * 1e-9
                 if channels and all(channel.parked for channel in channels):
-                    stop.ask("every output is parked")
+                    faults = "; ".join(f"{channel.output.name}: {channel.fault}" for channel in channels)
+                    stop.ask(f"every output is parked ({faults})")
                     break
         except KeyboardInterrupt:
             stop.reason = "stopped at once by a second signal"

@@ -4,12 +4,19 @@ import json
 import subprocess
 import sys
 
+import msgspec
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from controller.cli.main import app
+from controller.cli.rig_play import stream
 from controller.mocap.joint_angles import angles_of, read_taught_clip, save_taught_clip, taught_clip
+from hardware.bus import Bus
+from hardware.emulator.bus import EmulatedBus
+from hardware.emulator.port import EmulatedPort
+from hardware.rig import load_rig
+from hardware.supervised_rig import SupervisedRig
 
 LIMITS = "zero = 2048, lower = -1.5, upper = 1.5, velocity = 4.0"
 RIG = f"""
@@ -76,6 +83,20 @@ def test_a_hand_teaches_and_the_network_plays_on(rig, port, tmp_path):
     run = motiondeck(*words)
     assert run["rig"]["tracking_rmse_rad"] < 0.1
     assert run["faults"] == {"deck": 0, "commands": 0, "telemetry": 0}
+
+
+def test_a_clip_that_the_limits_hold_back_comes_to_its_last_frame(rig, tmp_path, monkeypatch):
+    clip = tmp_path / "jerk.clip"
+    angles = np.zeros((12, 1))
+    angles[6:] = 1.2  # in one frame of 20 ms; the joint may do 4 rad/s
+    save_taught_clip(taught_clip("jerk", ("tilt",), 50.0, angles), clip)
+    config = msgspec.structs.replace(load_rig(rig), joints=load_rig(rig).joints[1:])
+    port = EmulatedPort(EmulatedBus(config))
+    connected = SupervisedRig(config, lambda: Bus(port, config.baud), beside=False)
+    monkeypatch.setattr("hardware.joined_rig.connect_rig", lambda config, ports: connected)
+    run = stream(config, None, read_taught_clip(clip), None, "arm", None, 0)
+    assert run["reason"] == "played to the end"
+    assert connected._rig.goals == pytest.approx([1.2], abs=0.005)
 
 
 def test_what_cannot_be_taught_or_played_is_said(rig, tmp_path):

@@ -1,5 +1,8 @@
 """Scanning, examining, setting up, calibrating and watching, against emulated servos in simulated time."""
 
+from itertools import count
+from types import SimpleNamespace
+
 import msgspec
 import pytest
 
@@ -147,10 +150,19 @@ def test_a_calibration_that_cannot_work_is_refused(rig_of_four, zero, nudged, sw
 
 
 def test_a_rig_is_calibrated_by_hand_and_saved(rig_of_four, bus, port, tmp_path):
-    hands = iter([2000, 2100] * 4)
+    # joint_2 is turned too little at first, and is asked for again.
+    hands = iter([2000, 2100, 2000, 2010, *[2000, 2100] * 3])
+    asked = []
+    for device in port.bus.devices:
+        device["torque_enable"] = 1
 
     def ask(what):
         row = int(what.split("_")[1][0]) - 1
+        if what.endswith("its torque goes off"):
+            assert port.bus.devices[row]["torque_enable"] == 1
+            return
+        assert port.bus.devices[row]["torque_enable"] == 0
+        asked.append(what)
         port.bus.devices[row].bank.shaft[row] = next(hands)
         port.elapse(0.01)
 
@@ -164,11 +176,38 @@ def test_a_rig_is_calibrated_by_hand_and_saved(rig_of_four, bus, port, tmp_path)
         return seen
 
     found = calibrate(rig_of_four, bus, ask, sweep)
+    assert asked[4].startswith("joint_2 was turned too little")
+    assert len(asked) == 10
     assert {(joint.zero, joint.direction) for joint in found.joints} == {(2000, 1)}
     save_rig(found, tmp_path / "rig.toml")
     assert load_rig(tmp_path / "rig.toml") == found
     with pytest.raises(RigError, match="cannot write"):
         save_rig(found, tmp_path / "nowhere" / "rig.toml")
+
+
+def test_watching_a_geared_joint_shows_the_joints_own_velocity(rig_of_four, bus, port, monkeypatch):
+    monkeypatch.setattr("hardware.watch._SHOWN_EVERY", 0.0)
+    geared = msgspec.structs.replace(rig_of_four.joints[0], gear=2.0)
+    config = msgspec.structs.replace(rig_of_four, joints=(geared, *rig_of_four.joints[1:]))
+    port.bus[1]["torque_enable"] = 1
+    port.bus[1].write(116, (3500).to_bytes(4, "little"))
+    port.elapse(0.2)
+    (plain, *_), _ = next(observe(rig_of_four, bus))
+    (joint, *_), _ = next(observe(config, bus))
+    assert plain["velocity"] > 2.0
+    assert joint["velocity"] == pytest.approx(plain["velocity"] / 2.0, rel=0.1)
+
+
+def test_ports_share_the_time_between_two_pictures(rig_of_four, bus, monkeypatch):
+    ticks = count(0, 0.01)
+    monkeypatch.setattr("hardware.watch.time", SimpleNamespace(monotonic=lambda: next(ticks)))
+    looks = []
+    read = bus.sync_read
+    monkeypatch.setattr(bus, "sync_read", lambda *words: looks.append(words) or read(*words))
+    next(observe(rig_of_four, bus))
+    alone = len(looks)
+    next(observe(rig_of_four, bus, 0.25))
+    assert len(looks) - alone == pytest.approx(alone / 4, abs=2)
 
 
 def test_watching_shows_what_is_measured_and_who_is_silent(rig_of_four, bus, port, monkeypatch):

@@ -170,7 +170,9 @@ def test_first_targets_that_are_no_numbers_start_the_joints_in_the_middle():
 
 def test_with_every_output_parked_the_loop_ends():
     report = play(WavingDeck(), Channel(Recording(failing=range(10**6))), Channel(Recording(failing=range(5, 10**6))))
-    assert report.reason == "every output is parked"
+    assert report.reason.startswith("every output is parked (")
+    for output in report.outputs:
+        assert f"{output['name']}: {output['fault']}" in report.reason
     assert report.ticks == 8
 
 
