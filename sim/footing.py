@@ -104,7 +104,9 @@ class Footing:
         self._foot_of = np.full(len(self._surface.body), -1)
         for side, foot in enumerate(feet):
             self._foot_of[np.isin(self._surface.body, below(model, foot))] = side
-        self._sole = self._foot_of >= 0 if len(feet) else np.ones(len(self._foot_of), dtype=bool)
+        self._sole = self._foot_of >= 0
+        if not self._sole.any():  # no feet, or none that has solids
+            self._sole[:] = True
         self.reset()
 
     def reset(self, dt: float | None = None) -> None:

@@ -13,8 +13,10 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from controller.errors import FileFormatError
+from sim.surface import Surface
 
 ROOT_JOINT = "(root)"
 LAST_SHOWN_GROUP = 2
@@ -30,7 +32,7 @@ def read_model(path: Path) -> mujoco.MjSpec:
     equality constraint couples to another follows that one instead.
 
     Raises:
-        FileFormatError: if MuJoCo refuses the file, there is no body in it, or its base turns on a joint.
+        FileFormatError: if MuJoCo refuses the file, there is no body or no solid in it, or its base turns on a joint.
     """
     if not path.is_file():
         raise FileFormatError(f"{path}: there is no such model file")
@@ -43,6 +45,11 @@ def read_model(path: Path) -> mujoco.MjSpec:
         spec.meshdir, spec.texturedir = str(folder / spec.meshdir), str(folder / spec.texturedir)
         _free_root(path, spec)
         model = spec.compile()
+        if not len(Surface.of(model).body):
+            raise FileFormatError(
+                f"{path}: no body of it has a solid that tells how far it reaches; give its feet and limbs geoms "
+                "(in a URDF <collision> shapes: MuJoCo leaves <visual> ones out)"
+            )
         _servos(path, spec, model)
         if model.ngeom and np.all(model.geom_group > LAST_SHOWN_GROUP):
             # Only solids for collisions are left of it: better to see these than nothing.
@@ -55,11 +62,25 @@ def read_model(path: Path) -> mujoco.MjSpec:
 
 
 def followers(model: mujoco.MjModel) -> dict[int, tuple[int, np.ndarray]]:
-    """The joints that an equality constraint couples to another one: joint -> (leader, polynomial of degree 4)."""
+    """The joints that an active equality constraint couples to another one, or holds where they are.
+
+    Returns:
+        joint -> (leader, the five coefficients of its position as a polynomial of the leader's); a joint that is held
+        leads itself, by a constant.
+    """
     coupled = {}
-    for equality in np.flatnonzero(model.eq_type == mujoco.mjtEq.mjEQ_JOINT):
+    for equality in np.flatnonzero((model.eq_type == mujoco.mjtEq.mjEQ_JOINT) & (model.eq_active0 != 0)):
         follower, leader = int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])
-        coupled[follower] = (leader, model.eq_data[equality, :5].copy())
+        # MuJoCo's positions count from qpos0 here: y - y0 = p(x - x0).
+        curve, start = model.eq_data[equality, :5], model.qpos0[model.jnt_qposadr[follower]]
+        polynomial = np.zeros(5)
+        if leader < 0:
+            leader, polynomial[0] = follower, start + curve[0]
+        else:
+            moved = Polynomial(curve)(Polynomial([-model.qpos0[model.jnt_qposadr[leader]], 1.0])).coef
+            polynomial[: len(moved)] = moved
+            polynomial[0] += start
+        coupled[follower] = (leader, polynomial)
     return coupled
 
 
@@ -70,8 +91,9 @@ def _clear_stage(spec: mujoco.MjSpec) -> None:
     for texture in [*spec.textures]:
         if texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX:
             spec.delete(texture)
-    for key in [*spec.keys]:
-        spec.delete(key)
+    # Keyframes, sensors and pairs of solids may be about what is taken away; nothing here looks at them.
+    for thing in [*spec.keys, *spec.sensors, *spec.pairs]:
+        spec.delete(thing)
 
 
 def _free_root(path: Path, spec: mujoco.MjSpec) -> None:

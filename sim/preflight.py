@@ -225,12 +225,14 @@ class Preflight:
         free = self.root == "free" and not self.balance
         slide = tempo * float(np.percentile(loads.slide, 90))
         margin = float(np.median(inside))
-        return [
+        found = [
             Finding("into the ground", -1e3 * min(float(loads.lowest.min()), 0.0), None, "mm"),
             Finding("foot slide", 1e3 * slide, None, "mm/s"),
             Finding("balance margin", 1e3 * margin, None, "mm"),
             replace(Finding("off balance", off, OFF_BALANCE if free else None, "s"), ok=not free or off <= OFF_BALANCE),
         ]
+        # What has no feet, or has them in the air for most of the time, has no margin.
+        return [finding for finding in found if np.isfinite(finding.value)]
 
 
 def _ticks(take: Take, tempo: float) -> tuple[NDArray[np.int64], Array]:

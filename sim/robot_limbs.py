@@ -89,6 +89,9 @@ class RobotLimbs:
         self._data.qpos[:] = model.qpos0
         self._data.qpos[:3] = 0.0
         self._data.qpos[3:7] = root_rotation
+        for joint, (leader, curve) in followers(model).items():
+            if leader == joint:
+                self._data.qpos[model.jnt_qposadr[joint]] = curve[0]
         mujoco.mj_kinematics(model, self._data)
         self._surface = Surface.of(model)
         self.reach: dict[str, float] = {}

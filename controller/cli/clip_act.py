@@ -59,13 +59,13 @@ def act_of(clip: Clip, robot: Path | None, ghost: bool = True) -> Act:
 
 
 def act_of_recording(recording: Recording, robot: Robot) -> Act:
-    """What is to be shown of a recorded run: the robot where it was told to be, with its steps.
+    """What is to be shown of a recorded run: the robot where it was told to be, with its steps if they are known.
 
     Raises:
         MotiondeckError: if nothing was recorded, or it was another robot's.
     """
     from sim.clip_page import Act
-    from sim.feet import find_feet
+    from sim.physics_model import feet_of
     from sim.stage import body_height
     from sim.steps import footprints, soles, standing
 
@@ -79,11 +79,13 @@ def act_of_recording(recording: Recording, robot: Robot) -> Act:
     for row, tick in enumerate(range(0, recording.ticks, thin)):
         pose = Pose(fields["root_position"][tick], fields["heading"][tick, 0], fields["root_rotation"][tick][None])
         robot.place(fields["targets"][tick, : len(robot.joints)], pose, qpos[row])
-    feet = find_feet(model, model.qpos0)
-    corners = soles(model, qpos, feet)
-    stands = standing(corners, rate / thin, body_height(model))
     title = f"Motiondeck · {robot.name} · replay"
     no_bones = np.zeros((len(qpos), 0, 2, 3))
+    if robot.footing is not None:
+        # Where its feet stood tells the whole pose, of which the root alone was recorded.
+        return Act(title, model, qpos, rate / thin, no_bones)
+    corners = soles(model, qpos, feet_of(robot))
+    stands = standing(corners, rate / thin, body_height(model))
     return Act(title, model, qpos, rate / thin, no_bones, footprints(model, corners, stands), stands, corners)
 
 
@@ -113,12 +115,13 @@ def _beside(clip: Clip, robot: Path) -> tuple[mujoco.MjModel, Array, Array, list
     """A human of the robot's size and the robot, their qpos (T, nq), the human's joints and the feet of both."""
     from controller.cli.resources import find
     from sim.feet import find_feet
+    from sim.physics_model import feet_of
     from sim.side_by_side import PREFIX, SideBySide
 
     both = SideBySide(clip.skeleton, find("robot", "mannequin", ".toml"), robot, 1.0 / clip.rate)
     qpos = np.array([both.qpos(pose, own_path=True).copy() for pose in _poses(clip)])
     feet = list(find_feet(both.human.model, both.human.model.qpos0))
-    feet += [replace(foot, body=PREFIX + foot.body) for foot in find_feet(both.robot.model, both.robot.model.qpos0)]
+    feet += [replace(foot, body=PREFIX + foot.body) for foot in feet_of(both.robot)]
     return both.model, qpos, clip.joints() * both.scale, feet
 
 

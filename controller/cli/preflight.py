@@ -84,14 +84,14 @@ def preflight(
                 tick()
         verdicts += _by_their_parts({v.name: v for v in verdicts}, switches_by_way_of(loaded))
     report = _report(verdicts, motions, loaded.info.name, body.name, root, balance, speed)
+    if as_json:
+        print(json.dumps(report, allow_nan=False))
+    else:
+        _print(verdicts, motions, report)
     if plot is not None:
         from controller.cli.preflight_plot import draw
 
         draw(verdicts[:motions], plot)
-    if as_json:
-        print(json.dumps(report))
-    else:
-        _print(verdicts, motions, report)
     if not report["ok"]:
         raise typer.Exit(1)
 
@@ -114,6 +114,12 @@ def _on_rig(body: Robot, rig: str | None) -> tuple[Robot, JointLimits]:
             servo,
             current_limit=min([*currents, servo.current_limit or servo.current]),
             hottest=min(servo.hottest, *(joint.hottest for joint in config.joints)),
+        )
+    elif any(joint.current > 0.0 for joint in config.joints):
+        print(
+            f"the rig's current limits are not looked at: the file of {body.name} has no table [servo] that "
+            "says what torque a current gives",
+            file=sys.stderr,
         )
     return replace(body, servo=servo), narrowed(body.limits, body, config)
 

@@ -14,16 +14,21 @@ if TYPE_CHECKING:
     from sim.preflight import Verdict
 
 
+ENDINGS = (".png", ".svg", ".pdf")
+
+
 def need_matplotlib(path: Path) -> None:
     """Checks that a picture can be drawn to a file.
 
     Raises:
-        MotiondeckError: if matplotlib is not installed, or there is no such folder.
+        MotiondeckError: if matplotlib is not installed, the file ends otherwise, or there is no such folder.
     """
     try:
         import matplotlib
     except ImportError:
         raise MotiondeckError("--plot needs matplotlib; install it with: pip install 'motiondeck[plot]'") from None
+    if path.suffix.lower() not in ENDINGS:
+        raise MotiondeckError(f"{path}: pictures end in {', '.join(ENDINGS)}")
     matplotlib.use("Agg")
     if not path.absolute().parent.is_dir():
         raise MotiondeckError(f"{path.parent}: there is no such folder to write {path.name} to")

@@ -130,10 +130,10 @@ def calibrate(
     library: Annotated[str, typer.Option("--library", help="Where that motion is from.")] = "thesis15",
     as_json: JsonOption = False,
 ) -> None:
-    """Write a first robot file for any humanoid: find its limbs, its rest pose, its size, and which way it faces.
+    r"""Write a first robot file for any humanoid: find its limbs, its rest pose, its size, and which way it faces.
 
-    Look at the result with --view or --picture, mend the file where it is wrong (a wrong body under [parts], real
-    servo speeds under [limits]), and check it: motiondeck robot check FILE RECORDINGS.
+    Look at the result with --view or --picture, mend the file where it is wrong (a wrong body under \[parts], real
+    servo speeds under \[limits]), and check it: motiondeck robot check FILE RECORDINGS.
 
     [bold]Examples[/]
 
@@ -175,7 +175,9 @@ def check(
     robot: RobotArgument,
     files: Annotated[list[Path], typer.Argument(metavar="RECORDINGS", help="Recordings, or folders full of them.")],
     solver: SolverOption = None,
-    seconds: Annotated[float, typer.Option("--seconds", help="So much of each recording, from its beginning.")] = 1e9,
+    seconds: Annotated[
+        float | None, typer.Option("--seconds", help="So much of each recording, from its beginning; all by itself.")
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Carry recordings onto a robot and measure: one row each. The exit code is 1 if anything is not zero that must
@@ -199,7 +201,7 @@ def check(
     from controller.cli.robot_check import passes, recordings
     from sim.robot_file import solver_named
 
-    if not seconds > 0.0:
+    if seconds is not None and not seconds > 0.0:
         raise MotiondeckError(f"--seconds {seconds:g} is not a length of time above 0")
     named = solver_named(solver)
     rows = list(rows_of(find("robot", robot, ".toml"), recordings(files), named, seconds, not as_json))

@@ -36,7 +36,7 @@ def recordings(paths: Sequence[Path]) -> list[Path]:
 
 
 def check(
-    robot: Path, files: Sequence[Path], solver: Solver | None, seconds: float, progress: bool
+    robot: Path, files: Sequence[Path], solver: Solver | None, seconds: float | None, progress: bool
 ) -> Iterator[dict[str, Any]]:
     """One row a recording: `clip`, and either `unread`, or its `frames` and `error` or the measures of `sim.fidelity`.
 
@@ -44,7 +44,7 @@ def check(
         robot: the robot file.
         files: the recordings.
         solver: in place of the robot file's.
-        seconds: of each recording, from its beginning.
+        seconds: of each recording, from its beginning; None for all of it.
         progress: whether to show a progress bar on a terminal.
     """
     from rich.console import Console
@@ -84,7 +84,9 @@ def _measured(robot: Path, clip: Clip, solver: Solver | None) -> dict[str, float
     return measures
 
 
-def _shortened(clip: Clip, seconds: float) -> Clip:
+def _shortened(clip: Clip, seconds: float | None) -> Clip:
+    if seconds is None:
+        return clip
     frames = max(2, int(min(seconds * clip.rate, len(clip))))
     return replace(clip, root_position=clip.root_position[:frames], rotation=clip.rotation[:frames])
 

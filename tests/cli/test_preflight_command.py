@@ -1,6 +1,7 @@
 """`motiondeck preflight` as its users run it."""
 
 import json
+from dataclasses import replace
 
 import pytest
 from typer.testing import CliRunner
@@ -51,12 +52,45 @@ def test_the_table_names_what_is_wrong_and_the_tempo_that_passes(library):
         (("--balance",), "give --root free with --balance"),
         (("--root", "string"), "root 'string': choose gantry"),
         (("--plot", "/nowhere/at/all.png"), "no such folder"),
+        (("--plot", "picture.xyz"), "pictures end in .png"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(library, arguments, complaint):
     run = preflight(library, *arguments, "--robot", "mannequin")
     assert run.exit_code == 1
     assert complaint in str(run.exception)
+
+
+def test_what_has_no_feet_has_no_margin():
+    import numpy as np
+
+    from controller.cli.resources import find
+    from sim.loads import loads_of
+    from sim.preflight import Preflight
+    from sim.robot import load_robot
+    from sim.self_collision import SelfCollision
+    from sim.takes import Take
+    from simulated_bodies import bent_pose
+
+    body = load_robot(find("robot", "servo20", ".toml"), human())
+    take = Take("still", True, np.tile(body.rest, (3, 1)), (bent_pose(human()),) * 3)
+    loads = loads_of(body, take, free=False, collisions=SelfCollision(body))
+    loads = replace(loads, support=(np.zeros((0, 2)),) * 3)
+    found = Preflight(body, body.limits).standing(loads, 1.0)
+    assert np.isfinite([finding.value for finding in found]).all()
+    assert "balance margin" not in {finding.check for finding in found}
+
+
+def test_currents_that_cannot_be_judged_are_mentioned(tmp_path, capsys):
+    from controller.cli.preflight import _on_rig
+    from controller.cli.resources import find
+    from sim.robot import load_robot
+
+    body = load_robot(find("robot", "servo20", ".toml"), human())
+    rig = tmp_path / "rig.toml"
+    rig.write_text(find("rig", "servo20", ".toml").read_text().replace("id = 1, ", "id = 1, current = 1.0,"))
+    _on_rig(replace(body, servo=None), str(rig))
+    assert "current limits" in capsys.readouterr().err
 
 
 def test_a_rig_narrows_what_is_allowed():

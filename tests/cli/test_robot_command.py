@@ -91,6 +91,11 @@ def test_check_finds_recordings_in_folders_and_goes_past_what_it_cannot_read(fil
     assert "not read" in result.stdout
 
 
+def test_help_says_what_it_means():
+    assert "[parts]" in run("calibrate", "--help").stdout
+    assert "default" not in run("check", "--help").stdout
+
+
 def test_what_is_not_there_is_said(files, tmp_path):
     with pytest.raises(MotiondeckError, match="no recordings"):
         run("check", "servo20", tmp_path)

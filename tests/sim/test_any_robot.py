@@ -1,3 +1,6 @@
+import re
+
+import mujoco
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -6,6 +9,7 @@ from hypothesis import strategies as st
 from controller.errors import FileFormatError, UnknownNameError
 from controller.mocap.posture import Pose
 from sim.calibrate import calibrate, limb_directions, standing
+from sim.layout import Layout
 from sim.limbs import LIMBS, LimbView
 from sim.match import match
 from sim.model_file import read_model
@@ -15,6 +19,8 @@ from sim.surface import Surface
 from sim.takes import DT, load_for_takes
 from simulated_bodies import bent_pose, human, smooth_poses
 from small_robots import LEG, SERVOS, humanoid, urdf
+
+MASS = '<inertial pos="0 0 0" mass="1" diaginertia="0.01 0.01 0.01"/>'
 
 
 def model_file(tmp_path, text, name="small.xml"):
@@ -165,6 +171,50 @@ def test_a_joint_that_follows_another_is_not_played_but_goes_along(tmp_path):
     assert qpos[robot.model.joint("lid").qposadr[0]] == pytest.approx(0.1 - 0.5 * 0.8)
 
 
+LID = '<body name="lid" pos="0 0 0.3"><joint name="lid" axis="0 1 0" ref="0.2"/><geom size="0.02"/></body>'
+
+
+@pytest.mark.parametrize(
+    ("equality", "follows"),
+    [
+        (
+            'joint1="lid" joint2="left_knee" polycoef="0.1 -0.5 0.3 0 0"',
+            lambda x: 0.3 - 0.5 * (x - 0.1) + 0.3 * (x - 0.1) ** 2,
+        ),
+        ('joint1="lid" polycoef="0.1 0 0 0 0"', lambda x: 0.3),
+    ],
+)
+def test_who_follows_does_as_in_mujoco(tmp_path, equality, follows):
+    text = humanoid(trunk=LID, extra=f"<equality><joint {equality}/></equality>", servos=[*SERVOS, "lid"])
+    robot = load_robot(
+        robot_file(tmp_path, text.replace('name="left_knee" axis', 'name="left_knee" ref="0.1" axis')), human()
+    )
+    assert "lid" not in robot.joints
+    data, targets = mujoco.MjData(robot.model), robot.rest.copy()
+    targets[robot.joints.index("left_knee")] = 0.8
+    robot.layout.place(targets, data.qpos)
+    assert data.qpos[robot.model.joint("lid").qposadr[0]] == pytest.approx(follows(0.8))
+    mujoco.mj_forward(robot.model, data)
+    mine = data.efc_id[: data.ne] == np.flatnonzero(robot.model.eq_type == mujoco.mjtEq.mjEQ_JOINT)[0]
+    assert data.efc_pos[: data.ne][mine] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_coupling_that_is_not_active_is_none(tmp_path):
+    extra = '<equality><joint joint1="lid" joint2="left_knee" active="false"/></equality>'
+    model = read_model(model_file(tmp_path, humanoid(trunk=LID, extra=extra, servos=[*SERVOS, "lid"]))).compile()
+    assert "lid" in Layout.of(model).joints
+
+
+def test_sensors_and_contact_pairs_on_what_is_left_out_go_with_it(tmp_path):
+    table = '<body name="table" pos="2 0 0"><geom name="top" size="0.3"/><site name="spot"/></body></worldbody>'
+    extra = (
+        '<contact><pair geom1="floor" geom2="top"/></contact>'
+        '<sensor><framepos objtype="site" objname="spot"/><touch site="spot"/></sensor>'
+    )
+    text = humanoid(extra=extra).replace("</worldbody>", table)
+    assert read_model(model_file(tmp_path, text)).compile().nsensor == 0
+
+
 def test_servos_that_have_no_gains_are_given_some(tmp_path):
     motors = humanoid().replace("<position ", '<motor gear="10" ctrlrange="-1 1" ').replace(' kp="20"', "")
     model = read_model(model_file(tmp_path, motors)).compile()
@@ -175,6 +225,8 @@ def test_servos_that_have_no_gains_are_given_some(tmp_path):
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
+        (re.sub("<geom[^>]*>", "", re.sub("<body[^>]*>", lambda m: m[0] + MASS, humanoid())), "solid"),
+        (re.sub("<collision>.*?</collision>", "", urdf()), "solid.*collision"),
         (
             '<mujoco><worldbody><body name="base"><joint name="j"/><geom size="1"/></body></worldbody></mujoco>',
             "joint 'j'",
@@ -224,8 +276,6 @@ def test_standing_feet_do_not_slide_and_nothing_sinks(robot):
     body, surface = human(), Surface.of(robot.model)
     robot.retarget.reset()
     robot.footing.reset()
-    import mujoco
-
     data, feet = mujoco.MjData(robot.model), []
     for frame in range(80):
         sway = 0.25 * np.sin(0.1 * frame)
