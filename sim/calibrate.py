@@ -25,7 +25,7 @@ from sim.model_file import read_model
 from sim.retarget import SERVO_HUMANOID_JOINTS, LimbAngles
 from sim.robot_file import Angle
 from sim.robot_limbs import SIDES, RobotLimbs
-from sim.surface import Surface
+from sim.surface import LowestPoint
 
 # What a model does not say: rad/s, rad/s^2, rad/s^3. A robot half as tall moves its limbs 1.4 times as fast.
 VELOCITY, ACCELERATION, JERK = 10.0, 300.0, 15000.0
@@ -137,7 +137,7 @@ def calibrate(path: Path) -> Calibration:
     rest = np.round(solve(stand, up), 3)
     rest = np.clip(rest, lower, upper)
     limbs.place(rest)
-    height = -float(Surface.of(model).heights(limbs.data).min())
+    height = -LowestPoint(model)(limbs.data)
     there = limb_directions(limbs)
     missed = {
         name: float(np.arccos(np.clip(there[row] @ stand[row], -1.0, 1.0)))

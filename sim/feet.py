@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from controller.rotations import Array, cross
+from sim.surface import reach
 
 # A foot turns about a joint less than this share of the robot's height above the ground, and reaches down to the ground
 # but for this share: the ankle of a person is at 0.04, that of a small humanoid at 0.09, knees are at 0.27.
@@ -65,33 +66,6 @@ def find_feet(model: mujoco.MjModel, qpos: Array) -> tuple[Foot, ...]:
         if near and int(model.body_parentid[body]) not in found:
             found.append(body)
     return tuple(_foot(model, data, body) for body in found)
-
-
-def lowest_point(model: mujoco.MjModel, data: mujoco.MjData) -> float:
-    """The height of the lowest point of a robot whose kinematics are up to date, m."""
-    moving = np.flatnonzero(model.body_weldid[model.geom_bodyid] != 0)
-    down = -data.geom_xmat[moving, 6:]
-    reaches = [float(reach(model, int(geom), way)) for geom, way in zip(moving, down, strict=True)]
-    return float((data.geom_xpos[moving, 2] - reaches).min())
-
-
-def reach(model: mujoco.MjModel, geom: int, direction: Array) -> Array:
-    """How far a geom reaches from its own middle in a direction (..., 3) of its own axes, shape (...), m."""
-    size = model.geom_size[geom]
-    match int(model.geom_type[geom]):
-        case mujoco.mjtGeom.mjGEOM_SPHERE:
-            return np.broadcast_to(size[0], direction.shape[:-1])
-        case mujoco.mjtGeom.mjGEOM_CAPSULE:
-            return size[0] + size[1] * np.abs(direction[..., 2])
-        case mujoco.mjtGeom.mjGEOM_ELLIPSOID:
-            return np.sqrt(np.square(direction * size).sum(axis=-1))
-        case mujoco.mjtGeom.mjGEOM_CYLINDER:
-            return size[0] * np.hypot(direction[..., 0], direction[..., 1]) + size[1] * np.abs(direction[..., 2])
-        case mujoco.mjtGeom.mjGEOM_MESH:
-            first, count = model.mesh_vertadr[model.geom_dataid[geom]], model.mesh_vertnum[model.geom_dataid[geom]]
-            return (direction @ model.mesh_vert[first : first + count].T).max(axis=-1)
-        case _:
-            return np.abs(direction * size).sum(axis=-1)
 
 
 def _foot(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> Foot:

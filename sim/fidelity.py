@@ -26,7 +26,7 @@ from sim.limbs import LIMBS, LimbView
 from sim.retarget import ServoHumanoidRetargeter
 from sim.robot import Robot
 from sim.robot_limbs import RobotLimbs
-from sim.surface import Surface
+from sim.surface import LowestPoint, Surface
 
 ENDS = {"leg": ("thigh", "shank"), "arm": ("upper_arm", "forearm")}
 # Something is on the floor if it is this close to it, in lengths of the leg; a human's foot stands if its ball is
@@ -167,7 +167,7 @@ def floor_measures(clip: Clip, robot: Robot, qpos: Array, feet: dict[str, int]) 
         the deepest any point was in the floor, m; `floating`: share of frames in which nothing was on the floor.
     """
     model = robot.model
-    data, surface = mujoco.MjData(model), Surface.of(model)
+    data, surface, lowest_point = mujoco.MjData(model), Surface.of(model), LowestPoint(model)
     soles = {side: np.flatnonzero(np.isin(surface.body, below(model, foot))) for side, foot in feet.items()}
     stands = standing_feet(clip)
     near = STANDS * robot.path_scale * clip.skeleton.leg_length
@@ -179,8 +179,9 @@ def floor_measures(clip: Clip, robot: Robot, qpos: Array, feet: dict[str, int]) 
         mujoco.mj_kinematics(model, data)
         points = surface.positions(data)
         heights = points[:, 2] - surface.radius
-        sunk = max(sunk, -float(heights.min()))
-        floating += bool(heights.min() > near)
+        low = lowest_point(data)
+        sunk = max(sunk, -low)
+        floating += low > near
         for side, sole in soles.items():
             if before is not None and len(sole) and stands[side][frame]:
                 lowest = sole[np.argmin(heights[sole])]

@@ -26,7 +26,7 @@ from controller.mocap.posture import Pose
 from controller.mocap.rest_pose import FOOT_SLOPE
 from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array, multiply, rotate
-from sim.surface import Surface
+from sim.surface import LowestPoint, Surface
 
 # In lengths of the leg: how far a sole may seem to be off the floor and still stand on it, and how close to the floor a
 # point of the skin touches it.
@@ -100,7 +100,7 @@ class Footing:
         self._soles, self._leg = Soles(skeleton), max(skeleton.leg_length * scale, 1e-3)
         self._model, self._data = model, mujoco.MjData(model)
         self._turned, self._scale, self._dt = root_rotation, scale, dt
-        self._surface = Surface.of(model)
+        self._surface, self._lowest = Surface.of(model), LowestPoint(model)
         self._foot_of = np.full(len(self._surface.body), -1)
         for side, foot in enumerate(feet):
             self._foot_of[np.isin(self._surface.body, below(model, foot))] = side
@@ -148,7 +148,7 @@ class Footing:
         self._floor += rise if rise < 0.0 else rise * float(still[np.argmin(lows)]) * min(FOLLOWS * self._dt, 1.0)
 
         height = max(low - self._floor - STANDS * self._leg, 0.0) - float(heights[self._sole].min())
-        height = max(height, -float(heights.min()))
+        height = max(height, -self._lowest(data))
         # What is nearest to the floor decides, whatever it is: soles, knees, hands.
         weight = np.exp(-(heights + height) / (TOUCHES * self._leg))
         weight *= np.append(still, OTHERS)[self._foot_of] if len(still) == 2 else OTHERS

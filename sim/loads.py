@@ -22,11 +22,12 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from controller.rotations import Array
-from sim.feet import Foot, lowest_point
+from sim.feet import Foot
 from sim.physics_model import feet_of
 from sim.robot import Robot
 from sim.self_collision import SelfCollision
 from sim.support import convex_hull, margin
+from sim.surface import LowestPoint
 from sim.takes import DT, Take
 
 # A sole corner less than this share of the root's height above the lowest one of the moment stands on the ground: on a
@@ -90,7 +91,7 @@ def loads_of(robot: Robot, take: Take, *, free: bool, collisions: SelfCollision)
     model, data = robot.model, mujoco.MjData(robot.model)
     qpos, qvel, qacc = _motion(robot, take)
     count, feet = len(qpos), feet_of(robot)
-    dof = _actuated(robot)
+    dof, lowest_point = _actuated(robot), LowestPoint(model)
     gravity, inertia = np.empty((2, count, len(dof)))
     depth, lowest, slide = np.zeros(count), np.empty(count), np.zeros(count)
     com, support, worst = np.empty((count, 3)), [], ("", 0.0)
@@ -113,7 +114,7 @@ def loads_of(robot: Robot, take: Take, *, free: bool, collisions: SelfCollision)
             gravity[k], inertia[k] = torque[0, dof], (torque[1] - torque[0] - damping)[dof]
             com[k] = data.subtree_com[int(model.jnt_bodyid[0])]
             support.append(convex_hull(corners[on, :2]))
-            lowest[k] = lowest_point(model, data)
+            lowest[k] = lowest_point(data)
             if before is not None:
                 both = on & before[0]
                 moved = np.hypot(*(corners[both, :2] - before[1][both, :2]).T) / DT

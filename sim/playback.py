@@ -14,10 +14,10 @@ from controller.errors import MotiondeckError
 from controller.mocap.posture import Pose
 from controller.rotations import Array, conjugate, multiply, rotate, to_rotation_vector
 from sim.balance import Balance
-from sim.feet import lowest_point
 from sim.physics_model import physics_model
 from sim.robot import Robot
 from sim.servos import Servos
+from sim.surface import LowestPoint
 
 # MuJoCo starts afresh by itself when its state breaks, and leaves a note.
 _BROKEN = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
@@ -212,7 +212,7 @@ class PhysicsPlayback:
         self.data.qpos[:] = self._goal
         mujoco.mj_kinematics(self.model, self.data)
         if self._root == "free":
-            self.data.qpos[2] -= lowest_point(self.model, self.data)
+            self.data.qpos[2] -= LowestPoint(self.model)(self.data)
         if self._root == "fixed":
             self.data.mocap_pos[0] = self._goal[:3]
             self.data.mocap_quat[0] = self._goal[3:7]

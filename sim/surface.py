@@ -1,4 +1,4 @@
-"""Surface: a robot's solids as a few hundred balls on its skin, so that its lowest point is quickly found."""
+"""Surface: where a robot's skin is, as a few hundred balls, and its lowest point, exactly."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's names come from compiled modules, which have no type stubs.)
@@ -37,12 +37,8 @@ class Surface:
     @classmethod
     def of(cls, model: mujoco.MjModel) -> Surface:
         """The skin of everything that moves; solids that collide stand for the others, where a body has some."""
-        moving = model.body_weldid[model.geom_bodyid] != 0
-        colliding = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
-        has_colliding = np.zeros(model.nbody, dtype=bool)
-        has_colliding[model.geom_bodyid[colliding]] = True
         found: list[tuple[int, Array, float]] = []
-        for geom in np.flatnonzero(moving & (colliding | ~has_colliding[model.geom_bodyid])):
+        for geom in _solids(model):
             body = int(model.geom_bodyid[geom])
             points, radius = _balls(model, int(geom))
             at = model.geom_pos[geom] + rotate(model.geom_quat[geom], points)
@@ -59,10 +55,72 @@ class Surface:
         """Where the centres are, shape (N, 3), m."""
         return data.xpos[self.body] + rotate(data.xquat[self.body], self.centre)
 
-    def heights(self, data: mujoco.MjData) -> Array:
-        """How high the lowest point of each ball is, shape (N,), m."""
-        third_row = data.xmat[self.body, 6:9]
-        return data.xpos[self.body, 2] + np.einsum("ij,ij->i", third_row, self.centre) - self.radius
+
+class LowestPoint:
+    """Finds the lowest point of all that moves, exactly; looks at the solids that `Surface` looks at."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        """Looks at the solids of a model."""
+        self._geoms = _solids(model)
+        shapes = [_shape(model, int(geom)) for geom in self._geoms]
+        self._radius = np.array([shape[0] for shape in shapes])
+        self._round, self._flat = (np.array([shape[k] for shape in shapes]).reshape(-1, 3) for k in (1, 2))
+        self._meshes = np.repeat(np.arange(len(shapes)), [len(shape[3]) for shape in shapes])
+        self._vertices = np.concatenate([shape[3] for shape in shapes]) if shapes else np.zeros((0, 3))
+
+    def __call__(self, data: mujoco.MjData) -> float:
+        """How high it is in a state whose kinematics are up to date, m."""
+        up = data.geom_xmat[self._geoms, 6:9]
+        across = up * self._round
+        reach = self._radius + np.sqrt(np.einsum("ij,ij->i", across, across)) + np.abs(up * self._flat).sum(axis=1)
+        low = data.geom_xpos[self._geoms, 2] - reach
+        return float((low[self._meshes] + np.einsum("ij,ij->i", up[self._meshes], self._vertices)).min())
+
+
+def reach(model: mujoco.MjModel, geom: int, direction: Array) -> Array:
+    """How far a geom reaches from its own middle in a direction (..., 3) of its own axes, shape (...), m."""
+    radius, rounded, flat, vertices = _shape(model, geom)
+    far = radius + np.sqrt(np.square(direction * rounded).sum(axis=-1)) + np.abs(direction * flat).sum(axis=-1)
+    return far + (direction @ vertices.T).max(axis=-1)
+
+
+def _solids(model: mujoco.MjModel) -> NDArray[np.intp]:
+    """The geoms of all that moves; those that collide stand for the others, where a body has some."""
+    moving = model.body_weldid[model.geom_bodyid] != 0
+    colliding = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+    has_colliding = np.zeros(model.nbody, dtype=bool)
+    has_colliding[model.geom_bodyid[colliding]] = True
+    return np.flatnonzero(moving & (colliding | ~has_colliding[model.geom_bodyid]))
+
+
+def _shape(model: mujoco.MjModel, geom: int) -> tuple[float, Array, Array, Array]:
+    """Radius r, half axes a and b (3,) and vertices v (V, 3): along d it reaches r + |a d| + sum |b d| + max v.d."""
+    a, b, c = (float(size) for size in model.geom_size[geom])
+    none, centre = np.zeros(3), np.zeros((1, 3))
+    match int(model.geom_type[geom]):
+        case mujoco.mjtGeom.mjGEOM_SPHERE:
+            return a, none, none, centre
+        case mujoco.mjtGeom.mjGEOM_CAPSULE:
+            return a, none, np.array([0.0, 0.0, b]), centre
+        case mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+            return 0.0, np.array([a, b, c]), none, centre
+        case mujoco.mjtGeom.mjGEOM_CYLINDER:
+            return 0.0, np.array([a, a, 0.0]), np.array([0.0, 0.0, b]), centre
+        case mujoco.mjtGeom.mjGEOM_MESH:
+            return 0.0, none, none, _outermost(model, int(model.geom_dataid[geom]))
+        case _:
+            return 0.0, none, np.array([a, b, c]), centre
+
+
+def _outermost(model: mujoco.MjModel, mesh: int) -> Array:
+    """The vertices of a mesh, or of its convex hull where MuJoCo has it, shape (V, 3), m."""
+    first, at = model.mesh_vertadr[mesh], model.mesh_graphadr[mesh]
+    vertices = model.mesh_vert[first : first + model.mesh_vertnum[mesh]].astype(np.float64)
+    if at < 0:
+        return vertices
+    # Its graph: how many vertices and faces, where the edges of each vertex are, which vertex of the mesh it is, ...
+    count = int(model.mesh_graph[at])
+    return vertices[model.mesh_graph[at + 2 + count : at + 2 + 2 * count]]
 
 
 def _balls(model: mujoco.MjModel, geom: int) -> tuple[Array, float]:

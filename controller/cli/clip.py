@@ -130,7 +130,7 @@ def _read(file: Path, skeleton: Path | None) -> Recording:
     from controller.errors import MotiondeckError
     from controller.mocap.facts import read_recording
     from controller.mocap.joint_angles import JointBody
-    from controller.recognition.dataset import skeleton_of
+    from controller.mocap.reading import skeleton_of
 
     if file.suffix.lower() == ".amc" and skeleton is None:
         skeleton = skeleton_of(file, file.parent.parent)

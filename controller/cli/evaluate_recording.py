@@ -42,8 +42,7 @@ def measure_recording(subject: str, what: str | None, data: Path | None) -> tupl
     Raises:
         MotiondeckError: if the recording cannot be read, or this is not measured of recordings.
     """
-    from controller.mocap.reading import read_clip
-    from controller.recognition.dataset import skeleton_of
+    from controller.mocap.reading import read_clip, skeleton_of
 
     if subject == TABLE1:
         if what is not None or data is None:

@@ -206,8 +206,7 @@ def _cut(file: Path, frames: tuple[int, int] | None, skeleton: Path | None) -> C
     from dataclasses import replace
 
     from controller.errors import MotiondeckError
-    from controller.mocap.reading import read_clip
-    from controller.recognition.dataset import skeleton_of
+    from controller.mocap.reading import read_clip, skeleton_of
 
     if not file.is_file():
         raise MotiondeckError(f"{file}: there is no such file")

@@ -80,8 +80,7 @@ def run(
     Example:  motiondeck recognize run hdm05.safetensors squat.amc --skeleton HDM_bd.asf
     """
     from controller.errors import MotiondeckError
-    from controller.mocap.reading import read_clip
-    from controller.recognition.dataset import skeleton_of
+    from controller.mocap.reading import read_clip, skeleton_of
     from controller.recognition.recognizer_file import load_recognizer
 
     loaded = load_recognizer(recognizer)

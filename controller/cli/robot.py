@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from controller.cli.play import PAGE_PORT
 from controller.errors import MotiondeckError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ SolverOption = Annotated[
 ]
 
 CATALOGUE_KINDS = ("humanoid", "biped")
-PAGE_PORT = 8041
+PICTURE_SECONDS, VIEW_SECONDS = 2.0, 8.0
 
 
 @app.command("list")
@@ -126,6 +127,7 @@ def calibrate(
         Path | None, typer.Option("--picture", metavar="FILE", help="Draw robot and human side by side (.png).")
     ] = None,
     view: Annotated[bool, typer.Option("--view", help="Show robot and human side by side in the browser.")] = False,
+    port: Annotated[int, typer.Option("--port", help="The page's port; 0 for any free one.")] = PAGE_PORT,
     motion: Annotated[str, typer.Option("--motion", help="What they do in the picture and in the view.")] = "walk",
     library: Annotated[str, typer.Option("--library", help="Where that motion is from.")] = "thesis15",
     as_json: JsonOption = False,
@@ -161,13 +163,16 @@ def calibrate(
     else:
         _print_found(found, file)
     if picture is not None or view:
-        from controller.cli.robot_pictures import draw_beside, view_beside
+        from controller.cli.robot_pictures import draw_beside, played
 
         if picture is not None:
-            draw_beside(library, motion, file, picture)
+            draw_beside(played(library, motion, PICTURE_SECONDS), file, picture)
             print(f"wrote {picture}", file=sys.stderr)
         if view:
-            view_beside(library, motion, file, PAGE_PORT)
+            from controller.cli.clip_act import act_of
+            from controller.cli.page import show_act
+
+            show_act(act_of(played(library, motion, VIEW_SECONDS), file), port)
 
 
 @app.command("check")

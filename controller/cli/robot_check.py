@@ -12,7 +12,7 @@ import numpy as np
 
 from controller.errors import MotiondeckError
 from controller.mocap.clip import Clip
-from controller.mocap.reading import read_clip
+from controller.mocap.reading import read_clip, skeleton_of
 from sim.fidelity import carry, floor_measures, joint_measures, limb_errors, shortfall
 from sim.robot import load_robot
 from sim.robot_file import Solver, read_robot_file
@@ -54,7 +54,7 @@ def check(
     rows = track(files, "carrying", console=console, transient=True, disable=not (progress and sys.stderr.isatty()))
     for file in rows:
         try:
-            clip = _shortened(read_clip(file, _skeleton_of(file)), seconds)
+            clip = _shortened(read_clip(file, skeleton_of(file, file.parent.parent)), seconds)
         except MotiondeckError as error:
             yield {"clip": str(file), "unread": str(error)}
             continue
@@ -89,15 +89,3 @@ def _shortened(clip: Clip, seconds: float | None) -> Clip:
         return clip
     frames = max(2, int(min(seconds * clip.rate, len(clip))))
     return replace(clip, root_position=clip.root_position[:frames], rotation=clip.rotation[:frames])
-
-
-def _skeleton_of(file: Path) -> Path | None:
-    """The .asf of an .amc: in its folder or the one above, the one whose name its own begins with, or the only one."""
-    if file.suffix.lower() != ".amc":
-        return None
-    for folder in (file.parent, file.parent.parent):
-        skeletons = sorted(other for other in folder.iterdir() if other.suffix.lower() == ".asf")
-        fitting = [other for other in skeletons if file.stem.startswith(other.stem)]
-        if len(fitting or skeletons) == 1:
-            return (fitting or skeletons)[0]
-    return None

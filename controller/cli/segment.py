@@ -57,9 +57,8 @@ def segment(
       motiondeck segment 86_01.amc --method planes --segments 7 --plot cuts.png
     """
     from controller.errors import MotiondeckError
-    from controller.mocap.reading import read_clip
+    from controller.mocap.reading import read_clip, skeleton_of
     from controller.recognition.border_score import score_borders
-    from controller.recognition.dataset import skeleton_of
     from controller.recognition.labels import read_labels
 
     if not file.is_file():

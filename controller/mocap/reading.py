@@ -46,6 +46,26 @@ def read_clip(path: str | Path, skeleton: str | Path | None = None) -> Clip:
             )
 
 
+def skeleton_of(recording: Path, top: Path) -> Path | None:
+    """The .asf file of a recording, looked for from its folder up to `top`; None where there is none or no need."""
+    if recording.suffix.lower() != ".amc":
+        return None
+    folder = recording.parent
+    while True:
+        try:
+            there = sorted(p for p in folder.iterdir() if p.suffix.lower() == ".asf")
+        except OSError as error:
+            raise FileFormatError(f"{folder}: cannot be read ({error.strerror or error}).") from None
+        named = [p for p in there if recording.stem.startswith(p.stem)]
+        if named:
+            return max(named, key=lambda p: len(p.stem))
+        if len(there) == 1:
+            return there[0]
+        if folder in (top, folder.parent):
+            return None
+        folder = folder.parent
+
+
 def _only_skeleton_beside(path: str | Path) -> Path:
     """The one .asf file in the folder of a recording."""
     if not Path(path).exists():

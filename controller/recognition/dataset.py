@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from controller.errors import FileFormatError, MotiondeckError
 from controller.mocap.clip import Clip
 from controller.mocap.files import as_float, read_lines
-from controller.mocap.reading import read_clip
+from controller.mocap.reading import read_clip, skeleton_of
 from controller.rotations import Array
 
 RECORDINGS = (".amc", ".mat")
@@ -110,26 +110,6 @@ def read_dataset(folder: Path, progress: Callable[[int, int], None] = lambda don
             f"the .asf skeletons beside or above them.{reason}"
         )
     return Dataset(examples, skipped)
-
-
-def skeleton_of(recording: Path, top: Path) -> Path | None:
-    """The .asf file of a recording, looked for from its folder up to `top`; None where there is none or no need."""
-    if recording.suffix.lower() != ".amc":
-        return None
-    folder = recording.parent
-    while True:
-        try:
-            there = sorted(p for p in folder.iterdir() if p.suffix.lower() == ".asf")
-        except OSError as error:
-            raise FileFormatError(f"{folder}: cannot be read ({error.strerror or error}).") from None
-        named = [p for p in there if recording.stem.startswith(p.stem)]
-        if named:
-            return max(named, key=lambda p: len(p.stem))
-        if len(there) == 1:
-            return there[0]
-        if folder in (top, folder.parent):
-            return None
-        folder = folder.parent
 
 
 def recorded_angles(path: Path) -> Array:

@@ -15,7 +15,7 @@ from sim.match import match
 from sim.model_file import read_model
 from sim.robot import load_robot
 from sim.robot_limbs import RobotLimbs
-from sim.surface import Surface
+from sim.surface import LowestPoint
 from sim.takes import DT, load_for_takes
 from simulated_bodies import bent_pose, human, smooth_poses
 from small_robots import LEG, SERVOS, humanoid, urdf
@@ -273,7 +273,7 @@ def test_a_robot_file_that_does_not_fit_its_model_is_named(tmp_path, was, become
 
 def test_standing_feet_do_not_slide_and_nothing_sinks(robot):
     """A human who sways over still feet and whose floor lies 8 cm too high."""
-    body, surface = human(), Surface.of(robot.model)
+    body, lowest_point = human(), LowestPoint(robot.model)
     robot.retarget.reset()
     robot.footing.reset()
     data, feet = mujoco.MjData(robot.model), []
@@ -286,8 +286,32 @@ def test_standing_feet_do_not_slide_and_nothing_sinks(robot):
         robot.place(robot.retarget(pose), pose, data.qpos)
         mujoco.mj_kinematics(robot.model, data)
         feet.append(data.body("right_sole").xpos[:2].copy())
-        assert abs(surface.heights(data).min()) < 1e-6
+        assert abs(lowest_point(data)) < 1e-6
     assert np.ptp(feet[5:], axis=0).max() < 0.01
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("kind", ["sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh"])
+def test_the_lowest_point_is_where_a_floor_that_is_touched_would_be(kind, seed):
+    random = np.random.default_rng(seed)
+    corners = random.normal(size=(30, 3))
+    spec = mujoco.MjSpec()
+    spec.add_mesh(name="rock", uservert=corners.ravel())
+    body = spec.worldbody.add_body(quat=random.normal(size=4), pos=[0, 0, 1])
+    body.add_freejoint()
+    geom = body.add_geom(
+        type=getattr(mujoco.mjtGeom, f"mjGEOM_{kind.upper()}"), size=random.uniform(0.2, 0.6, 3), mass=1
+    )
+    geom.meshname = "rock" if kind == "mesh" else ""
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1, 1, 1], pos=[0, 0, -5])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    low = LowestPoint(model)(data)
+    for off, touches in ((-1e-4, True), (1e-4, False)):
+        data.qpos[2] = 1.0 - 5.0 - low + off
+        mujoco.mj_forward(model, data)
+        assert (data.ncon > 0) == touches
 
 
 def test_a_leap_leaves_the_floor(robot):

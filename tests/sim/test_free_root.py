@@ -3,10 +3,11 @@ import numpy as np
 import pytest
 
 from controller.errors import MotiondeckError
-from sim.feet import find_feet, lowest_point
+from sim.feet import find_feet
 from sim.physics_model import feet_of, physics_model
 from sim.playback import PhysicsPlayback, has_fallen
 from sim.robot import load_robot
+from sim.surface import LowestPoint
 from simulated_bodies import HUMAN, ROBOTS, bent_pose, human, skeleton_of
 
 NAMES = ["mannequin", "servo20"]
@@ -74,7 +75,7 @@ def test_a_free_robot_starts_on_the_floor_and_falls_where_it_cannot_stand(name):
     targets = np.clip(robot.retarget(pose), robot.limits.lower, robot.limits.upper)
     output.write(targets, pose)
     mujoco.mj_kinematics(output.model, output.data)
-    assert abs(lowest_point(output.model, output.data)) < 0.02
+    assert abs(LowestPoint(output.model)(output.data)) < 0.02
     for _ in range(500):
         output.write(targets, pose)
     assert output.fell_s is not None
