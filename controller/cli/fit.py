@@ -68,7 +68,11 @@ def fit(
     from controller.training.recipe import read_recipe, taught_recipe
 
     if all(path.suffix.lower() == ".clip" for path in what):
-        plan, data = taught_recipe(out.stem, what), data or Path()
+        if data is not None:
+            raise MotiondeckError(
+                f"--data {data} is for the recordings of a recipe: clips are read from where they are"
+            )
+        plan, data = taught_recipe(out.stem, what), Path()
     elif len(what) > 1:
         raise MotiondeckError(f"give one recipe, or clips taught by hand (.clip) only, not {', '.join(map(str, what))}")
     else:

@@ -41,6 +41,7 @@ def teach(
       motiondeck fit wave.clip nod.clip --out gestures.safetensors
     """
     from controller.mocap.joint_angles import save_taught_clip, taught_clip
+    from hardware.errors import PortError, RigError
     from hardware.teaching import beyond_limits, loosen, taught, watch_hands
 
     if out.suffix != ".clip":
@@ -51,6 +52,7 @@ def teach(
         raise MotiondeckError(f"--seconds {seconds:g} is not between 0 and 3600")
     config = load(rig)
     moments = []
+    cut_short = ""
     with ended_by_sigterm(), open_buses(config, port) as parts:
         if seconds is None:
             _ask("The torque goes off: hold what would fall, then press Enter ")
@@ -68,30 +70,44 @@ def teach(
                     break
         except KeyboardInterrupt:
             print(file=sys.stderr)
-    angles = taught(moments, config.rate_hz, trim)
+        except (RigError, PortError) as error:
+            cut_short = str(error)
+        except SystemExit:
+            cut_short = "the recording was ended by SIGTERM."
+    try:
+        angles = taught(moments, config.rate_hz, trim)
+    except RigError as error:
+        if not cut_short:
+            raise
+        raise RigError(f"{cut_short} Nothing is saved: {error}") from error
     clip = taught_clip(out.stem, config.names, config.rate_hz, angles, rig)
     save_taught_clip(clip, out)
     warnings = beyond_limits(config, angles, config.rate_hz)
     if as_json:
         said = {"written": str(out), "joints": list(config.names), "frames": len(clip), "seconds": clip.duration}
-        print(json.dumps(said | {"beyond_limits": warnings}))
-        return
-    for warning in warnings:
-        print(f"note: {warning}; played, it will be held back")
-    print(f"wrote {out}: {clip.duration:.1f} s of {len(config.names)} joints at {config.rate_hz:g} Hz")
+        print(json.dumps(said | {"beyond_limits": warnings, "cut_short": cut_short or None}))
+    else:
+        for warning in warnings:
+            print(f"note: {warning}; played, it will be held back")
+        print(f"wrote {out}: {clip.duration:.1f} s of {len(config.names)} joints at {config.rate_hz:g} Hz")
+    if cut_short:
+        print(f"motiondeck: {cut_short} What was recorded before is saved.", file=sys.stderr)
+        raise typer.Exit(1)
 
 
 def _ask(what: str) -> None:
+    """Waits for Enter; asked for on stderr, since stdout is for what the command has to tell."""
+    print(what, end="", file=sys.stderr, flush=True)
     try:
-        input(what)
+        input()
     except EOFError:
         raise MotiondeckError("there is nobody to press Enter: give --seconds") from None
 
 
 def _wait_for_enter(done: threading.Event) -> None:
     try:
-        input("Recording. Press Enter to end ")
-    except EOFError:
+        _ask("Recording. Press Enter to end ")
+    except MotiondeckError:
         pass
     finally:
         done.set()

@@ -92,10 +92,22 @@ def taught_recipe(name: str, clips: Sequence[Path]) -> LibraryRecipe:
     A centralized network, because its state is a place on a closed curve: nothing can lead it away, and servos follow.
 
     Raises:
-        FileFormatError: if a name cannot be typed or is used twice, or a clip cannot be read.
+        FileFormatError: if a name cannot be typed or is used twice, a clip cannot be read, or clips are of different
+            joints; it names them.
     """
     motions = [MotionRecipe(name=clip.stem, file=str(clip)) for clip in clips]
-    longest = max(read_clip(clip).duration for clip in clips)
+    taught = [read_clip(clip) for clip in clips]
+    expected = taught[0].skeleton.bones
+    for path, clip in zip(clips, taught, strict=True):
+        lacking = [name for name in expected if name not in clip.skeleton.bones]
+        besides = [name for name in clip.skeleton.bones if name not in expected]
+        if lacking or besides:
+            said = [f"lacks {', '.join(lacking)}"] * bool(lacking) + [f"has also {', '.join(besides)}"] * bool(besides)
+            raise FileFormatError(
+                f"{path}: beside {clips[0]} it {' and '.join(said)}; the clips of one library need the same joints. "
+                "Teach them anew with one rig file, or make a library of each."
+            )
+    longest = max(clip.duration for clip in taught)
     return _checked(
         LibraryRecipe(
             name=name,

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from contextlib import nullcontext
 
 import msgspec
 import numpy as np
@@ -15,8 +16,10 @@ from controller.mocap.joint_angles import angles_of, read_taught_clip, save_taug
 from hardware.bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
+from hardware.errors import PortError
 from hardware.rig import load_rig
 from hardware.supervised_rig import SupervisedRig
+from hardware.teaching import Moment
 
 LIMITS = "zero = 2048, lower = -1.5, upper = 1.5, velocity = 4.0"
 RIG = f"""
@@ -99,6 +102,39 @@ def test_a_clip_that_the_limits_hold_back_comes_to_its_last_frame(rig, tmp_path,
     assert connected._rig.goals == pytest.approx([1.2], abs=0.005)
 
 
+@pytest.mark.parametrize(
+    ("end", "said"), [(PortError("the port is gone."), "the port is gone"), (SystemExit(143), "ended by SIGTERM")]
+)
+def test_a_recording_that_breaks_off_is_saved_as_far_as_it_goes(rig, tmp_path, monkeypatch, end, said):
+    clip = tmp_path / "wave.clip"
+
+    def watch(config, parts, sleep):
+        for tick in range(100):
+            yield Moment(0.02 * tick, np.array([0.5 * np.sin(0.06 * tick), 0.0]))
+        raise end
+
+    monkeypatch.setattr("controller.cli.rig_teach.open_buses", lambda config, ports: nullcontext([]))
+    monkeypatch.setattr("hardware.teaching.watch_hands", watch)
+    words = ["rig", "teach", str(rig), "--out", str(clip), "--seconds", "60", "--json"]
+    result = CliRunner().invoke(app, words)
+    assert (result.exit_code, json.loads(result.stdout)["frames"]) == (1, len(read_taught_clip(clip)))
+    assert said in json.loads(result.stdout)["cut_short"]
+    assert said in result.stderr
+
+
+def test_prompts_leave_stdout_to_the_answer(rig, tmp_path, monkeypatch):
+    def watch(config, parts, sleep):
+        return (Moment(0.02 * tick, np.array([0.5 * np.sin(0.06 * tick), 0.0])) for tick in range(100))
+
+    monkeypatch.setattr("controller.cli.rig_teach.open_buses", lambda config, ports: nullcontext([]))
+    monkeypatch.setattr("controller.cli.rig_teach._wait_for_enter", lambda done: None)
+    monkeypatch.setattr("hardware.teaching.watch_hands", watch)
+    words = ["rig", "teach", str(rig), "--out", str(tmp_path / "wave.clip"), "--json"]
+    result = CliRunner().invoke(app, words, input="\n\n")
+    assert json.loads(result.stdout)["joints"] == ["pan", "tilt"]
+    assert "hold what would fall" in result.stderr
+
+
 def test_what_cannot_be_taught_or_played_is_said(rig, tmp_path):
     other = tmp_path / "other.clip"
     save_taught_clip(taught_clip("other", ("pan", "grip"), 50.0, np.zeros((60, 2))), other)
@@ -111,6 +147,7 @@ def test_what_cannot_be_taught_or_played_is_said(rig, tmp_path):
         (("rig", "play", rig, "thesis15", "wlak"), "unknown motion 'wlak'"),
         (("fit", other, rig, "--out", tmp_path / "x.safetensors"), "give one recipe, or clips"),
         (("fit", rig, "--out", tmp_path / "x.safetensors"), "arm.toml"),
+        (("fit", other, "--data", tmp_path, "--out", tmp_path / "x.safetensors"), "--data .* is for the recordings"),
         (("rig", "emulate", rig, "--root", "free"), "--root free is about a body"),
     ):
         with pytest.raises(Exception, match=error) as raised:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from controller.errors import FileFormatError
-from controller.mocap.joint_angles import JointRetargeter, save_taught_clip, taught_clip
+from controller.mocap.joint_angles import JointRetargeter, angles_of, read_taught_clip, save_taught_clip, taught_clip
 from controller.realtime.deck import Deck
 from controller.training.fit import fit
 from controller.training.library import load_library, save_library
@@ -14,11 +14,11 @@ JOINTS = ("pan", "tilt")
 RATE = 100.0
 
 
-def teach(path, hz, phase):
+def teach(path, hz, phase, joints=JOINTS):
     t = np.arange(500) / RATE
     rng = np.random.default_rng(1)
     angles = np.stack([0.7 * np.sin(2 * np.pi * hz * t + phase), 0.3 * np.cos(2 * np.pi * hz * t)], axis=1)
-    save_taught_clip(taught_clip(path.stem, JOINTS, RATE, angles + 0.001 * rng.standard_normal(angles.shape)), path)
+    save_taught_clip(taught_clip(path.stem, joints, RATE, angles + 0.001 * rng.standard_normal(angles.shape)), path)
 
 
 @pytest.fixture(scope="module")
@@ -63,3 +63,22 @@ def test_clips_whose_names_cannot_be_typed_are_refused(tmp_path):
         taught_recipe("gestures", [tmp_path / "wave.clip", tmp_path / "wave.clip"])
     with pytest.raises(FileFormatError, match="no such file"):
         taught_recipe("gestures", [tmp_path / "none.clip"])
+
+
+def test_clips_of_different_joints_are_refused_by_their_names(tmp_path):
+    clips = [tmp_path / "wave.clip", tmp_path / "nod.clip"]
+    teach(clips[0], 0.5, 0.0)
+    teach(clips[1], 0.5, 0.0, ("grip", "tilt"))
+    with pytest.raises(FileFormatError, match=r"nod\.clip: beside .*wave\.clip it lacks pan and has also grip;"):
+        taught_recipe("gestures", clips)
+
+
+def test_joints_in_another_order_are_put_in_order(tmp_path):
+    clips = [tmp_path / "wave.clip", tmp_path / "nod.clip"]
+    teach(clips[0], 0.5, 0.0)
+    teach(clips[1], 0.5, 0.0, ("tilt", "pan"))
+    assert len(taught_recipe("gestures", clips).motions) == 2
+    one, other = (read_taught_clip(path) for path in clips)
+    carried = other.carried_to(one.skeleton)
+    assert carried.skeleton.bones == JOINTS
+    assert np.allclose(angles_of(carried.rotation[:, 1:]), angles_of(other.rotation[:, 1:])[:, ::-1])
