@@ -76,7 +76,7 @@ def calibrate(
     for joint in config.joints:
         who = f"{joint.name} (id {joint.id})"
         torque, position = joint.table["torque_enable"], joint.table["present_position"]
-        ask(f"{who}: hold it, its torque goes off")
+        ask(f"{who}: its torque goes off next, so hold it")
         bus.write(joint.id, torque.address, b"\0")
 
         def read(id: int = joint.id, register=position) -> int:

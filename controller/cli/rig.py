@@ -271,8 +271,8 @@ def calibrate(
 def stop(rig: RigArgument, port: PortOption = None, as_json: JsonOption = False) -> None:
     """Take the torque off every servo of a rig, now; exit 1 if one did not confirm it.
 
-    Only while no other program has the port. A rig that plays is stopped by Ctrl-C there, or from anywhere by
-    `motiondeck send stop` (as Ctrl-C) or `motiondeck send estop` (brake and hold).
+    Only while no other program has the port. A rig that plays is stopped by Ctrl-C there, or from another
+    terminal by `motiondeck send stop` (as Ctrl-C) or `motiondeck send estop` (brake and hold).
 
     After a program was killed, the servos' watchdogs stop them but leave torque on: this takes it off.
 

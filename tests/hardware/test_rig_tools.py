@@ -158,7 +158,7 @@ def test_a_rig_is_calibrated_by_hand_and_saved(rig_of_four, bus, port, tmp_path)
 
     def ask(what):
         row = int(what.split("_")[1][0]) - 1
-        if what.endswith("its torque goes off"):
+        if what.endswith("its torque goes off next, so hold it"):
             assert port.bus.devices[row]["torque_enable"] == 1
             return
         assert port.bus.devices[row]["torque_enable"] == 0
