@@ -203,6 +203,9 @@ def _rising_zero(function: Callable[[float], float], low: float, high: float) ->
         # A straight line between the ends, but not so near to one of them that the other never moves.
         share = min(max(-y_low / (y_high - y_low), 0.1), 0.9)
         middle = low + share * (high - low)
+        if not low < middle < high:
+            # The ends are neighbours among the numbers there are: between them nothing is left to look at.
+            return low
         y = function(middle)
         if y < 0.0:
             low, y_low = middle, y

@@ -202,3 +202,14 @@ def test_limits_of_different_lengths_are_refused():
 def test_a_start_that_is_no_number_is_refused_by_name():
     with pytest.raises(LimitError, match="joint 1: the position to start from is nan"):
         SafetyEnvelope(limits(2), DT).start(np.array([0.0, np.nan]))
+
+
+@pytest.mark.timeout(20)
+def test_a_target_that_jumps_past_the_range_and_back_is_answered():
+    """It made the search look for ever between two numbers that have none between them."""
+    limit = limits(lower=-1.65, upper=0.5, velocity=4.8, acceleration=80.0, jerk=4000.0)
+    envelope = SafetyEnvelope(limit, DT)
+    targets = np.full(100, -0.12)
+    targets[39:52] = [0.34, *[0.8] * 11, 0.34]
+    envelope.start(targets[:1])
+    assert_inside(np.array([envelope(targets[[k]]).copy() for k in range(100)]), limit, DT)
