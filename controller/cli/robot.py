@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -294,7 +295,6 @@ def _model_file(model: str) -> Path:
 
 def _catalogue() -> Any:
     try:
-        import mujoco_menagerie
+        return import_module("mujoco_menagerie")
     except ImportError:
         raise MotiondeckError('the catalogue of robots is an extra: pip install "motiondeck[menagerie]"') from None
-    return mujoco_menagerie

@@ -23,14 +23,15 @@ def hands_and_feet(skeleton: Skeleton) -> list[int]:
 def relative_accuracy(output: Array, markers: Array) -> Array:
     """The integral relative accuracy of each marker (eqs 20-26), shape (M,).
 
-    It depends on where the origin lies: a marker that stays near it has a small sum of squares. So say mm as well.
+    It depends on where the origin lies: a marker that stays near it has a small sum of squares. So say mm as well. A
+    coordinate that is 0 throughout (a joint of a taught rig turns about one axis) has no share of its own to miss.
 
     Args:
         output, markers: shape (K, M, 3), the same unit.
     """
     missed = np.square(markers - output).sum(0)
     size = np.square(markers).sum(0)
-    return np.sqrt((missed / size).mean(-1))
+    return np.sqrt(np.divide(missed, size, out=np.zeros_like(missed), where=size > 0.0).mean(-1))
 
 
 def mean_absolute(output: Array, markers: Array) -> float:

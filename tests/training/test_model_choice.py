@@ -30,3 +30,10 @@ def test_the_criterion_prefers_less_error_and_fewer_parameters():
     assert aicc(1.0, 500, 20) < aicc(1.0, 500, 40)
     assert aicc(1.0, 500, 499) == np.inf
     assert aicc(1.0, 100, 10) == pytest.approx(100 * np.log(0.01) + 20 + 220 / 89)
+
+
+def test_a_coordinate_that_is_always_zero_has_nothing_to_miss():
+    markers = np.zeros((4, 1, 3))
+    markers[:, 0, 0] = [1.0, 2.0, 3.0, 4.0]
+    assert relative_accuracy(markers, markers).tolist() == [0.0]
+    assert relative_accuracy(0.9 * markers, markers) == pytest.approx([0.1 / np.sqrt(3.0)])
