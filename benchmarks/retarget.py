@@ -28,13 +28,13 @@ from controller.cli.resources import find
 from controller.mocap.clip import Clip
 from controller.mocap.posture import Pose
 from controller.mocap.skeleton import ROOT, Skeleton
-from controller.realtime.deck import Deck
 from controller.rotations import Array
 from controller.training.library import load_library
 from sim.fidelity import carry, floor_measures, joint_measures, limb_errors, scaled_path
 from sim.robot import Robot, load_robot
 from sim.robot_file import read_robot_file
 from sim.robot_limbs import SIDES, RobotLimbs
+from sim.takes import as_clip
 
 MOTIONS = ("walk", "jog", "waltz", "box 1")
 RATE, SECONDS, ROUND = 120.0, 4.0, 40
@@ -64,22 +64,12 @@ PARTS = {
 def main() -> None:
     library = load_library(find("library", "thesis15", ".safetensors"))
     names = [name for name in MOTIONS if name in library.network.motions]
-    clips = [played(library, name) for name in names]
+    clips = [as_clip(library, name, SECONDS, RATE) for name in names]
     rows = [measured(find("robot", "servo20", ".toml"), clips, solver) for solver in ("angles", "ik")]
     with tempfile.TemporaryDirectory() as folder:
         rows += big(Path(folder), clips)
     for row in rows:
         print(json.dumps(row) if "--json" in sys.argv else said(row))
-
-
-def played(library, name: str) -> Clip:
-    """What a library plays, as a clip."""
-    deck = Deck(library, lambda pose: np.zeros(0), name)
-    poses = []
-    for _ in range(round(SECONDS * RATE)):
-        _, pose = deck.update(1.0 / RATE)
-        poses.append((pose.root_position.copy(), pose.rotation.copy()))
-    return Clip(name, library.skeleton, RATE, np.array([p for p, _ in poses]), np.array([r for _, r in poses]))
 
 
 def measured(path: Path, clips: list[Clip], solver) -> dict[str, object]:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from controller.mocap.clip import Clip
 from controller.mocap.posture import Pose
 from controller.mocap.skeleton import Skeleton
 from controller.realtime.deck import Deck
@@ -109,3 +110,19 @@ def _take(name: str, deck: Deck, count: int, *, loop: bool) -> Take:
         targets.append(joints.copy())
         poses.append(pose)
     return Take(name, loop, np.array(targets), tuple(poses))
+
+
+def as_clip(library: MotionLibrary, motion: str, seconds: float, rate: float) -> Clip:
+    """What a library plays of one motion, as a clip of so many seconds at some rate, Hz."""
+    deck = Deck(library, _no_joints, motion)
+    places, turns = [], []
+    for _ in range(round(seconds * rate)):
+        _, pose = deck.update(1.0 / rate)
+        places.append(pose.root_position.copy())
+        turns.append(pose.rotation.copy())
+    return Clip(motion, library.skeleton, rate, np.array(places), np.array(turns))
+
+
+def _no_joints(pose: Pose) -> Array:
+    """For a deck that is asked for its poses only."""
+    return np.zeros(0)

@@ -10,7 +10,6 @@ from controller.cli.resources import find
 from controller.errors import UnknownNameError
 from controller.mocap.clip import Clip
 from controller.mocap.posture import Pose
-from controller.realtime.deck import Deck
 from controller.rotations import Array
 from controller.training.library import load_library
 
@@ -27,13 +26,9 @@ def played(library: str, motion: str, seconds: float) -> Clip:
     loaded = load_library(find("library", library, ".safetensors"))
     if motion not in loaded.network.motions:
         raise UnknownNameError.among("motion", motion, loaded.network.motions)
-    deck = Deck(loaded, _no_joints, motion)
-    places, turns = [], []
-    for _ in range(round(seconds * RATE)):
-        _, pose = deck.update(1.0 / RATE)
-        places.append(pose.root_position.copy())
-        turns.append(pose.rotation.copy())
-    return Clip(motion, loaded.skeleton, RATE, np.array(places), np.array(turns))
+    from sim.takes import as_clip
+
+    return as_clip(loaded, motion, seconds, RATE)
 
 
 def draw_beside(clip: Clip, robot: Path, out: Path) -> None:
@@ -49,8 +44,3 @@ def draw_beside(clip: Clip, robot: Path, out: Path) -> None:
         if frame % every == every - 1:
             row.append(qpos.copy())
     contact_sheet(both.model, [(clip.name, row)], out)
-
-
-def _no_joints(pose: Pose) -> Array:
-    """For a deck that is asked for its poses only."""
-    return np.zeros(0)
