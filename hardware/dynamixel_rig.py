@@ -3,7 +3,8 @@
 A tick is  collect_state, write(targets), request_state:  the answer to a request travels while the loop does other
 things, and is collected a tick later.
 
-Each servo's bus watchdog is armed by the first write, since nothing moves before. When the loop falls silent for
+Each servo's bus watchdog is armed by the first write, since nothing moves before, and again once a second: nobody
+answers a sync write, so one that got lost would leave a servo without it unnoticed. When the loop falls silent for
 longer, the servos stop and hold, and get no more goals until `rearm`: a rig never runs after targets that went on
 without it.
 """
@@ -25,6 +26,7 @@ from hardware.switching import hold_each, hold_still, knows_fast_reads, switch_o
 from hardware.timings import Timings
 
 _WATCHDOG_UNIT = 0.02  # s
+_ARM_AGAIN = 1.0  # s
 _PATIENCE = 3  # replies in a row that a servo may miss before it is asked only now and then
 _ASK_AGAIN = 50  # requests from one such question to the next
 
@@ -78,7 +80,7 @@ class DynamixelRig:
         self._requests = 0
         self._last_word = 0.0
         self._armed = self._stopped = self.gone = self._closed = False
-        self._reads_next = 0.0
+        self._arm_next = self._reads_next = 0.0
         self._held = False
         try:
             self.goals = switch_on(config, bus)
@@ -218,14 +220,15 @@ class DynamixelRig:
         return unconfirmed
 
     def _send(self, goals: Array) -> bool:
-        """One sync write of goals, and before the first one the watchdog; False if the servos did not get them."""
+        """One sync write of goals, now and then after one of the watchdogs; False if the servos did not get them."""
         self._stopped = self.stopped
         if self._stopped:
             return False
-        if not self._armed:
-            self._armed = tell_all(
-                self.config, self.bus, "bus_watchdog", round(self.config.watchdog_ms * 1e-3 / _WATCHDOG_UNIT)
-            )
+        now = self.bus.port.now()
+        if not self._armed or now >= self._arm_next:
+            units = round(self.config.watchdog_ms * 1e-3 / _WATCHDOG_UNIT)
+            self._armed = tell_all(self.config, self.bus, "bus_watchdog", units) or self._armed
+            self._arm_next = now + _ARM_AGAIN
         self._entries["goal"] = self._scale.pulses(goals)
         sent = self.bus.sync_write(*self._goal_block, self._entries.tobytes())
         self._last_word = self.bus.port.now()

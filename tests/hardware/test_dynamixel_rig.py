@@ -255,6 +255,13 @@ def test_the_servos_own_watchdog_does_it_without_any_help(rig_of_four, port, bus
     assert np.abs(np.array(registers(port.bus, "goal_position")) - registers(port.bus, "present_position")).min() > 500
 
 
+def test_a_servo_that_missed_the_arming_of_its_watchdog_is_armed_within_a_second(rig, port):
+    play(rig, port, [0.0] * 4, 5)
+    port.bus[3]["bus_watchdog"] = 0  # as if the frame had been corrupted on its way
+    play(rig, port, [0.0] * 4, 105)
+    assert registers(port.bus, "bus_watchdog") == [10] * 4
+
+
 def test_after_a_stop_no_target_moves_the_rig_until_it_is_rearmed(rig, port):
     play(rig, port, [0.2] * 4, 50)
     port.elapse(0.5)
