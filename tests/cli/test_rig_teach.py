@@ -1,6 +1,8 @@
 """From a hand on an emulated rig of two ports to a network that plays it: teach, play the clip, fit, play on."""
 
 import json
+import os
+import signal
 import subprocess
 import sys
 from contextlib import nullcontext
@@ -17,6 +19,7 @@ from hardware.bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import PortError
+from hardware.joined_rig import JoinedRig
 from hardware.rig import load_rig
 from hardware.supervised_rig import SupervisedRig
 from hardware.teaching import Moment
@@ -86,6 +89,35 @@ def test_a_hand_teaches_and_the_network_plays_on(rig, port, tmp_path):
     run = motiondeck(*words)
     assert run["rig"]["tracking_rmse_rad"] < 0.1
     assert run["faults"] == {"deck": 0, "commands": 0, "telemetry": 0}
+
+
+def test_sigterm_ends_a_run_on_the_rig_without_torque_and_with_its_report(rig, port, tmp_path, monkeypatch):
+    clip = tmp_path / "sway.clip"
+    sway = 0.4 * np.sin(np.linspace(0.0, 12 * np.pi, 1500))
+    save_taught_clip(taught_clip("sway", ("pan", "tilt"), 50.0, np.stack([sway, -sway], axis=1)), clip)
+    writes = []
+
+    def write(self, targets, send=JoinedRig.write):
+        writes.append(targets)
+        if len(writes) == 20:
+            os.kill(os.getpid(), signal.SIGTERM)
+        send(self, targets)
+
+    monkeypatch.setattr(JoinedRig, "write", write)
+    run = motiondeck("rig", "play", rig, clip, *port, "--command-port", "0", "--json")
+    assert run["reason"] == "SIGTERM received"
+    assert len(writes) >= 20
+    torques = [servo["torque"] for one in diagnosed(rig, *port)["ports"] for servo in one["servos"]]
+    assert torques == [False, False]
+
+
+def test_one_port_that_is_gone_does_not_keep_the_others_from_being_switched_off(rig, port):
+    words = ["rig", "stop", str(rig), *port[:2], "--port", "/dev/nowhere", "--json"]
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 1
+    assert json.loads(result.stdout) == {"off": ["pan"], "unconfirmed": ["tilt"]}
+    assert "/dev/nowhere" in result.stderr
+    assert "not confirmed by tilt. Cut the power." in result.stderr
 
 
 def test_a_clip_that_the_limits_hold_back_comes_to_its_last_frame(rig, tmp_path, monkeypatch):
