@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 
+_TINY = 1e-150  # instead of nothing, where something is divided by it
+
 
 def cross(a: Array, b: Array) -> Array:
     """The vector product of (..., 3) arrays, without the overhead of numpy's general one."""
@@ -67,15 +69,17 @@ def normalise(a: Array) -> Array:
 def from_rotation_vector(v: Array) -> Array:
     """Quaternions (..., 4) of rotation vectors (..., 3): axis times angle, rad."""
     half = 0.5 * np.sqrt(dot(v, v))[..., None]
-    return np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * v], axis=-1)
+    some = np.maximum(half, _TINY)
+    return np.concatenate([np.cos(half), 0.5 * np.sin(some) / some * v], axis=-1)
 
 
 def to_rotation_vector(q: Array) -> Array:
     """Rotation vectors (..., 3) of quaternions (..., 4), the short way round: |angle| <= pi."""
-    q = np.where(q[..., :1] < 0.0, -q, q)
-    sine = np.sqrt(dot(q[..., 1:], q[..., 1:]))[..., None]
-    angle = 2.0 * np.arctan2(sine, q[..., :1])
-    return q[..., 1:] * np.where(sine > 1e-12, angle / np.where(sine > 1e-12, sine, 1.0), 2.0)
+    cosine, axis = q[..., :1], q[..., 1:]
+    sine = np.sqrt(dot(axis, axis))[..., None]
+    # q and -q are one rotation: of the two the one with a positive cosine turns the short way.
+    around = 2.0 * np.arctan2(sine, np.abs(cosine)) / np.maximum(sine, _TINY)
+    return np.where(cosine < 0.0, -around, around) * axis
 
 
 def about(axis: Array, angle: Array | float) -> Array:

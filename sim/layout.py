@@ -110,6 +110,8 @@ def nearest_turn(vector: Array, near: Array) -> Array:
 
     It keeps a joint that turns past a half turn from jumping to the other side.
     """
+    if np.abs(near - vector).max(initial=0.0) < 1.0:
+        return vector  # less than a half turn away, as nearly always: nothing comes closer
     angle = np.sqrt(dot(vector, vector))
     turning = angle > 1e-9
     axis = vector / np.where(turning, angle, 1.0)[:, None]

@@ -12,7 +12,7 @@ import numpy as np
 
 from controller.errors import MotiondeckError
 from controller.mocap.posture import Pose
-from controller.rotations import Array, conjugate, multiply, rotate, to_rotation_vector
+from controller.rotations import Array, rotate
 from sim.balance import Balance
 from sim.physics_model import physics_model
 from sim.robot import Robot
@@ -102,6 +102,7 @@ class PhysicsPlayback:
         self._robot, self._root = robot, root
         self.model = model = physics_model(robot, root)
         self.data = mujoco.MjData(model)
+        self._warnings = [self.data.warning[kind] for kind in _BROKEN]
         self._steps = max(1, round(dt / model.opt.timestep))
         self._dt = self._steps * model.opt.timestep
         if balance and root != "free":
@@ -111,8 +112,14 @@ class PhysicsPlayback:
         # Position servos: force = gain * ctrl + bias . (1, length, velocity), with gain = kp and bias[2] = -kv.
         gain = model.actuator_gainprm[:, 0]
         self._lead = -model.actuator_biasprm[:, 2] / np.where(gain > 0.0, gain, 1.0)
+        # Which degree of freedom an actuator drives: of a ball joint each of the three in a row has its own.
+        self._dof = model.jnt_dofadr[model.actuator_trnid[:, 0]].astype(np.int64)
+        self._dof[robot.layout.ball] += np.arange(3)
         self._goal = np.empty(model.nq)
         self._goal_before = np.empty(model.nq)
+        self._straight = model.qpos0.copy()
+        robot.layout.place(np.zeros(model.nu), self._straight)
+        self._turned, self._error, self._ahead = np.empty(model.nv), np.empty(model.nv), np.empty(model.nu)
         self._measured = robot.rest.copy()
         self._started = False
         self._writes = self._faults = 0
@@ -146,6 +153,7 @@ class PhysicsPlayback:
             self._balance.adjust(data, self._goal, float(pose.heading))
         if self._servos is not None:
             self._goal[:] = self._servos.delayed(self._goal)
+        self._aim()
         for _ in range(self._steps):
             self._command()
             if self._servos is not None:
@@ -153,7 +161,7 @@ class PhysicsPlayback:
             mujoco.mj_step(self.model, data)
             if self._servos is not None:
                 self._servos.note(data)
-        if not np.isfinite(data.qpos).all() or any(data.warning[kind].number for kind in _BROKEN):
+        if not np.isfinite(data.qpos).all() or any(warning.number for warning in self._warnings):
             self._faults += 1
             robot.place(targets, pose, self._goal)
             self._put_in_place()
@@ -194,17 +202,21 @@ class PhysicsPlayback:
     def close(self) -> None:
         """Nothing to let go of."""
 
+    def _aim(self) -> None:
+        """What the servos of hinges are told in all steps of a write, and those of ball joints besides their error."""
+        layout, ahead = self._robot.layout, self._ahead
+        mujoco.mj_differentiatePos(self.model, self._turned, self._dt, self._goal_before, self._goal)
+        ahead[:] = self._lead * self._turned[self._dof]
+        ahead[layout.hinge] += self._goal[layout.hinge_qpos]
+
     def _command(self) -> None:
-        layout, ctrl = self._robot.layout, self.data.ctrl
-        if len(layout.hinge):
-            goal, before = self._goal[layout.hinge_qpos], self._goal_before[layout.hinge_qpos]
-            ctrl[layout.hinge] = goal + self._lead[layout.hinge] * (goal - before) / self._dt
-        if len(layout.ball):
-            at = layout.ball_qpos
-            goal = self._goal[at]
-            back = conjugate(np.stack([self.data.qpos[at], self._goal_before[at]]))
-            now, error, turned = to_rotation_vector(np.concatenate([self.data.qpos[at][None], multiply(back, goal)]))
-            ctrl[layout.ball] = now + error + self._lead[layout.ball] * turned / self._dt
+        ctrl, balls = self.data.ctrl, self._robot.layout.ball
+        ctrl[:] = self._ahead
+        if len(balls):
+            # MuJoCo takes from what it is told the rotation vector that the joint has; what is left shall be the error.
+            mujoco.mj_differentiatePos(self.model, self._turned, 1.0, self._straight, self.data.qpos)
+            mujoco.mj_differentiatePos(self.model, self._error, 1.0, self.data.qpos, self._goal)
+            ctrl[balls] += (self._turned + self._error)[self._dof[balls]]
 
     def _put_in_place(self) -> None:
         """Starts afresh at the goal, at rest; a free robot with its lowest point on the floor."""

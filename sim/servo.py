@@ -22,6 +22,8 @@ from controller.rotations import Array
 ROOM = 25.0
 """degC; what servos start from and cool down to."""
 
+_BACK_AND_FORTH = np.array([-1.0, 1.0])
+
 _Positive = Annotated[float, msgspec.Meta(gt=0.0)]
 _NotNegative = Annotated[float, msgspec.Meta(ge=0.0)]
 
@@ -57,12 +59,14 @@ class Servo(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         limit = self.current if self.current_limit is None else min(self.current_limit, self.current)
         return self.torque * limit / self.current
 
+    def line(self, velocity: Array) -> Array:
+        """The torque-speed line without its ends, backwards and forwards, shape (J, 2), N m."""
+        return self.torque * (_BACK_AND_FORTH - (velocity / self.speed)[:, None])
+
     def torque_range(self, velocity: Array) -> tuple[Array, Array]:
         """The least and the largest torque (J,), N m, at joint velocities (J,), rad/s."""
-        share = velocity / self.speed
-        upper = np.minimum(self.torque * np.clip(1.0 - share, 0.0, 1.0), self.most)
-        lower = np.minimum(self.torque * np.clip(1.0 + share, 0.0, 1.0), self.most)
-        return -lower, upper
+        back, forth = self.line(velocity).T
+        return np.clip(back, -self.most, 0.0), np.clip(forth, 0.0, self.most)
 
     def drawn(self, torque: Array) -> Array:
         """The current for torques of any shape, A."""

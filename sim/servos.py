@@ -28,8 +28,12 @@ class Servos:
 
     def __init__(self, servo: Servo, model: mujoco.MjModel, dt: float) -> None:
         self._servo, self._model = servo, model
-        self._own = model.actuator_forcerange.copy()
-        self._own[~model.actuator_forcelimited.astype(bool)] = (-np.inf, np.inf)
+        own = model.actuator_forcerange.copy()
+        own[~model.actuator_forcelimited.astype(bool)] = (-np.inf, np.inf)
+        # The torque-speed line without ends lies between (-most, 0) and (0, most), and within what the model allows.
+        most = servo.most
+        self._floor = np.column_stack([np.maximum(-most, own[:, 0]), np.minimum(0.0, own[:, 1])])
+        self._ceiling = np.column_stack([np.maximum(0.0, own[:, 0]), np.minimum(most, own[:, 1])])
         model.actuator_forcelimited[:] = 1
         self._late = round(servo.latency / dt)
         self.start()
@@ -49,9 +53,9 @@ class Servos:
 
     def limit(self, data: mujoco.MjData) -> None:
         """Sets what the servos can push at their present speed, and takes the play out of what they are told."""
-        lower, upper = self._servo.torque_range(data.actuator_velocity)
-        self._model.actuator_forcerange[:, 0] = np.maximum(lower, self._own[:, 0])
-        self._model.actuator_forcerange[:, 1] = np.minimum(upper, self._own[:, 1])
+        line = self._servo.line(data.actuator_velocity)
+        np.maximum(line, self._floor, out=line)
+        np.minimum(line, self._ceiling, out=self._model.actuator_forcerange)
         if self._servo.backlash > 0.0:
             error = data.ctrl - data.actuator_length
             half = 0.5 * self._servo.backlash
@@ -59,14 +63,12 @@ class Servos:
 
     def note(self, data: mujoco.MjData) -> None:
         """Adds up what the step that was just made has drawn."""
-        torque = np.abs(data.actuator_force)
+        force, share = data.actuator_force, _AT_THE_LIMIT * self._model.actuator_forcerange
+        torque = np.abs(force)
         self._steps += 1
         self._square += torque * torque
         np.maximum(self._peak, torque, out=self._peak)
-        most = np.where(
-            data.actuator_force > 0.0, self._model.actuator_forcerange[:, 1], -self._model.actuator_forcerange[:, 0]
-        )
-        self._at_limit += (torque >= _AT_THE_LIMIT * most) & (torque > 0.0)
+        self._at_limit += ((force >= share[:, 1]) | (force <= share[:, 0])) & (torque > 0.0)
 
     @property
     def mean_square_current(self) -> Array:
