@@ -251,7 +251,7 @@ class LimbAngles:
             self.beyond += 1
         goal = reached
         most = GAIN * moved + SETTLE * certain
-        angles[joint] = last + min(max(goal - last, -most), most)
+        angles[joint] = min(max(goal, last - most), last + most)  # a goal in reach is met to the last digit
 
 
 def _dot(a: Vector, b: Vector) -> float:
