@@ -63,7 +63,11 @@ class Showable(Protocol):
     """What the page shows of a deck."""
 
     time: float
-    commanded_speed: float
+
+    @property
+    def commanded_speed(self) -> float:
+        """The tempo that was commanded."""
+        ...
 
     @property
     def motions(self) -> Sequence[str]:

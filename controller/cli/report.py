@@ -9,9 +9,9 @@ import msgspec
 import numpy as np
 
 from controller.cli.watching import in_words
-from controller.realtime.deck import Switch
 from controller.realtime.loop import LoopReport
 from controller.realtime.permissions import Permission
+from controller.realtime.switch import Switch
 
 
 def full_report(

@@ -24,7 +24,6 @@ from controller.realtime.clock import Clock, Ticker
 from controller.realtime.command_desk import Commandable, CommandDesk
 from controller.realtime.commands import CommandServer, Refused
 from controller.realtime.course import Player
-from controller.realtime.deck import Switch
 from controller.realtime.ensemble import Ensemble, all_limits
 from controller.realtime.interfaces import Retargeter
 from controller.realtime.loop import LoopState, run
@@ -39,6 +38,7 @@ from controller.realtime.permissions import (
 from controller.realtime.recorded_deck import RecordedDeck
 from controller.realtime.safety import SafetyEnvelope
 from controller.realtime.stop import StopRequest, stop_on_signals
+from controller.realtime.switch import Switch
 from controller.rotations import Array
 from controller.training.library import MotionLibrary
 
@@ -86,7 +86,11 @@ class Playable(Player, Commandable, Protocol):
     """A deck as a session needs it."""
 
     time: float
-    commanded_speed: float
+
+    @property
+    def commanded_speed(self) -> float:
+        """The tempo that was commanded."""
+        ...
 
     @property
     def playing(self) -> str:

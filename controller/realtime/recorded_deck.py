@@ -6,8 +6,9 @@ import numpy as np
 
 from controller.errors import MotiondeckError
 from controller.mocap.posture import Pose
-from controller.realtime.deck import TEMPO_RATE, Switch
 from controller.realtime.recording import Recording
+from controller.realtime.switch import Switch
+from controller.realtime.tempo import Tempo
 from controller.rotations import Array, normalise
 
 
@@ -20,8 +21,6 @@ class RecordedDeck:
     Attributes:
         motions: the motions that were played.
         time: s since the start.
-        speed: the tempo.
-        paused: whether it stands still on command.
         over: whether the recording has come to its end, where it is held.
         switches: none; nothing can be switched to.
         recues: none; no network is playing.
@@ -40,10 +39,8 @@ class RecordedDeck:
         self.settled = True
         self.recues = 0
         self.time = 0.0
-        self.speed = 1.0
-        self.paused = False
+        self._tempo = Tempo()
         self._rate = float(recording.description["rate"])
-        self.commanded_speed = 1.0
         self._targets, self._motion = fields["targets"], fields["motion"][:, 0]
         self._root, self._heading = fields["root_position"], np.unwrap(fields["heading"][:, 0])
         self._turn = fields["root_rotation"]
@@ -61,6 +58,21 @@ class RecordedDeck:
         return self.motion
 
     @property
+    def speed(self) -> float:
+        """The tempo that is being played."""
+        return self._tempo.speed
+
+    @property
+    def commanded_speed(self) -> float:
+        """The tempo that was commanded."""
+        return self._tempo.commanded
+
+    @property
+    def paused(self) -> bool:
+        """Whether it stands still on command."""
+        return self._tempo.paused
+
+    @property
     def over(self) -> bool:
         """Whether it has come to the end."""
         return self._place >= self._last
@@ -68,9 +80,7 @@ class RecordedDeck:
     def update(self, dt: float) -> tuple[Array, Pose]:
         """Goes dt seconds on; between two ticks that were recorded lies a straight line."""
         self.time += dt
-        goal = 0.0 if self.paused else self.commanded_speed
-        self.speed += float(np.clip(goal - self.speed, -TEMPO_RATE * dt, TEMPO_RATE * dt))
-        self._place = min(self._place + dt * self.speed * self._rate, float(self._last))
+        self._place = min(self._place + dt * self._tempo.advance(dt) * self._rate, float(self._last))
         first = min(int(self._place), max(self._last - 1, 0))
         share, second = self._place - first, min(first + 1, self._last)
 
@@ -112,13 +122,13 @@ class RecordedDeck:
         return self.switch(f"{first} + {second}")
 
     def set_speed(self, factor: float, over: float = 0.0) -> None:
-        """Replays at another tempo."""
-        self.commanded_speed = factor
+        """Replays at another tempo, within so many seconds."""
+        self._tempo.command(factor, over)
 
     def pause(self) -> None:
         """Comes to a standstill."""
-        self.paused = True
+        self._tempo.pause()
 
     def resume(self) -> None:
         """Goes on."""
-        self.paused = False
+        self._tempo.resume()

@@ -7,6 +7,7 @@ import synthetic
 from controller.realtime.deck import Deck
 from controller.realtime.repertoire import Motion, read_repertoire
 from controller.realtime.routes import Routes
+from controller.realtime.transition import Briskness
 from controller.training.library import load_library
 
 DT = 0.01
@@ -17,7 +18,7 @@ def motion(name, start, end, *, loop):
     places = np.zeros((10, 4))
     places[:, 3] = np.linspace(start, end, 10)
     exits = places if loop else places[-1:]
-    return Motion(name, loop, places[:1], np.zeros((1, 4)), exits, 0.1, 1.0, np.ones(2))
+    return Motion(name, loop, places[:1], np.zeros((1, 4)), exits, 0.1, 1.0, Briskness(1.0, np.ones(2)))
 
 
 def repertoire(*motions):
@@ -91,13 +92,14 @@ def test_from_crawl_to_waltz_the_body_stands_up_first(shipped):
         deck.update(DT)
     switch = deck.switch("waltz")
     assert switch.via == ("standup",)
-    changes, played = 0, deck._player.motion
+    changes, played = 0, deck.playing
     while switch.settled_s is None:
         deck.update(DT)
-        if deck._player.motion != played:
-            changes, played = changes + 1, deck._player.motion
+        if deck.playing != played:
+            changes, played = changes + 1, deck.playing
             assert played == ("standup", "waltz")[changes - 1]
             if played == "waltz":
                 assert deck.pose.root_position[2] > 0.8
         assert deck.time < 15.0
+    assert switch.first_change_s is not None
     assert switch.first_change_s - switch.commanded_s <= 2.01 * DT
