@@ -30,6 +30,9 @@ SERVO_HUMANOID_JOINTS = (
     *(f"{side}_{joint}" for joints in (_ARM, _LEG) for side in ("r", "l") for joint in joints),
 )
 
+# How much the forearm counts beside the upper arm in what the pitch of a shoulder should be. From 1 on the two could
+# cancel out wherever the arm points; the less it is, the faster the pitch of an arm that swings past sideways.
+FOREARM = 0.7
 # An angle may move this many times as far as the bones that lead it ...
 GAIN = 4.0
 # ... and settle by this much a tick besides, rad.
@@ -187,13 +190,24 @@ class LimbAngles:
     def _arm(
         self, angles: list[float], joint: int, upper: Vector, fore: Vector, upper_moved: float, moved: float
     ) -> None:
-        """Upper arm = Ry(pitch) Rx(roll) (0, 0, -1) = (-cos roll sin pitch, sin roll, -cos roll cos pitch)."""
+        """Upper arm = Ry(pitch) Rx(roll) (0, 0, -1) = (-cos roll sin pitch, sin roll, -cos roll cos pitch).
+
+        An elbow bends in the plane that faces ahead along Ry(pitch) (1, 0, 0), so both halves of the arm say which
+        pitch fits: the upper arm by cos roll as a lever, the forearm by the sine of the elbow. Together they say it
+        clearly where one alone does not: an arm held out sideways with a bent elbow has the pitch of its forearm.
+        """
         x, y, z = upper
-        # Held out sideways the arm has no pitch: the less it has, the slower the pitch goes where it should.
-        certain = hypot(x, z)
+        along = _dot(upper, fore)
+        across_x, across_z = fore[0] - along * x, fore[2] - along * z
+        sine, cosine = -x - FOREARM * across_z, -z + FOREARM * across_x
+        # Stretched out sideways the arm has no pitch: the less it has, the slower the pitch goes where it should.
+        certain, most = min(hypot(sine, cosine), 1.0), max(upper_moved, moved)
         if certain > 1e-3:
-            self._follow(angles, joint, atan2(-x, -z), upper_moved, certain)
-        self._follow(angles, joint + 1, atan2(y, certain), upper_moved, 1.0)
+            self._follow(angles, joint, atan2(sine, cosine), min(2.0 * certain, 1.0) * most, certain)
+        # The roll that brings the upper arm closest at this pitch; one that is far off must not turn it over.
+        pitch = angles[joint]
+        level = max(-x * sin(pitch) - z * cos(pitch), 0.5 * hypot(x, z))
+        self._follow(angles, joint + 1, atan2(y, level), most, 1.0)
         self._follow(angles, joint + 2, _angle_between(upper, fore), upper_moved + moved, 1.0)
 
     def _leg(

@@ -112,6 +112,24 @@ def test_an_arm_swung_through_straight_sideways_does_not_spin(servo20):
     assert np.abs(np.diff(np.array(path)[:, joint])).max() < 0.06
 
 
+def test_an_arm_out_sideways_with_its_forearm_up_has_its_forearm_up(servo20):
+    pose = angles(servo20, bent_pose(human(), rwri=(-QUARTER, 0, 0), lwri=(QUARTER, 0, 0)))
+    for side, out in (("r", -QUARTER), ("l", QUARTER)):
+        assert pose[f"{side}_shoulder_pitch"] == pytest.approx(-QUARTER, abs=1e-6)
+        assert pose[f"{side}_shoulder_roll"] == pytest.approx(out, abs=1e-6)
+        assert pose[f"{side}_elbow"] == pytest.approx(QUARTER, abs=1e-6)
+
+
+def test_a_hook_past_sideways_swings_the_shoulder_no_faster_than_the_arm(servo20):
+    servo20.retarget.reset()
+    body, joint = human(), servo20.joints.index("r_shoulder_pitch")
+    swing = np.linspace(0.6, -0.6, 120)
+    # A little ahead of straight out, the elbow bent: from below to above. The upper arm alone would ask for 2.5 rad.
+    path = [servo20.retarget(bent_pose(body, relb=(turn, 0, 0.2), rwri=(-1.2, 0, 0)))[joint] for turn in swing]
+    assert np.ptp(path) < 1.5
+    assert np.abs(np.diff(path)).max() < 2.0 * 1.2 / 120
+
+
 def test_a_pose_held_is_reached_wherever_one_comes_from(servo20):
     body = human()
     goal = bent_pose(body, relb=(0.9, 0, 0.4), lelb=(-0.5, 0, -0.9), rkne=(0.2, -0.9, 0.1), rank=(0, 1.0, 0))
