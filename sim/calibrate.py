@@ -5,6 +5,9 @@ pose and how high the root stands. If the robot's joints turn its limbs as those
 zero, that solver fits it too: this is measured by turning each joint a little, and then checked in other poses.
 """
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
 from __future__ import annotations
 
 import json
@@ -12,6 +15,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+import mujoco
 import numpy as np
 
 from controller.mocap.rest_pose import FOOT_SLOPE
@@ -26,6 +30,7 @@ from sim.retarget import SERVO_HUMANOID_JOINTS, LimbAngles
 from sim.robot_file import Angle
 from sim.robot_limbs import SIDES, RobotLimbs
 from sim.surface import LowestPoint
+from sim.urdf_speeds import urdf_speeds
 
 # What a model does not say: rad/s, rad/s^2, rad/s^3. A robot half as tall moves its limbs 1.4 times as fast.
 VELOCITY, ACCELERATION, JERK = 10.0, 300.0, 15000.0
@@ -34,6 +39,8 @@ VELOCITY, ACCELERATION, JERK = 10.0, 300.0, 15000.0
 # other poses the angle may be off by so much, rad.
 SLOPE_ERROR, ANGLE_ERROR = 0.1, 0.06
 PROBE, SPREAD, POSES = 0.02, 0.3, 24
+
+_CLOSING = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
 
 
 @dataclass(frozen=True)
@@ -49,6 +56,8 @@ class Calibration:
         joints: its J joints.
         rest: their positions when it stands with hanging arms, shape (J,), rad.
         unlimited: joints whose range the model does not give.
+        speeds: how fast each joint may turn of which the model says it, rad/s.
+        open_chains: how many constraints close a chain of bodies; they hold in physics only.
         angles: the angle solver's joints, where they fit.
         missed: how far its limbs point from those of a standing human at best, rad, by limb.
     """
@@ -61,6 +70,8 @@ class Calibration:
     joints: tuple[str, ...]
     rest: Array
     unlimited: tuple[str, ...]
+    speeds: dict[str, float]
+    open_chains: int
     angles: dict[str, Angle]
     missed: dict[str, float]
 
@@ -84,7 +95,7 @@ class Calibration:
             "# Quaternion (w, x, y, z) of the root body when the robot stands upright and faces x.",
             f"root_rotation = [{turned}]",
             "",
-            "# What a joint may do at most: rad/s, rad/s^2, rad/s^3. The model does not say: put your servos' own.",
+            "# What a joint may do at most: rad/s, rad/s^2, rad/s^3. Mend what the model does not say.",
             "# A joint of its own: [limits.joints.NAME] velocity = ..., lower = ..., upper = ...",
             "[limits]",
             f"velocity = {VELOCITY}",
@@ -92,9 +103,12 @@ class Calibration:
             f"jerk = {JERK}",
         ]
         if self.unlimited:
-            lines += ["", "# The model gives these joints no range: half a turn either way is a guess."]
-            for joint in self.unlimited:
-                lines += [f"[limits.joints.{_key(joint)}]", "lower = -3.1416", "upper = 3.1416"]
+            lines += ["", "# lower, upper: where the model gives no range, half a turn either way is a guess."]
+        for joint in self.joints:
+            own = [f"velocity = {self.speeds[joint]!r}"] if joint in self.speeds else []
+            own += ["lower = -3.1416", "upper = 3.1416"] if joint in self.unlimited else []
+            if own:
+                lines += [f"[limits.joints.{_key(joint)}]", *own]
         lines += ["", "# Which body of the model moves with which part of a body."]
         lines += ["[parts]", *(f"{part} = {_quoted(body)}" for part, body in sorted(self.parts.items()))]
         lines += ["", "# Where the joints rest, rad; those not named rest at zero.", "[rest]"]
@@ -129,7 +143,9 @@ def calibrate(path: Path) -> Calibration:
     lower = np.where(limited, model.jnt_range[joint, 0], -np.pi)
     upper = np.where(limited, model.jnt_range[joint, 1], np.pi)
     count = len(joint)
-    limits = JointLimits(lower, upper, np.full(count, VELOCITY), np.full(count, ACCELERATION), np.full(count, JERK))
+    speeds = {name: speed for name, speed in urdf_speeds(path).items() if name in layout.joints}
+    velocity = np.array([speeds.get(name, VELOCITY) for name in layout.joints])
+    limits = JointLimits(lower, upper, velocity, np.full(count, ACCELERATION), np.full(count, JERK))
 
     stand = standing()
     solve = LimbSolver(limbs, np.ones(len(LIMBS)), limits, np.clip(np.zeros(count), lower, upper), 1.0)
@@ -153,6 +169,8 @@ def calibrate(path: Path) -> Calibration:
         joints=layout.joints,
         rest=rest,
         unlimited=tuple(name for name, has in zip(layout.joints, limited, strict=True) if not has),
+        speeds=speeds,
+        open_chains=int(np.isin(model.eq_type[model.eq_active0 != 0], _CLOSING).sum()),
         angles=fitting_angles(limbs, layout.joints, rest, lower, upper),
         missed=missed,
     )

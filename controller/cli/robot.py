@@ -259,6 +259,8 @@ def _said(found: Calibration, file: Path) -> dict[str, Any]:
         "parts": found.parts,
         "solvers": ["ik", "angles"] if found.angles else ["ik"],
         "joints_without_range": list(found.unlimited),
+        "joints_without_speed": [joint for joint in found.joints if joint not in found.speeds],
+        "open_chains": found.open_chains,
         "off_when_standing_rad": found.missed,
     }
 
@@ -273,6 +275,14 @@ def _print_found(found: Calibration, file: Path) -> None:
         print(f"cannot stand quite like a human with hanging arms: {worst} off")
     if found.unlimited:
         print(f"{len(found.unlimited)} joints have no range in the model: half a turn was put down for them; mend it")
+    unknown = len(found.joints) - len(found.speeds)
+    if unknown:
+        print(f"the model does not say how fast {unknown} joints may turn: a guess was put down for them; mend it")
+    if found.open_chains:
+        print(
+            f"{found.open_chains} constraints (connect, weld) close chains of bodies: they hold in physics "
+            "(`play` without --kinematic), and are drawn open elsewhere"
+        )
     print(
         "solvers: ik, angles" if found.angles else "solvers: ik (its joints are others than those of the angle solver)"
     )

@@ -17,6 +17,7 @@ from sim.robot import load_robot
 from sim.robot_limbs import RobotLimbs
 from sim.surface import LowestPoint
 from sim.takes import DT, load_for_takes
+from sim.urdf_speeds import urdf_speeds
 from simulated_bodies import bent_pose, human, smooth_poses
 from small_robots import LEG, SERVOS, humanoid, urdf
 
@@ -243,6 +244,33 @@ def test_servos_that_have_no_gains_are_given_some(tmp_path):
 def test_models_that_are_no_humanoids_are_named_with_the_reason(tmp_path, text, complaint):
     with pytest.raises(FileFormatError, match=rf"small\.xml.*{complaint}"):
         calibrate(model_file(tmp_path, text))
+
+
+def test_a_urdf_says_how_fast_its_joints_may_turn(tmp_path):
+    text = urdf().replace('velocity="4"', 'velocity="nan"', 1).replace('velocity="4"', 'velocity="6.5"', 1)
+    path = robot_file(tmp_path, text, "legs.urdf")
+    robot = load_robot(path, human())
+    speeds = dict(zip(robot.joints, robot.limits.velocity.tolist(), strict=True))
+    assert speeds["l_hip"] == 10.0  # none that could be used: the guess
+    assert speeds["l_knee"] == 6.5
+    assert speeds["r_ankle"] == 4.0
+
+
+def test_a_urdf_with_entities_is_refused(tmp_path):
+    text = '<!DOCTYPE robot [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;">]>' + urdf()
+    with pytest.raises(FileFormatError, match=r"legs\.urdf.*DOCTYPE"):
+        urdf_speeds(model_file(tmp_path, text, "legs.urdf"))
+
+
+@pytest.mark.parametrize("text", ["", "<robot", '<robot><joint name="a"/><limit velocity="3"/></robot>', humanoid()])
+def test_what_says_no_speed_has_none(tmp_path, text):
+    assert urdf_speeds(model_file(tmp_path, text)) == {}
+
+
+def test_closed_chains_are_counted(tmp_path):
+    chain = '<equality><connect body1="left_sole" body2="right_sole" anchor="0 0 0" active="{}"/></equality>'
+    assert calibrate(model_file(tmp_path, humanoid(extra=chain.format("true")))).open_chains == 1
+    assert calibrate(model_file(tmp_path, humanoid(extra=chain.format("false")))).open_chains == 0
 
 
 @pytest.mark.parametrize(
