@@ -22,10 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.errors import FileFormatError
+from controller.mocap.anatomy import Side, anatomy
 from controller.mocap.clip import Clip
 from controller.mocap.orientation import orient
 from controller.mocap.posture import Posture, walk_path
-from controller.mocap.skeleton import Skeleton
+from controller.mocap.skeleton import ROOT, Skeleton
 from controller.rotations import Array, conjugate, multiply, normalise, rotate, yaw
 
 HEIGHT, TURN_RATE, FORWARD, LEFT, FIRST_BONE = 0, 1, 2, 3, 4
@@ -51,16 +52,23 @@ class BoneDirections:
 
     @classmethod
     def of(cls, skeleton: Skeleton) -> Self:
-        """The encoding for a skeleton whose hips bear one of the usual names.
+        """The encoding for a skeleton whose hips bear one of the usual names, or are found by its shape.
 
         Raises:
-            FileFormatError: if they do not.
+            FileFormatError: if no bones lead from its root to two hips.
         """
         for right, left in HIPS:
             if right in skeleton.bones and left in skeleton.bones:
                 return cls(skeleton, right, left)
-        known = " or ".join("/".join(pair) for pair in HIPS)
-        raise FileFormatError(f"skeleton '{skeleton.name}' has no bones {known}, which tell where it faces")
+        parts = anatomy(skeleton)
+        sides: tuple[Side, Side] = ("right", "left")
+        hips = [hip for side in sides for hip in parts.all("hip", side)[:1] if skeleton.parent[hip] == ROOT]
+        if len(hips) != len(sides):
+            raise FileFormatError(
+                f"skeleton '{skeleton.name}' has no bones that lead from its root to a right and a left hip, "
+                "which tell where it faces"
+            )
+        return cls(skeleton, *(skeleton.bones[hip] for hip in hips))
 
     @property
     def channels(self) -> int:

@@ -6,6 +6,7 @@ from bodies import random_clip, small_body
 from hypothesis import given
 from hypothesis import strategies as st
 
+from controller.errors import FileFormatError
 from controller.mocap.bone_directions import FIRST_BONE, HEIGHT, LEFT, TURN_RATE, BoneDirections
 from controller.mocap.clip import Clip
 from controller.mocap.skeleton import Skeleton
@@ -140,3 +141,19 @@ def test_nothing_is_silenced_where_the_root_lies_off_the_hip_line():
 def test_hips_that_the_skeleton_lacks_are_a_key_error():
     with pytest.raises(KeyError, match="lhipjoint"):
         _ = BoneDirections(small_body(), right_hip="rhip", left_hip="lhipjoint").silent
+
+
+def test_hips_are_found_whatever_they_are_called():
+    body = small_body()
+    renamed = Skeleton("other", tuple("abcdefghi"), body.parent, body.rest_direction, body.length)
+    encoding = BoneDirections.of(renamed)
+    assert (encoding.right_hip, encoding.left_hip) == ("a", "d")
+    clip = wandering(5)
+    assert np.array_equal(encoding.encode(replace(clip, skeleton=renamed)), BoneDirections.of(body).encode(clip))
+
+
+def test_a_skeleton_without_hips_is_refused():
+    body = small_body()
+    trunk = Skeleton("trunk", ("chest", "head"), np.array([-1, 0]), body.rest_direction[5:7], body.length[5:7])
+    with pytest.raises(FileFormatError, match="'trunk' has no bones that lead from its root to a right and a left hip"):
+        BoneDirections.of(trunk)
