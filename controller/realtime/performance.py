@@ -19,7 +19,7 @@ from controller.generators.mixture import Mixture
 from controller.mocap.posture import Posture
 from controller.realtime.joining import Joining
 from controller.realtime.repertoire import Motion, read_repertoire
-from controller.realtime.transition import Briskness, Crossing, Fade, best_anchor, difference
+from controller.realtime.transition import Crossing, Fade, best_anchor, difference
 from controller.rotations import Array
 from controller.training.library import MotionLibrary, Network
 
@@ -55,6 +55,7 @@ class Performance:
         self._player.cue(motion)
         self._fade: Fade | Crossing | None = None
         self._fade_start = 0.0
+        self._turned = 0.0  # by how much the heading has turned since, rad
         self.at, self.end = 0.0, self.here.seconds
         self._time = 0.0
         self._dt = 1.0 / library.info.rate
@@ -119,7 +120,8 @@ class Performance:
             return target, False
         elapsed = self._time - self._fade_start
         if self._fade.lasts(elapsed):
-            return self._fade.apply(target, elapsed), False
+            self._turned += float(target.turn_rate) * dt
+            return self._fade.apply(target, elapsed, self._turned), False
         self._fade = None
         return target, True
 
@@ -134,7 +136,7 @@ class Performance:
         A network that goes over by itself is left to do so, unless another switch is still under way.
         """
         entering = self.repertoire[motion]
-        bound = _briskness(self.here, entering)
+        bound = max(self.here.acceleration, entering.acceleration)
         joining = self._joining or ("morph" if isinstance(self._core, CrossingNetwork) else "inertialise")
         if joining in ("morph", "crossfade") and self._fade is None and not self._mixture.mixed:
             anchor = self._go_over(motion, shown, bound, inside=joining == "morph")
@@ -149,7 +151,7 @@ class Performance:
     def put_back(self, shown: Posture) -> None:
         """Fades to where a network that was lost has been put back to, which is some way off, like another motion."""
         if self._guard and self._guard.recues > self._recues:
-            self._enter(self._player.motion, self._guard.anchor, shown, self.here.briskness)
+            self._enter(self._player.motion, self._guard.anchor, shown, self.here.acceleration)
 
     def mix(self, other: str, share: float) -> None:
         """Mixes another motion in, from its present share to this one."""
@@ -164,15 +166,15 @@ class Performance:
             self.at = self._mixture.anchor * here.spacing
             self.end = here.seconds + self.at
 
-    def _enter(self, motion: str, anchor: int, shown: Posture, bound: Briskness) -> None:
+    def _enter(self, motion: str, anchor: int, shown: Posture, bound: float) -> None:
         """Goes on from an anchor of a motion, and fades from what is shown to it."""
         dt = self._dt
         self._player.cue_anchor(motion, anchor)
         tempo = self._speed if self.here.loop else 0.0
         target_before = self._decode(self._player.step(0.0), tempo)
         target = self._decode(self._player.step(dt * tempo), tempo)
-        self._fade = difference((self.posture, shown), (target_before, target), dt, self._places, bound)
-        self._fade_start = self._time
+        self._fade = difference((self.posture, shown), (target_before, target), dt, self._limbs, bound)
+        self._fade_start, self._turned = self._time, 0.0
 
     def _onset(self) -> float:
         """The share of the tempo at which a motion that happens once is played while a switch to it lasts."""
@@ -180,7 +182,7 @@ class Performance:
             return 1.0
         return self._fade.onset(self._time - self._fade_start)
 
-    def _go_over(self, motion: str, shown: Posture, bound: Briskness, *, inside: bool) -> int:
+    def _go_over(self, motion: str, shown: Posture, bound: float, *, inside: bool) -> int:
         """Goes over to a motion by mixing, inside the network or side by side; the anchor where it is entered."""
         dt, speed, entering = self._dt, self._speed, self.repertoire[motion]
         self._fade_start = self._time
@@ -192,7 +194,7 @@ class Performance:
             frames = self._mixture.anchors(motion)
             rate = (frames[(anchor + 1) % len(frames)] - frames[anchor - 1]) / (2.0 * entering.spacing)
             before, now = (self._decode(frames[anchor] - back * speed * rate, speed) for back in (dt, 0.0))
-            seconds = difference((self.posture, shown), (before, now), dt, self._places, bound).duration
+            seconds = difference((self.posture, shown), (before, now), dt, self._limbs, bound).duration
         self._mixture.mix(motion, 1.0, round(seconds * self._player.rate), anchor, inside=inside)
         self._player.motion = motion
         self._fade = Crossing(self._mixture)
@@ -218,6 +220,10 @@ class Performance:
         """Positions of root and joints in the heading frame, from the ground below the root, shape (1 + B, 3), m."""
         return self._encoding.skeleton.joints(np.array([0.0, 0.0, posture.height]), posture.rotation)
 
+    def _limbs(self, rotation: Array) -> Array:
+        """Positions of root and joints relative to the root, of rotations (..., 1 + B, 4), m."""
+        return self._encoding.skeleton.joints(np.zeros((*rotation.shape[:-2], 3)), rotation)
+
     def _joints(self, posture: Posture) -> Array:
         """Joint positions relative to the root in the heading frame, and the root's height, shape (F,), m."""
         places = self._places(posture)
@@ -229,9 +235,3 @@ def _guard(network: Network, library: MotionLibrary) -> Guard:
     motions = library.info.motions
     lengths = {motion.name: motion.frames for motion in motions}
     return Guard(network, lengths, {motion.name: motion.plays == "loop" for motion in motions})
-
-
-def _briskness(leaving: Motion, entering: Motion) -> Briskness:
-    """What joints may do on the way: accelerate as in the brisker of two motions, on top of what the second does."""
-    acceleration = max(leaving.briskness.acceleration, entering.briskness.acceleration)
-    return Briskness(acceleration, entering.briskness.speed)

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.evaluation.matching import joint_features
-from controller.realtime.transition import Briskness
+from controller.mocap.encoding import Encoding
+from controller.mocap.posture import walk_path
 from controller.rotations import Array
 from controller.training.library import MotionLibrary
 
@@ -28,7 +29,7 @@ class Motion:
         exits: the same positions where it may be left: anywhere in a loop, else its last pose, shape (E, F), m.
         spacing: from anchor to anchor, s.
         seconds: how long a loop's round takes, or how long it takes until only the last pose is held.
-        briskness: the largest acceleration of any joint in the world, and the largest speed of each.
+        acceleration: the largest of any joint in the world, m/s^2.
     """
 
     name: str
@@ -38,7 +39,7 @@ class Motion:
     exits: Array
     spacing: float
     seconds: float
-    briskness: Briskness
+    acceleration: float
 
 
 def read_repertoire(library: MotionLibrary) -> dict[str, Motion]:
@@ -60,7 +61,7 @@ def read_repertoire(library: MotionLibrary) -> dict[str, Motion]:
             exits=places if loop else places[-1:],
             spacing=spacing,
             seconds=moving * spacing,
-            briskness=_briskness(places, library.encoding.decode(frames).velocity, spacing),
+            acceleration=_acceleration(library.encoding, frames, spacing),
         )
     return repertoire
 
@@ -78,12 +79,9 @@ def _rate(values: Array, spacing: float, *, loop: bool) -> Array:
     return np.gradient(values, spacing, axis=0)
 
 
-def _briskness(places: Array, velocity: Array, spacing: float) -> Briskness:
-    """Peaks over places (A, F) and the root's velocity along the ground (A, 2) at the anchors."""
-    count = len(places)
-    joints = np.concatenate([np.zeros((count, 1, 3)), places[:, :-1].reshape(count, -1, 3)], axis=1)
-    speed = np.linalg.norm(np.diff(joints, axis=0), axis=-1).max(0) / spacing
+def _acceleration(encoding: Encoding, frames: Array, spacing: float) -> float:
+    """The largest acceleration of any joint in the world over frames (A, C), but LEAST_ACCELERATION at least, m/s^2."""
+    pose = walk_path(encoding.decode(frames), spacing)
+    joints = encoding.skeleton.joints(pose.root_position, pose.rotation)
     acceleration = np.diff(joints, n=2, axis=0) / spacing**2
-    acceleration[..., :2] += np.diff(velocity, axis=0)[1:, None] / spacing
-    acceleration[..., 2] += np.diff(places[:, -1], n=2)[:, None] / spacing**2
-    return Briskness(max(float(np.linalg.norm(acceleration, axis=-1).max()), LEAST_ACCELERATION), speed)
+    return max(float(np.linalg.norm(acceleration, axis=-1).max()), LEAST_ACCELERATION)

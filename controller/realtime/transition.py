@@ -5,37 +5,34 @@ the rotation that leads from the target to what was shown is kept as a rotation 
 then on the target is shown turned by that vector while it runs out along a quintic that starts with the same value and
 slope and ends with neither (inertialisation, Bollo 2018). Since bones are turned and never mixed, they keep their
 length.
+
+The vectors stay fixed in the world. The heading would be no frame for them: it is that of the hips, and flies round
+while a body stands on its hands.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
 from controller.mocap.posture import Posture
 from controller.quintic import run_out
-from controller.rotations import Array, conjugate, from_rotation_vector, multiply, to_rotation_vector
+from controller.rotations import Array, conjugate, from_rotation_vector, multiply, rotate, to_rotation_vector, yaw
 
 SHORTEST, LONGEST = 0.2, 1.6
 
-# The largest derivatives on [0, 1] of the quintics that start with value 1 or with slope 1.
-_VALUE_SLOPE, _VALUE_CURVE, _SLOPE_CURVE = 1.875, 5.7735, 3.9419
+# What share of the bound a fade may use: the target's bones do not go on turning quite as they do at the switch.
+_SHARE = 0.8
 
+# How long bones go on turning as they do, s: limbs swing back.
+_SWING = 0.3
 
-@dataclass(frozen=True)
-class Briskness:
-    """How briskly joints may move while a difference fades, and how fast the target moves them.
-
-    Attributes:
-        acceleration: of any joint, m/s^2.
-        speed: of the root and of each joint relative to the root, shape (1 + B,), m/s.
-    """
-
-    acceleration: float
-    speed: Array
+# At how many moments a fade is looked at for its acceleration, and by how much it is made longer at least.
+_LOOKS = 16
+_LONGER = 1.1
 
 
 @dataclass(frozen=True)
@@ -44,8 +41,9 @@ class Fade:
 
     Attributes:
         duration: how long it takes, s.
-        turn, turn_rate: of the root and of each bone, shape (1 + B, 3), rad and rad/s.
-        drift, drift_rate: of height, velocity and turn rate, shape (4,).
+        turn, turn_rate: of the root and of each bone, seen from the heading at the switch, shape (1 + B, 3), rad and
+            rad/s.
+        drift, drift_rate: of height and velocity, seen from there too, shape (3,).
     """
 
     duration: float
@@ -54,19 +52,19 @@ class Fade:
     drift: Array
     drift_rate: Array
 
-    def apply(self, target: Posture, elapsed: float) -> Posture:
-        """The target with what is left of the difference after some seconds."""
-        s = elapsed / self.duration
-        if s >= 1.0:
+    def apply(self, target: Posture, elapsed: float, turned: float) -> Posture:
+        """The target with what is left of the difference after some seconds, its heading turned by some rad since."""
+        if elapsed >= self.duration:
             return target
-        value, slope = run_out(s)
+        value, slope = run_out(elapsed / self.duration)
         slope *= self.duration
-        left = value * self.turn + slope * self.turn_rate
-        drift = value * self.drift + slope * self.drift_rate
-        return Posture(
-            height=target.height + drift[0],
-            velocity=target.velocity + drift[1:3],
-            turn_rate=target.turn_rate + drift[3],
+        back = yaw(-turned)
+        left = rotate(back, value * self.turn + slope * self.turn_rate)
+        height, *velocity = value * self.drift + slope * self.drift_rate
+        return replace(
+            target,
+            height=target.height + height,
+            velocity=target.velocity + rotate(back, np.array([*velocity, 0.0]))[:2],
             rotation=multiply(from_rotation_vector(left), target.rotation),
         )
 
@@ -97,7 +95,7 @@ class Crossing:
 
     network: GoingOver
 
-    def apply(self, target: Posture, elapsed: float) -> Posture:
+    def apply(self, target: Posture, elapsed: float, turned: float) -> Posture:
         """The target as it is."""
         return target
 
@@ -114,49 +112,58 @@ def difference(
     shown: tuple[Posture, Posture],
     target: tuple[Posture, Posture],
     dt: float,
-    joints: Callable[[Posture], Array],
-    bound: Briskness,
+    limbs: Callable[[Array], Array],
+    bound: float,
 ) -> Fade:
-    """The fade that leads from what is shown to a target.
+    """The fade that leads from what is shown to a target, in the shortest time that keeps accelerations in bounds.
+
+    The bound is on what a joint is accelerated in the world beyond the target's own motion. That is found by looking at
+    the fade over a target whose bones go on turning as they do: from SHORTEST on it is made longer until it is in
+    bounds, or LONGEST.
 
     Args:
         shown, target: each the postures dt seconds ago and now.
         dt: s.
-        joints: positions of root and joints in a posture, from the ground below the root, shape (1 + B, 3), m.
-        bound: decides how long the fade takes.
+        limbs: joint positions relative to the root of rotations (..., 1 + B, 4), shape (..., J, 3), m.
+        bound: m/s^2.
     """
-    turn = _turn(shown[1], target[1])
-    rate = (turn - _nearest(_turn(shown[0], target[0]), turn)) / dt
+    before, aim = _from_now(shown, dt), _from_now(target, dt)
+    turn = _turn(shown[1].rotation, target[1].rotation)
+    turn_rate = (turn - _nearest(_turn(before.rotation, aim.rotation), turn)) / dt
     drift = _drift(shown[1]) - _drift(target[1])
-    drift_rate = (drift - _drift(shown[0]) + _drift(target[0])) / dt
-    apart = joints(shown[1]) - joints(target[1])
-    parting = (apart - joints(shown[0]) + joints(target[0])) / dt
-    length = duration(apart, parting, np.linalg.norm(turn, axis=-1), float(np.hypot(*drift[1:3])), bound)
-    return Fade(length, turn, rate, drift, drift_rate)
+    drift_rate = (drift - _drift(before) + _drift(aim)) / dt
+    fade = Fade(SHORTEST, turn, turn_rate, drift, drift_rate)
+    spin = _turn(target[1].rotation, aim.rotation) / dt
+    while fade.duration < LONGEST:
+        beyond = hardest(fade, target[1].rotation, spin, limbs) / (_SHARE * bound)
+        if beyond <= 1.0:
+            break
+        # What a difference in place costs goes with 1 / T^2, one in speed with 1 / T: the former never overshoots.
+        longer = fade.duration * max(_LONGER, np.sqrt(beyond))
+        fade = replace(fade, duration=float(min(LONGEST, longer)))
+    return fade
 
 
-def duration(apart: Array, parting: Array, angle: Array, drift: float, bound: Briskness) -> float:
-    """The time in which a difference can fade with no joint accelerated beyond the bound, within SHORTEST and LONGEST.
-
-    In a time T a joint that is d away, with a rate of v, is brought in at up to 5.77 d / T^2 + 3.94 v / T, and the root
-    changes its own velocity at up to 1.875 drift / T. Since the bone turns by an angle meanwhile, at up to
-    w = 1.875 angle / T, and the target moves the joint at a speed u, w^2 d / angle and 2 w u come on top (centripetal,
-    Coriolis); of these half is taken, for their peaks come at another moment. The sum is set equal to the bound.
+def hardest(fade: Fade, rotation: Array, spin: Array, limbs: Callable[[Array], Array]) -> float:
+    """The largest acceleration by which a fade moves a joint away from its target's own motion, m/s^2.
 
     Args:
-        apart, parting: how far the joints are from the target and the rate of that, shape (1 + B, 3), m and m/s.
-        angle: by which the bones are turned, shape (1 + B,), rad.
-        drift: by how much the root's velocity differs, m/s.
-        bound: see there.
-
-    Returns:
-        s.
+        fade: which.
+        rotation, spin: the target's at its start, shapes (1 + B, 4) and (1 + B, 3), and rad/s.
+        limbs: as for `difference`.
     """
-    far, rate = np.linalg.norm(apart, axis=-1), np.linalg.norm(parting, axis=-1)
-    square = (_VALUE_CURVE + 0.5 * _VALUE_SLOPE**2 * angle) * far
-    slope = _SLOPE_CURVE * rate + _VALUE_SLOPE * (drift + angle * bound.speed)
-    needed = (slope + np.sqrt(slope * slope + 4.0 * bound.acceleration * square)) / (2.0 * bound.acceleration)
-    return float(np.clip(needed.max(), SHORTEST, LONGEST))
+    step = fade.duration / _LOOKS
+    time: Array = step * np.arange(_LOOKS + 1.0)[:, None, None]
+    share: Array = time / fade.duration
+    value, slope = run_out(share)
+    slope = slope * fade.duration
+    aim = multiply(from_rotation_vector(_SWING * np.tanh(time / _SWING) * spin), rotation)
+    shown = multiply(from_rotation_vector(value * fade.turn + slope * fade.turn_rate), aim)
+    drift = value[:, 0] * fade.drift + slope[:, 0] * fade.drift_rate
+    beyond = np.diff(limbs(shown) - limbs(aim), n=2, axis=0) / step**2
+    beyond[..., :2] += ((drift[2:, 1:] - drift[:-2, 1:]) / (2.0 * step))[:, None]
+    beyond[..., 2] += np.diff(drift[:, :1], n=2, axis=0) / step**2
+    return float(np.sqrt(np.square(beyond).sum(-1).max()))
 
 
 def best_anchor(place: Array, velocity: Array, places: Array, velocities: Array, reach: float) -> int:
@@ -171,8 +178,16 @@ def best_anchor(place: Array, velocity: Array, places: Array, velocities: Array,
     return int(cost.argmin())
 
 
-def _turn(shown: Posture, target: Posture) -> Array:
-    return to_rotation_vector(multiply(shown.rotation, conjugate(target.rotation)))
+def _from_now(postures: tuple[Posture, Posture], dt: float) -> Posture:
+    """The first of two postures, seen from the heading of the second."""
+    before, now = postures
+    back = yaw(-float(now.turn_rate) * dt)
+    velocity = rotate(back, np.append(before.velocity, 0.0))[:2]
+    return replace(before, velocity=velocity, rotation=multiply(back, before.rotation))
+
+
+def _turn(shown: Array, target: Array) -> Array:
+    return to_rotation_vector(multiply(shown, conjugate(target)))
 
 
 def _nearest(vector: Array, other: Array) -> Array:
@@ -187,4 +202,4 @@ def _nearest(vector: Array, other: Array) -> Array:
 
 
 def _drift(posture: Posture) -> Array:
-    return np.array([posture.height, posture.velocity[0], posture.velocity[1], posture.turn_rate])
+    return np.array([posture.height, posture.velocity[0], posture.velocity[1]])

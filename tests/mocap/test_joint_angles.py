@@ -20,7 +20,7 @@ from controller.mocap.joint_angles import (
 )
 from controller.mocap.posture import walk_path
 from controller.mocap.reading import read_clip
-from controller.realtime.transition import Briskness, difference
+from controller.realtime.transition import difference
 
 JOINTS = ("pan", "tilt", "grip")
 angles = hnp.arrays(np.float64, st.tuples(st.integers(1, 5), st.just(3)), elements=st.floats(-12.5, 12.5))
@@ -51,13 +51,12 @@ def test_a_small_difference_reads_in_milliradians():
 def test_a_fade_leads_back_the_way_it_came_and_never_through_the_ends_of_a_turn():
     encoding = JointAngles(JointBody.of(("pan",)))
     still = [encoding.decode(np.array([angle])) for angle in (3.0, -3.0)]
-    bound = Briskness(50.0, np.ones(2))
 
-    def joints(posture):
-        return encoding.skeleton.joints(np.zeros(3), posture.rotation)
+    def limbs(rotation):
+        return encoding.skeleton.joints(np.zeros((*rotation.shape[:-2], 3)), rotation)
 
-    fade = difference((still[0], still[0]), (still[1], still[1]), 0.01, joints, bound)
-    way = [angles_of(fade.apply(still[1], t).rotation[1:])[0] for t in np.linspace(0.0, fade.duration, 50)]
+    fade = difference((still[0], still[0]), (still[1], still[1]), 0.01, limbs, 50.0)
+    way = [angles_of(fade.apply(still[1], t, 0.0).rotation[1:])[0] for t in np.linspace(0.0, fade.duration, 50)]
     assert way[0] == pytest.approx(3.0)
     assert way[-1] == pytest.approx(-3.0)
     assert (np.diff(way) <= 1e-9).all()

@@ -7,7 +7,6 @@ import synthetic
 from controller.realtime.deck import Deck
 from controller.realtime.repertoire import Motion, read_repertoire
 from controller.realtime.routes import Routes
-from controller.realtime.transition import Briskness
 from controller.training.library import load_library
 
 DT = 0.01
@@ -18,7 +17,7 @@ def motion(name, start, end, *, loop):
     places = np.zeros((10, 4))
     places[:, 3] = np.linspace(start, end, 10)
     exits = places if loop else places[-1:]
-    return Motion(name, loop, places[:1], np.zeros((1, 4)), exits, 0.1, 1.0, Briskness(1.0, np.ones(2)))
+    return Motion(name, loop, places[:1], np.zeros((1, 4)), exits, 0.1, 1.0, 1.0)
 
 
 def repertoire(*motions):

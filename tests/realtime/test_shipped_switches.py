@@ -57,3 +57,14 @@ def test_twenty_switches_in_one_run(library, own_peaks):
     assert len(deck.switches) == SWITCHES
     assert all(switch.first_change_s - switch.commanded_s <= 2.01 * DT for switch in deck.switches)
     assert all(switch.settled_s - switch.commanded_s <= 1.7 for switch in deck.switches)
+
+
+def test_out_of_a_cartwheel_too(library, own_peaks):
+    """A body upside down: bones are half a turn away from where they are to go, and the hips' heading flies round."""
+    allowed = 2.0 * max(own_peaks["cartwheel"], own_peaks["standup"])
+    for wait in (0.4, 0.9, 1.4, 1.9, 2.4):
+        deck = Deck(library, lambda pose: pose.rotation, "cartwheel", direct=True)
+        shown = play(library, deck, wait)
+        deck.switch("standup")
+        places = np.concatenate([shown[-2:], play(library, deck, 0.6)])
+        assert peak_acceleration(places) <= allowed, f"after {wait} s"
