@@ -171,8 +171,7 @@ class LimbAngles:
             moved = np.sqrt(np.einsum("ij,ij->i", step, step)).tolist()
         self._direction = direction
         d = direction.tolist()
-        last = self._last
-        angles = last.copy()
+        angles = self._last.copy()
         self._head(angles, d[10], moved[10])
         self._arm(angles, 2, d[0], d[1], moved[0], moved[1])
         self._arm(angles, 5, d[2], d[3], moved[2], moved[3])
@@ -223,16 +222,18 @@ class LimbAngles:
     ) -> None:
         """Thigh frame (x, y, z) = Rz(yaw) Rx(roll) Ry(pitch), with z up the thigh and y across the leg."""
         # Two planes tell which way a leg faces: that of the bent knee and that of the foot; both contain the shank.
-        bend, spread, memory = _cross(thigh, shank), _cross(foot, shank), self._across[leg]
-        across = [2.0 * b + s for b, s in zip(bend, spread, strict=True)]
+        # Written out by components, as this is done for each leg in each tick.
+        (bx, by, bz), (sx, sy, sz), (mx, my, mz) = _cross(thigh, shank), _cross(foot, shank), self._across[leg]
+        tx, ty, tz = thigh
+        x, y, z = 2.0 * bx + sx, 2.0 * by + sy, 2.0 * bz + sz
         # A straight leg with its toes pointed faces nowhere: then it keeps facing where it did.
-        faint = max(0.5 - sqrt(_dot(across, across)), 0.0)
-        across = [a + faint * m for a, m in zip(across, memory, strict=True)]
-        along = _dot(across, thigh)
-        across = [a - along * t for a, t in zip(across, thigh, strict=True)]
-        length = sqrt(_dot(across, across))
+        faint = max(0.5 - sqrt(x * x + y * y + z * z), 0.0)
+        x, y, z = x + faint * mx, y + faint * my, z + faint * mz
+        along = x * tx + y * ty + z * tz
+        x, y, z = x - along * tx, y - along * ty, z - along * tz
+        length = sqrt(x * x + y * y + z * z)
         if length > 1e-3:
-            self._across[leg] = [a / length for a in across]
+            self._across[leg] = x / length, y / length, z / length
         across = self._across[leg]
         ahead = _cross(thigh, across)  # z is -thigh, so y × z = thigh × y
 
@@ -247,35 +248,41 @@ class LimbAngles:
         self._follow(angles, joint + 4, pitch - angles[joint + 3] - FOOT_SLOPE, moved, 1.0)
         # The less the leg lies, the more the sole is kept level sideways.
         total = angles[joint + 3] + angles[joint + 4]
-        sole_up = [sin(total) * a - cos(total) * t for a, t in zip(ahead, thigh, strict=True)]
+        sole_up = sin(total) * _dot(ahead, up) - cos(total) * _dot(thigh, up)  # how far the sole's normal points up
         upright = max(-_dot(shank, up), 0.0) ** 2
-        roll = atan2(-_dot(across, up), max(_dot(sole_up, up), 0.3))
+        roll = atan2(-_dot(across, up), max(sole_up, 0.3))
         self._follow(angles, joint + 5, upright * roll, moved, 1.0)
 
     def _follow(self, angles: list[float], joint: int, goal: float, moved: float, certain: float) -> None:
         """Moves one angle towards its goal, the near way round, within its range and its pace."""
         last, lower, upper = self._last[joint], self._lower[joint], self._upper[joint]
-        goal += 2.0 * pi * round((last - goal) / (2.0 * pi))
-        # Past the end of its range a joint waits there, but not if the goal can be reached from the other side.
-        other = goal - 2.0 * pi if goal > upper else goal + 2.0 * pi
-        if (goal > upper + WAIT or goal < lower - WAIT) and lower <= other <= upper:
-            goal = other
-        reached = min(max(goal, lower), upper)
-        if abs(goal - reached) > ROUNDING and lower < upper:  # an angle without a range is of a joint that is not there
-            self.beyond += 1
-        goal = reached
+        if not -pi <= last - goal <= pi:
+            goal += 2.0 * pi * round((last - goal) / (2.0 * pi))
+        if not lower <= goal <= upper:
+            # Past the end of its range a joint waits there, but not if the goal can be reached from the other side.
+            other = goal - 2.0 * pi if goal > upper else goal + 2.0 * pi
+            if (goal > upper + WAIT or goal < lower - WAIT) and lower <= other <= upper:
+                goal = other
+            reached = min(max(goal, lower), upper)
+            if abs(goal - reached) > ROUNDING and lower < upper:  # without a range it is of a joint that is not there
+                self.beyond += 1
+            goal = reached
         most = GAIN * moved + SETTLE * certain
         angles[joint] = min(max(goal, last - most), last + most)  # a goal in reach is met to the last digit
 
 
 def _dot(a: Vector, b: Vector) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    ax, ay, az = a
+    bx, by, bz = b
+    return ax * bx + ay * by + az * bz
 
 
-def _cross(a: Vector, b: Vector) -> Vector:
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+def _cross(a: Vector, b: Vector) -> tuple[float, float, float]:
+    ax, ay, az = a
+    bx, by, bz = b
+    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
 def _angle_between(a: Vector, b: Vector) -> float:
-    c = _cross(a, b)
-    return atan2(sqrt(_dot(c, c)), _dot(a, b))
+    x, y, z = _cross(a, b)
+    return atan2(sqrt(x * x + y * y + z * z), _dot(a, b))

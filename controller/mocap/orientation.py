@@ -41,8 +41,7 @@ def orient(skeleton: Skeleton, direction: Array) -> Array:
     goal: Any = direction.tolist() if one_frame else np.ascontiguousarray(np.moveaxis(direction, (-2, -1), (0, 1)))
     rotation: list[Quaternion] = [root.tolist() if one_frame else np.moveaxis(root, -1, 0)]
     for bone, (parent, rest, children) in enumerate(skeleton.walk):
-        carried = rotation[parent + 1]
-        turned = _multiply(_swing(_rotate(carried, rest), goal[bone]), carried)
+        turned = _swung(rotation[parent + 1], rest, goal[bone])
         if len(children) > 1:
             start = [_rotate(turned, skeleton.walk[child][1]) for child in children]
             turned = _multiply(_twist(goal[bone], start, [goal[child] for child in children]), turned)
@@ -73,18 +72,35 @@ def _multiply(p: Quaternion, q: Quaternion) -> Quaternion:
     )
 
 
-def _swing(a: Vector, b: Vector) -> Quaternion:
-    """The least rotation that turns unit vector a onto unit vector b."""
-    ax, ay, az = a
-    bx, by, bz = b
-    w = 1.0 + ax * bx + ay * by + az * bz
-    opposite = w < 0.01
+def _swung(carried: Quaternion, rest: Vector, goal: Vector) -> Quaternion:
+    """A bone's rotation: as its parent carries it, and then by the least rotation that turns it onto its goal.
+
+    All in one piece: the loop does nothing more often, and calls would cost as much as what they do.
+    """
+    w, x, y, z = carried
+    vx, vy, vz = rest
+    tx = 2.0 * (y * vz - z * vy)
+    ty = 2.0 * (z * vx - x * vz)
+    tz = 2.0 * (x * vy - y * vx)
+    ax, ay, az = vx + w * tx + y * tz - z * ty, vy + w * ty + z * tx - x * tz, vz + w * tz + x * ty - y * tx
+
+    bx, by, bz = goal
+    pw = 1.0 + ax * bx + ay * by + az * bz
+    opposite = pw < 0.01
     if opposite is not False and np.any(opposite):  # the first half spares a plain number the call
         q = between(np.stack([ax, ay, az], axis=-1), np.stack([bx, by, bz], axis=-1))
-        return q.tolist() if q.ndim == 1 else np.moveaxis(q, -1, 0)
-    x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-    scale = (w * w + x * x + y * y + z * z) ** -0.5
-    return w * scale, x * scale, y * scale, z * scale
+        pw, px, py, pz = q.tolist() if q.ndim == 1 else np.moveaxis(q, -1, 0)
+    else:
+        px, py, pz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        scale = (pw * pw + px * px + py * py + pz * pz) ** -0.5
+        pw, px, py, pz = pw * scale, px * scale, py * scale, pz * scale
+
+    return (
+        pw * w - px * x - py * y - pz * z,
+        pw * x + px * w + py * z - pz * y,
+        pw * y - px * z + py * w + pz * x,
+        pw * z + px * y - py * x + pz * w,
+    )
 
 
 def _twist(axis: Vector, start: list[Vector], goal: list[Vector]) -> Quaternion:

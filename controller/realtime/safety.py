@@ -55,9 +55,15 @@ class SafetyEnvelope:
         self._v_max = limits.velocity * (inside * dt)
         self._a_max = limits.acceleration * (inside * dt**2)
         self._j_max = limits.jerk * (inside * dt**3)
-        self._limits = self._v_max, self._a_max, self._j_max, self._lower, self._upper
-        self.changed = np.zeros(len(self._lower), dtype=np.int64)
-        self._safe = np.empty(len(self._lower))
+        joints = len(self._lower)
+        # All that is known of a joint is a column, so that a joint that has to be bent is looked up in one go.
+        self._table = np.zeros((12, joints))
+        self._table[7:] = self._v_max, self._a_max, self._j_max, self._lower, self._upper
+        self._p, self._v, self._a, self._goal, self._goal_v, self._direct, self._goal_a = self._table[:7]
+        self._tests = np.empty((6, joints))
+        self._bounds = np.array([self._v_max, self._a_max, *[self._j_max] * 3, self._upper])
+        self.changed = np.zeros(joints, dtype=np.int64)
+        self._safe = np.empty(joints)
         self._shown = self._safe.view()
         self._shown.flags.writeable = False  # no output can change what the next one is given
         self.start(0.5 * (self._lower + self._upper))
@@ -72,15 +78,14 @@ class SafetyEnvelope:
         """
         for joint in np.flatnonzero(~np.isfinite(position)):
             raise LimitError(f"joint {joint}: the position to start from is {position[joint]}, not a number")
-        self._p = np.array(position, dtype=np.float64)
-        self._v, self._a = np.zeros_like(self._p), np.zeros_like(self._p)
-        self._goal, self._goal_v = self._p, self._v
+        self._table[:7] = 0.0
+        self._p[:] = self._goal[:] = position
         self.changed[:] = 0
 
     @property
     def position(self) -> Array:
-        """The targets given last, or the start, shape (J,), rad; do not write into it."""
-        return self._p
+        """The targets given last, or the start, shape (J,), rad."""
+        return self._p.copy()
 
     @property
     def at_rest(self) -> bool:
@@ -93,33 +98,40 @@ class SafetyEnvelope:
         Where a target is not finite, the joint holds the last one that was. The array returned is read-only, and
         overwritten by the next tick.
         """
-        goal = np.clip(np.where(np.isfinite(targets), targets, self._goal), self._lower, self._upper)
+        p, v, direct, goal_a = self._p, self._v, self._direct, self._goal_a
+        finite = np.isfinite(targets)
+        wanted = targets if finite.all() else np.where(finite, targets, self._goal)
+        goal = np.minimum(np.maximum(wanted, self._lower), self._upper)
         goal_v = goal - self._goal
-        goal_a = goal_v - self._goal_v
-        lag = self._p - self._goal
-        self._goal, self._goal_v = goal, goal_v
+        np.subtract(goal_v, self._goal_v, out=goal_a)
+        lag = p - self._goal
+        self._goal[:], self._goal_v[:] = goal, goal_v
 
-        # Rule 1 for most joints, most of the time, by tests that are cheap and a little too strict.
-        v = goal - self._p
-        a = v - self._v
-        size = np.abs(a)
-        matched = np.maximum(np.abs(lag), np.abs(a - goal_a - lag)) <= self._j_max
-        reach = longest_run(v, a, self._a_max, self._j_max)
-        passes = (
-            matched
-            & (np.abs(a - self._a) <= self._j_max)
-            & (size <= self._a_max)
-            & (np.abs(v) + 0.5 * (size - 0.5 * self._j_max) ** 2 / self._j_max <= self._v_max)
-            & (goal + reach <= self._upper)
-            & (goal - reach >= self._lower)
-        )
-        position = goal.copy()
-        if not passes.all():
-            who = np.flatnonzero(~passes)
-            columns = (self._p, self._v, self._a, goal, goal_v, a, goal_a, matched, *self._limits)
-            rows = zip(*(column[who].tolist() for column in columns), strict=True)
-            position[who], a[who] = zip(*(_bent(*row) for row in rows), strict=True)
-        self._move_to(position, a)
+        # Rule 1 for most joints, most of the time, by tests that are cheap and a little too strict: each row of
+        # `tests` must not exceed that of `bounds`.
+        tests, bounds = self._tests, self._bounds
+        fastest, size, jerk, behind, parting, reach = tests
+        np.subtract(goal, p, out=fastest)
+        np.subtract(fastest, v, out=direct)
+        size[:] = direct
+        np.subtract(direct, self._a, out=jerk)
+        behind[:] = lag
+        np.subtract(direct, goal_a, out=parting)
+        parting -= lag
+        np.abs(tests[:5], out=tests[:5])
+        reach[:] = longest_run(fastest, size, self._a_max, self._j_max)
+        fastest += 0.5 * (size - 0.5 * self._j_max) ** 2 / self._j_max
+        np.minimum(self._upper - goal, goal - self._lower, out=bounds[5])
+        passes = tests <= bounds
+        if passes.all():
+            self._move_to(goal, direct)
+        else:
+            position, a = goal.copy(), direct.copy()
+            who = np.flatnonzero(~passes.all(axis=0))
+            matched = (passes[3] & passes[4])[who].tolist()
+            for joint, row, soon in zip(who.tolist(), self._table[:, who].T.tolist(), matched, strict=True):
+                position[joint], a[joint] = _bent(soon, *row)
+            self._move_to(position, a)
         self.changed += ~(np.abs(self._safe - targets) <= CHANGED)  # a NaN compares false, so it counts
         return self._shown
 
@@ -128,16 +140,18 @@ class SafetyEnvelope:
         states = zip(self._v.tolist(), self._a.tolist(), self._a_max.tolist(), self._j_max.tolist(), strict=True)
         a = np.array([braked(*state) for state in states])
         self._move_to(self._p + (self._v + a), a)
-        self._goal, self._goal_v = self._p, self._v
+        self._goal[:], self._goal_v[:] = self._p, self._v
         return self._shown
 
     def _move_to(self, position: Array, a: Array) -> None:
         # The velocity is summed, not differenced from positions: their rounding would grow with each difference.
-        self._p, self._v, self._a = position, self._v + a, a
-        np.copyto(self._safe, position)
+        self._v += a
+        self._p[:] = self._safe[:] = position
+        self._a[:] = a
 
 
 def _bent(
+    matched: bool,
     p: float,
     v: float,
     a: float,
@@ -145,7 +159,6 @@ def _bent(
     goal_v: float,
     direct: float,
     goal_a: float,
-    matched: bool,
     v_max: float,
     a_max: float,
     j_max: float,

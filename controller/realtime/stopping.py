@@ -20,8 +20,6 @@ from __future__ import annotations
 from math import ceil, copysign, floor, sqrt
 from typing import NamedTuple
 
-import numpy as np
-
 from controller.rotations import Array
 
 
@@ -95,8 +93,12 @@ def stopping_run(v: float, a: float, most: float, j: float) -> Run:
     return Run(-low, -high, -run) if mirrored else Run(high, low, run)
 
 
-def longest_run(v: Array, a: Array, most: Array, j: Array) -> Array:
-    """A bound, cheap to compute for all joints at once, of how far a stop goes: the highest velocity, kept longest."""
-    size = np.abs(a)
-    top = np.abs(v) + 0.5 * (size + j) * (size + j) / j
+def longest_run(speed: Array, size: Array, most: Array, j: Array) -> Array:
+    """A bound, cheap to compute for all joints at once, of how far a stop goes: the highest velocity, kept longest.
+
+    Args:
+        speed, size: of velocity and acceleration, both without their signs, shape (J,).
+        most, j: the limits of acceleration and jerk, shape (J,).
+    """
+    top = speed + 0.5 * (size + j) ** 2 / j
     return top * (size / j + top / most + most / j + 4.0)

@@ -62,7 +62,7 @@ def test_braking_obeys_acceleration_and_jerk(state):
 @given(states())
 def test_no_run_is_longer_than_the_bound(state):
     run = stopping_run(*state)
-    assert max(run.rise, -run.fall) <= longest_run(*map(np.array, state))
+    assert max(run.rise, -run.fall) <= longest_run(*map(np.abs, state))
 
 
 def test_a_joint_at_rest_stays_where_it_is():
