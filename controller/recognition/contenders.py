@@ -5,6 +5,9 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from controller.recognition.baselines import (
     conceptor_evidence,
     eros,
@@ -15,8 +18,9 @@ from controller.recognition.baselines import (
 )
 from controller.recognition.benchmark import Seeded
 from controller.recognition.dataset import Example
-from controller.recognition.experts import ExpertRecipe
+from controller.recognition.experts import ANY_TEMPO_LEAK, ExpertRecipe
 from controller.recognition.features import ENDS, FeatureRecipe, aligned, features, with_velocity
+from controller.recognition.frequency_retrieval import ALL_NUMBERS, FREQUENCIES, frequency_vector, nearest_frequencies
 from controller.recognition.methods import Method, Prepare, at_recorded_angles, looking_at, proposal, shared_experts
 from controller.recognition.motion_templates import motion_templates, relations
 from controller.recognition.self_organising_map import motion_strings
@@ -43,7 +47,7 @@ def ours(seed: int, look: FeatureRecipe = WITH_VELOCITY) -> list[Method]:
 
 def at_any_tempo(seed: int) -> Method:
     """Our experts for motions that are learned at several tempos: neurons without a time constant of their own."""
-    return Method(OURS, looking_at(WITH_VELOCITY), shared_experts(ExpertRecipe(leak=1.0, seed=seed)))
+    return Method(OURS, looking_at(WITH_VELOCITY), shared_experts(ExpertRecipe(leak=ANY_TEMPO_LEAK, seed=seed)))
 
 
 def candidates(seed: int) -> list[Method]:
@@ -73,6 +77,9 @@ def contenders() -> dict[str, tuple[Seeded, bool]]:
     def evidence(seed: int) -> Sequence[Method]:
         return [Method("", looking_at(POSITIONS), conceptor_evidence(ExpertRecipe(neurons=30, leak=1.0, seed=seed)))]
 
+    def retrieved(numbers: NDArray[np.int64]) -> tuple[Seeded, bool]:
+        return (lambda seed: [Method("", frequency_vector, nearest_frequencies(numbers))]), False
+
     def proposed(neurons: int) -> tuple[Seeded, bool]:
         return (lambda seed: [Method("", at_recorded_angles, proposal(neurons, seed))]), True
 
@@ -94,6 +101,8 @@ def contenders() -> dict[str, tuple[Seeded, bool]]:
         "Gaussian of single frames": fixed(POSITIONS, frame_gaussians()),
         "1-NN dynamic time warping": fixed(SPARSE, nearest_by_warping),
         "1-NN Eros": fixed(POSITIONS, eros),
+        "1-NN frequency vectors": retrieved(FREQUENCIES),
+        "1-NN frequency vectors and extents": retrieved(ALL_NUMBERS),
         "self-organising map": fixed(SPARSE, motion_strings()),
         "motion templates": ((lambda seed: [Method("", relations, motion_templates)]), False),
     }

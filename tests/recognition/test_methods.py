@@ -1,8 +1,9 @@
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from recognition_examples import dataset
+from recognition_examples import PEOPLE, clip, dataset
 from scipy.stats import multivariate_normal
 
 from controller.errors import MotiondeckError
@@ -24,9 +25,16 @@ from controller.recognition.benchmark import (
     warp_curve,
 )
 from controller.recognition.contenders import WITH_VELOCITY, candidates, contenders, ours
+from controller.recognition.dataset import Example
 from controller.recognition.experts import ExpertRecipe
 from controller.recognition.features import FeatureRecipe
 from controller.recognition.first_check import first_check
+from controller.recognition.frequency_retrieval import (
+    ALL_NUMBERS,
+    FREQUENCIES,
+    frequency_vector,
+    nearest_frequencies,
+)
 from controller.recognition.methods import Method, looking_at, proposal, shared_experts
 from controller.recognition.motion_templates import motion_templates, relations, template
 from controller.recognition.self_organising_map import motion_strings, pose_map
@@ -166,6 +174,19 @@ def test_a_template_agrees_on_what_its_examples_agree_on():
 def test_motion_templates_need_their_joints(examples):
     with pytest.raises(MotiondeckError, match="need a bone 'lfemur'"):
         relations(examples.examples[0], 1.0)
+
+
+def test_frequency_vectors_tell_motions_by_their_pace_and_extents_by_how_far_they_go():
+    fast, slow = ([Example(clip("march", who, pace), "", who, Path()) for who in PEOPLE] for pace in (0.5, 1.0))
+    waving = [Example(clip("wave", who, 1.0), "", who, Path()) for who in PEOPLE]
+    labels = np.array([0, 0, 0, 1, 1, 1, 2, 2, 2])
+    vectors = [frequency_vector(example, 1.0) for example in fast + slow + waving]
+    learn, ask = np.flatnonzero(np.arange(9) % 3), np.array([0, 3, 6])
+    paces = nearest_frequencies(FREQUENCIES)(vectors, labels, 3)(learn, ask)
+    assert paces[:2, :2].argmin(1).tolist() == [0, 1]
+    assert nearest_frequencies(ALL_NUMBERS)(vectors, labels, 3)(learn, ask).argmin(1).tolist() == [0, 1, 2]
+    # Half as fast is the same as learned at half the pace.
+    assert np.allclose(frequency_vector(fast[0], 2.0), vectors[3], rtol=0.1)
 
 
 def test_the_proposal_needs_recorded_angles(examples):
