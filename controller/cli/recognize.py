@@ -30,6 +30,12 @@ def train(
         str, typer.Option("--joints", help="The joints looked at, by name, with commas between; default 14 of them.")
     ] = "",
     seed: Annotated[int, typer.Option("--seed", help="Of the reservoir.", min=0)] = 1,
+    tempo: Annotated[
+        list[float] | None,
+        typer.Option(
+            "--tempo", help="Learn each recording as if it took so many times as long; more than once. Default: 1."
+        ),
+    ] = None,
     licence: Annotated[str, typer.Option("--licence", help="The recordings' terms, to stand in the file.")] = "",
     as_json: AsJson = False,
 ) -> None:
@@ -37,12 +43,15 @@ def train(
 
     The folder holds one folder a motion; the skeletons (.asf) lie beside the recordings or above them, and a recording
     belongs to the one whose name begins its own. A file that cannot be used is named and left out; the exit code is
-    then 3.
+    then 3. Where few people teach motions that others do faster or slower, learn them at several tempos; it takes as
+    many times as long.
 
-    Example:  motiondeck recognize train hdm05 --out hdm05.safetensors
+    Example:  motiondeck recognize train hdm05 --out hdm05.safetensors --tempo 0.7 --tempo 1 --tempo 1.4
     """
+    import msgspec
+
     from controller.errors import MotiondeckError
-    from controller.recognition.experts import ExpertRecipe
+    from controller.recognition.experts import ANY_TEMPO_LEAK, ExpertRecipe
     from controller.recognition.features import FeatureRecipe
     from controller.recognition.recognizer import train_recognizer
     from controller.recognition.recognizer_file import save_recognizer
@@ -51,7 +60,11 @@ def train(
         raise MotiondeckError(f"{out.parent}: there is no such folder to write the recognizer to")
     look = FeatureRecipe(rate=rate, joints=tuple(name.strip() for name in joints.split(",") if name.strip()))
     dataset = read(data)
-    recognizer = train_recognizer(dataset, look, ExpertRecipe(neurons=neurons, seed=seed))
+    tempos = tuple(dict.fromkeys(tempo or (1.0,)))
+    experts = ExpertRecipe(neurons=neurons, seed=seed)
+    if len(tempos) > 1:
+        experts = msgspec.structs.replace(experts, leak=ANY_TEMPO_LEAK)
+    recognizer = train_recognizer(dataset, look, experts, tempos)
     save_recognizer(recognizer, out, licence)
     said = describe(recognizer) | {"written": str(out), "skipped": dataset.skipped}
     if as_json:
@@ -154,6 +167,7 @@ def describe(recognizer: Recognizer) -> dict[str, Any]:
         "motions": list(recognizer.bank.classes),
         "clips": recognizer.clips,
         "neurons": recognizer.bank.recipe.neurons,
+        "leak": recognizer.bank.recipe.leak,
         "channels": recognizer.bank.readouts.shape[1],
         "joints": list(recognizer.recipe.joints),
         "rate_hz": recognizer.recipe.rate,

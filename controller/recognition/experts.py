@@ -29,6 +29,7 @@ from controller.generators.reservoir import Reservoir, drive, random_reservoir
 from controller.rotations import Array
 
 SMALLEST_ERROR = 1e-12
+ANY_TEMPO_LEAK = 1.0  # neurons without a time constant of their own suit motions that are learned at several tempos
 WASHOUT_SHARE = 3  # no more than a third of a clip is spent on washing the reservoir's start out
 
 

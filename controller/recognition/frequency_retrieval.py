@@ -38,6 +38,6 @@ def nearest_frequencies(numbers: NDArray[np.int64]) -> Prepare:
 
     def prepare(signals: list[Array], labels: Indices, classes: int) -> Scorer:
         known_by = np.log(np.concatenate(signals)[:, numbers])
-        return nearest(cdist(known_by, known_by), labels, classes)
+        return nearest(cdist(known_by, known_by).astype(np.float64), labels, classes)
 
     return prepare

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ from controller.rotations import Array
 
 # A known motion is called unknown this often, by its own training set.
 FALSE_REJECTIONS = 0.05
+SHORTEST_TEMPO, LONGEST_TEMPO = 0.1, 10.0
 
 
 @dataclass(frozen=True)
@@ -75,15 +77,27 @@ class Recognizer:
         return Verdict(self.bank.classes[int(costs.argmin())], margin >= self.threshold, margin, named)
 
 
-def train_recognizer(dataset: Dataset, look: FeatureRecipe, experts: ExpertRecipe) -> Recognizer:
+def train_recognizer(
+    dataset: Dataset, look: FeatureRecipe, experts: ExpertRecipe, tempos: Sequence[float] = (1.0,)
+) -> Recognizer:
     """A recognizer of the classes of a dataset.
 
     Its threshold is set so that of the training clips, each asked of experts that have not seen its actor, a share of
     FALSE_REJECTIONS is called unknown.
 
+    Args:
+        dataset: what is learned.
+        look: at what.
+        experts: how they are made.
+        tempos: each clip is learned as if it took so many times as long, once for each; at least one.
+
     Raises:
-        MotiondeckError: if there are fewer than two classes, or a clip lacks a joint the features need.
+        MotiondeckError: if there are fewer than two classes, a clip lacks a joint the features need, or a tempo is not
+            between SHORTEST_TEMPO and LONGEST_TEMPO.
     """
+    for tempo in tempos:
+        if not SHORTEST_TEMPO <= tempo <= LONGEST_TEMPO:
+            raise MotiondeckError(f"a tempo of {tempo:g} is not between {SHORTEST_TEMPO:g} and {LONGEST_TEMPO:g}")
     if len(dataset.classes) < 2:
         raise MotiondeckError(
             f"there is only one class, '{dataset.classes[0]}'; to tell motions apart takes two folders or more."
@@ -97,18 +111,23 @@ def train_recognizer(dataset: Dataset, look: FeatureRecipe, experts: ExpertRecip
         velocity=look.velocity,
         rate=look.rate,
     )
-    signals = [features(example.clip, look) for example in dataset.examples]
-    short = [e.path for e, signal in zip(dataset.examples, signals, strict=True) if len(signal) < 2]
+    takes = [[features(example.clip, look, tempo) for tempo in tempos] for example in dataset.examples]
+    short = [e.path for e, own in zip(dataset.examples, takes, strict=True) if min(map(len, own)) < 2]
     if short:
         raise MotiondeckError(f"{short[0]}: too short for {look.rate:g} Hz features. Remove it, or raise --rate.")
-    labels = [example.label for example in dataset.examples]
-    bank = teach(experts, signals, labels)
-    threshold = rejection_threshold(signals, dataset, experts)
+    bank = _taught(takes, range(len(takes)), dataset, experts)
+    threshold = rejection_threshold(takes, dataset, experts)
     sources = tuple(example.path.name for example in dataset.examples)
-    return Recognizer(look, bank, threshold, len(signals), sources)
+    return Recognizer(look, bank, threshold, len(takes), sources)
 
 
-def rejection_threshold(signals: list[Array], dataset: Dataset, experts: ExpertRecipe) -> float:
+def _taught(takes: list[list[Array]], learn: Iterable[int], dataset: Dataset, experts: ExpertRecipe) -> ExpertBank:
+    """A bank that has learned all takes of some examples."""
+    pairs = [(take, dataset.examples[i].label) for i in learn for take in takes[i]]
+    return teach(experts, [take for take, _ in pairs], [label for _, label in pairs])
+
+
+def rejection_threshold(takes: list[list[Array]], dataset: Dataset, experts: ExpertRecipe) -> float:
     """The margin that a share of FALSE_REJECTIONS of the known motions falls short of, by cross-validation.
 
     Zero, which rejects nothing, where the set is too small to be split.
@@ -119,6 +138,6 @@ def rejection_threshold(signals: list[Array], dataset: Dataset, experts: ExpertR
     except MotiondeckError:
         return 0.0
     for learn, ask in splits:
-        bank = teach(experts, [signals[i] for i in learn], [dataset.examples[i].label for i in learn])
-        seen.append(margins(bank.costs([signals[i] for i in ask])))
+        bank = _taught(takes, learn, dataset, experts)
+        seen.append(margins(bank.costs([take for i in ask for take in takes[i]])))
     return float(np.quantile(np.concatenate(seen), FALSE_REJECTIONS))

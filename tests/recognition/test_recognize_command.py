@@ -77,6 +77,17 @@ def test_train_and_run(folder, tmp_path):
     assert streamed["spans"][-1]["to_s"] == pytest.approx(streamed["frames"] / 30.0)
 
 
+def test_train_at_several_tempos(folder, tmp_path):
+    out = tmp_path / "tempos.safetensors"
+    tempos = ("--tempo", 0.7, "--tempo", 1, "--tempo", 1.4)
+    said = json.loads(invoke("recognize", "train", folder, "--out", out, *tempos, "--json").stdout)
+    assert (said["clips"], said["leak"]) == (12, 1.0)
+    result = json.loads(invoke("recognize", "run", out, folder / "leg" / "P2_leg_1.amc", "--json").stdout)
+    assert result["results"][0]["motion"] == "leg"
+    with pytest.raises(MotiondeckError, match="a tempo of 0 "):
+        invoke("recognize", "train", folder, "--out", out, "--tempo", 0)
+
+
 def test_one_wrong_clip_among_several_is_skipped_and_alone_it_is_an_error(folder, tmp_path):
     out = tmp_path / "two.safetensors"
     invoke("recognize", "train", folder, "--out", out)

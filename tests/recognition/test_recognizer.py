@@ -121,3 +121,22 @@ def test_a_damaged_file_never_does_anything_but_complain(file, tmp_path, cut, by
 def test_a_folder_that_is_not_there_cannot_be_written_to(trained, tmp_path):
     with pytest.raises(FileFormatError, match="cannot be written"):
         save_recognizer(trained, tmp_path / "none" / "x.safetensors")
+
+
+def test_learned_at_several_tempos_a_motion_is_known_at_each_of_them():
+    experts = ExpertRecipe(neurons=50, leak=1.0)
+    once = train_recognizer(dataset(("ann", "bob")), FeatureRecipe(), experts)
+    trained = train_recognizer(dataset(("ann", "bob")), FeatureRecipe(), experts, (0.5, 1.0, 2.0))
+    assert trained.clips == once.clips
+    assert trained.sources == once.sources
+    assert sum(of.count for of in trained.bank.moments) > 3.0 * sum(of.count for of in once.bank.moments)
+    for pace in (0.5, 2.0):
+        asked = clip("march", "cem", pace, 5)
+        assert trained.recognize(asked).motion == "march"
+        assert trained.recognize(asked).costs["march"] < once.recognize(asked).costs["march"]
+
+
+@pytest.mark.parametrize("tempo", [0.0, -1.0, 11.0, float("nan")])
+def test_an_impossible_tempo_is_refused(tempo):
+    with pytest.raises(MotiondeckError, match=r"a tempo of .* is not between 0\.1 and 10"):
+        train_recognizer(dataset(("ann", "bob")), FeatureRecipe(), ExpertRecipe(neurons=10), (1.0, tempo))
