@@ -11,8 +11,11 @@ from controller.mocap.reading import read_clip
 from sim.flesh import stature
 from sim.layout import Layout
 from sim.mannequin import build_mannequin
+from sim.playback import PhysicsPlayback
 from sim.retarget import MannequinRetargeter
-from simulated_bodies import human, random_pose, skeletons
+from sim.robot import load_robot
+from sim.self_collision import SelfCollision
+from simulated_bodies import ROBOTS, bent_pose, human, random_pose, skeletons
 
 
 def joint_error(model, skeleton, poses):
@@ -125,12 +128,38 @@ def test_left_and_right_limbs_differ_in_colour():
 
 @settings(max_examples=20)
 @given(skeletons())
-def test_nothing_touches_anything(skeleton):
+def test_at_rest_nothing_touches_anything(skeleton):
     model = build_mannequin(skeleton).compile()
     data = mujoco.MjData(model)
     data.qpos[2] = -0.1
     mujoco.mj_forward(model, data)
     assert data.ncon == 0
+
+
+def test_crossed_legs_stop_one_another():
+    body = human()
+    robot = load_robot(ROBOTS / "mannequin.toml", body)
+    overlap, played, output = SelfCollision(robot), np.zeros(robot.model.nq), PhysicsPlayback(robot, 0.005)
+    for share in np.linspace(0.0, 1.0, 80):
+        pose = bent_pose(body, rkne=(0.35 * share, 0, 0), lkne=(-0.35 * share, 0, 0))
+        targets = robot.retarget(pose)
+        output.write(targets, pose)
+        robot.place(targets, pose, played)
+    assert output.data.ncon > 0
+    assert overlap(played)[1] == "rkne and lkne"
+    assert overlap(output.qpos)[0] < 0.6 * overlap(played)[0]
+    assert output.report()["faults"] == 0
+
+
+@pytest.mark.parametrize("bone", ["relb", "lwri", "rank", "lkne", "head"])
+def test_neighbours_never_push_one_another(bone):
+    body = human()
+    model = build_mannequin(body).compile()
+    data, targets = mujoco.MjData(model), MannequinRetargeter(body)
+    Layout.of(model).place(targets(bent_pose(body, **{bone: (0.0, -1.3, 0.0)})), data.qpos)
+    mujoco.mj_forward(model, data)
+    pair = {model.body(bone).id, int(model.body(bone).parentid[0])}
+    assert all(set(model.geom_bodyid[geoms].tolist()) != pair for geoms in data.contact.geom)
 
 
 def test_the_model_survives_being_saved(tmp_path):
