@@ -1,6 +1,6 @@
 """Many runs of one motion side by side: a step of all of them is one product of matrices, not many of vectors.
 
-The same equations as in the networks themselves (`generators/conceptor.py`, `generators/echo_state.py`), with places
+The same equations as in the networks themselves (`generators/conceptor.py` and its neighbours), with places
 for the thesis's two disturbances: of the first state (eq. 4.1) and of every state (eqs 4.2, 4.4).
 """
 
@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from controller.generators.conceptor import ConceptorNetwork
 from controller.generators.echo_state import EchoStateNetwork
+from controller.generators.morph import ReservoirNetwork
+from controller.generators.random_feature_conceptor import RandomFeatureNetwork
 
 Float32 = NDArray[np.float32]
 Rows = NDArray[Any]
@@ -145,10 +147,50 @@ class EchoStateBatch:
         return ~(np.abs(self._x).max(1) <= 1.0 + 1e-4)
 
 
-def batch_of(
-    network: ConceptorNetwork | EchoStateNetwork, motion: str, runs: int, weights: Float32 | None = None
-) -> Batch:
+class RandomFeatureBatch:
+    """R runs of one motion of a random feature network.
+
+    Args:
+        network: what plays.
+        motion: which motion; all runs start at its first anchor.
+        runs: R.
+    """
+
+    def __init__(self, network: RandomFeatureNetwork, motion: str, runs: int) -> None:
+        self.neurons = network.neurons
+        self._part = network[motion]
+        uses, self._shared = self._part.uses, network.reservoir
+        self._features, self._feedback = self._shared.features[uses].T, self._shared.feedback[uses]
+        self._readout = self._shared.readout[uses]
+        self._z = np.repeat(self._part.states[:1], runs, axis=0)
+        self._reach = 4.0 * np.square(self._part.states).sum(1).max()
+
+    def displace(self, noise: Float32) -> None:
+        """r(0) = s + noise, as far as the motion's features see it."""
+        self._z += self._part.conception * (noise @ self._features)
+
+    def advance(self, noise: Float32 | None = None) -> Float32:
+        """r(n+1) = tanh(G z(n) + b) + noise,  z(n+1) = c F' r(n+1) + (1 - c) m,  y(n+1) = W_out z(n+1)."""
+        hidden = np.tanh(self._z @ self._feedback + self._shared.bias)
+        if noise is not None:
+            hidden += noise
+        self._z = self._part.conception * (hidden @ self._features) + self._part.offset
+        frames: Any = self._z @ self._readout + self._shared.rest
+        return frames
+
+    def cue(self, rows: Rows, anchors: Rows) -> None:
+        """Puts some of the runs into stored states."""
+        self._z[rows] = self._part.states[anchors]
+
+    def astray(self) -> NDArray[np.bool_]:
+        """Where z is longer than playing makes it."""
+        return ~(np.square(self._z).sum(1) <= self._reach)
+
+
+def batch_of(network: ReservoirNetwork, motion: str, runs: int, weights: Float32 | None = None) -> Batch:
     """R runs of one motion of whichever network; see `ConceptorBatch` for the weights."""
     if isinstance(network, ConceptorNetwork):
         return ConceptorBatch(network, motion, runs, weights)
+    if isinstance(network, RandomFeatureNetwork):
+        return RandomFeatureBatch(network, motion, runs)
     return EchoStateBatch(network, motion, runs)

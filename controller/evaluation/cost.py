@@ -11,7 +11,8 @@ import msgspec
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from controller.generators.conceptor import ConceptorNetwork
+from controller.generators.echo_state import EchoStateNetwork
+from controller.generators.random_feature_conceptor import RandomFeatureNetwork
 from controller.training.fit import Syllabus, teach
 from controller.training.library import Network
 from controller.training.recipe import LibraryRecipe
@@ -119,6 +120,8 @@ def _step_us(network: Network) -> float:
 
 def _stored_bytes(network: Network) -> int:
     arrays = [getattr(network[name], field.name) for name in network.motions for field in fields(network[name])]
-    if not isinstance(network, ConceptorNetwork):
+    if isinstance(network, EchoStateNetwork):
         arrays += [network.weights, network.feedback, network.bias]
+    if isinstance(network, RandomFeatureNetwork):
+        arrays += [getattr(network.reservoir, field.name) for field in fields(network.reservoir)]
     return sum(array.nbytes for array in arrays)

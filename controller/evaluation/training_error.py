@@ -16,6 +16,7 @@ from controller.training.conceptor_training import ConceptorRecipe, load_reservo
 from controller.training.echo_state_training import EchoStateRecipe, train_echo_state
 from controller.training.fit import Syllabus, find_recording
 from controller.training.library import Network
+from controller.training.random_feature_training import RandomFeatureRecipe, train_random_features
 from controller.training.recipe import LibraryRecipe
 from controller.training.ridge import ridge
 from controller.training.self_test import Judge
@@ -59,6 +60,11 @@ def training_error(recipe: LibraryRecipe, syllabus: Syllabus, seed: int, data: P
         network = train_echo_state(lessons, normalisation, msgspec.structs.replace(plan, anchor_every=1), seed)
         errors = [nrmse(network.recall(name), frames) for name, frames in syllabus.frames.items()]
         size = float(np.mean([mabs(network[name].readout) for name in network.motions]))
+        return TrainingError(seed, size, float(np.mean(errors)), None, None, network)
+    if isinstance(plan, RandomFeatureRecipe):
+        network = train_random_features(lessons, normalisation, msgspec.structs.replace(plan, anchor_every=1), seed)
+        errors = [nrmse(network.recall(name), frames) for name, frames in syllabus.frames.items()]
+        size = mabs(network.reservoir.readout * normalisation.scaling)
         return TrainingError(seed, size, float(np.mean(errors)), None, None, network)
     if not isinstance(plan, ConceptorRecipe):
         raise MotiondeckError(

@@ -16,9 +16,7 @@ import numpy as np
 
 from controller.generators.base import Channels, FrameNetwork
 from controller.generators.centralized_network import CentralizedNetwork
-from controller.generators.conceptor import ConceptorNetwork
-from controller.generators.echo_state import EchoStateNetwork
-from controller.generators.morph import Morph, morph
+from controller.generators.morph import Morph, ReservoirNetwork, morph
 from controller.quintic import rise
 
 AHEAD = 3
@@ -38,7 +36,7 @@ class Mixture:
         anchor: of that motion, nearest to where it goes on alone after a mixture.
     """
 
-    def __init__(self, network: FrameNetwork, core: ConceptorNetwork | EchoStateNetwork | CentralizedNetwork) -> None:
+    def __init__(self, network: FrameNetwork, core: ReservoirNetwork | CentralizedNetwork) -> None:
         self.motions, self.channels = network.motions, network.channels
         self._network, self._core = network, core
         self._pair = core.twin(), core.twin()

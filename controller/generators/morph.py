@@ -8,7 +8,8 @@ conceptor acts about its own mean, so there the means are mixed with the same sh
 
     x(n) = (1 - mu) m_i + mu m_j + U_i z_i + U_j z_j,
 
-and the mixture is played exactly: nothing of the dense matrices is needed.
+and the mixture is played exactly: nothing of the dense matrices is needed. Conception weights, which are a diagonal
+conceptor on random features, are mixed alike.
 """
 
 from __future__ import annotations
@@ -21,6 +22,9 @@ from controller.errors import MotiondeckError
 from controller.generators.base import Channels
 from controller.generators.conceptor import ConceptorNetwork
 from controller.generators.echo_state import EchoStateMotion, EchoStateNetwork
+from controller.generators.random_feature_conceptor import RandomFeatureNetwork
+
+ReservoirNetwork = ConceptorNetwork | EchoStateNetwork | RandomFeatureNetwork
 
 
 class Morph(Protocol):
@@ -39,7 +43,7 @@ class Morph(Protocol):
         ...
 
 
-def morph(network: ConceptorNetwork | EchoStateNetwork, source: str, target: str) -> Morph:
+def morph(network: ReservoirNetwork, source: str, target: str) -> Morph:
     """A morph that starts where a network is in the motion it plays.
 
     Raises:
@@ -48,6 +52,8 @@ def morph(network: ConceptorNetwork | EchoStateNetwork, source: str, target: str
     """
     if isinstance(network, ConceptorNetwork):
         return _ConceptorMorph(network, source, target)
+    if isinstance(network, RandomFeatureNetwork):
+        return _FeatureMorph(network, source, target)
     return _EchoStateMorph(network, source, target)
 
 
@@ -80,6 +86,35 @@ class _ConceptorMorph:
 
     def give_up(self) -> None:
         self._network.restore((self._source, self._bound, self._z_source.astype(np.float32)))
+
+
+class _FeatureMorph:
+    def __init__(self, network: RandomFeatureNetwork, source: str, target: str) -> None:
+        self._network, shared = network, network.reservoir
+        self._source, self._target, self._to = network[source], network[target], target
+        playing, self._bound, self._z_source = network.snapshot()
+        _check(playing is self._source, source)
+        self._z_target = np.zeros_like(self._target.offset)
+        self._features, self._feedback, self._readout = (
+            tuple(rows[part.uses] for part in (self._source, self._target))
+            for rows in (shared.features, shared.feedback, shared.readout)
+        )
+
+    def advance(self, mu: float, out: Channels) -> None:
+        a, b, shared = self._source, self._target, self._network.reservoir
+        hidden = np.tanh(self._z_source @ self._feedback[0] + self._z_target @ self._feedback[1] + shared.bias)
+        self._z_source = np.float32(1.0 - mu) * (a.conception * (self._features[0] @ hidden) + a.offset)
+        self._z_target = np.float32(mu) * (b.conception * (self._features[1] @ hidden) + b.offset)
+        out[:] = self._z_source @ self._readout[0] + self._z_target @ self._readout[1] + shared.rest
+
+    def settle(self) -> None:
+        anchor = self._network.twin()
+        anchor.cue(self._to, 0)
+        playing, bound, _ = anchor.snapshot()
+        self._network.restore((playing, bound, self._z_target))
+
+    def give_up(self) -> None:
+        self._network.restore((self._source, self._bound, self._z_source))
 
 
 class _EchoStateMorph:

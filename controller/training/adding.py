@@ -18,6 +18,7 @@ from controller.errors import MotiondeckError
 from controller.generators.centralized_network import CentralizedNetwork
 from controller.generators.conceptor import ConceptorNetwork
 from controller.generators.echo_state import EchoStateNetwork
+from controller.generators.random_feature_conceptor import RandomFeatureNetwork
 from controller.generators.reservoir import Reservoir
 from controller.mocap.clip import Clip
 from controller.mocap.normalisation import Normalisation
@@ -121,4 +122,9 @@ def _learn(
         normalisation = Normalisation.fit([frames])
         lesson = Lesson(motion.name, normalisation.apply(frames), loop)
         return network.joined(train_centralized_network([lesson], normalisation, plan, rate, seed)), (None, None)
+    if isinstance(network, RandomFeatureNetwork):
+        raise MotiondeckError(
+            f"library '{recipe.name}' holds random feature conceptors, which learn all motions at once; "
+            "name the clip in their recipe and train it again with fit"
+        )
     raise MotiondeckError(f"the recipe in the library '{recipe.name}' is for another kind of network")

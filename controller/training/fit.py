@@ -34,18 +34,20 @@ from controller.training.library import (
     describe_skeleton,
 )
 from controller.training.loops import close_loop, hold_end
-from controller.training.recipe import LibraryRecipe, MotionRecipe
+from controller.training.random_feature_training import RandomFeatureRecipe, train_random_features
+from controller.training.recipe import LibraryRecipe, MotionRecipe, ReservoirRecipe
 from controller.training.self_test import Judge, Verdict, self_test
 from controller.training.stress_test import stress_test
 
 SHORTEST = 48  # frames of a recording: two windows of the self-test
 
 Progress = Callable[[str], None]
-Kind = ConceptorRecipe | EchoStateRecipe | CentralizedRecipe
+Kind = ReservoirRecipe | CentralizedRecipe
 
-_KINDS: dict[type, Literal["conceptor", "echo-state", "centralized"]] = {
+_KINDS: dict[type, Literal["conceptor", "echo-state", "random-feature", "centralized"]] = {
     ConceptorRecipe: "conceptor",
     EchoStateRecipe: "echo-state",
+    RandomFeatureRecipe: "random-feature",
     CentralizedRecipe: "centralized",
 }
 
@@ -174,6 +176,8 @@ def teach(
         if judge is None:
             return conceptor_network(loaded, lessons, normalisation, recipe)
         return settled_network(loaded, lessons, normalisation, recipe, judge, seed)
+    if isinstance(recipe, RandomFeatureRecipe):
+        return train_random_features(lessons, normalisation, recipe, seed)
     return train_echo_state(lessons, normalisation, recipe, seed)
 
 

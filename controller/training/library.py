@@ -21,6 +21,7 @@ from controller.errors import FileFormatError, MotiondeckError
 from controller.generators.centralized_network import CentralizedNetwork, StoredMotion
 from controller.generators.conceptor import ConceptorMotion, ConceptorNetwork, Memory
 from controller.generators.echo_state import EchoStateMotion, EchoStateNetwork
+from controller.generators.random_feature_conceptor import FeatureMotion, FeatureReservoir, RandomFeatureNetwork
 from controller.mocap.bone_directions import BoneDirections
 from controller.mocap.encoding import Encoding
 from controller.mocap.joint_angles import JointAngles, JointBody
@@ -32,7 +33,7 @@ VERSION = 1
 KIND = Kind("motion library", "motiondeck", VERSION, "`motiondeck fit`")
 FEWEST_ANCHORS = 3  # with fewer nobody can tell how a motion moves
 
-Network = ConceptorNetwork | EchoStateNetwork
+Network = ConceptorNetwork | EchoStateNetwork | RandomFeatureNetwork
 AnyNetwork = Network | CentralizedNetwork
 
 
@@ -93,7 +94,7 @@ class LibraryInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
 
     version: int
     name: str
-    network: Literal["conceptor", "echo-state", "centralized"]
+    network: Literal["conceptor", "echo-state", "random-feature", "centralized"]
     encoding: Literal["bone directions", "joint rotations", "joint angles"]
     rate: float
     seed: int
@@ -171,6 +172,8 @@ def save_library(library: MotionLibrary, path: Path) -> None:
     if isinstance(network, EchoStateNetwork):
         arrays |= {"weights": network.weights, "feedback": network.feedback, "bias": network.bias}
         arrays |= {"shift": network.normalisation.shift, "scaling": network.normalisation.scaling}
+    if isinstance(network, RandomFeatureNetwork):
+        arrays |= {field.name: getattr(network.reservoir, field.name) for field in fields(network.reservoir)}
     write_arrays(path, KIND, library.info, arrays)
 
 
@@ -243,6 +246,8 @@ class _Reader:
             network: AnyNetwork = ConceptorNetwork(parts, memory)
         elif info.network == "centralized":
             network = self.centralized(info, channels)
+        elif info.network == "random-feature":
+            network = self.random_features(info, channels)
         else:
             neurons = self.size("bias")
             network = EchoStateNetwork(
@@ -292,6 +297,30 @@ class _Reader:
             states=self.take(at + "states", anchors, neurons),
             outputs=self.take(at + "outputs", anchors, channels),
         )
+
+    def random_features(self, info: LibraryInfo, channels: int) -> RandomFeatureNetwork:
+        many, neurons = self.size("features"), self.size("features", 1)
+        reservoir = FeatureReservoir(
+            features=self.take("features", many, neurons),
+            feedback=self.take("feedback", many, neurons),
+            bias=self.take("bias", neurons),
+            readout=self.take("readout", many, channels),
+            rest=self.take("rest", channels),
+        )
+        motions = {}
+        for motion in info.motions:
+            at = f"motion/{motion.name}/"
+            count, anchors = self.size(at + "uses"), self.anchors(at)
+            uses = self.take(at + "uses", count, kind=np.int32)
+            if not 0 <= uses.min() <= uses.max() < many:
+                raise FileFormatError(f"{self.path}: '{at}uses' names a feature that is not among the {many}")
+            motions[motion.name] = FeatureMotion(
+                uses=uses,
+                conception=self.take(at + "conception", count),
+                offset=self.take(at + "offset", count),
+                states=self.take(at + "states", anchors, count),
+            )
+        return RandomFeatureNetwork(reservoir, motions)
 
     def centralized(self, info: LibraryInfo, channels: int) -> CentralizedNetwork:
         motions = {}

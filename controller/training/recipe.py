@@ -15,6 +15,9 @@ from controller.mocap.reading import read_clip
 from controller.training.centralized_training import CentralizedRecipe
 from controller.training.conceptor_training import ConceptorRecipe
 from controller.training.echo_state_training import EchoStateRecipe
+from controller.training.random_feature_training import RandomFeatureRecipe
+
+ReservoirRecipe = ConceptorRecipe | EchoStateRecipe | RandomFeatureRecipe
 
 _SATELLITES = 6.0  # a second of what was taught
 
@@ -55,7 +58,7 @@ class LibraryRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_
     """
 
     name: str
-    network: ConceptorRecipe | EchoStateRecipe | CentralizedRecipe
+    network: ReservoirRecipe | CentralizedRecipe
     motions: list[MotionRecipe]
     body: str
     encoding: Literal["bone directions", "joint rotations"] = "bone directions"
@@ -66,7 +69,7 @@ class LibraryRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_
     acknowledgement: str = ""
 
     @property
-    def reservoir(self) -> ConceptorRecipe | EchoStateRecipe:
+    def reservoir(self) -> ReservoirRecipe:
         """The network, where only one with a reservoir will do.
 
         Raises:
@@ -164,13 +167,17 @@ def _checked(recipe: LibraryRecipe, path: Path) -> LibraryRecipe:
     return recipe
 
 
-def _check_network(path: Path, network: ConceptorRecipe | EchoStateRecipe | CentralizedRecipe) -> None:
+def _check_network(path: Path, network: ReservoirRecipe | CentralizedRecipe) -> None:
     """Refuses sizes and scales that no network can have."""
     for field in network.__struct_fields__:
         value = getattr(network, field)
         if isinstance(value, bool) or not isinstance(value, int | float):
             continue
         least = 0 if field.endswith(("noise", "wrong_starts")) else 1 if isinstance(value, int) else 1e-9
-        most = 20_000 if field == "neurons" else 1.0 if field == "leak" else 1e6
+        most = 20_000 if field in {"neurons", "features"} else 1.0 if field == "leak" else 1e6
         if not least <= value <= most:
             raise FileFormatError(f"{path}: network.{field} is {value}; it lies between {least} and {most}")
+    if isinstance(network, RandomFeatureRecipe) and network.features_each > network.features:
+        raise FileFormatError(
+            f"{path}: network.features_each is {network.features_each}, but network.features is {network.features}"
+        )

@@ -12,8 +12,7 @@ import numpy as np
 
 from controller.evaluation.batch import batch_of
 from controller.evaluation.disturbance import Kind, disturbed
-from controller.generators.conceptor import ConceptorNetwork
-from controller.generators.echo_state import EchoStateNetwork
+from controller.training.library import Network
 from controller.training.self_test import Judge, Verdict
 
 RUNS = 5
@@ -22,9 +21,7 @@ FORGIVEN = 1
 _WORDS: dict[Kind, str] = {"robustness": "started from noise", "stability": "disturbed"}
 
 
-def stress_test(
-    network: ConceptorNetwork | EchoStateNetwork, verdicts: dict[str, Verdict], judge: Judge, seed: int
-) -> dict[str, Verdict]:
+def stress_test(network: Network, verdicts: dict[str, Verdict], judge: Judge, seed: int) -> dict[str, Verdict]:
     """The verdicts of the free runs, made worse where a loop does not survive a disturbance.
 
     Args:
@@ -39,9 +36,7 @@ def stress_test(
     }
 
 
-def _stressed(
-    network: ConceptorNetwork | EchoStateNetwork, motion: str, verdict: Verdict, judge: Judge, seed: int
-) -> Verdict:
+def _stressed(network: Network, motion: str, verdict: Verdict, judge: Judge, seed: int) -> Verdict:
     rng = np.random.default_rng([seed, network.motions.index(motion)])
     for kind, words in _WORDS.items():
         runs = disturbed(kind, batch_of(network, motion, RUNS), RUNS, rng)
