@@ -25,6 +25,7 @@ from controller.realtime.deck import Deck
 from controller.realtime.safety import SafetyEnvelope
 from controller.rotations import Array
 from controller.training.library import load_library
+from sim.physics_model import feet_of
 from sim.playback import PhysicsPlayback
 from sim.robot import Robot, load_robot
 
@@ -48,12 +49,17 @@ GRAVITY = 9.81
 
 @dataclass(frozen=True)
 class Row:
-    """How one motion stood; times in s, the whole run where it never fell."""
+    """How one motion stood; times in s, the whole run where it never fell.
+
+    Attributes:
+        turned_deg: how far the line between the feet had turned at the end, balanced and pushed, anticlockwise.
+    """
 
     motion: str
     robot: str
     plain_s: float
     balanced_s: float
+    turned_deg: float
     push_ns: float
     rms_current_a: float | None
 
@@ -66,13 +72,15 @@ def push_of(robot: Robot) -> float:
 
 def stand(
     robot: Robot, play: Callable[[float], tuple[Array, Pose]], seconds: float, balance: bool, impulse: float
-) -> tuple[float, PhysicsPlayback, list[Array]]:
-    """Plays until the robot falls or the time is over; how long it stood, its simulation, and pictures."""
+) -> tuple[float, PhysicsPlayback, list[Array], float]:
+    """Plays until the robot falls or time is over; how long it stood, its simulation, pictures, and its turn, rad."""
     stage = PhysicsPlayback(robot, TICK, "free", balance)
     envelope = SafetyEnvelope(robot.limits, TICK)
     targets, pose = play(TICK)
     envelope.start(np.clip(targets, robot.limits.lower, robot.limits.upper))
     pictures: list[Array] = []
+    feet = [stage.model.body(foot.body).id for foot in feet_of(robot)]
+    lines: list[float] = []
     often = round((0.25 if not balance else 1.0) / TICK)
     for tick in range(round(seconds / TICK)):
         at = tick * TICK
@@ -81,12 +89,15 @@ def stand(
         force = impulse / LASTS * np.array([np.cos(angle), np.sin(angle), 0.0])
         stage.push(force if count > 0 and since < LASTS else np.zeros(3))
         stage.write(envelope(targets), pose)
+        x, y, _ = stage.data.xpos[feet[1]] - stage.data.xpos[feet[0]]
+        lines.append(float(np.arctan2(y, x)))
         if tick % often == 0 or stage.fell_s is not None:
             pictures.append(stage.qpos.copy())
         if stage.fell_s is not None:
             break
         targets, pose = play(TICK)
-    return seconds if stage.fell_s is None else stage.fell_s, stage, pictures
+    way = np.unwrap(lines)
+    return seconds if stage.fell_s is None else stage.fell_s, stage, pictures, float(way[-1] - way[0])
 
 
 def player(
@@ -106,11 +117,15 @@ def measure(library: str, motion: str, name: str, seconds: float, push: float) -
     """One case, and pictures of it played plainly and with balance."""
     robot, fresh = player(library, motion, name)
     impulse = push * push_of(robot)
-    plain, _, lying = stand(robot, fresh(), seconds, False, 0.0)
-    balanced, stage, standing = stand(robot, fresh(), seconds, True, impulse)
+    plain, _, lying, _ = stand(robot, fresh(), seconds, False, 0.0)
+    balanced, stage, standing, turned = stand(robot, fresh(), seconds, True, impulse)
     servos = stage.report().get("servos")
     current = servos["rms_current_a"] if isinstance(servos, dict) else None
-    return Row(f"{library} {motion}", name, plain, balanced, impulse, current), lying, standing
+    return (
+        Row(f"{library} {motion}", name, plain, balanced, float(np.degrees(turned)), impulse, current),
+        lying,
+        standing,
+    )
 
 
 def main() -> None:
@@ -130,11 +145,11 @@ def main() -> None:
     if given.json:
         print(json.dumps([asdict(row) for row in rows]))
         return
-    print(f"{'motion':18}{'robot':11}{'plain s':>8}{'balanced s':>12}{'push N s':>10}{'rms A':>7}")
+    print(f"{'motion':18}{'robot':11}{'plain s':>8}{'balanced s':>12}{'turned deg':>12}{'push N s':>10}{'rms A':>7}")
     for row in rows:
         current = "-" if row.rms_current_a is None else f"{row.rms_current_a:.2f}"
         print(
-            f"{row.motion:18}{row.robot:11}{row.plain_s:8.1f}{row.balanced_s:12.1f}{row.push_ns:10.2f}{current:>7}",
+            f"{row.motion:18}{row.robot:11}{row.plain_s:8.1f}{row.balanced_s:12.1f}{row.turned_deg:12.0f}{row.push_ns:10.2f}{current:>7}",
         )
 
 

@@ -35,6 +35,8 @@ from sim.takes import DT, Take
 CONTACT = 0.06
 _FRICTION = 0.7
 _CONE = np.array([[_FRICTION, 0.0, 1.0], [-_FRICTION, 0.0, 1.0], [0.0, _FRICTION, 1.0], [0.0, -_FRICTION, 1.0]])
+# It slides if a corner so near to the floor moves: a foot that swings through is higher, and one that rolls is still.
+TOUCHES = 0.008
 # What it costs to share out forces unevenly, against what it costs to leave the root unsupported.
 _EVENLY = 1e-3
 
@@ -48,7 +50,7 @@ class Loads:
         gravity, damping, inertia, friction: joint torques, shape (T, J), N m.
         collision: how deep bodies are in one another, shape (T,), m, and which ones at worst.
         lowest: height of the lowest point, shape (T,), m.
-        slide: how fast the soles that stand on the ground move along it, shape (T,), m/s.
+        slide: how fast what touches the ground of the soles moves along it, shape (T,), m/s.
         support: the polygon that the robot stands on in each sample, length T.
         com: of the centre of mass along the ground and its height, shape (T, 3), m.
         com_velocity: along the ground, shape (T, 2), m/s.
@@ -107,7 +109,7 @@ def loads_of(robot: Robot, take: Take, *, free: bool, collisions: SelfCollision)
                 mujoco.mj_inverse(model, data)
                 torque[which] = data.qfrc_inverse
             corners, jacobians = _corners(model, data, feet)
-            on = _on_the_ground(corners, robot)
+            on = _on_the_ground(corners, robot, CONTACT)
             damping = model.dof_damping * qvel[k]
             if free and on.any():
                 torque = np.stack([_carried_by_the_floor(one, jacobians[on]) for one in torque])
@@ -115,11 +117,12 @@ def loads_of(robot: Robot, take: Take, *, free: bool, collisions: SelfCollision)
             com[k] = data.subtree_com[int(model.jnt_bodyid[0])]
             support.append(convex_hull(corners[on, :2]))
             lowest[k] = lowest_point(data)
+            touches = _on_the_ground(corners, robot, TOUCHES)
             if before is not None:
-                both = on & before[0]
+                both = touches & before[0]
                 moved = np.hypot(*(corners[both, :2] - before[1][both, :2]).T) / DT
                 slide[k] = float(moved.max(initial=0.0))
-            before = on, corners
+            before = touches, corners
             depth[k], pair = collisions(qpos[k])
             if depth[k] > worst[1]:
                 worst = pair, depth[k]
@@ -183,10 +186,11 @@ def _corners(model: mujoco.MjModel, data: mujoco.MjData, feet: tuple[Foot, ...])
     return points, jacobians
 
 
-def _on_the_ground(corners: Array, robot: Robot) -> NDArray[np.bool_]:
+def _on_the_ground(corners: Array, robot: Robot, share: float) -> NDArray[np.bool_]:
+    """Which corners (C, 3) are within a share of the root's height of the lowest one."""
     if len(corners) == 0:
         return np.zeros(0, dtype=bool)
-    near = CONTACT * float(robot.model.body(int(robot.model.jnt_bodyid[0])).pos[2])
+    near = share * float(robot.model.body(int(robot.model.jnt_bodyid[0])).pos[2])
     return corners[:, 2] < corners[:, 2].min() + near
 
 

@@ -175,17 +175,20 @@ def _print(verdicts: list[Verdict], motions: int, report: dict[str, Any]) -> Non
 
     console = Console()
     held = {"gantry": "on a gantry", "fixed": "fixed"}.get(report["root"], "free" + ", balancing" * report["balance"])
-    table = Table(
-        title=f"{report['library']} on {report['robot']}, {held}, at tempo {report['speed']:g}", box=box.SIMPLE_HEAD
-    )
     every = [finding for verdict in verdicts[:motions] for finding in verdict.findings]
-    units = {finding.check: finding.unit for finding in every if finding.limit is not None or finding.check == "speed"}
-    for heading in ("", "passes at", *(f"{check}\n[dim]{unit}[/]" for check, unit in units.items())):
-        table.add_column(heading, justify="right" if heading else "left", overflow="fold", min_width=5)
-    for verdict in verdicts[:motions]:
-        found = {finding.check: _cell(finding.value, finding.limit, finding.ok) for finding in verdict.findings}
-        table.add_row(verdict.name, _tempo(verdict), *(found.get(check, "-") for check in units))
-    console.print(table)
+    judged = {finding.check for finding in every if finding.limit is not None or finding.check == "speed"}
+    title = f"{report['library']} on {report['robot']}, {held}, at tempo {report['speed']:g}"
+    for words, among in ((title, judged), ("for information", {finding.check for finding in every} - judged)):
+        units = {finding.check: finding.unit for finding in every if finding.check in among}
+        table = Table(title=words, box=box.SIMPLE_HEAD)
+        tempo = ("passes at",) if among is judged else ()
+        for heading in ("", *tempo, *(f"{check}\n[dim]{unit}[/]" for check, unit in units.items())):
+            table.add_column(heading, justify="right" if heading else "left", overflow="fold", min_width=5)
+        for verdict in verdicts[:motions]:
+            found = {finding.check: _cell(finding.value, finding.limit, finding.ok) for finding in verdict.findings}
+            passes = (_tempo(verdict),) if among is judged else ()
+            table.add_row(verdict.name, *passes, *(found.get(check, "-") for check in units))
+        console.print(table)
     for verdict in verdicts[:motions]:
         for finding in verdict.troubles:
             where = f" ({finding.where})" if finding.where else ""
@@ -199,7 +202,7 @@ def _print(verdicts: list[Verdict], motions: int, report: dict[str, Any]) -> Non
                 checks_bad = ", ".join(sorted({finding.check for finding in verdict.troubles}))
                 console.print(f"[red]{verdict.name}[/]: {checks_bad}; {_remedy(verdict)}", highlight=False)
         console.print("Switches by way of other motions are judged by their parts.", style="dim")
-    console.print("All numbers: --json. What each means: docs/physics.md", style="dim")
+    console.print("Where each number comes from: --json. What it means: docs/physics.md", style="dim")
     if not report["ok"]:
         console.print("A number in red is beyond its limit; slower: `speed FACTOR` at the prompt or with `send`.")
 

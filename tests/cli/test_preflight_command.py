@@ -43,6 +43,9 @@ def test_the_table_names_what_is_wrong_and_the_tempo_that_passes(library):
     assert "passes at" in run.stdout
     assert "off balance" in run.stdout
     assert "march: physics: stands" in run.stdout
+    limited, informing = run.stdout.split("for information")
+    assert "self-collision" in limited
+    assert "foot slide" in informing.split("march: physics")[0]
 
 
 @pytest.mark.parametrize(
