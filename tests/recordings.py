@@ -242,3 +242,18 @@ def c3d_bytes(labels, points, *, processor=84, scale=-0.1, rate=120.0, unit="mm"
     header = bytes([2, 0x50]) + struct.pack(order + "5H", count, 0, 1, frames, 10)
     header += floats(scale) + struct.pack(order + "2H", data_start, 0) + floats(rate)
     return header.ljust(512, b"\0") + section(data_start) + data
+
+
+MARKER_RATE = 60.0
+
+
+def markers(frames=300, count=8, seed=1):
+    """Markers on a body that sways, turns and goes away, mm."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(frames) / MARKER_RATE
+    wave = np.stack([np.sin(6 * t), np.cos(6 * t), np.sin(12 * t)], axis=-1)
+    sway = 60.0 * (wave @ rng.normal(size=(3, 3 * count))).reshape(frames, count, 3)
+    shape = 500.0 * rng.normal(size=(count, 3)) + sway
+    c, s, o = np.cos(t), np.sin(t), np.zeros_like(t)
+    turn = np.stack([c, s, o, -s, c, o, o, o, o + 1.0], axis=-1).reshape(-1, 3, 3)
+    return shape @ turn + np.stack([1000.0 * t, 300.0 * t**2, o], axis=-1)[:, None]

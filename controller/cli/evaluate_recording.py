@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -221,24 +222,27 @@ def reconstruction(clip: Clip) -> tuple[Table, None]:
     from controller.training.model_choice import hands_and_feet
 
     bones = hands_and_feet(clip.skeleton)
-    places = 1e3 * (clip.joints() - clip.root_position[:, None])
+    places = 1e3 * clip.joints()
     cuts = find_segments(body_features(clip), clip.rate)
     rows: list[dict[str, Value]] = []
     with progress("gaps", len(bones) * len(GAPS_S)) as tick:
         for bone in bones:
-            for gap in GAPS_S:
-                parts = [places[a:b] for a, b in cuts]
-                found = fill_hidden(parts, bone + 1, clip.rate, gap)
-                if found is not None:
-                    label = f"{clip.skeleton.bones[bone]}, {gap:g} s"
-                    rows.append({"hidden": label, "network mm": found[0], "line mm": found[1], "cubic mm": found[2]})
+            for gap_s in GAPS_S:
+                gap = round(gap_s * clip.rate)
+                starts = [(a + b - gap) // 2 for a, b in cuts if b - a >= gap + clip.rate]
+                if starts:
+                    found = fill_hidden(places, bone + 1, starts, gap, clip.rate)
+                    label = f"{clip.skeleton.bones[bone]}, {gap_s:g} s"
+                    rows.append({"hidden": label} | {f"{name} mm": missed for name, missed in asdict(found).items()})
                 tick()
     if not rows:
         raise MotiondeckError(f"{clip.source or clip.name}: too short to hide anything in it")
-    notes = ["one gap a segment; line and cubic: interpolated over the gap from the joint's own path"]
-    return Table(
-        f"{clip.name}: hidden joints, seen from the root", rows, ("network mm", "line mm", "cubic mm"), notes
-    ), None
+    notes = [
+        "mean absolute error of a coordinate, one gap in the middle of each segment that is long enough",
+        "cubic, line: over the gap from the joint's own path; mean: its mean place, seen from the middle of the others",
+    ]
+    columns = tuple(name for name in rows[0] if name != "hidden")
+    return Table(f"{clip.name}: hidden joints", rows, columns, notes), None
 
 
 def _say(part: Array, rate: float, satellites: int) -> Array:

@@ -18,7 +18,7 @@ for _library in ("OPENBLAS", "OMP", "MKL"):
 import typer  # noqa: E402
 
 from controller.cli import (  # noqa: E402
-    clip,
+    clip_fill,
     evaluate,
     fit,
     gamepad,
@@ -51,7 +51,7 @@ app.command("fit")(fit.fit)
 app.command("evaluate")(evaluate.evaluate)
 app.command("preflight")(preflight.preflight)
 app.add_typer(library_motions.app, name="library")
-app.add_typer(clip.app, name="clip")
+app.add_typer(clip_fill.app, name="clip")
 app.add_typer(rig.app, name="rig")
 app.add_typer(robot.app, name="robot")
 app.add_typer(recognize.app, name="recognize")

@@ -1,6 +1,8 @@
-"""Hides a joint for a while in each part of a recording, has it filled in, and says how far off that is."""
+"""Hides joints or markers for a while, has them filled in, and says how far off that is."""
 
 from __future__ import annotations
+
+from dataclasses import astuple, dataclass
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -8,37 +10,62 @@ from scipy.interpolate import CubicSpline
 from controller.rotations import Array
 from controller.training.reconstruction import fill_missing
 
-# What must be seen before and after a gap, s, and how much of it a cubic is laid through.
-SEEN_S, NEAR_S = 0.5, 0.25
+# How much of a path a cubic is laid through on each side of a gap, s.
+NEAR_S = 0.25
 
 
-def fill_hidden(parts: list[Array], joint: int, rate: float, gap_s: float) -> tuple[float, float, float] | None:
-    """Mean absolute errors of a coordinate in the gap: by the other joints' network, by a line, by a cubic.
+@dataclass(frozen=True)
+class Missed:
+    """Mean absolute errors of a coordinate in gaps, in the unit of the places.
+
+    Attributes:
+        network: filled in from the network of the others.
+        cubic: by a cubic spline through the path on both sides.
+        line: by a straight line.
+        mean: by the mean place, as seen from the middle of the others.
+    """
+
+    network: float
+    cubic: float
+    line: float
+    mean: float
+
+
+def fill_hidden(places: Array, which: int, starts: list[int], gap: int, rate: float) -> Missed:
+    """Hides one of M joints or markers in some gaps at once and fills them in.
 
     Args:
-        parts: joints of each part, shape (K, M, 3); too short ones are left out, None if all are.
-        joint: which one is hidden, in the middle of each part.
+        places: shape (K, M, 3); NaN where a marker is missing anyway, but not where it is hidden or near that.
+        which: of them is hidden.
+        starts: frames in which the gaps begin; there are at least two more on both sides.
+        gap: how many frames each lasts.
         rate: frames per second.
-        gap_s: for how long.
     """
-    gap, seen, near = round(gap_s * rate), round(SEEN_S * rate), max(2, round(NEAR_S * rate))
-    missed: list[tuple[float, float, float]] = []
-    for part in parts:
-        if len(part) < gap + 2 * seen:
-            continue
-        first = (len(part) - gap) // 2
+    hidden = places.copy()
+    for first in starts:
+        hidden[first : first + gap, which] = np.nan
+    filled = fill_missing(hidden, rate)[0]
+    near = max(2, round(NEAR_S * rate))
+    path = places[:, which]
+    middle = np.nanmean(np.delete(places, which, axis=1), axis=1)
+    seen_from_it = np.nanmean(hidden[:, which] - middle, axis=0)
+    missed = []
+    for first in starts:
         inside = np.arange(first, first + gap)
-        outside = np.concatenate([np.arange(first - near, first), np.arange(first + gap, first + gap + near)])
-        truth = part[inside, joint]
-        hidden = part.copy()
-        hidden[inside, joint] = np.nan
-        by_network = fill_missing(hidden, rate)[inside, joint]
+        around = np.arange(first - near, first + gap + near)
+        around = around[(around >= 0) & (around < len(path)) & ((around < first) | (around >= first + gap))]
+        around = around[np.isfinite(hidden[around, which, 0])]
         edges = [first - 1, first + gap]
-        by_line = np.stack([np.interp(inside, edges, part[edges, joint, axis]) for axis in range(3)], axis=-1)
-        by_cubic = CubicSpline(outside, part[outside, joint])(inside)
-        network, line, cubic = (float(np.abs(said - truth).mean()) for said in (by_network, by_line, by_cubic))
-        missed.append((network, line, cubic))
-    if not missed:
-        return None
-    network, line, cubic = np.mean(missed, axis=0).tolist()
-    return network, line, cubic
+        ways = (
+            filled[inside, which],
+            CubicSpline(around, path[around])(inside),
+            np.stack([np.interp(inside, edges, path[edges, axis]) for axis in range(3)], axis=-1),
+            middle[inside] + seen_from_it,
+        )
+        missed.append([float(np.abs(said - path[inside]).mean()) for said in ways])
+    return Missed(*np.mean(missed, axis=0).tolist())
+
+
+def mean_of(found: list[Missed]) -> Missed:
+    """The mean of several."""
+    return Missed(*np.mean([astuple(one) for one in found], axis=0).tolist())

@@ -48,13 +48,53 @@ class Markers:
     source: str
 
 
-def read_c3d(path: str | Path) -> Markers:
-    """The points in a C3D file.
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Where the numbers of a C3D file are, and what they mean.
+
+    Attributes:
+        processor: the kind of machine that wrote them.
+        parameters: of the file.
+        at: the first byte of the points.
+        frames, points, width: how many there are, and how many numbers a frame takes (4 a point, then analog ones).
+        scale: of whole numbers; negative where the points are floating-point numbers.
+        rate: frames per second.
+        unit: of the file, m.
+    """
+
+    processor: int
+    parameters: Parameters
+    at: int
+    frames: int
+    points: int
+    width: int
+    scale: float
+    rate: float
+    unit: float
+
+    @property
+    def number(self) -> np.dtype[np.generic]:
+        """What a number is stored as; floating-point ones of a DEC need `_floats` besides."""
+        order = ">" if self.processor == MIPS else "<"
+        return np.dtype(order + ("f4" if self.scale < 0.0 else "i2"))
+
+    @property
+    def bytes(self) -> slice:
+        """Where in the file the points are."""
+        return slice(self.at, self.at + self.frames * self.width * self.number.itemsize)
+
+    @property
+    def metres(self) -> float:
+        """What a stored number of 1 is, m."""
+        return self.unit if self.scale < 0.0 else self.unit * self.scale
+
+
+def read_layout(path: str | Path, content: bytes) -> Layout:
+    """How a C3D file is laid out.
 
     Raises:
-        FileFormatError: naming the file, if it cannot be read, does not follow the format or holds no points.
+        FileFormatError: naming the file, if it does not follow the format or holds no points.
     """
-    content = read_bytes(path)
     if len(content) < 2 * BLOCK or content[1] != 0x50:
         raise FileFormatError(f"{path}: this is no C3D file. Is it the right one?")
     start = (content[0] - 1) * BLOCK
@@ -86,19 +126,31 @@ def read_c3d(path: str | Path) -> Markers:
             f"{path}: {frames} frames of {points} points are announced, but there are {max(there, 0)}. "
             "The file is cut short: fetch it again."
         )
-    raw = content[at : at + frames * size]
-    words = _floats(raw, processor) if scale < 0.0 else np.frombuffer(raw, order + "i2").astype(np.float64)
-    place = words.reshape(frames, width)[:, : 4 * points].reshape(frames, points, 4).copy()
     unit = UNITS.get(_text(parameters, "POINT:UNITS").lower(), UNITS["mm"])
+    return Layout(processor, parameters, at, frames, points, width, scale, rate, unit)
+
+
+def read_c3d(path: str | Path) -> Markers:
+    """The points in a C3D file.
+
+    Raises:
+        FileFormatError: naming the file, if it cannot be read, does not follow the format or holds no points.
+    """
+    content = read_bytes(path)
+    form = read_layout(path, content)
+    raw = content[form.bytes]
+    words = _floats(raw, form.processor) if form.scale < 0.0 else np.frombuffer(raw, form.number).astype(np.float64)
+    place = words.reshape(form.frames, form.width)[:, : 4 * form.points].reshape(form.frames, form.points, 4).copy()
     with np.errstate(all="ignore"):  # a broken number is a point not seen
-        position = place[..., :3] * (unit if scale < 0.0 else unit * scale)
+        position = place[..., :3] * form.metres
         unseen = ~(place[..., 3] >= 0.0) | ~(np.abs(position).max(axis=-1) < FARTHEST)
     unseen |= (position == 0.0).all(axis=-1)
     position[unseen] = np.nan
     if unseen.all():
         raise FileFormatError(f"{path}: no point was ever seen in this file. Give another recording.")
-    up = _text(parameters, "POINT:Y_SCREEN").lower().lstrip("+")
-    return Markers(_labels(parameters, points), rate, position, up if up in ("x", "y", "z") else None, Path(path).name)
+    up = _text(form.parameters, "POINT:Y_SCREEN").lower().lstrip("+")
+    labels = _labels(form.parameters, form.points)
+    return Markers(labels, form.rate, position, up if up in ("x", "y", "z") else None, Path(path).name)
 
 
 def _parameters(path: str | Path, content: bytes, at: int, processor: int) -> Parameters:

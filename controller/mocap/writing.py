@@ -1,14 +1,16 @@
-"""Clips written for other programs: BVH with their rotations, CSV with the positions of their joints."""
+"""Clips written for other programs: BVH with their rotations, CSV with the positions of joints or markers."""
 
 from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from controller.errors import FileFormatError
+from controller.mocap.c3d import Markers
 from controller.mocap.clip import Clip
 from controller.mocap.rest_pose import TO_OURS
 from controller.mocap.skeleton import ROOT
@@ -29,11 +31,20 @@ def write_clip(clip: Clip, path: Path) -> None:
     if path.suffix.lower() not in FORMATS:
         raise FileFormatError(f"{path}: clips are written as {' or '.join(FORMATS)}. Name the file so.")
     text = bvh_text(clip) if path.suffix.lower() == ".bvh" else csv_text(clip)
+    write_file(path, text.encode())
+
+
+def write_file(path: Path, content: bytes) -> None:
+    """Writes a file under a temporary name and renames it.
+
+    Raises:
+        FileFormatError: if it cannot be written.
+    """
     temporary = None
     try:
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
         Path(temporary).chmod(0o644)
         Path(temporary).replace(path)
     except OSError as error:
@@ -92,10 +103,19 @@ def bvh_text(clip: Clip) -> str:
 
 def csv_text(clip: Clip) -> str:
     """A clip as CSV: time in s, then x, y, z of the root and of the end of each bone in m (x forward, y left, z up)."""
-    names = [name.replace(",", " ").replace('"', "") for name in ("root", *clip.skeleton.bones)]
-    lines = [",".join(["time_s", *(f"{name}.{axis}" for name in names for axis in "xyz")])]
-    for frame, joints in enumerate(clip.joints().reshape(len(clip), -1)):
-        lines.append(f"{frame / clip.rate:.6f}," + ",".join(f"{value:.6f}" for value in joints))
+    return _table(("root", *clip.skeleton.bones), clip.joints(), clip.rate)
+
+
+def markers_csv(markers: Markers, position: Array) -> str:
+    """Markers at positions (T, M, 3), m, as CSV: time in s, then x, y, z of each, empty where they are NaN."""
+    return _table(markers.labels, position, markers.rate)
+
+
+def _table(names: Sequence[str], places: Array, rate: float) -> str:
+    plain = [name.replace(",", " ").replace('"', "") for name in names]
+    lines = [",".join(["time_s", *(f"{name}.{axis}" for name in plain for axis in "xyz")])]
+    for frame, row in enumerate(places.reshape(len(places), -1)):
+        lines.append(f"{frame / rate:.6f}," + ",".join("" if np.isnan(value) else f"{value:.6f}" for value in row))
     return "\n".join(lines) + "\n"
 
 

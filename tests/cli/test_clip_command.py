@@ -10,9 +10,10 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from controller.cli.clip import app
+from controller.cli.clip_fill import app
 from controller.errors import MotiondeckError
-from recordings import BVH
+from controller.mocap.c3d import read_c3d
+from recordings import BVH, MARKER_RATE, c3d_bytes, markers
 
 
 def run(*arguments, **options):
@@ -49,6 +50,10 @@ def test_convert_and_convert_back(bow, tmp_path):
         (("convert", "bow.bvh", "bow.fbx"), "bow.fbx: clips are written as .bvh or .csv"),
         (("view", "bow.bvh", "--robot", "servo21"), "unknown robot 'servo21'. Did you mean servo20?"),
         (("plot", "bow.bvh", "--out", "bow.nothing"), "bow.nothing: cannot be drawn"),
+        (("fill", "bow.bvh", "--out", "bow.c3d"), "bow.bvh: only markers (.c3d) can be missing"),
+        (("fill", "bow.c3d", "--out", "bow.bvh"), "bow.bvh: markers are written as .c3d or .csv"),
+        (("fill", "bow.c3d", "--out", "no/bow.c3d"), "no: there is no such folder"),
+        (("fill", "gone.c3d", "--out", "bow.c3d"), "gone.c3d: cannot be read"),
     ],
 )
 def test_a_mistake_is_one_line(bow, monkeypatch, arguments, problem):
@@ -68,3 +73,25 @@ def test_curves_and_sheets_are_drawn(bow, tmp_path):
     if said.returncode and "OpenGL" in said.stderr:
         pytest.skip("no off-screen OpenGL here")
     assert Image.open(io.BytesIO((tmp_path / "sheet.png").read_bytes())).size == (120 + 8 * 200, 220)
+
+
+def test_lost_markers_are_filled_in(tmp_path):
+    seen = markers(200, 6)
+    lost = seen.copy()
+    lost[80:110, 3] = np.nan
+    lost[10:, 5] = np.nan
+    file = tmp_path / "lost.c3d"
+    file.write_bytes(c3d_bytes(["A", "B", "C", "D", "E", "*6"], lost, rate=MARKER_RATE))
+    said = run("fill", file, "--out", tmp_path / "filled.c3d", "--json")
+    assert said.returncode == 0, said.stderr
+    rows = {row["marker"]: row for row in json.loads(said.stdout)["markers"]}
+    assert rows["D"]["open"] == []
+    assert rows["D"]["expected_mm"] < 10.0
+    assert rows["*6"]["open"] == [[10, 200]]
+    filled = read_c3d(tmp_path / "filled.c3d").position
+    assert np.abs(filled[80:110, 3] - 1e-3 * seen[80:110, 3]).mean() < 0.006
+    assert np.isnan(filled[10:, 5]).all()
+    table = run("fill", file, "--out", tmp_path / "filled.csv")
+    assert "1 of 2 gaps filled" in table.stdout
+    assert "10 to 199" in table.stdout
+    assert len((tmp_path / "filled.csv").read_text().splitlines()) == 201

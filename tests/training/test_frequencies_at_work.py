@@ -1,4 +1,4 @@
-"""What frequencies are good for: finding like motions, filling in, expecting what comes, and restyling."""
+"""What frequencies are good for: finding like motions, expecting what comes, and restyling."""
 
 from itertools import pairwise
 
@@ -13,7 +13,6 @@ from controller.training.centralized_training import CentralizedRecipe, train_ce
 from controller.training.library import MotionLibrary, load_library, save_library
 from controller.training.model_search import score_models
 from controller.training.motion_index import load_index, save_index
-from controller.training.reconstruction import fill_missing
 from controller.training.restyling import restyled
 from controller.training.signature import part_weights, signature
 
@@ -58,32 +57,6 @@ def test_an_index_comes_back_from_its_file(tmp_path):
     (tmp_path / "bad.index").write_bytes(b"nothing")
     with pytest.raises(MotiondeckError, match=r"bad\.index"):
         load_index(tmp_path / "bad.index")
-
-
-def markers(frames=240):
-    t = np.arange(frames) / 120.0
-    wave = np.stack([np.sin(5 * t), np.cos(5 * t), np.sin(10 * t), t], axis=-1)
-    mixture = np.random.default_rng(1).normal(size=(4, 15))
-    return 100.0 * (wave @ mixture).reshape(frames, 5, 3)
-
-
-def test_missing_markers_are_filled_from_the_others():
-    whole = markers()
-    holes = whole.copy()
-    holes[80:140, 2] = np.nan
-    holes[200:, 4] = np.nan
-    filled = fill_missing(holes, 120.0)
-    assert np.array_equal(filled[np.isfinite(holes)], holes[np.isfinite(holes)])
-    straight = np.linspace(whole[79, 2], whole[140, 2], 62)[1:-1]
-    missed = np.abs(filled[80:140, 2] - whole[80:140, 2]).mean()
-    assert missed < 0.25 * np.abs(straight - whole[80:140, 2]).mean()
-    assert np.abs(filled[200:, 4] - whole[200:, 4]).mean() < 0.25 * np.abs(whole[199, 4] - whole[200:, 4]).mean()
-    assert np.array_equal(fill_missing(whole, 120.0), whole)
-    with pytest.raises(MotiondeckError, match="no marker is there all the time"):
-        fill_missing(np.full((50, 2, 3), np.nan), 120.0)
-    holes[10:, 1] = np.nan
-    with pytest.raises(MotiondeckError, match="marker 1 is seen"):
-        fill_missing(holes, 120.0)
 
 
 def test_what_is_known_is_expected_better_than_standing_still(library):
