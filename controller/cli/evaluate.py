@@ -150,6 +150,13 @@ class _Task:
             recipe = recipe_of(load_library(path).info.recipe, path)
         return cls(path.stem, recipe, library, prepare(recipe, data), data, list(seeds), runs, paper, jobs)
 
+    @property
+    def centralized(self) -> bool:
+        """Whether it is about a centralized network."""
+        from controller.training.centralized_training import CentralizedRecipe
+
+        return isinstance(self.recipe.network, CentralizedRecipe)
+
     def subjects(self) -> list[Subject]:
         """The networks: the library's own, or one a seed."""
         from controller.evaluation.sweep import Subject, train_subjects
@@ -157,7 +164,7 @@ class _Task:
 
         if self.library is not None:
             loaded = load_library(self.library)
-            return [Subject(loaded.info.seed, loaded.reservoir)]
+            return [Subject(loaded.info.seed, loaded.network)]
         with progress("training", len(self.seeds)) as tick:
             return train_subjects(self.recipe, self.syllabus, self.seeds, self.jobs, tick)
 
@@ -216,7 +223,9 @@ def failures(task: _Task, what: Literal["robustness", "stability"]) -> Table:
             tick=tick,
         )
     notes = ["low, high: 95 % Wilson intervals. Motions that happen once fail where they do not go through once more."]
-    if task.library is not None:
+    if task.centralized:
+        notes.append("What is disturbed are both coordinates of every center; satellites follow from them.")
+    elif task.library is not None:
         notes.append(
             "A library keeps only the directions its conceptors use: noise on a state counts as far as it lies in them."
         )
@@ -260,7 +269,7 @@ def cost(task: _Task, what: str) -> Table:
     notes = [
         "processor time on one core; powers are slopes of a line through logarithms, the thesis's are upper bounds"
     ]
-    return cost_table(f"{task.name}: cost", found, notes)
+    return cost_table(f"{task.name}: cost", found, notes, bounds=not task.centralized)
 
 
 @contextmanager

@@ -11,6 +11,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.evaluation.centralized_batch import CentralizedBatch
+from controller.generators.centralized_network import CentralizedNetwork
 from controller.generators.conceptor import ConceptorNetwork
 from controller.generators.echo_state import EchoStateNetwork
 from controller.generators.morph import ReservoirNetwork
@@ -187,8 +189,12 @@ class RandomFeatureBatch:
         return ~(np.square(self._z).sum(1) <= self._reach)
 
 
-def batch_of(network: ReservoirNetwork, motion: str, runs: int, weights: Float32 | None = None) -> Batch:
+def batch_of(
+    network: ReservoirNetwork | CentralizedNetwork, motion: str, runs: int, weights: Float32 | None = None
+) -> Batch:
     """R runs of one motion of whichever network; see `ConceptorBatch` for the weights."""
+    if isinstance(network, CentralizedNetwork):
+        return CentralizedBatch(network, motion, runs)
     if isinstance(network, ConceptorNetwork):
         return ConceptorBatch(network, motion, runs, weights)
     if isinstance(network, RandomFeatureNetwork):

@@ -13,11 +13,13 @@ from threadpoolctl import threadpool_limits
 
 from controller.generators.echo_state import EchoStateNetwork
 from controller.generators.random_feature_conceptor import RandomFeatureNetwork
+from controller.training.centralized_training import CentralizedRecipe
 from controller.training.fit import Syllabus, teach
-from controller.training.library import Network
+from controller.training.library import AnyNetwork
 from controller.training.recipe import LibraryRecipe
 
 SIZES = (300, 600, 1000, 1500)
+SATELLITES = (16, 36, 64, 100)
 SHARES = (0.25, 0.5, 1.0)
 STEPS = 300
 
@@ -28,7 +30,8 @@ class Cost:
 
     Attributes:
         varied: "N", "T" or "P": what differs from the recipe.
-        neurons, frames, motions: N; how many frames were learned in all; P.
+        neurons, frames, motions: N, of a centralized network its centers and satellites; how many frames were learned
+            in all; P.
         training_s: processor time of one training on one core, s.
         training_mb: the most memory that arrays took meanwhile, MB.
         step_us: processor time of one frame, microseconds (median of STEPS).
@@ -56,13 +59,16 @@ def costs(recipe: LibraryRecipe, syllabus: Syllabus, seed: int, tick: Callable[[
 
 def variants(recipe: LibraryRecipe, syllabus: Syllabus) -> Iterator[tuple[str, LibraryRecipe, Syllabus]]:
     """What `costs` measures: what is varied, and the recipe and frames for it."""
-    for neurons in SIZES:
-        yield "N", _sized(recipe, neurons), syllabus
+    centralized = isinstance(recipe.network, CentralizedRecipe)
+    for size in SATELLITES if centralized else SIZES:
+        yield "N", _sized(recipe, size), syllabus
     names = list(syllabus.frames)
-    for share in SHARES[:-1]:
+    # Of a reservoir the whole recipe is among those in which N is varied.
+    shares = SHARES if centralized else SHARES[:-1]
+    for share in shares:
         frames = {name: part[: max(60, int(share * len(part)))] for name, part in syllabus.frames.items()}
         yield "T", recipe, replace(syllabus, frames=frames)
-    for share in SHARES[:-1]:
+    for share in shares:
         kept = names[: max(1, round(share * len(names)))]
         few = replace(
             syllabus,
@@ -77,17 +83,17 @@ def measure(varied: str, recipe: LibraryRecipe, syllabus: Syllabus, seed: int) -
     lessons, normalisation = syllabus.lessons()
     with threadpool_limits(1):
         began = time.process_time()
-        network = teach(lessons, normalisation, recipe.network, seed)
+        network = teach(lessons, normalisation, recipe.network, syllabus.rate, seed)
         training_s = time.process_time() - began
-        step_us = _step_us(network)
+        neurons, step_us = network.neurons, _step_us(network)
         stored = _stored_bytes(network)
         del network
         tracemalloc.start()
-        teach(lessons, normalisation, recipe.network, seed)
+        teach(lessons, normalisation, recipe.network, syllabus.rate, seed)
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
     frames = sum(len(part) for part in syllabus.frames.values())
-    return Cost(varied, recipe.reservoir.neurons, frames, len(lessons), training_s, peak / 1e6, step_us, stored / 1e6)
+    return Cost(varied, neurons, frames, len(lessons), training_s, peak / 1e6, step_us, stored / 1e6)
 
 
 def exponent(found: list[Cost], varied: str, against: str, what: str) -> float | None:
@@ -103,11 +109,13 @@ def exponent(found: list[Cost], varied: str, against: str, what: str) -> float |
     return float(np.polyfit(np.log(sizes), np.log(np.maximum(values, 1e-9)), 1)[0])
 
 
-def _sized(recipe: LibraryRecipe, neurons: int) -> LibraryRecipe:
-    return msgspec.structs.replace(recipe, network=msgspec.structs.replace(recipe.reservoir, neurons=neurons))
+def _sized(recipe: LibraryRecipe, size: int) -> LibraryRecipe:
+    """The recipe with so many neurons in its reservoir, or satellites for each motion."""
+    name = "satellites" if isinstance(recipe.network, CentralizedRecipe) else "neurons"
+    return msgspec.structs.replace(recipe, network=msgspec.structs.replace(recipe.network, **{name: size}))
 
 
-def _step_us(network: Network) -> float:
+def _step_us(network: AnyNetwork) -> float:
     network.cue(network.motions[0], 0)
     out = np.empty(network.channels)
     spent = np.empty(STEPS)
@@ -118,7 +126,7 @@ def _step_us(network: Network) -> float:
     return 1e6 * float(np.median(spent))
 
 
-def _stored_bytes(network: Network) -> int:
+def _stored_bytes(network: AnyNetwork) -> int:
     arrays = [getattr(network[name], field.name) for name in network.motions for field in fields(network[name])]
     if isinstance(network, EchoStateNetwork):
         arrays += [network.weights, network.feedback, network.bias]

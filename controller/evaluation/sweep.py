@@ -17,7 +17,7 @@ from controller.generators.guard import beat, spread
 from controller.training.aperture_choice import settled_network
 from controller.training.conceptor_training import ConceptorRecipe, load_reservoir
 from controller.training.fit import Syllabus, teach
-from controller.training.library import Network
+from controller.training.library import AnyNetwork
 from controller.training.recipe import LibraryRecipe
 from controller.training.self_test import Judge
 
@@ -35,7 +35,7 @@ class Subject:
     """
 
     seed: int
-    network: Network
+    network: AnyNetwork
     weights: NDArray[np.float32] | None = None
 
 
@@ -126,7 +126,7 @@ def _train(recipe: LibraryRecipe, syllabus: Syllabus, seed: int) -> Subject:
             judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, holds=not recipe.as_recorded)
             network = settled_network(loaded, lessons, normalisation, recipe.network, judge, seed)
             return Subject(seed, network, loaded.weights.astype(np.float32))
-        return Subject(seed, teach(lessons, normalisation, recipe.network, seed))
+        return Subject(seed, teach(lessons, normalisation, recipe.network, syllabus.rate, seed))
 
 
 def _count(kind: Kind, subject: Subject, motion: str, runs: int, judge: Judge, length: int, guarded: bool) -> Count:

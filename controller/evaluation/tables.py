@@ -92,8 +92,8 @@ def crossing_table(title: str, crossings: Sequence[Crossing], loops: dict[str, b
 _THESIS_EXPONENTS = {"N": (3.0, 2.0), "T": (3.0, 1.0), "P": (3.0, 1.0)}
 
 
-def cost_table(title: str, found: Sequence[Cost], notes: list[str]) -> Table:
-    """What each network cost, and with which power the costs grow, beside the thesis's bounds."""
+def cost_table(title: str, found: Sequence[Cost], notes: list[str], *, bounds: bool = True) -> Table:
+    """What each network cost, and with which power the costs grow, beside the thesis's bounds for reservoirs."""
     rows: list[dict[str, Value]] = []
     for cost in found:
         row: dict[str, Value] = {"network": f"{cost.neurons} neurons, {cost.frames} frames, {cost.motions} motions"}
@@ -106,6 +106,8 @@ def cost_table(title: str, found: Sequence[Cost], notes: list[str]) -> Table:
         ]
         row = dict(zip(("training s", "training MB", "step us", "stored MB"), powers, strict=True))
         rows.append({"network": f"power of {varied}", **row})
+        if not bounds:
+            continue
         time, memory = _THESIS_EXPONENTS[varied]
         bound: dict[str, Value] = {"training s": time, "training MB": memory, "step us": None, "stored MB": None}
         rows.append({"network": f"thesis's bound for {varied}", **bound})

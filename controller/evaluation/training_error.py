@@ -8,14 +8,15 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from controller.errors import MotiondeckError
 from controller.evaluation.accuracy import mabs, nrmse
 from controller.evaluation.thesis import noisy_targets
+from controller.generators.centralized_network import CentralizedNetwork
 from controller.training.aperture_choice import settled_network
-from controller.training.conceptor_training import ConceptorRecipe, load_reservoir, what_drove
+from controller.training.centralized_training import CentralizedRecipe, train_centralized_network
+from controller.training.conceptor_training import load_reservoir, what_drove
 from controller.training.echo_state_training import EchoStateRecipe, train_echo_state
 from controller.training.fit import Syllabus, find_recording
-from controller.training.library import Network
+from controller.training.library import AnyNetwork
 from controller.training.random_feature_training import RandomFeatureRecipe, train_random_features
 from controller.training.recipe import LibraryRecipe
 from controller.training.ridge import ridge
@@ -28,7 +29,8 @@ class TrainingError:
 
     Attributes:
         seed: of the network.
-        mabs_readout, nrmse_readout: of W_out; for echo-state networks means over the motions, whose readouts differ.
+        mabs_readout, nrmse_readout: of W_out; for echo-state and centralized networks means over the motions, whose
+            readouts differ.
         mabs_weights, nrmse_weights: of W, where it was learned in full.
         network: that was trained.
     """
@@ -38,7 +40,7 @@ class TrainingError:
     nrmse_readout: float
     mabs_weights: float | None
     nrmse_weights: float | None
-    network: Network
+    network: AnyNetwork
 
 
 def training_error(recipe: LibraryRecipe, syllabus: Syllabus, seed: int, data: Path | None = None) -> TrainingError:
@@ -50,12 +52,9 @@ def training_error(recipe: LibraryRecipe, syllabus: Syllabus, seed: int, data: P
         seed: of everything random.
         data: the folder of the recordings, to teach the readout of a conceptor network the two noise channels as the
             thesis did; None leaves them silent.
-
-    Raises:
-        MotiondeckError: if the recipe is for a network without a reservoir.
     """
     lessons, normalisation = syllabus.lessons()
-    plan = recipe.reservoir
+    plan = recipe.network
     if isinstance(plan, EchoStateRecipe):
         network = train_echo_state(lessons, normalisation, msgspec.structs.replace(plan, anchor_every=1), seed)
         errors = [nrmse(network.recall(name), frames) for name, frames in syllabus.frames.items()]
@@ -66,9 +65,9 @@ def training_error(recipe: LibraryRecipe, syllabus: Syllabus, seed: int, data: P
         errors = [nrmse(network.recall(name), frames) for name, frames in syllabus.frames.items()]
         size = mabs(network.reservoir.readout * normalisation.scaling)
         return TrainingError(seed, size, float(np.mean(errors)), None, None, network)
-    if not isinstance(plan, ConceptorRecipe):
-        raise MotiondeckError(
-            "training errors are measured for reservoirs only, and this recipe is for another network"
+    if isinstance(plan, CentralizedRecipe):
+        return _of_centralized(
+            train_centralized_network(lessons, normalisation, plan, syllabus.rate, seed), syllabus, seed
         )
     loaded = load_reservoir(lessons, plan, seed)
     judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, holds=not recipe.as_recorded)
@@ -85,3 +84,15 @@ def training_error(recipe: LibraryRecipe, syllabus: Syllabus, seed: int, data: P
         wanted = what_drove(loaded.reservoir, before, inputs)
         sized, error = mabs(loaded.weights), nrmse(before @ loaded.weights.T, wanted)
     return TrainingError(seed, mabs(readout), nrmse(states @ readout.T, targets), sized, error, network)
+
+
+def _of_centralized(network: CentralizedNetwork, syllabus: Syllabus, seed: int) -> TrainingError:
+    """Errors of a centralized network, whose W is taken as that of channels brought to [-1, 1]."""
+    scaling = syllabus.lessons()[1].scaling[:, None]
+    parts = {name: network.part(name) for name in network.motions}
+    errors = [
+        nrmse(parts[name].at(np.arange(len(frames)) / syllabus.rate), frames)
+        for name, frames in syllabus.frames.items()
+    ]
+    size = float(np.mean([mabs(part.weights * scaling) for part in parts.values()]))
+    return TrainingError(seed, size, float(np.mean(errors)), None, None, network)

@@ -110,29 +110,41 @@ class CentralizedMotion:
 
 
 class Voice:
-    """A motion while it plays: its centers, and how far it is."""
+    """A motion while it plays: its centers, and how far it is.
+
+    What rounding, or anything else, does to the amplitude of a center is undone in the next step; what it does to a
+    phase is at the end of the round, where every center begins anew.
+    """
 
     def __init__(self, motion: CentralizedMotion, time: float) -> None:
-        self.motion, self.time = motion, time
+        self.motion = motion
         self._exponent, self._weights = motion.linear_form
-        self._turn = 1j * motion.frequency
+        self._turn, self._start = 1j * motion.frequency, 1j * motion.phase
         self._coordinates = np.ones(self._exponent.shape[1])
         self.centers: NDArray[np.complex128] = self._coordinates[:-1].view(np.complex128)
-        self.centers[:] = np.exp(self._turn * time + 1j * motion.phase)
+        self._amplitude = np.ones(len(self._turn))
         self._response_and_one = np.ones(self._weights.shape[1])
         self._response = self._response_and_one[:-1]
         self._step, self._rotation = 0.0, np.ones(len(self._turn), dtype=np.complex128)
+        self._begin(time)
+
+    def _begin(self, time: float) -> None:
+        """Puts every center to where it is at a time."""
+        self.time = time
+        np.exp(self._turn * time + self._start, out=self.centers)
 
     def advance(self, dt: float) -> None:
         """Goes dt seconds on; a motion that happens once stops at its end."""
-        if self.motion.loop:
-            self.time = (self.time + dt) % self.motion.seconds
-        else:
-            dt = min(dt, self.motion.seconds - self.time)
-            self.time += dt
+        time, seconds = self.time + dt, self.motion.seconds
+        if time >= seconds:
+            self._begin(time % seconds if self.motion.loop else seconds)
+            return
+        self.time = time
         if dt != self._step:
             self._step, self._rotation = dt, np.exp(self._turn * dt)
         self.centers *= self._rotation
+        np.abs(self.centers, out=self._amplitude)
+        self.centers /= self._amplitude
 
     def speak(self, out: Channels) -> None:
         """Writes the channels into out, shape (D,)."""

@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 from controller.errors import FileFormatError, MotiondeckError
 from controller.evaluation.accuracy import nrmse
 from controller.evaluation.matching import joint_features
+from controller.generators.centralized_network import CentralizedNetwork
 from controller.mocap.clip import Clip
 from controller.mocap.encoding import Encoding, encoding_of
 from controller.mocap.normalisation import Normalisation
@@ -30,7 +31,6 @@ from controller.training.library import (
     LibraryInfo,
     MotionInfo,
     MotionLibrary,
-    Network,
     describe_skeleton,
 )
 from controller.training.loops import close_loop, hold_end
@@ -113,16 +113,12 @@ def fit(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None) 
         for seed in recipe.seeds:
             progress(f"training (seed {seed})")
             judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, holds=not recipe.as_recorded)
-            if isinstance(recipe.network, CentralizedRecipe):
-                # Its state is a place on a closed curve and nothing else: no disturbance leads away from it.
-                plan, rate = recipe.network, syllabus.rate
-                network: AnyNetwork = train_centralized_network(lessons, normalisation, plan, rate, seed)
-                progress("self-test")
-                verdicts = self_test(network, judge)
-            else:
-                network = reservoir = teach(lessons, normalisation, recipe.network, seed, judge)
-                progress("self-test")
-                verdicts = stress_test(reservoir, self_test(reservoir, judge), judge, seed)
+            network = teach(lessons, normalisation, recipe.network, syllabus.rate, seed, judge)
+            progress("self-test")
+            verdicts = self_test(network, judge)
+            # The state of a centralized network is a place on a closed curve; its centers return there by themselves.
+            if not isinstance(network, CentralizedNetwork):
+                verdicts = stress_test(network, verdicts, judge, seed)
             passed = sum(verdict.passed for verdict in verdicts.values())
             if best is None or passed > best[0]:
                 best = (passed, seed, network, verdicts)
@@ -162,15 +158,16 @@ def assemble(
 
 
 def teach(
-    lessons: list[Lesson], normalisation: Normalisation, recipe: Kind, seed: int, judge: Judge | None = None
-) -> Network:
-    """The reservoir of a recipe, of whichever kind it is; a judge of its motions lets it choose apertures.
-
-    Raises:
-        MotiondeckError: if the recipe is for a centralized network.
-    """
+    lessons: list[Lesson],
+    normalisation: Normalisation,
+    recipe: Kind,
+    rate: float,
+    seed: int,
+    judge: Judge | None = None,
+) -> AnyNetwork:
+    """The network of a recipe, of whichever kind it is; a judge of its motions lets a conceptor's choose apertures."""
     if isinstance(recipe, CentralizedRecipe):
-        raise MotiondeckError("this is measured for reservoirs only, and the recipe is for a centralized network")
+        return train_centralized_network(lessons, normalisation, recipe, rate, seed)
     if isinstance(recipe, ConceptorRecipe):
         loaded = load_reservoir(lessons, recipe, seed)
         if judge is None:
