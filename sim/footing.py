@@ -124,7 +124,7 @@ class Footing:
         """Writes the root's position and rotation into qpos (nq,), whose joints are in place already."""
         qpos[3:7] = multiply(pose.rotation[0], self._turned)
         if len(pose.rotation) == 1:
-            # Of a recorded run only the root is known: it goes along the human's path.
+            # Of a run recorded by version 1 only the human's root is known: the robot goes along its path.
             qpos[:3] = self._scale * pose.root_position
             return
         data = self._data

@@ -35,6 +35,7 @@ class KinematicPlayback:
     Attributes:
         name: "kinematics".
         data: MuJoCo's state, with the position of every body.
+        placed: where the root was meant to be with the last write, position and quaternion, shape (7,), m.
     """
 
     name = "kinematics"
@@ -46,6 +47,7 @@ class KinematicPlayback:
         mujoco.mj_kinematics(robot.model, self.data)
         self._measured = robot.rest.copy()
         self._writes = 0
+        self.placed = self.data.qpos[:7].copy()
 
     @property
     def qpos(self) -> Array:
@@ -56,6 +58,7 @@ class KinematicPlayback:
         """Places the joints at targets (J,), rad, and the root where the pose has it."""
         self._robot.place(targets, pose, self.data.qpos)
         mujoco.mj_kinematics(self._robot.model, self.data)
+        self.placed[:] = self.data.qpos[:7]
         self._measured[:] = targets
         self._writes += 1
 
@@ -82,6 +85,7 @@ class PhysicsPlayback:
         name: "physics".
         data: MuJoCo's state.
         model: what it is the state of; the playback's own.
+        placed: where the root was meant to be with the last write, position and quaternion, shape (7,), m.
         fell_s: when a free robot fell, s since the first write; None as long as it stands.
     """
 
@@ -117,6 +121,7 @@ class PhysicsPlayback:
         self._dof[robot.layout.ball] += np.arange(3)
         self._goal = np.empty(model.nq)
         self._goal_before = np.empty(model.nq)
+        self.placed = np.empty(7)
         self._straight = model.qpos0.copy()
         robot.layout.place(np.zeros(model.nu), self._straight)
         self._turned, self._error, self._ahead = np.empty(model.nv), np.empty(model.nv), np.empty(model.nu)
@@ -126,6 +131,7 @@ class PhysicsPlayback:
         self.fell_s: float | None = None
         self._square_sum, self._worst = 0.0, 0.0
         robot.layout.place(robot.rest, self.data.qpos)
+        self.placed[:] = self.data.qpos[:7]
         mujoco.mj_forward(model, self.data)
         # Left alone, MuJoCo writes each warning to a file in the working directory: not from inside a loop.
         mujoco.set_mju_user_warning(lambda _: None)
@@ -148,7 +154,7 @@ class PhysicsPlayback:
         if self._root == "gantry":
             data.mocap_pos[0] = self._goal[:3]
             data.mocap_quat[0] = self._goal[3:7]
-        played = self._goal[:7].copy()
+        self.placed[:] = self._goal[:7]
         if self._balance is not None:
             self._balance.adjust(data, self._goal, float(pose.heading))
         if self._servos is not None:
@@ -167,7 +173,7 @@ class PhysicsPlayback:
             self._put_in_place()
         robot.layout.read(data.qpos, near=targets, out=self._measured)
         self._count(targets)
-        if self._root == "free" and self.fell_s is None and has_fallen(data.qpos, played):
+        if self._root == "free" and self.fell_s is None and has_fallen(data.qpos, self.placed):
             self.fell_s = self._writes * self._dt
 
     def measured(self) -> Array:

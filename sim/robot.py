@@ -16,7 +16,7 @@ from controller.mocap.files import listed
 from controller.mocap.joint_angles import JointBody, JointRetargeter
 from controller.mocap.posture import Pose
 from controller.mocap.skeleton import Skeleton
-from controller.realtime.interfaces import JointLimits, Retargeter
+from controller.realtime.interfaces import JointLimits, PlacedPose, Retargeter
 from controller.rotations import Array
 from sim.footing import Footing
 from sim.layout import Layout
@@ -66,9 +66,11 @@ class Robot:
         return self.layout.joints
 
     def place(self, targets: Array, pose: Pose, qpos: Array) -> None:
-        """Writes targets (J,), rad, and the root that fits them and a pose into qpos (nq,)."""
+        """Writes targets (J,), rad, and the root that fits them and a pose, or goes with it, into qpos (nq,)."""
         self.layout.place(targets, qpos)
-        if self.footing is not None:
+        if isinstance(pose, PlacedPose):
+            qpos[:7] = pose.robot_root
+        elif self.footing is not None:
             self.footing.place(pose, qpos)
         else:
             qpos[:3] = pose.root_position

@@ -30,6 +30,11 @@ class Stage(Output, Protocol):
         """MuJoCo's generalised positions."""
         ...
 
+    @property
+    def placed(self) -> Array:
+        """Where the root is meant to be, position and quaternion, shape (7,), m."""
+        ...
+
 
 @dataclass(frozen=True)
 class Cast:

@@ -75,14 +75,17 @@ def act_of_recording(recording: Recording, robot: Robot) -> Act:
     rate = float(recording.description["rate"])
     thin = max(1, round(rate / PICTURES))
     model = robot.model
+    placed = fields.get("robot_root") if robot.name == recording.description["robot"] else None
     qpos = np.empty((len(range(0, recording.ticks, thin)), model.nq))
     for row, tick in enumerate(range(0, recording.ticks, thin)):
         pose = Pose(fields["root_position"][tick], fields["heading"][tick, 0], fields["root_rotation"][tick][None])
         robot.place(fields["targets"][tick, : len(robot.joints)], pose, qpos[row])
+        if placed is not None:
+            qpos[row, :7] = placed[tick]
     title = f"Motiondeck · {robot.name} · replay"
     no_bones = np.zeros((len(qpos), 0, 2, 3))
-    if robot.footing is not None:
-        # Where its feet stood tells the whole pose, of which the root alone was recorded.
+    if placed is None and robot.footing is not None:
+        # Where its feet stood tells the whole pose, of which version 1 recorded the human's root alone.
         return Act(title, model, qpos, rate / thin, no_bones)
     corners = soles(model, qpos, feet_of(robot))
     stands = standing(corners, rate / thin, body_height(model))

@@ -27,6 +27,7 @@ _NUMBERS = (
     *("tick", "time_s", "late_us", "work_us", "overruns"),
     *("motion", "speed", "switching", "mode"),
     *("command", "argument", "refused"),
+    *("seen", "confidence"),
 )
 
 
@@ -60,14 +61,17 @@ class TickRecorder:
                 argument = math.nan
         fields["argument"][0] = argument
 
-    def record(self, state: LoopState, stop: StopRequest, measured: Array | None, **numbers: float) -> None:
+    def record(
+        self, state: LoopState, stop: StopRequest, measured: Array | None, placed: Array, **numbers: float
+    ) -> None:
         """Hands one tick over.
 
         Args:
             state: of the loop.
             stop: says in which mode it is.
             measured: joint positions (J,), rad, if any.
-            numbers: motion (its index), speed, switching and time_s.
+            placed: where the robot's root was meant to be, position and quaternion, shape (7,), m.
+            numbers: motion (its index), speed, switching and time_s; seen (an index too) and confidence.
         """
         fields = self._writer.fields
         fields["targets"][:] = state.targets[: len(fields["targets"])]  # of the first robot
@@ -75,6 +79,7 @@ class TickRecorder:
         fields["root_position"][:] = state.pose.root_position
         fields["heading"][0] = state.pose.heading
         fields["root_rotation"][:] = state.pose.rotation[0]
+        fields["robot_root"][:] = placed
         self._writer.publish(
             tick=state.tick,
             late_us=1e-3 * state.late_ns,
@@ -108,7 +113,7 @@ def recording(out: Path, description: Mapping[str, Any], joints: int, rate: floa
     except OSError as error:
         raise FileFormatError(f"{out}: cannot be written ({error.strerror or error})") from None
     fields = dict.fromkeys(_NUMBERS, 1) | {"targets": joints, "measured": joints}
-    fields |= {"root_position": 3, "heading": 1, "root_rotation": 4}
+    fields |= {"root_position": 3, "heading": 1, "root_rotation": 4, "robot_root": 7}
     with tempfile.TemporaryDirectory(prefix="motiondeck-") as folder:
         state = Path(folder) / "ticks"
         writer = StateWriter.create(state, description, fields, slots=max(2, int(np.ceil(KEPT_SECONDS * rate))))

@@ -53,10 +53,10 @@ def replay(
     from controller.training.library import load_library
 
     recording = load_recording(file)
-    deck = RecordedDeck(recording)
     if not recording.complete:
         print(f"{file} was cut short: its last whole chunk ends after {recording.ticks} ticks", file=sys.stderr)
-    body = robot or str(recording.description["robot"])
+    recorded = str(recording.description["robot"])
+    body = robot or recorded
     loaded = load_library(find("library", library or str(recording.description["library"]), ".safetensors"))
     if scrub:
         from controller.cli.clip_act import act_of_recording
@@ -65,8 +65,10 @@ def replay(
 
         show_act(act_of_recording(recording, load_robot(find("robot", body, ".toml"), loaded.skeleton)), page_port)
         return
+    root, balance = str(recording.description.get("root", "gantry")), bool(recording.description.get("balance"))
+    deck = RecordedDeck(recording, same_robot=robot is None or Path(robot).stem == recorded)
     settings = Settings(
-        robot=Cast(find("robot", body, ".toml"), rig_file(rig, body), rig == "emulated"),
+        robot=Cast(find("robot", body, ".toml"), rig_file(rig, body), rig == "emulated", root, balance),
         rate=rate if rate is not None else float(recording.description["rate"]),
         physics=not kinematic,
         realtime=False,

@@ -185,7 +185,12 @@ class Session:
             opening.enter_context(Page.open(view, self._deck.motions, self._body, self._watch)) if view else None
         )
         self._recorder = self._open_recorder(opening) if settings.record else None
-        self._desk = CommandDesk(self._deck, servers, self._recorder.note if self._recorder else None)
+        self._desk = CommandDesk(
+            self._deck,
+            servers,
+            self._recorder.note if self._recorder else None,
+            (lambda watch=self._watch: watch.seen) if self._watch else None,
+        )
         if settings.terminal:
             self._restore_tty = opening.enter_context(kept_tty())
             terminal = child_process("controller.cli.terminal", "--command-port", str(self._server.port))
@@ -258,14 +263,18 @@ class Session:
             self._watch.look(state, self._deck, self._stop)
         if self._recorder is not None:
             deck = self._deck
+            seen = self._watch.seen if self._watch is not None else None
             self._recorder.record(
                 state,
                 self._stop,
                 self._measured(),
+                self._body.stage.placed,
                 time_s=deck.time,
                 motion=deck.motions.index(deck.playing),
                 speed=deck.speed,
                 switching=not deck.settled,
+                seen=deck.motions.index(seen[0]) if seen is not None else -1.0,
+                confidence=seen[1] if seen is not None else 0.0,
             )
         if self._page is not None and state.tick % self._ticks_a_picture == 0:
             self._page.show(
@@ -283,6 +292,8 @@ class Session:
             "joints": joints,
             "motions": list(self._deck.motions),
             "rate": settings.rate,
+            "root": settings.robot.root,
+            "balance": settings.robot.balance,
         }
         return opening.enter_context(recording(settings.record, description, len(joints), settings.rate))
 

@@ -103,6 +103,11 @@ class Watch:
         self._said = 0
         self._stopped = False
 
+    @property
+    def seen(self) -> tuple[str, float] | None:
+        """The motion that the joints look like and how surely, in [0, 1); None while they stand still."""
+        return (self.watch.seen, self.watch.confidence) if self.watch.seen is not None else None
+
     def look(self, state: LoopState, deck: Watched, stop: StopRequest) -> None:
         """Takes in one tick; an alarm is said once, and ends the run if that was asked for."""
         played = stop.mode == "playing" and deck.time != self._time

@@ -118,14 +118,20 @@ class CommandDesk:
         deck: what is commanded.
         servers: where commands come from.
         note: is told of each command and its answer.
+        seen: says which motion the measured joints look like, and how surely.
     """
 
     def __init__(
-        self, deck: Commandable, servers: Sequence[CommandServer], note: Callable[[Message, Reply], None] | None = None
+        self,
+        deck: Commandable,
+        servers: Sequence[CommandServer],
+        note: Callable[[Message, Reply], None] | None = None,
+        seen: Callable[[], tuple[str, float] | None] | None = None,
     ) -> None:
         self._deck = deck
         self._servers = servers
         self._note = note
+        self._seen = seen
         self._awaited: deque[tuple[CommandServer, Address, Awaited, Progress]] = deque(maxlen=_MOST_AWAITED)
 
     def __call__(self, stop: StopRequest) -> None:
@@ -213,6 +219,7 @@ class CommandDesk:
             queue=deck.queue,
             mode=stop.mode,
             blend=deck.blend,
+            seen=self._seen() if self._seen is not None else None,
         )
 
 

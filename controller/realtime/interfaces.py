@@ -28,6 +28,17 @@ class JointLimits:
     jerk: Array
 
 
+@dataclass(slots=True)
+class PlacedPose(Pose):
+    """A pose of which it is known where the robot's own root was meant to be with it.
+
+    Attributes:
+        robot_root: position, m, and quaternion, shape (7,).
+    """
+
+    robot_root: Array
+
+
 class Retargeter(Protocol):
     """Carries the pose of a human skeleton to the joints of one robot."""
 

@@ -162,6 +162,7 @@ class State(msgspec.Struct, frozen=True, tag="state"):
         queue: what is played next.
         mode: whether the joints follow the motion, stand at home, are held, or are held by the emergency stop.
         blend: what is mixed into the motion, and its share.
+        seen: which motion the measured joints look like and how surely, if that is watched and they move.
     """
 
     motion: str
@@ -173,6 +174,7 @@ class State(msgspec.Struct, frozen=True, tag="state"):
     queue: list[str] = []
     mode: Mode = "playing"
     blend: tuple[str, float] | None = None
+    seen: tuple[str, float] | None = None
 
 
 Message = Switch | Queue | Blend | SetSpeed | Pause | Resume | Home | EmergencyStop | Reset | Stop | Status

@@ -6,6 +6,7 @@ import numpy as np
 
 from controller.errors import MotiondeckError
 from controller.mocap.posture import Pose
+from controller.realtime.interfaces import PlacedPose
 from controller.realtime.recording import Recording
 from controller.realtime.switch import Switch
 from controller.realtime.tempo import Tempo
@@ -17,6 +18,7 @@ class RecordedDeck:
 
     Args:
         recording: with at least one tick.
+        same_robot: whether it is played by the robot that was recorded, whose root then goes where it went.
 
     Attributes:
         motions: the motions that were played.
@@ -29,7 +31,7 @@ class RecordedDeck:
         MotiondeckError: if nothing was recorded.
     """
 
-    def __init__(self, recording: Recording) -> None:
+    def __init__(self, recording: Recording, *, same_robot: bool = True) -> None:
         if recording.ticks == 0:
             raise MotiondeckError("there is no tick in this recording")
         fields = recording.fields
@@ -44,6 +46,7 @@ class RecordedDeck:
         self._targets, self._motion = fields["targets"], fields["motion"][:, 0]
         self._root, self._heading = fields["root_position"], np.unwrap(fields["heading"][:, 0])
         self._turn = fields["root_rotation"]
+        self._robot_root = fields.get("robot_root") if same_robot else None
         self._last = recording.ticks - 1
         self._place = 0.0  # in ticks of the recording
 
@@ -87,10 +90,15 @@ class RecordedDeck:
         def between(values: Array) -> Array:
             return (1.0 - share) * values[first] + share * values[second]
 
-        turns = self._turn[[first, second]]
-        turns[1] *= 1.0 if turns[0] @ turns[1] >= 0.0 else -1.0
-        turn = normalise((1.0 - share) * turns[0] + share * turns[1])
-        return between(self._targets), Pose(between(self._root), between(self._heading), turn[None])
+        def turned(values: Array) -> Array:
+            near = values[second] if values[first] @ values[second] >= 0.0 else -values[second]
+            return normalise((1.0 - share) * values[first] + share * near)
+
+        pose = Pose(between(self._root), between(self._heading), turned(self._turn)[None])
+        if self._robot_root is not None:
+            place = np.concatenate([between(self._robot_root[:, :3]), turned(self._robot_root[:, 3:])])
+            pose = PlacedPose(pose.root_position, pose.heading, pose.rotation, place)
+        return between(self._targets), pose
 
     def switch(self, to: str, *, direct: bool = False) -> Switch:
         """Refuses.

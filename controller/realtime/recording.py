@@ -24,7 +24,9 @@ from controller.errors import FileFormatError
 from controller.realtime.telemetry import named
 from controller.rotations import Array
 
-VERSION = 1
+VERSION = 2
+READABLE = (1, 2)
+"""Version 1 lacks `robot_root`, `seen` and `confidence`."""
 COMMANDS = ("switch", "queue", "speed", "pause", "resume", "home", "estop", "reset", "stop", "blend")
 """What the field `command` counts from 1; 0 is a tick without one."""
 MODES = ("playing", "home", "held", "emergency stop")
@@ -86,7 +88,7 @@ class Recording:
     """A recording in memory.
 
     Attributes:
-        description: what was recorded: library, robot, joints, motions, rate (ticks a second).
+        description: what was recorded: library, robot, joints, motions, rate (ticks a second), root, balance.
         fields: each field's numbers, shape (ticks, size).
         complete: whether it was ended properly.
     """
@@ -122,8 +124,9 @@ def load_recording(path: Path) -> Recording:
         header = msgspec.json.decode(text, type=_Header)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise FileFormatError(f"{path}: the beginning of this recording is damaged ({error})") from None
-    if header.version != VERSION:
-        raise FileFormatError(f"{path}: recording version {header.version}; this Motiondeck reads version {VERSION}")
+    if header.version not in READABLE:
+        known = " and ".join(map(str, READABLE))
+        raise FileFormatError(f"{path}: recording version {header.version}; this Motiondeck reads versions {known}")
     rows, complete = _chunks(data[place + size :], sum(header.fields.values()))
     return Recording(header.description, named(rows, header.fields), complete)
 

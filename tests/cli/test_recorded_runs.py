@@ -11,8 +11,13 @@ import numpy as np
 import pytest
 
 import synthetic
+from controller.cli.clip_act import act_of_recording
+from controller.cli.resources import find
+from controller.realtime.recorded_deck import RecordedDeck
 from controller.realtime.recording import COMMANDS, MODES, load_recording
-from controller.training.library import save_library
+from controller.training.library import load_library, save_library
+from sim.playback import KinematicPlayback
+from sim.robot import load_robot
 
 TIMELINE = """
 motion = "march"
@@ -89,6 +94,42 @@ def test_a_recording_is_replayed(run, folder):
     report = json.loads(done.stdout)
     assert report["reason"] == "replayed to the end"
     assert sum(report["limited"].values()) < 0.25 * report["ticks"]  # of 24 targets a tick
+
+
+@pytest.fixture(scope="module")
+def servo_run(folder):
+    """A run of a robot that is placed by its feet, with what its joints looked like."""
+    done = motiondeck(
+        *("play", "walk", "--robot", "servo20", "--headless", "--kinematic", "--command-port", "0", "--seconds", "1.5"),
+        *("--rate", "100", "--record", folder / "servo.rec", "--recognize", "--json"),
+    )
+    assert done.returncode == 0, done.stderr
+    return load_recording(folder / "servo.rec")
+
+
+def test_a_robot_that_is_placed_by_its_feet_is_replayed_where_it_was(servo_run):
+    library = load_library(find("library", "thesis15", ".safetensors"))
+    root = servo_run.fields["robot_root"]
+    assert np.allclose(np.linalg.norm(root[:, 3:], axis=1), 1.0)
+    # On its own steps it comes less far, and its height is its own.
+    walked, path = np.ptp(root[:, 0]), np.ptp(servo_run.fields["root_position"][:, 0])
+    assert 0.0 < walked < path
+    robot = load_robot(find("robot", "servo20", ".toml"), library.skeleton)
+    stage, deck = KinematicPlayback(robot), RecordedDeck(servo_run)
+    for tick in range(1, servo_run.ticks):
+        stage.write(*deck.update(0.01))
+        assert stage.qpos[:7] == pytest.approx(root[tick], abs=1e-9)
+    act = act_of_recording(servo_run, robot)
+    assert act.qpos[-1, :3] == pytest.approx(root[(len(act.qpos) - 1) * 2, :3])
+    assert act.stands.shape[1] == 2
+
+
+def test_what_was_recognized_is_recorded(servo_run):
+    seen, confidence = servo_run.fields["seen"][:, 0], servo_run.fields["confidence"][:, 0]
+    motions = servo_run.description["motions"]
+    assert motions.index("walk") in seen
+    assert set(seen) <= {-1.0, *range(len(motions))}
+    assert ((confidence >= 0.0) & (confidence < 1.0)).all()
 
 
 def test_a_recording_is_plotted(run, folder):

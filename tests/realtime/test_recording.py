@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller.errors import FileFormatError, MotiondeckError
+from controller.realtime.interfaces import PlacedPose
 from controller.realtime.recorded_deck import RecordedDeck
 from controller.realtime.recorder import main, record
 from controller.realtime.recording import Recording, RecordingWriter, load_recording
@@ -96,11 +97,18 @@ def test_what_cannot_be_opened_is_said(tmp_path):
 
 
 def test_another_version_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("controller.realtime.recording.VERSION", 2)
+    monkeypatch.setattr("controller.realtime.recording.VERSION", 3)
     write(tmp_path / "r", [1])
     monkeypatch.undo()
-    with pytest.raises(FileFormatError, match="version 2"):
+    with pytest.raises(FileFormatError, match="version 3; this Motiondeck reads versions 1 and 2"):
         load_recording(tmp_path / "r")
+
+
+def test_version_1_is_still_read(tmp_path, monkeypatch):
+    monkeypatch.setattr("controller.realtime.recording.VERSION", 1)
+    write(tmp_path / "r", [1])
+    monkeypatch.undo()
+    assert load_recording(tmp_path / "r").ticks == 1
 
 
 def test_readers_can_have_every_state_that_is_still_there(tmp_path):
@@ -188,24 +196,33 @@ def test_a_recorded_deck_plays_what_was_recorded_at_any_rate(dt):
         assert abs(pose.rotation[0, 0]) == pytest.approx(np.cos(tick * dt), abs=1e-4)
         assert deck.motion == deck.playing == ("jog" if tick * dt >= 0.5 else "walk")
     assert not deck.over
-    for _ in range(10):
-        targets, _ = deck.update(dt)
+    targets = [deck.update(dt)[0] for _ in range(10)][-1]
     assert deck.over
     assert targets == pytest.approx([1.0, -1.0])
+
+
+def test_the_same_robot_is_placed_where_it_was_and_another_one_by_the_pose():
+    recording = recorded()
+    place = np.column_stack([2.0 * recording.fields["root_position"], recording.fields["root_rotation"]])
+    placed = Recording(DESCRIPTION, recording.fields | {"robot_root": place}, True)
+    (_, same), (_, other) = (RecordedDeck(placed, same_robot=same).update(0.013) for same in (True, False))
+    assert isinstance(same, PlacedPose)
+    assert same.robot_root[:3] == pytest.approx(2.0 * same.root_position)
+    assert same.robot_root[3:] == pytest.approx(same.rotation[0])
+    assert not isinstance(other, PlacedPose)
+    assert np.array_equal(other.rotation, same.rotation)
 
 
 def test_a_recorded_deck_can_be_paused_and_played_slowly_but_not_switched():
     deck = RecordedDeck(recorded())
     deck.pause()
-    for _ in range(100):
-        held, _ = deck.update(0.01)
+    held = [deck.update(0.01)[0] for _ in range(100)][-1]
     again, _ = deck.update(0.01)
     assert np.array_equal(held, again)
     deck.resume()
     deck.set_speed(0.5)
     assert not deck.over
-    for _ in range(100):
-        moved, _ = deck.update(0.01)
+    moved = [deck.update(0.01)[0] for _ in range(100)][-1]
     assert 0.3 < moved[0] - held[0] < 0.52
     for command in (deck.switch, deck.enqueue):
         with pytest.raises(MotiondeckError, match="being replayed"):
