@@ -146,7 +146,7 @@ class Deck:
         return self._command(Switch(to, self.time), direct)
 
     def blend_in(self, first: str, second: str, share: float) -> Switch:
-        """Plays a mixture of two motions that go on for ever, inside the network, as its paper defines it.
+        """Plays a mixture of two motions that go on for ever: both run side by side, and their frames are mixed.
 
         The first is switched to if it is not played, then the second is mixed in; at a share of 0 or 1 one plays alone.
 

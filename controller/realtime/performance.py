@@ -154,9 +154,12 @@ class Performance:
             self._enter(self._player.motion, self._guard.anchor, shown, self.here.acceleration)
 
     def mix(self, other: str, share: float) -> None:
-        """Mixes another motion in, from its present share to this one."""
+        """Mixes another motion in, side by side, from its present share to this one.
+
+        Inside the network, as the papers have it, most mixtures of unlike motions stand still: benchmarks/blends.py.
+        """
         frames = round(abs(share - self._mixture.share) * MORPH_SECONDS * self._player.rate)
-        self._mixture.mix(other, share, frames, self._anchor(other, self._before, self.posture))
+        self._mixture.mix(other, share, frames, self._anchor(other, self._before, self.posture), inside=False)
 
     def adopt_what_is_left(self) -> None:
         """Goes on with the second motion of a mixture where that is left alone."""
