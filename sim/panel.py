@@ -143,6 +143,8 @@ def _health(state: dict[str, Array]) -> str:
     ]
     if _number(state, "recues", 0.0) > 0.0:
         cells.append(("network re-cued", figure("recues", "{:.0f}")))
+    if _number(state, "kept_apart", 0.0) > 0.0:
+        cells.append(("limbs kept apart", figure("kept_apart", "{:.0f} times")))
     boxes = "".join(
         f'<div><div style="opacity:.6;font-size:11px">{name}</div>'
         f'<div style="font-variant-numeric:tabular-nums;font-weight:600">{value}</div></div>'

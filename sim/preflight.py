@@ -19,7 +19,7 @@ from controller.rotations import Array, continuous, normalise
 from sim.loads import Loads, loads_of
 from sim.playback import PhysicsPlayback
 from sim.robot import Robot
-from sim.self_collision import SelfCollision
+from sim.self_collision import OVERLAP, SelfCollision
 from sim.servo import ROOM
 from sim.takes import DT, Take
 
@@ -28,8 +28,6 @@ TEN_MINUTES = 600.0
 # A motion is no longer the motion when a joint is so far from where it is played, rad, for longer than BRIEFLY, s.
 ASTRAY = 0.17
 BRIEFLY = 0.05
-# Covers may touch; deeper than this, m, something gives way.
-OVERLAP = 0.003
 # A body that is off balance for longer than this, s, falls.
 OFF_BALANCE = 0.25
 # Played freely for so long, s, what falls has fallen.

@@ -16,6 +16,9 @@ from sim.stage import FLOOR
 if TYPE_CHECKING:
     from sim.robot import Robot
 
+OVERLAP = 0.003
+"""Covers may touch; deeper than this, m, something gives way."""
+
 # Bodies so many joints apart or less overlap at the joint itself.
 _NEIGHBOURS = 2
 
@@ -32,16 +35,29 @@ class SelfCollision:
         self._data = mujoco.MjData(model)
         robot.layout.place(robot.rest, self._data.qpos)
         self._near = near_bodies(model, self._data.qpos.copy())
+        for a, b in self._near:  # what is never asked need not be computed
+            if model.body(a).name and model.body(b).name:
+                spec.add_exclude(bodyname1=model.body(a).name, bodyname2=model.body(b).name)
+        self._model = spec.compile()
+        self._data = mujoco.MjData(self._model)
 
     def __call__(self, qpos: Array) -> tuple[float, str]:
         """The deepest overlap at qpos (nq,), m, and the two bodies: "r_forearm and head"."""
+        touching = self.touching(qpos)
+        if not touching:
+            return 0.0, ""
+        pair, depth = max(touching.items(), key=lambda item: item[1])
+        return depth, self.called(*pair)
+
+    def called(self, a: int, b: int) -> str:
+        """Two bodies by their names."""
+        return f"{self._model.body(a).name} and {self._model.body(b).name}"
+
+    def touching(self, qpos: Array) -> dict[tuple[int, int], float]:
+        """The bodies that overlap at qpos (nq,), and by how much, m."""
         self._data.qpos[:] = qpos
         depths = _overlaps(self._model, self._data)
-        far = {pair: depth for pair, depth in depths.items() if pair not in self._near}
-        if not far:
-            return 0.0, ""
-        (a, b), depth = max(far.items(), key=lambda item: item[1])
-        return depth, f"{self._model.body(a).name} and {self._model.body(b).name}"
+        return {pair: depth for pair, depth in depths.items() if pair not in self._near}
 
 
 def near_bodies(model: mujoco.MjModel, rest: Array) -> set[tuple[int, int]]:

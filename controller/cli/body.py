@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Protocol
 from controller.cli.rig_output import open_rig
 from controller.realtime.channel import Channel
 from controller.realtime.ensemble import Share
-from controller.realtime.interfaces import JointLimits, Output
+from controller.realtime.interfaces import JointLimits, Output, Retargeter
 from controller.rotations import Array
 from controller.training.library import MotionLibrary
 
 if TYPE_CHECKING:
+    from sim.collision_guard import CollisionGuard
     from sim.robot import Robot
 
 FOLLOWER = "follower "
@@ -47,6 +48,7 @@ class Cast:
         root: what holds the simulated robot: gantry, fixed or free.
         balance: whether a free robot keeps its balance.
         solver: how motions are carried onto it, in place of what its file says.
+        apart: whether targets in which it would run into itself are held back.
     """
 
     robot: Path
@@ -55,6 +57,7 @@ class Cast:
     root: str = "gantry"
     balance: bool = False
     solver: str | None = None
+    apart: bool = False
 
 
 @dataclass(frozen=True)
@@ -67,6 +70,7 @@ class Body:
         stage: where it is simulated.
         rig: its servos, if it has any.
         called: what goes before the names of its joints and outputs.
+        guard: keeps its limbs apart, if that was asked for.
     """
 
     robot: Robot
@@ -74,6 +78,12 @@ class Body:
     stage: Stage
     rig: Channel | None
     called: str = ""
+    guard: CollisionGuard | None = None
+
+    @property
+    def retarget(self) -> Retargeter:
+        """From the skeleton's poses to its joints."""
+        return self.guard or self.robot.retarget
 
     @property
     def joints(self) -> list[str]:
@@ -102,6 +112,7 @@ def open_body(
     Raises:
         MotiondeckError: if a file is wrong or the rig cannot be connected; the message names it.
     """
+    from sim.collision_guard import CollisionGuard
     from sim.playback import KinematicPlayback, PhysicsPlayback
     from sim.robot import load_robot
     from sim.robot_file import solver_named
@@ -113,4 +124,5 @@ def open_body(
     if cast.rig is not None:
         rig, limits = open_rig(opening, cast.rig, robot, rate, emulated=cast.emulated)
         opening.callback(rig.output.close)
-    return Body(robot, limits, stage, rig, called)
+    guard = CollisionGuard(robot, 1.0 / rate) if cast.apart else None
+    return Body(robot, limits, stage, rig, called, guard)

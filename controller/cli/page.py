@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from controller.cli.body import Body, Stage
+from controller.cli.body import Body
 from controller.cli.child import child_process
 from controller.cli.watching import NUMBERS, Watch
 from controller.errors import MotiondeckError
@@ -41,6 +41,7 @@ _NUMBERS = (
     "overruns",
     "recues",
     "work_p50_us",
+    "kept_apart",
 )
 
 
@@ -95,12 +96,12 @@ class Page:
 
     Args:
         writer: of that state.
-        stage: whose position is drawn.
+        body: whose position is drawn.
         watch: what recognizes the motion of the joints, if anything does.
     """
 
-    def __init__(self, writer: StateWriter, stage: Stage, watch: Watch | None = None) -> None:
-        self._writer, self._stage, self._watch = writer, stage, watch
+    def __init__(self, writer: StateWriter, body: Body, watch: Watch | None = None) -> None:
+        self._writer, self._stage, self._guard, self._watch = writer, body.stage, body.guard, watch
 
     @classmethod
     @contextmanager
@@ -116,7 +117,7 @@ class Page:
             "robot": robot.name,
         }
         numbers = {"qpos": robot.model.nq, "root_xy": 2} | dict.fromkeys(_NUMBERS + (NUMBERS if watch else ()), 1)
-        page = cls(StateWriter.create(state, description, numbers), body.stage, watch)
+        page = cls(StateWriter.create(state, description, numbers), body, watch)
         try:
             yield page
         finally:
@@ -136,6 +137,7 @@ class Page:
         fields["rate_hz"][0] = state.rate
         fields["overruns"][0] = state.overruns
         fields["recues"][0] = deck.recues
+        fields["kept_apart"][0] = self._guard.kept_apart.total() if self._guard is not None else 0
         if health:
             lateness = state.lateness.percentiles()
             fields["lateness_p50_us"][0] = lateness.p50

@@ -109,6 +109,10 @@ def play(
         Literal["inertialise", "crossfade", "morph", "cut"] | None,
         typer.Option("--join", help="How motions are joined; by itself as suits the network."),
     ] = None,
+    check_collisions: Annotated[
+        bool,
+        typer.Option("--check-collisions", help="Hold joints back where limbs of the robot would run into each other."),
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print a report as one JSON object in the end.")] = False,
 ) -> None:
     """Play learned motions live and switch them on command.
@@ -129,6 +133,8 @@ def play(
       motiondeck play --follow servo20 --follow-rig emulated
 
       motiondeck play box1 --robot servo20 --root free --balance
+
+      motiondeck play waltz --robot servo20 --check-collisions
 
       motiondeck play --recognize --on-mismatch stop --robot servo20 --rig emulated
 
@@ -179,6 +185,8 @@ def play(
         _print(said, as_json, f"wrote {video} ({length:g} s, {video.stat().st_size / 1e6:.1f} MB)")
         return
 
+    from dataclasses import replace
+
     from controller.cli.body import Cast
     from controller.cli.report import summary
     from controller.cli.session import Session, Settings
@@ -188,13 +196,19 @@ def play(
 
     second = None
     if follow is not None:
-        second = Cast(find("robot", follow, ".toml"), rig_file(follow_rig, follow), follow_rig == "emulated")
+        second = Cast(
+            find("robot", follow, ".toml"),
+            rig_file(follow_rig, follow),
+            follow_rig == "emulated",
+            apart=check_collisions,
+        )
     elif follow_rig is not None:
         raise MotiondeckError("--follow-rig needs --follow ROBOT: whose servos are they?")
     if listen is not None and token_file is None:
         raise MotiondeckError(f"--listen {listen} needs --token-file FILE: anybody could move the robot otherwise")
+    player = Cast(find("robot", robot, ".toml"), rig_file(rig, robot), rig == "emulated", root, balance, solver)
     settings = Settings(
-        robot=Cast(find("robot", robot, ".toml"), rig_file(rig, robot), rig == "emulated", root, balance, solver),
+        robot=replace(player, apart=check_collisions),
         rate=rate,
         physics=not kinematic,
         realtime=realtime,

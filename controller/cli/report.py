@@ -67,6 +67,9 @@ def summary(report: dict[str, Any]) -> str:
             + (f", tracking error {np.degrees(error):.2f} deg (rms)" if error is not None else "")
         )
     lines += [f"the robot fell after {o['fell_s']:.1f} s" for o in report["outputs"] if o.get("fell_s") is not None]
+    if kept := report.get("kept_apart"):
+        most = sorted(kept.items(), key=lambda item: -item[1])[:3]
+        lines.append("kept apart: " + ", ".join(f"{pair} ({count} ticks)" for pair, count in most))
     lines += in_words(report["recognition"]) if "recognition" in report else []
     lines += [f"output {o['name']} was parked: {o['fault']}" for o in report["outputs"] if o["parked"]]
     return "\n".join(lines)

@@ -173,7 +173,7 @@ class Session:
             for called, cast in casts.items()
         ]
         self._body = self.bodies[0]
-        self._deck = self._make_deck(Ensemble([body.robot.retarget for body in self.bodies]))
+        self._deck = self._make_deck(Ensemble([body.retarget for body in self.bodies]))
         self._channels = Body.channels_of(self.bodies)
         self._envelope = SafetyEnvelope(all_limits([body.limits for body in self.bodies]), self._clock.period)
         self._watch = (
@@ -226,6 +226,9 @@ class Session:
         names = [name for body in self.bodies for name in body.joints]
         said = full_report(report, names, self._deck.switches, self._permissions)
         said |= {"refused": self._refused, "recues": self._deck.recues}
+        guards = {body.called: body.guard for body in self.bodies if body.guard is not None}
+        kept = {called + pair: count for called, guard in guards.items() for pair, count in guard.kept_apart.items()}
+        said |= {"kept_apart": kept} if guards else {}
         said |= {"recognition": self._watch.report()} if self._watch else {}
         return said | {"library": self._library.info.name, "robot": self._body.robot.name}
 
