@@ -302,8 +302,7 @@ class Bus:
 
     def _discard(self) -> None:
         """Throws away what came too late for an earlier call."""
-        if self.port.wait(0.0):
-            self.port.receive()
+        self.port.receive()
 
     def _plan(self, asked: tuple[tuple[int, ...], int, int, bool]) -> _Request:
         """What a sync read sends and waits for."""
