@@ -1,17 +1,22 @@
 """The loop's punctuality: the whole of `play` with thesis15 on servo20, beside the clock of loop-rate-limiters.
 
-python -m benchmarks loop [--rates 100,250,500,1000] [--seconds 20] [--view] [--hog] [--core N] [--no-rig] [--json]
+python -m benchmarks loop [--rates 100,250,500,1000] [--seconds 20] [--beside none,view,hog] [--core N]
+                         [--no-rig] [--json]
 
-For each rate the same run is made on both clocks, first with ordinary scheduling and then with SCHED_FIFO and locked
-memory, where that is permitted. All else is the same: deck, retargeting, safety envelope, simulated robot, a bus of
-emulated servos. --view attaches the browser view, --hog keeps another core busy.
+For each rate, and for what runs beside it (nothing, the browser view, a process that keeps another core busy), the same
+run is made with ordinary scheduling and then with SCHED_FIFO and locked memory, where that is permitted:
+
+- motiondeck: deck, retargeting, safety envelope, simulated robot and a bus of emulated servos;
+- loop-rate-limiters: all that on the clock of this package (pip install motiondeck[benchmark], else it is left out);
+- empty loop: our clock with nothing to do at all. No loop on this machine is more punctual than that; what is worse
+  than it is ours, what it shows itself is the machine's. So is `steal`: the time for which the host took all cores of
+  a virtual machine away, as /proc/stat counts it.
 
 Lateness is that of a tick after the deadline its own clock promised. Motiondeck's deadlines are the start plus k
 periods; loop-rate-limiters sets each one a period after the last wake-up, so it is late against fewer promises and
 drifts: `drift` is how far the last tick was behind the start plus its number of periods (skipped ticks count as
 taken). An overrun is a tick more than a period late. Every two seconds a switch is commanded; `change` is how many
-ticks after it the targets were first changed by it (p99). Without the peer (pip install motiondeck[benchmark]) its rows
-are left out.
+ticks after it the targets were first changed by it (p99).
 """
 
 from __future__ import annotations
@@ -21,86 +26,33 @@ import json
 import os
 import platform
 import re
-import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 for _library in ("OPENBLAS", "OMP", "MKL"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
 
+import msgspec  # noqa: E402
 import numpy as np  # noqa: E402
 
+from benchmarks._beside import hog, stolen_ms  # noqa: E402
+from benchmarks._peer_clock import PeerClock, RateLimiter  # noqa: E402
 from controller.cli.body import Cast  # noqa: E402
 from controller.cli.resources import find  # noqa: E402
 from controller.cli.script import Timed  # noqa: E402
 from controller.cli.session import Session, Settings  # noqa: E402
 from controller.realtime.clock import Clock, Ticker  # noqa: E402
 from controller.realtime.deck import Deck  # noqa: E402
+from controller.realtime.histogram import DurationHistogram  # noqa: E402
 from controller.realtime.messages import Switch  # noqa: E402
-from controller.realtime.permissions import handed_back, request_realtime  # noqa: E402
+from controller.realtime.permissions import handed_back, request_core, request_realtime  # noqa: E402
+from controller.realtime.quiet import undisturbed  # noqa: E402
 from controller.training.library import MotionLibrary, load_library  # noqa: E402
 
-try:
-    from loop_rate_limiters import RateLimiter
-except ImportError:
-    RateLimiter = None
-
+BESIDE = ("none", "view", "hog")
 RIG_HZ = 125.0  # at most; the fastest whole share of the loop's rate below it is taken
-
-
-class PeerClock:
-    """The clock of loop-rate-limiters; fits `controller.realtime.clock.Clock`."""
-
-    def __init__(self, rate: float) -> None:
-        assert RateLimiter is not None
-        self._rate = rate
-        self.overruns = self.skipped = 0
-        self.start()
-
-    @property
-    def period(self) -> float:
-        """Seconds from tick to tick."""
-        return 1.0 / self._rate
-
-    def now(self) -> int:
-        """The clock that the peer uses, ns."""
-        return time.perf_counter_ns()
-
-    def start(self) -> None:
-        """Makes the present the time of tick 0."""
-        assert RateLimiter is not None
-        self._limiter = RateLimiter(self._rate, warn=False)
-        self.overruns = 0
-
-    def wait(self) -> int:
-        """Waits for the next tick; returns how late it is by the peer's own promise, ns."""
-        due = self._limiter.next_tick
-        self._limiter.sleep()
-        late = time.perf_counter() - due
-        self.overruns += late > self.period
-        return int(1e9 * late)
-
-
-@contextmanager
-def hog(wanted: bool, core: int | None) -> Iterator[None]:
-    """A process that keeps a core busy; not the loop's own, if that is known."""
-    if not wanted:
-        yield
-        return
-    busy = subprocess.Popen([sys.executable, "-c", "while True: pass"])
-    others = sorted(os.sched_getaffinity(0) - {core})
-    if others:
-        os.sched_setaffinity(busy.pid, {others[-1]})
-    try:
-        yield
-    finally:
-        busy.kill()
-        busy.wait()
 
 
 def rig_file(folder: Path, rate: float) -> Path:
@@ -113,12 +65,12 @@ def rig_file(folder: Path, rate: float) -> Path:
 
 
 def measure(
-    library: MotionLibrary, clock: Clock, fifo: bool, rate: float, options: argparse.Namespace
+    library: MotionLibrary, clock: Clock, fifo: bool, rate: float, beside: str, options: argparse.Namespace
 ) -> dict[str, Any]:
-    """One run; its row of the table."""
+    """One run of all that `play` runs; its row of the table."""
     motions = [name for name in ("jog", "walk", "box1", "waltz") if name in library.network.motions]
     show = [Timed(2.0 * k, Switch(motions[k % len(motions)])) for k in range(1, int(options.seconds / 2.0))]
-    with tempfile.TemporaryDirectory() as folder, hog(options.hog, options.core):
+    with tempfile.TemporaryDirectory() as folder, hog(beside == "hog", options.core):
         settings = Settings(
             robot=Cast(
                 find("robot", "servo20", ".toml"), rig_file(Path(folder), rate) if options.rig else None, emulated=True
@@ -127,12 +79,13 @@ def measure(
             physics=False,
             realtime=fifo,
             command_port=0,
-            page_port=0 if options.view else None,
+            page_port=0 if beside == "view" else None,
             terminal=False,
             seconds=options.seconds,
             core=options.core,
         )
         with Session(library, lambda retarget: Deck(library, retarget, "walk"), show, settings, clock) as session:
+            before = stolen_ms()
             report: dict[str, Any] = session.run()
     skipped = getattr(clock, "skipped", 0)
     seconds = report["ticks"] / report["rate_hz"]
@@ -140,14 +93,48 @@ def measure(
         "rate_hz": rate,
         "clock": "loop-rate-limiters" if isinstance(clock, PeerClock) else "motiondeck",
         "fifo": fifo,
+        "beside": beside,
         **{f"{name}_us": report["lateness_us"][name] for name in ("p50", "p99", "p999", "max")},
         "ticks": report["ticks"],
         "overruns": report["overruns"],
         "overruns_percent": 100.0 * report["overruns"] / report["ticks"],
         "drift_ms": 1e3 * (seconds - (report["ticks"] + skipped) / rate),
+        "steal_ms": stolen_ms() - before,
         "change_p99_ticks": changed_after(report, rate),
         "work_p50_us": report["work_us"]["p50"],
         "work_p99_us": report["work_us"]["p99"],
+    }
+
+
+def floor(fifo: bool, rate: float, beside: str, options: argparse.Namespace) -> dict[str, Any]:
+    """The same deadlines with nothing to do: how punctual a loop can be on this machine."""
+    clock, late, ticks = Ticker(rate), DurationHistogram(), round(rate * options.seconds)
+    with hog(beside == "hog", options.core), handed_back(), undisturbed():
+        if options.core is not None:
+            request_core(options.core)
+        if fifo:
+            request_realtime()
+        before = stolen_ms()
+        clock.start()
+        start = clock.now()
+        for _ in range(ticks):
+            late.add(clock.wait())
+        seconds = 1e-9 * (clock.now() - start)
+    percentiles = msgspec.structs.asdict(late.percentiles())
+    return {
+        "rate_hz": rate,
+        "clock": "empty loop",
+        "fifo": fifo,
+        "beside": beside,
+        **{f"{name}_us": value for name, value in percentiles.items()},
+        "ticks": ticks,
+        "overruns": clock.overruns,
+        "overruns_percent": 100.0 * clock.overruns / ticks,
+        "drift_ms": 1e3 * (seconds - (ticks + clock.skipped) / rate),
+        "steal_ms": stolen_ms() - before,
+        "change_p99_ticks": None,
+        "work_p50_us": 0.0,
+        "work_p99_us": 0.0,
     }
 
 
@@ -162,53 +149,91 @@ def fifo_permitted() -> bool:
         return request_realtime()[0].granted
 
 
-HEAD = "| Hz | clock | FIFO | late p50 us | p99 | p99.9 | max | overruns | % | drift ms | change | work p50 us | p99 |"
+COLUMNS = {
+    "Hz": lambda row: f"{row['rate_hz']:g}",
+    "clock": lambda row: row["clock"],
+    "FIFO": lambda row: "yes" if row["fifo"] else "no",
+    "beside": lambda row: row["beside"],
+    "late p50 us": lambda row: f"{row['p50_us']:.0f}",
+    "p99": lambda row: f"{row['p99_us']:.0f}",
+    "p99.9": lambda row: f"{row['p999_us']:.0f}",
+    "max": lambda row: f"{row['max_us']:.0f}",
+    "overruns": lambda row: str(row["overruns"]),
+    "%": lambda row: f"{row['overruns_percent']:.3f}",
+    "drift ms": lambda row: f"{row['drift_ms']:.2f}",
+    "steal ms": lambda row: f"{row['steal_ms']:.0f}",
+    "change": lambda row: "" if row["change_p99_ticks"] is None else f"{row['change_p99_ticks']:g}",
+    "work p50 us": lambda row: f"{row['work_p50_us']:.0f}",
+    "work p99 us": lambda row: f"{row['work_p99_us']:.0f}",
+}
 
 
 def line(row: dict[str, Any]) -> str:
-    return (
-        f"| {row['rate_hz']:g} | {row['clock']} | {'yes' if row['fifo'] else 'no'} | {row['p50_us']:.0f} "
-        f"| {row['p99_us']:.0f} | {row['p999_us']:.0f} | {row['max_us']:.0f} | {row['overruns']} "
-        f"| {row['overruns_percent']:.3f} | {row['drift_ms']:.2f} | {row['change_p99_ticks']} "
-        f"| {row['work_p50_us']:.0f} | {row['work_p99_us']:.0f} |"
-    )
+    return "| " + " | ".join(say(row) for say in COLUMNS.values()) + " |"
+
+
+def view_ratios(rows: list[dict[str, Any]]) -> dict[str, float]:
+    """By how much attaching the view changes the p99.9 of our loop, for each rate; under SCHED_FIFO where permitted."""
+    fifo = any(row["fifo"] for row in rows)
+    late = {
+        (row["rate_hz"], row["beside"]): row["p999_us"]
+        for row in rows
+        if row["clock"] == "motiondeck" and row["fifo"] == fifo
+    }
+    return {
+        f"{rate:g}": late[rate, "view"] / max(late[rate, "none"], 1.0)
+        for rate, beside in late
+        if beside == "view" and (rate, "none") in late
+    }
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks loop", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--rates", default="100,250,500,1000", help="ticks a second, separated by commas")
     parser.add_argument("--seconds", type=float, default=20.0, help="how long each run is played")
-    parser.add_argument("--view", action="store_true", help="attach the browser view")
-    parser.add_argument("--hog", action="store_true", help="keep another core busy")
+    parser.add_argument("--beside", default=",".join(BESIDE), help="what runs beside it, of none, view and hog")
     parser.add_argument("--core", type=int, help="run the loop on this core")
     parser.add_argument("--no-rig", dest="rig", action="store_false", help="without emulated servos")
     parser.add_argument("--json", action="store_true", help="one JSON object")
     options = parser.parse_args()
+    besides = options.beside.split(",")
+    if not set(besides) <= set(BESIDE):
+        parser.error(f"--beside {options.beside}: choose from {', '.join(BESIDE)}")
     library = load_library(find("library", "thesis15", ".safetensors"))
     machine = {
         "system": platform.platform(),
         "python": platform.python_version(),
         "cores": os.cpu_count(),
         "load": os.getloadavg()[0],
-        "view": options.view,
-        "hog": options.hog,
         "core": options.core,
     }
     schedulings = (False, True) if fifo_permitted() else (False,)
     rows: list[dict[str, Any]] = []
+
+    def add(row: dict[str, Any]) -> None:
+        rows.append(row)
+        if not options.json:
+            print(line(row), flush=True)
+
     if not options.json:
         print(", ".join(f"{name} {value}" for name, value in machine.items()))
         if len(schedulings) == 1:
             print("SCHED_FIFO is not permitted here, so its rows are missing")
-        print(HEAD + "\n" + "|---" * HEAD.count(" |") + "|", flush=True)
+        print("| " + " | ".join(COLUMNS) + " |\n" + "|---" * len(COLUMNS) + "|", flush=True)
     for rate in map(float, options.rates.split(",")):
-        for fifo in schedulings:
-            for clock in [Ticker(rate), *([PeerClock(rate)] if RateLimiter is not None else [])]:
-                rows.append(measure(library, clock, fifo, rate, options))
-                if not options.json:
-                    print(line(rows[-1]), flush=True)
+        for beside in besides:
+            for fifo in schedulings:
+                add(measure(library, Ticker(rate), fifo, rate, beside, options))
+                if beside != "view":
+                    if RateLimiter is not None:
+                        add(measure(library, PeerClock(rate), fifo, rate, beside, options))
+                    add(floor(fifo, rate, beside, options))
+    ratios = view_ratios(rows)
     if options.json:
-        print(json.dumps({"machine": machine, "rows": rows}))
+        print(json.dumps({"machine": machine, "rows": rows, "view_p999_ratio": ratios}))
+    else:
+        for rate, ratio in ratios.items():
+            print(f"{rate} Hz: attaching the view makes p99.9 {ratio:.2f} times what it is without")
     return 0
 
 
