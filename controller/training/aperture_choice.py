@@ -28,6 +28,7 @@ from controller.training.conceptor_training import (
     principal_directions,
 )
 from controller.training.lesson import Lesson
+from controller.training.rank_choice import cut_to_tolerance
 from controller.training.self_test import Judge, self_test
 
 APERTURES = (5.0, 7.0, 10.0, 14.0, 20.0, 30.0, 50.0)
@@ -51,6 +52,7 @@ def settled_network(
     """The network of a loaded reservoir; a motion that fails a trial gets the first aperture at which it does not.
 
     Where there is none it gets the one with the fewest failures; a recipe that does not choose gets its own.
+    Then all are cut to the rank that the recipe's tolerance allows, if it has one.
 
     Args:
         loaded, lessons, normalisation, recipe: as for `conceptor_network`.
@@ -58,8 +60,23 @@ def settled_network(
         seed: of the noise in the trials.
     """
     network = conceptor_network(loaded, lessons, normalisation, recipe)
-    if not recipe.choose_apertures:
-        return network
+    if recipe.choose_apertures:
+        network = _tried(network, loaded, lessons, normalisation, recipe, judge, seed)
+    if recipe.rank_tolerance_mm is not None:
+        network = cut_to_tolerance(network, judge.encoding, recipe.rank_tolerance_mm)
+    return network
+
+
+def _tried(
+    network: ConceptorNetwork,
+    loaded: LoadedReservoir,
+    lessons: list[Lesson],
+    normalisation: Normalisation,
+    recipe: ConceptorRecipe,
+    judge: Judge,
+    seed: int,
+) -> ConceptorNetwork:
+    """The network with other apertures where its own do not hold."""
     weights = loaded.weights.astype(np.float32)
     motions = {name: network[name] for name in network.motions}
     for lesson, states in zip(lessons, loaded.states, strict=True):

@@ -37,7 +37,9 @@ class ConceptorRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, k
         apertures: alpha of single motions.
         choose_apertures: whether a motion that fails with it is tried with others (`training/aperture_choice.py`).
         ridge: gamma of both regressions.
-        rank: k, how many directions of a conceptor are kept.
+        rank: k, how many directions of a conceptor are kept, or may be.
+        rank_tolerance_mm: how far joints may be off after a step for a motion to get fewer, mm
+            (`training/rank_choice.py`).
         washout: frames until the state has forgotten its start.
         anchor_every: frames between the states that are stored for starting.
     """
@@ -53,6 +55,7 @@ class ConceptorRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, k
     choose_apertures: bool = False
     ridge: float = 1.0
     rank: int = 50
+    rank_tolerance_mm: float | None = None
     washout: int = 100
     anchor_every: int = 2
 
