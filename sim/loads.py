@@ -23,16 +23,18 @@ from scipy.optimize import nnls
 
 from controller.rotations import Array
 from sim.feet import Foot
+from sim.footing import below
 from sim.physics_model import feet_of
 from sim.robot import Robot
 from sim.self_collision import SelfCollision
 from sim.support import convex_hull, margin
-from sim.surface import LowestPoint
+from sim.surface import LowestPoint, Surface
 from sim.takes import DT, Take
 
-# A sole corner less than this share of the root's height above the lowest one of the moment stands on the ground: on a
-# real floor a robot settles onto its soles.
-CONTACT = 0.06
+# A sole corner less than this share of the root's height above the lowest one of the moment is pushed by the ground: on
+# a real floor a robot settles onto its soles. What it keeps its balance on must be nearer to the floor: soles that are
+# tilted by more roll over their edges (fitted on every other motion of thesis15).
+CONTACT, STANDS = 0.06, 0.03
 _FRICTION = 0.7
 _CONE = np.array([[_FRICTION, 0.0, 1.0], [-_FRICTION, 0.0, 1.0], [0.0, _FRICTION, 1.0], [0.0, -_FRICTION, 1.0]])
 # It slides if a corner so near to the floor moves: a foot that swings through is higher, and one that rolls is still.
@@ -52,6 +54,7 @@ class Loads:
         lowest: height of the lowest point, shape (T,), m.
         slide: how fast what touches the ground of the soles moves along it, shape (T,), m/s.
         support: the polygon that the robot stands on in each sample, length T.
+        lies: whether something else than its feet is on the ground, shape (T,).
         com: of the centre of mass along the ground and its height, shape (T, 3), m.
         com_velocity: along the ground, shape (T, 2), m/s.
     """
@@ -66,6 +69,7 @@ class Loads:
     lowest: Array
     slide: Array
     support: tuple[Array, ...]
+    lies: NDArray[np.bool_]
     com: Array
     com_velocity: Array
 
@@ -93,9 +97,13 @@ def loads_of(robot: Robot, take: Take, *, free: bool, collisions: SelfCollision)
     model, data = robot.model, mujoco.MjData(robot.model)
     qpos, qvel, qacc = _motion(robot, take)
     count, feet = len(qpos), feet_of(robot)
-    dof, lowest_point = _actuated(robot), LowestPoint(model)
+    dof, lowest_point, surface = _actuated(robot), LowestPoint(model), Surface.of(model)
+    soles = [body for foot in feet for body in below(model, model.body(foot.body).id)]
+    rest = surface.part(np.setdiff1d(surface.body, soles))
+    near = STANDS * float(model.body(int(model.jnt_bodyid[0])).pos[2])
     gravity, inertia = np.empty((2, count, len(dof)))
     depth, lowest, slide = np.zeros(count), np.empty(count), np.zeros(count)
+    lies = np.zeros(count, dtype=bool)
     com, support, worst = np.empty((count, 3)), [], ("", 0.0)
     before: tuple[NDArray[np.bool_], Array] | None = None
     flags = model.opt.disableflags
@@ -115,8 +123,10 @@ def loads_of(robot: Robot, take: Take, *, free: bool, collisions: SelfCollision)
                 torque = np.stack([_carried_by_the_floor(one, jacobians[on]) for one in torque])
             gravity[k], inertia[k] = torque[0, dof], (torque[1] - torque[0] - damping)[dof]
             com[k] = data.subtree_com[int(model.jnt_bodyid[0])]
-            support.append(convex_hull(corners[on, :2]))
             lowest[k] = lowest_point(data)
+            heights = rest.positions(data)[:, 2] - rest.radius
+            lies[k] = bool(np.any(heights < lowest[k] + near))
+            support.append(convex_hull(corners[_on_the_ground(corners, robot, STANDS), :2]))
             touches = _on_the_ground(corners, robot, TOUCHES)
             if before is not None:
                 both = touches & before[0]
@@ -139,6 +149,7 @@ def loads_of(robot: Robot, take: Take, *, free: bool, collisions: SelfCollision)
         lowest=lowest,
         slide=slide,
         support=tuple(support),
+        lies=lies,
         com=com,
         com_velocity=_rate(com[:, :2]),
     )

@@ -30,6 +30,9 @@ ASTRAY = 0.17
 BRIEFLY = 0.05
 # A body that is off balance for longer than this, s, falls.
 OFF_BALANCE = 0.25
+# What lies on something else than its soles, its centre of mass below this share of the height of a standing root,
+# is down already.
+DOWN = 0.7
 # Played freely for so long, s, what falls has fallen.
 FALL_SECONDS = 10.0
 SLOWEST = 0.1
@@ -221,7 +224,9 @@ class Preflight:
     def standing(self, loads: Loads, tempo: float) -> list[Finding]:
         """What feet and balance do, told without simulating."""
         inside = loads.balance(tempo)
-        off = _longest_below_zero(inside) * DT / tempo
+        root = self.robot.model.body(int(self.robot.model.jnt_bodyid[0]))
+        down = loads.lies & (loads.com[:, 2] < DOWN * float(root.pos[2]))
+        off = _longest((inside < 0.0) & ~down) * DT / tempo
         free = self.root == "free" and not self.balance
         slide = tempo * float(np.median(loads.slide))
         margin = float(np.median(inside))
@@ -267,11 +272,11 @@ def _lasting(off: Array, dt: float = TICK) -> Array:
     return np.lib.stride_tricks.sliding_window_view(off, window, axis=0).min(axis=-1).max(axis=0)
 
 
-def _longest_below_zero(inside: Array) -> int:
-    """How many samples in a row are negative at most."""
+def _longest(flags: NDArray[np.bool_]) -> int:
+    """How many samples in a row are set at most."""
     longest = run = 0
-    for value in inside:
-        run = run + 1 if value < 0.0 else 0
+    for flag in flags:
+        run = run + 1 if flag else 0
         longest = max(longest, run)
     return longest
 

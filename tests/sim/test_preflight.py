@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller.mocap.posture import Pose
-from controller.rotations import yaw
+from controller.rotations import multiply, yaw
 from sim.loads import loads_of
 from sim.preflight import ASTRAY, SLOWEST, Preflight, fastest_passing, servo_lag
 from sim.robot import load_robot
@@ -121,6 +121,19 @@ def test_a_robot_that_leans_too_far_falls_in_both_ways():
     verdict = Preflight(SERVO20, SERVO20.limits, "free").judge(take, simulate=True)
     assert {"off balance", "physics: stands"} <= checks(verdict)
     assert verdict.passes_at is None
+
+
+@pytest.mark.parametrize(
+    "rotation", [(1.0, 0.0, 0.0, 0.0), (np.sqrt(0.5), 0.0, -np.sqrt(0.5), 0.0)], ids=["up", "lying"]
+)
+def test_who_stands_still_or_is_down_already_cannot_fall(rotation):
+    upright = bent_pose(human())
+    pose = Pose(upright.root_position, upright.heading, multiply(np.array(rotation), upright.rotation))
+    take = Take("still", True, np.tile(SERVO20.rest, (40, 1)), (pose,) * 40)
+    judge = Preflight(SERVO20, SERVO20.limits, "free")
+    loads = loads_of(SERVO20, take, free=False, collisions=COLLISIONS)
+    assert {f.check: f.ok for f in judge.standing(loads, 1.0)}["off balance"]
+    assert {f.check: f.ok for f in judge.simulated(take, 1.0)}["physics: stands"]
 
 
 @given(st.floats(0.15, 1.0))
