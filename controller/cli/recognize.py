@@ -143,13 +143,12 @@ def _streamed(recognizer: Recognizer, clip: Any) -> dict[str, Any]:
 
     import numpy as np
 
-    from controller.recognition.features import features
     from controller.recognition.online import OnlineRecognizer
 
     online = OnlineRecognizer(recognizer.bank, recognizer.threshold, recognizer.recipe.rate)
     spans: list[dict[str, Any]] = []
     took: list[float] = []
-    for number, frame in enumerate(features(clip, recognizer.recipe)):
+    for number, frame in enumerate(recognizer.look(clip)):
         start = time.perf_counter()
         online.update(frame)
         seen = online.motion if online.known else None

@@ -62,13 +62,21 @@ class Recognizer:
         Raises:
             MotiondeckError: if its skeleton lacks a joint the features need, or it is too short to foretell anything.
         """
+        return self.verdict(self.bank.costs([self.look(clip)])[0])
+
+    def look(self, clip: Clip) -> Array:
+        """The features of a clip, shape (T, C), T >= 2.
+
+        Raises:
+            MotiondeckError: see `recognize`.
+        """
         signal = features(clip, self.recipe)
         if len(signal) < 2:
             raise MotiondeckError(
                 f"{clip.source or clip.name}: {len(clip)} frames at {clip.rate:g} Hz are too short to be recognized "
                 f"(at least {2.0 / self.recipe.rate:.2f} s). Give a longer recording."
             )
-        return self.verdict(self.bank.costs([signal])[0])
+        return signal
 
     def verdict(self, costs: Array) -> Verdict:
         """The verdict on centred log errors, shape (M,)."""
