@@ -58,7 +58,7 @@ class OnlineRecognizer:
         self._drive = np.zeros(neurons, dtype=np.float32)
         self._guess = np.zeros((experts, self.channels), dtype=np.float32)
         self._error = np.zeros(experts)
-        self._square = np.zeros(experts)
+        self._square = np.zeros(experts, dtype=np.float32)  # a sum into double precision takes twice as long
         self._weight = 0.0
         self.costs = np.full(experts, np.nan)
         self.frames = 0
@@ -88,10 +88,11 @@ class OnlineRecognizer:
             self._error *= 1.0 - self._gain
             self._error += square
             self._weight += self._gain * (1.0 - self._weight)
-            np.multiply(self._error, 1.0 / self._weight, out=square)
-            np.maximum(square, SMALLEST_ERROR, out=square)
-            np.log(square, out=self.costs)
-            self.costs -= self._centre
+            costs = self.costs
+            np.multiply(self._error, 1.0 / self._weight, out=costs)
+            np.maximum(costs, SMALLEST_ERROR, out=costs)
+            np.log(costs, out=costs)
+            costs -= self._centre
         np.dot(self._step, state, out=self._drive)
         self._drive += self._bias
         np.tanh(self._drive, out=self._drive)
@@ -115,11 +116,8 @@ class OnlineRecognizer:
         """How far the best expert is ahead of the second, in log error."""
         if not self.ready or len(self.costs) < 2:
             return 0.0
-        best = int(self.costs.argmin())
-        least, self.costs[best] = self.costs[best], np.inf
-        second = self.costs.min()
-        self.costs[best] = least
-        return float(second - least)
+        first, second = sorted(self.costs.tolist())[:2]
+        return second - first
 
     @property
     def confidence(self) -> float:
