@@ -79,7 +79,7 @@ def benchmark(
                     results.append(measure(name, candidates, dataset, one, drawn))
                 except MotiondeckError as error:
                     unable[name] = str(error)
-    more = _more(dataset, asked) if curves or plot is not None else {}
+    more = _more(dataset, asked, seeds) if curves or plot is not None else {}
     report: dict[str, Any] = {
         "clips": len(dataset.examples),
         "classes": dataset.classes,
@@ -101,11 +101,11 @@ def benchmark(
     leave(dataset)
 
 
-def _more(dataset: Dataset, protocols: list[Any]) -> dict[str, Any]:
+def _more(dataset: Dataset, protocols: list[Any], seeds: int) -> dict[str, Any]:
     """The curves and figures beyond the table, for our experts with their standing settings."""
     import msgspec
 
-    from controller.recognition.benchmark import TEMPOS, dimension_curves, unknown_auc, warp_curve
+    from controller.recognition.benchmark import TEMPOS, dimension_curves, warp_curve
     from controller.recognition.contenders import WITH_VELOCITY, at_any_tempo, ours
     from controller.recognition.cost import cost
     from controller.recognition.experts import ExpertRecipe
@@ -121,12 +121,38 @@ def _more(dataset: Dataset, protocols: list[Any]) -> dict[str, Any]:
             done(f"dimensions, {protocol}")
             out["dimensions"][protocol] = msgspec.to_builtins(dimension_curves(dataset, protocol, ExpertRecipe()))
             done(f"unknown motions, {protocol}")
-            out["unknown_auc"][protocol] = unknown_auc(WITH_VELOCITY, ExpertRecipe(), dataset, protocol)
+            out["unknown_auc"][protocol] = _unknown(dataset, protocol, seeds)
         done("cost")
         out["cost"] = msgspec.to_builtins(cost(dataset, WITH_VELOCITY, ExpertRecipe()))
         done("sine and Henon")
         out["first_check"] = msgspec.to_builtins(checks())
     return out
+
+
+def _unknown(dataset: Dataset, protocol: Any, seeds: int) -> dict[str, dict[str, float]]:
+    """How well unknown motions are told: by our experts, by a committee, and by what each fold chooses nested."""
+    import numpy as np
+
+    from controller.errors import MotiondeckError
+    from controller.recognition.contenders import COMMITTEE, OURS, doubters, ours
+    from controller.recognition.unknown import Doubter, nested_unknown_auc, unknown_auc
+
+    found: dict[str, list[float]] = {}
+    labels, actors = dataset.labels, dataset.actors
+    for seed in range(1, seeds + 1):
+        [standing] = ours(seed)
+        signals = [standing.look(example, 1.0) for example in dataset.examples]
+        single = Doubter(standing.prepare(signals, labels, len(dataset.classes)))
+        several = doubters(dataset, seed)
+        found.setdefault(OURS, []).append(unknown_auc(single, labels, actors, protocol))
+        found.setdefault(COMMITTEE, []).append(unknown_auc(several[-1], labels, actors, protocol))
+        if protocol != "half":
+            try:
+                area = nested_unknown_auc(several, labels, actors, protocol)
+            except MotiondeckError:
+                continue  # two actors, or two classes, cannot do without one
+            found.setdefault("nested choice", []).append(area)
+    return {name: {"mean": float(np.mean(own)), "spread": float(np.std(own))} for name, own in found.items()}
 
 
 def _print(report: dict[str, Any], protocols: Sequence[str]) -> None:
@@ -166,13 +192,14 @@ def _print_more(report: dict[str, Any]) -> None:
         for way, points in ways.items():
             line = ", ".join(f"{p['x']:g}: {p['accuracy']:.3f}" for p in points)
             print(f"dimensions by {way}, {protocol}: {line}")
-    for protocol, area in report["unknown_auc"].items():
-        print(f"unknown motions (each class left out in turn), {protocol}: AUC {area:.3f}")
+    for protocol, areas in report["unknown_auc"].items():
+        line = ", ".join(f"{name} {area['mean']:.3f} ± {area['spread']:.3f}" for name, area in areas.items())
+        print(f"unknown motions (each class left out in turn), {protocol}: AUC {line}")
     cost = report["cost"]
     print(
         f"cost: training on all {report['clips']} clips {cost['train_ms']:.0f} ms, "
         f"{cost['frame_us']:.0f} us a frame for {cost['classes']} classes, {cost['frame_us_15']:.0f} us for 15 "
-        "(plain NumPy, one thread, median)"
+        "(plain NumPy, processor time of one thread, median)"
     )
     for check in report["first_check"]:
         print(

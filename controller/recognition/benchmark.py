@@ -1,4 +1,4 @@
-"""Measures methods in the same folds: accuracy, confusion, nested choice, time warp, dimensions, unknown motions."""
+"""Measures methods in the same folds: accuracy, confusion, nested choice, time warp, dimensions."""
 
 from __future__ import annotations
 
@@ -7,13 +7,11 @@ from collections.abc import Callable, Sequence
 
 import msgspec
 import numpy as np
-from scipy.stats import rankdata
 
-from controller.recognition.bank import margins
 from controller.recognition.dataset import Dataset
 from controller.recognition.experts import ExpertRecipe
 from controller.recognition.features import FeatureRecipe, features, with_velocity
-from controller.recognition.methods import Method, Prepare, Scorer, looking_at, shared_experts
+from controller.recognition.methods import Method, Prepare, Scorer, shared_experts
 from controller.recognition.protocols import Fold, Indices, Protocol, folds, inner_folds
 from controller.recognition.reduction import REDUCTIONS, Reduce
 from controller.rotations import Array
@@ -170,29 +168,3 @@ def dimension_curves(
             ]
             curves[name].append(Point(x=keep, accuracy=float(np.concatenate(right).mean())))
     return curves
-
-
-def unknown_auc(look: FeatureRecipe, experts: ExpertRecipe, dataset: Dataset, protocol: Protocol) -> float:
-    """How well the margin tells known motions from unknown ones: area under the ROC curve.
-
-    Each class in turn is left out of what is learned; all asked examples are then either known or unknown.
-    """
-    labels, classes = dataset.labels, len(dataset.classes)
-    method = Method("experts", looking_at(look), shared_experts(experts))
-    score = method.prepare([method.look(example, 1.0) for example in dataset.examples], labels, classes)
-    known: list[Array] = []
-    unknown: list[Array] = []
-    for learn, ask in folds(protocol, labels, dataset.actors):
-        for left_out in np.unique(labels[ask]):
-            few = learn[labels[learn] != left_out]
-            costs = score(few, ask)
-            margin = margins(costs[:, np.isfinite(costs).all(0)])
-            known.append(margin[labels[ask] != left_out])
-            unknown.append(margin[labels[ask] == left_out])
-    return area_under_curve(np.concatenate(known), np.concatenate(unknown))
-
-
-def area_under_curve(high: Array, low: Array) -> float:
-    """The share of pairs in which a number of `high` exceeds one of `low`; ties count half (Mann-Whitney)."""
-    ranks = rankdata(np.concatenate([high, low]))
-    return float((ranks[: len(high)].sum() - len(high) * (len(high) + 1) / 2.0) / (len(high) * len(low)))

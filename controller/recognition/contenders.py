@@ -17,13 +17,15 @@ from controller.recognition.baselines import (
     nearest_by_warping,
 )
 from controller.recognition.benchmark import Seeded
-from controller.recognition.dataset import Example
+from controller.recognition.committee import A_JOINT, GROUPS, NEURONS, committee
+from controller.recognition.dataset import Dataset, Example
 from controller.recognition.experts import ANY_TEMPO_LEAK, ExpertRecipe
 from controller.recognition.features import ENDS, FeatureRecipe, aligned, features, with_velocity
 from controller.recognition.frequency_retrieval import ALL_NUMBERS, FREQUENCIES, frequency_vector, nearest_frequencies
 from controller.recognition.methods import Method, Prepare, at_recorded_angles, looking_at, proposal, shared_experts
 from controller.recognition.motion_templates import motion_templates, relations
 from controller.recognition.self_organising_map import motion_strings
+from controller.recognition.unknown import Doubter
 from controller.rotations import Array
 
 POSITIONS = FeatureRecipe(velocity=False)
@@ -37,6 +39,7 @@ ALIGNED_FRAMES = 60  # two seconds at 30 Hz
 
 OURS = "experts (ours)"
 NESTED = "experts (ours, nested choice)"
+COMMITTEE = "experts (ours, a committee)"
 PROPOSED = "proposal"
 
 
@@ -59,6 +62,24 @@ def candidates(seed: int) -> list[Method]:
         recipe = ExpertRecipe(neurons=neurons, ridge=ridge, leak=leak, seed=seed)
         out.append(Method(f"{neurons} {ridge} {leak}", looking_at(look), shared_experts(recipe)))
     return out
+
+
+def in_committee(seed: int) -> list[Method]:
+    """Our experts as a committee within one reservoir, judged joint by joint."""
+    return [Method(COMMITTEE, looking_at(WITH_VELOCITY), committee(ExpertRecipe(neurons=NEURONS, seed=seed)))]
+
+
+# Ways to judge among which the recognition of unknown motions chooses: groups of neurons, channels together.
+WAYS_TO_JUDGE: tuple[tuple[int, int | None], ...] = ((1, None), (1, A_JOINT), (GROUPS, None), (GROUPS, A_JOINT))
+LEVELS = (0.0, 0.1)
+
+
+def doubters(dataset: Dataset, seed: int, ways: Sequence[tuple[int, int | None]] = WAYS_TO_JUDGE) -> list[Doubter]:
+    """What may tell known motions of a dataset from unknown ones."""
+    signals = [looking_at(WITH_VELOCITY)(example, 1.0) for example in dataset.examples]
+    recipe = ExpertRecipe(neurons=NEURONS, seed=seed)
+    scores = [committee(recipe, *way)(signals, dataset.labels, len(dataset.classes)) for way in ways]
+    return [Doubter(score, level) for score in scores for level in LEVELS]
 
 
 def contenders() -> dict[str, tuple[Seeded, bool]]:
@@ -88,6 +109,7 @@ def contenders() -> dict[str, tuple[Seeded, bool]]:
         f"{PROPOSED}, 200 neurons": proposed(200),
         OURS: (ours, True),
         NESTED: (candidates, True),
+        COMMITTEE: (in_committee, True),
         "experts, positions only": (lambda seed: ours(seed, POSITIONS), True),
         "experts, 5 joints": (lambda seed: ours(seed, FIVE_JOINTS), True),
         "experts, not turned into the heading": (lambda seed: ours(seed, ANY_HEADING), True),

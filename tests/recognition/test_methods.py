@@ -18,13 +18,12 @@ from controller.recognition.baselines import (
     nearest_by_warping,
 )
 from controller.recognition.benchmark import (
-    area_under_curve,
     dimension_curves,
     measure,
-    unknown_auc,
     warp_curve,
 )
-from controller.recognition.contenders import WITH_VELOCITY, candidates, contenders, ours
+from controller.recognition.committee import committee
+from controller.recognition.contenders import candidates, contenders, ours
 from controller.recognition.dataset import Example
 from controller.recognition.experts import ExpertRecipe
 from controller.recognition.features import FeatureRecipe
@@ -38,11 +37,13 @@ from controller.recognition.frequency_retrieval import (
 from controller.recognition.methods import Method, looking_at, proposal, shared_experts
 from controller.recognition.motion_templates import motion_templates, relations, template
 from controller.recognition.self_organising_map import motion_strings, pose_map
+from controller.recognition.unknown import Doubter, area_under_curve, nested_unknown_auc, unknown_auc
 
 LOOK = looking_at(FeatureRecipe(velocity=False, rate=15.0))
 SMALL = ExpertRecipe(neurons=30)
 METHODS = {
     "experts": shared_experts(SMALL),
+    "committee": committee(SMALL, 3),
     "raw experts": shared_experts(ExpertRecipe(neurons=10, ridge=0.01), centred=False),
     "proposal": proposal(20),
     "mean pose": mean_pose,
@@ -134,8 +135,45 @@ def test_fewer_dimensions_do_not_help(examples):
         assert points[0].accuracy <= points[1].accuracy
 
 
-def test_motions_left_out_have_smaller_margins(examples):
-    assert unknown_auc(WITH_VELOCITY, SMALL, examples, "actor-out") > 0.8
+def doubter(examples, prepare, level=0.0):
+    signals = [LOOK(example, 1.0) for example in examples.examples]
+    return Doubter(prepare(signals, examples.labels, 3), level)
+
+
+@pytest.mark.parametrize("name", ["experts", "committee"])
+def test_motions_left_out_are_less_sure(examples, name):
+    assert unknown_auc(doubter(examples, METHODS[name]), examples.labels, examples.actors, "actor-out") > 0.8
+
+
+def test_a_committee_of_one_that_looks_at_all_joints_together_ranks_as_the_experts_do(examples):
+    alone = doubter(examples, committee(SMALL, 1, None)).score
+    experts = doubter(examples, shared_experts(SMALL)).score
+    learn, ask = np.flatnonzero(examples.actors != 0), np.flatnonzero(examples.actors == 0)
+    difference = alone(learn, ask) - experts(learn, ask)
+    assert np.allclose(difference, difference[0])  # the errors are the same; only the centre is taken clip by clip
+
+
+def test_a_nested_doubter_is_chosen_without_the_actor_and_the_class_that_are_asked():
+    labels, actors = np.repeat(np.arange(4), 6), np.tile(np.arange(3), 8)
+    calls = []
+
+    def knowing(learn, ask):
+        """Half as far from every learned class as those are from each other, unless it is one of them."""
+        calls.append(np.concatenate([learn, ask]))
+        costs = np.where(np.isin(np.arange(4), labels[learn]), 1.0, np.inf) * np.ones((len(ask), 1))
+        costs[np.arange(len(ask)), labels[ask]] -= 0.5
+        return costs
+
+    def nonsense(learn, ask):
+        return np.where(np.isfinite(knowing(learn, ask)), np.random.default_rng(0).uniform(size=(len(ask), 4)), np.inf)
+
+    assert nested_unknown_auc([Doubter(nonsense), Doubter(knowing)], labels, actors, "actor-out") == 1.0
+    # For each of 3 actors and 4 classes, 2 doubters are tried on 2 other actors and 3 other classes, and one is asked.
+    choosing = [seen for seen in calls if len(np.unique(actors[seen])) == 2]
+    assert (len(choosing), len(calls)) == (3 * 4 * 2 * 2 * 3, 3 * 4 * (2 * 2 * 3 + 1))
+    assert {len(np.unique(labels[seen])) for seen in choosing} == {3}
+    with pytest.raises(MotiondeckError, match="four classes"):
+        nested_unknown_auc([Doubter(knowing)], labels % 3, actors, "actor-out")
 
 
 def test_the_area_under_the_curve_counts_pairs():

@@ -6,10 +6,11 @@ import pytest
 from typer.testing import CliRunner
 
 from controller.cli.main import app
-from controller.recognition.benchmark import measure, unknown_auc
-from controller.recognition.contenders import WITH_VELOCITY, contenders, ours
+from controller.recognition.benchmark import measure
+from controller.recognition.committee import A_JOINT, GROUPS
+from controller.recognition.contenders import contenders, doubters, ours
 from controller.recognition.dataset import read_dataset, recorded_angles
-from controller.recognition.experts import ExpertRecipe
+from controller.recognition.unknown import unknown_auc
 
 
 @pytest.fixture(scope="module")
@@ -30,8 +31,10 @@ def test_the_proposal_to_the_letter_is_not_good_enough(hdm05):
     assert measure("proposal", proposed, hdm05, "actor-out", [1]).accuracy < 0.5
 
 
-def test_unknown_motions_are_told_by_their_margin(hdm05):
-    assert unknown_auc(WITH_VELOCITY, ExpertRecipe(), hdm05, "actor-out") >= 0.97
+@pytest.mark.parametrize("protocol", ["actor-out", "one-actor"])
+def test_a_committee_tells_unknown_motions(hdm05, protocol):
+    in_committee = doubters(hdm05, 1, [(GROUPS, A_JOINT)])[-1]
+    assert unknown_auc(in_committee, hdm05.labels, hdm05.actors, protocol) >= 0.97
 
 
 def test_the_proposals_channels_are_the_59_angles(hdm05):
