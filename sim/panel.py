@@ -27,6 +27,7 @@ from controller.realtime.commands import (
 from controller.realtime.messages import FASTEST, SLOWEST
 from controller.realtime.recording import MODES
 from controller.rotations import Array
+from sim.ghost import WAYS
 from sim.private_page import PrivatePage
 from sim.seen import what_is_seen
 
@@ -39,9 +40,17 @@ OTHERS = (120, 130, 145)
 
 
 class Panel:
-    """Buttons and figures beside the scene."""
+    """Buttons and figures beside the scene; with `has_human` the human whose motion is played can be shown, too."""
 
-    def __init__(self, page: PrivatePage, motions: list[str], joints: list[str], commands: CommandClient) -> None:
+    def __init__(
+        self,
+        page: PrivatePage,
+        motions: list[str],
+        joints: list[str],
+        commands: CommandClient,
+        *,
+        has_human: bool = False,
+    ) -> None:
         self._page, self._commands = page, commands
         self._motions, self._joints = motions, joints
         self._lock = Lock()
@@ -71,7 +80,26 @@ class Panel:
             "Halt", icon=viser.Icon.ALERT_OCTAGON, color="orange", hint="Emergency stop: brake at once and hold"
         )
         self._halt.on_click(lambda _: self._send(Reset() if self._halted else EmergencyStop()))
+        with gui.add_folder("view", expand_by_default=False):
+            self._human = gui.add_dropdown("human", WAYS, hint="The pose that the network plays") if has_human else None
+            self._steps = gui.add_checkbox("footprints and contacts", False)
+            self._follow = gui.add_checkbox("camera follows", True)
         gui.add_button("Stop", icon=viser.Icon.PLAYER_STOP, color="red").on_click(lambda _: self._send(Stop()))
+
+    @property
+    def human(self) -> str:
+        """Where the human is to be seen."""
+        return str(self._human.value) if self._human is not None else WAYS[0]
+
+    @property
+    def marks_steps(self) -> bool:
+        """Whether prints and contacts of the feet are to be seen."""
+        return bool(self._steps.value)
+
+    @property
+    def follows(self) -> bool:
+        """Whether the camera goes along with the robot."""
+        return bool(self._follow.value)
 
     def show(self, state: dict[str, Array]) -> None:
         """Brings buttons, slider and figures up to date."""

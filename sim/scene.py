@@ -10,15 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.rotations import Array
-from sim.figure import batches, poses
 from sim.private_page import PrivatePage
+from sim.puppet import Puppet
 from sim.stage import body_height
 
 ZENITH, HORIZON = (214, 225, 238), (242, 245, 248)
 # On its way through the lights of the scene this comes out as the colour of the horizon.
 FOG = (226, 232, 239)
 FLOOR = (214, 220, 228), (190, 199, 210)
-SHADOW = (58, 66, 78)
 SQUARES = 36
 TELEPORT = 3.0  # m: too far to have been walked between two pictures
 
@@ -52,8 +51,7 @@ class Scene:
     """
 
     def __init__(self, page: PrivatePage, model: mujoco.MjModel) -> None:
-        self._page, self._model = page, model
-        self._data = mujoco.MjData(model)
+        self._page = page
         self.height = height = body_height(model)
         self._cell = 0.25 if height < 1.0 else 1.0
         scene = page.scene
@@ -68,56 +66,22 @@ class Scene:
         self._floor = scene.add_frame("/floor", show_axes=False)
         for parity, colour in enumerate(FLOOR):
             scene.add_mesh_simple(f"/floor/{parity}", *_tiles(self._cell, parity), color=colour, flat_shading=True)
-        self._batches = batches(model)
-        self._handles = {}
-        mujoco.mj_kinematics(model, self._data)
-        for shape, batch in self._batches.items():
-            position, orientation = poses(model, self._data, batch)
-            # The same solids, flattened, are their own shadow: there is no shadow map for a slow computer to filter.
-            looks = (
-                ("robot", _linear(batch.colour), 1.0, 0.0, None if batch.opacity == 1.0 else batch.opacity),
-                ("shadow", SHADOW, 1e-3, 0.002 * height, None if batch.opacity == 1.0 else 0.5 * batch.opacity),
-            )
-            self._handles[shape] = [
-                scene.add_batched_meshes_simple(
-                    f"/{name}/{shape}",
-                    *batch.mesh,
-                    batched_wxyzs=orientation,
-                    batched_positions=position,
-                    batched_scales=batch.scale,
-                    batched_colors=colour,
-                    flat_shading=not batch.smooth,
-                    lod="off",
-                    cast_shadow=False,
-                    receive_shadow=False,
-                    scale=(1.0, 1.0, thickness),
-                    position=(0.0, 0.0, lift),
-                    opacity=opacity,
-                )
-                for name, colour, thickness, lift, opacity in looks
-            ]
+        self._robot = Puppet(page, model, height)
         page.initial_camera.position = (1.75 * height, -1.05 * height, 0.80 * height)
         page.initial_camera.look_at = (0.0, 0.0, 0.46 * height)
         page.initial_camera.fov = np.radians(42.0)
 
+    @property
+    def data(self) -> mujoco.MjData:
+        """MuJoCo's state of the robot as it is shown."""
+        return self._robot.data
+
     def show(self, qpos: Array, centre: Array) -> None:
         """Draws the robot at qpos (nq,) as seen by someone who walks along with the centre (2,)."""
-        self._data.qpos[:] = qpos
-        mujoco.mj_kinematics(self._model, self._data)
         with self._page.atomic():
-            for shape, batch in self._batches.items():
-                position, orientation = poses(self._model, self._data, batch)
-                position[:, :2] -= centre
-                for handle in self._handles[shape]:
-                    handle.batched_positions = position.astype(np.float32)
-                    handle.batched_wxyzs = orientation.astype(np.float32)
+            self._robot.show(qpos, centre)
             # The floor only has to go back by less than two squares to look as if one had walked on.
             self._floor.position = (*(-np.mod(centre, 2.0 * self._cell)), 0.0)
-
-
-def _linear(colour: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Colours as a screen shows them turned into light, which is what the page takes the colours of copies for."""
-    return np.round(255.0 * (colour / 255.0) ** 2.2).astype(np.uint8)
 
 
 def _tiles(cell: float, parity: int) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:

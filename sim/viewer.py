@@ -26,12 +26,16 @@ import numpy as np
 from controller.errors import FileFormatError, MotiondeckError
 from controller.realtime.commands import CommandClient
 from controller.realtime.telemetry import StateReader
+from sim.ghost import Ghost
+from sim.live_steps import LiveSteps
 from sim.panel import Panel
 from sim.private_page import PrivatePage
+from sim.puppet import Puppet
 from sim.scene import Follower, Scene
 
 PICTURES_PER_SECOND = 30.0
 HEALTH_PER_SECOND = 4.0
+BESIDE = 0.75  # of the robot's height: so far aside a follower, or the human, is drawn
 LONGEST_WAIT = 60.0  # s for a deck that is starting
 
 
@@ -50,14 +54,21 @@ def view(state: Path, command_port: int, port: int) -> None:
     description = reader.description
     motions = [str(motion) for motion in description["motions"]]
     joints = [str(joint) for joint in description.get("joints", ())]
-    try:
-        model = mujoco.MjModel.from_xml_path(str(description["model_file"]))
-    except ValueError as error:
-        raise FileFormatError(f"{description['model_file']}: MuJoCo refuses it: {error}") from error
+    model = _model(str(description["model_file"]))
     page = PrivatePage(port, label=f"Motiondeck · {description['robot']}")
     scene = Scene(page, model)
-    panel = Panel(page, motions, joints, CommandClient(command_port))
+    files = [str(file) for file in description.get("followers", ())]
+    followers = [Puppet(page, _model(file), scene.height, f" {k}") for k, file in enumerate(files)]
+    ghost = None
+    if about := description.get("human"):
+        human = _model(str(about["file"]))
+        # Followers stand to the right of the robot, on the side that the panel does not cover.
+        aside = (BESIDE if followers else -BESIDE) * scene.height
+        ghost = Ghost(Puppet(page, human, scene.height, " human"), human, about, aside)
+    steps = LiveSteps(page, model, np.array(description.get("rest", model.qpos0)), scene.height)
+    panel = Panel(page, motions, joints, CommandClient(command_port), has_human=ghost is not None)
     follower = Follower()
+    centre = np.zeros(2)
     last_picture = last_health = 0.0
     last_tick = -1.0
     try:
@@ -66,8 +77,20 @@ def view(state: Path, command_port: int, port: int) -> None:
             latest = reader.read()
             if latest is not None and latest["tick"][0] != last_tick and np.isfinite(latest["qpos"]).all():
                 last_tick = latest["tick"][0]
-                centre = follower.follow(latest["qpos"][:2], min(now - last_picture, 0.1))
+                dt = min(now - last_picture, 0.1)
+                if panel.follows:
+                    centre = follower.follow(latest["qpos"][:2], dt)
                 scene.show(latest["qpos"], centre)
+                with page.atomic():
+                    beside = np.array([0.0, -BESIDE * scene.height])
+                    for k, other in enumerate(followers):
+                        qpos = latest[f"qpos {k}"]
+                        qpos[:2] = latest["qpos"][:2] + (k + 1) * beside
+                        other.show(qpos, centre)
+                    if ghost is not None:
+                        human_at = latest["qpos"][:2]
+                        ghost.show(panel.human, latest["human_root"], latest["human_turn"], human_at, centre)
+                    steps.show(scene.data, centre, dt, visible=panel.marks_steps)
                 last_picture = now
                 if now - last_health >= 1.0 / HEALTH_PER_SECOND:
                     panel.show(latest)
@@ -78,6 +101,13 @@ def view(state: Path, command_port: int, port: int) -> None:
         if os.getppid() != parent and state.parent.name.startswith("motiondeck-"):
             # A deck that was killed could not tidy up after itself.
             shutil.rmtree(state.parent, ignore_errors=True)
+
+
+def _model(file: str) -> mujoco.MjModel:
+    try:
+        return mujoco.MjModel.from_xml_path(file)
+    except ValueError as error:
+        raise FileFormatError(f"{file}: MuJoCo refuses it: {error}") from error
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -16,6 +16,7 @@ from controller.cli.body import Body
 from controller.cli.child import child_process
 from controller.cli.watching import NUMBERS, Watch
 from controller.errors import MotiondeckError
+from controller.mocap.skeleton import Skeleton
 from controller.realtime.loop import LoopState
 from controller.realtime.recording import MODES
 from controller.realtime.stop import StopRequest
@@ -96,28 +97,48 @@ class Page:
 
     Args:
         writer: of that state.
-        body: whose position is drawn.
+        bodies: whose positions are drawn.
         watch: what recognizes the motion of the joints, if anything does.
     """
 
-    def __init__(self, writer: StateWriter, body: Body, watch: Watch | None = None) -> None:
-        self._writer, self._stage, self._guard, self._watch = writer, body.stage, body.guard, watch
+    def __init__(self, writer: StateWriter, bodies: Sequence[Body], watch: Watch | None = None) -> None:
+        self._writer, self._watch = writer, watch
+        self._stage, *self._followers = [body.stage for body in bodies]
+        self._guards = [body.guard for body in bodies if body.guard is not None]
 
     @classmethod
     @contextmanager
-    def open(cls, state: Path, motions: Sequence[str], body: Body, watch: Watch | None = None) -> Iterator[Page]:
-        """Puts the robot's model and the state beside each other, where the view waits for them."""
-        robot = body.robot
-        model = state.with_name("robot.xml")
-        robot.spec.to_file(str(model))
+    def open(
+        cls,
+        state: Path,
+        motions: Sequence[str],
+        bodies: Sequence[Body],
+        human: Skeleton | None,
+        watch: Watch | None = None,
+    ) -> Iterator[Page]:
+        """Puts the robots' models, the human's and the state beside each other, where the view waits for them."""
+        from sim.ghost import draw_ghost
+
+        robot = bodies[0].robot
+        models = [state.with_name(f"robot{index}.xml") for index in range(len(bodies))]
+        for body, model in zip(bodies, models, strict=True):
+            body.robot.spec.to_file(str(model))
+        rest = robot.model.qpos0.copy()
+        robot.layout.place(robot.rest, rest)
         description = {
-            "model_file": str(model),
+            "model_file": str(models[0]),
+            "followers": [str(model) for model in models[1:]],
+            "rest": rest.tolist(),
             "motions": list(motions),
             "joints": list(robot.joints),
             "robot": robot.name,
         }
         numbers = {"qpos": robot.model.nq, "root_xy": 2} | dict.fromkeys(_NUMBERS + (NUMBERS if watch else ()), 1)
-        page = cls(StateWriter.create(state, description, numbers), body, watch)
+        numbers |= {f"qpos {index}": body.robot.model.nq for index, body in enumerate(bodies[1:])}
+        if human is not None:
+            description["human"] = draw_ghost(human, robot.path_scale, state.with_name("human.xml"))
+            numbers |= {"human_root": 3, "human_turn": 4 * (1 + len(human))}
+        page = cls(StateWriter.create(state, description, numbers), bodies, watch)
         try:
             yield page
         finally:
@@ -128,6 +149,11 @@ class Page:
         fields = self._writer.fields
         fields["qpos"][:] = self._stage.qpos
         fields["root_xy"][:] = self._stage.qpos[:2]
+        for index, follower in enumerate(self._followers):
+            fields[f"qpos {index}"][:] = follower.qpos
+        if "human_root" in fields:
+            fields["human_root"][:] = state.pose.root_position
+            fields["human_turn"][:] = state.pose.rotation.ravel()
         fields["tick"][0] = state.tick
         fields["time_s"][0] = deck.time
         fields["motion"][0] = deck.motions.index(deck.motion)
@@ -137,7 +163,7 @@ class Page:
         fields["rate_hz"][0] = state.rate
         fields["overruns"][0] = state.overruns
         fields["recues"][0] = deck.recues
-        fields["kept_apart"][0] = self._guard.kept_apart.total() if self._guard is not None else 0
+        fields["kept_apart"][0] = sum(guard.kept_apart.total() for guard in self._guards)
         if health:
             lateness = state.lateness.percentiles()
             fields["lateness_p50_us"][0] = lateness.p50

@@ -200,6 +200,8 @@ def play(
             find("robot", follow, ".toml"),
             rig_file(follow_rig, follow),
             follow_rig == "emulated",
+            root,
+            balance,
             apart=check_collisions,
         )
     elif follow_rig is not None:

@@ -20,6 +20,7 @@ from controller.cli.record import TickRecorder, recording
 from controller.cli.report import full_report
 from controller.cli.script import Timed
 from controller.cli.watching import Watch, Watching
+from controller.mocap.joint_angles import JointBody
 from controller.realtime.clock import Clock, Ticker
 from controller.realtime.command_desk import Commandable, CommandDesk
 from controller.realtime.commands import CommandServer, Refused
@@ -139,6 +140,7 @@ class Session:
         self._restore_tty: Callable[[], None] = lambda: None
         self._beside: list[tuple[str, subprocess.Popen[bytes]]] = []
         self._open = ExitStack()
+        self._page: Page | None = None
 
     def __enter__(self) -> Session:
         with ExitStack() as opening:
@@ -181,9 +183,12 @@ class Session:
             if settings.watching
             else None
         )
-        self._page = (
-            opening.enter_context(Page.open(view, self._deck.motions, self._body, self._watch)) if view else None
-        )
+        # Of a recorded run the human's root alone is known, and joints taught by hand were never a human's.
+        skeleton = self._library.skeleton
+        human = None if isinstance(self._deck, RecordedDeck) or isinstance(skeleton, JointBody) else skeleton
+        if view is not None:
+            page = Page.open(view, self._deck.motions, self.bodies, human, self._watch)
+            self._page = opening.enter_context(page)
         self._recorder = self._open_recorder(opening) if settings.record else None
         self._desk = CommandDesk(
             self._deck,
