@@ -9,11 +9,10 @@ stay; every command is answered; nothing grows.
 from __future__ import annotations
 
 import math
-import resource
 import socket
+import sys
 from collections.abc import Callable, Mapping
 from contextlib import closing, suppress
-from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -42,6 +41,7 @@ from controller.realtime.commands import (
 from controller.realtime.deck import Deck
 from controller.realtime.interfaces import JointLimits, Retargeter
 from controller.realtime.loop import LoopState, run
+from controller.realtime.memory_growth import Growth, growth, memory_kb
 from controller.realtime.safety import SafetyEnvelope
 from controller.realtime.stop import StopRequest
 from controller.rotations import Array
@@ -66,7 +66,9 @@ class SoakReport(msgspec.Struct, frozen=True):
         faults: how often the deck, the commands and the outputs have raised.
         outside: targets that were not finite or outside one of the four limits.
         restless: ticks in which a joint moved although the emergency stop had been on for STOPPED_WITHIN_S.
-        growth_kb_per_hour: slope of the memory in use over the second half, of virtual time.
+        growth_kb_per_hour: of the memory in use (RSS) over the second half, an hour of virtual time.
+        growth_blocks_per_hour: likewise of the blocks that Python has allocated; the deck's record of its latest
+            1000 switches fills them up for the first half hour.
         reason: why it ended.
     """
 
@@ -78,7 +80,8 @@ class SoakReport(msgspec.Struct, frozen=True):
     faults: dict[str, int]
     outside: int
     restless: int
-    growth_kb_per_hour: float
+    growth_kb_per_hour: Growth
+    growth_blocks_per_hour: Growth
     reason: str
 
     @property
@@ -180,7 +183,7 @@ def soak(
     output = Shaky(limits, clock.period, np.random.default_rng(rng.integers(2**32)))
     every = max(1, round(COMMAND_EVERY_S * rate))
     look_every = max(1, round(LOOK_AT_MEMORY_EVERY_S * rate))
-    memory: list[tuple[float, float]] = []
+    memory: list[tuple[float, float, float]] = []
     commands = answered = flood = restless = halted = tick = 0
     with closing(CommandServer(0)) as server, closing(_socket()) as client, closing(_socket()) as flooder:
         desk = CommandDesk(deck, [server])
@@ -202,7 +205,7 @@ def soak(
             halted = halted + 1 if stop.emergency else 0
             restless += halted > STOPPED_WITHIN_S * rate and output.moved
             if tick % look_every == 0:
-                memory.append((tick / rate, _memory_kb()))
+                memory.append((tick / rate, memory_kb(), sys.getallocatedblocks()))
                 if progress is not None:
                     progress(tick / rate)
 
@@ -220,6 +223,7 @@ def soak(
             publish=publish,
         )
     outputs = report.outputs[0]["faults"]
+    settled = memory[len(memory) // 2 :]
     return SoakReport(
         seconds=report.ticks / rate,
         ticks=report.ticks,
@@ -229,7 +233,8 @@ def soak(
         faults=report.faults | {"outputs": outputs if isinstance(outputs, int) else 0},
         outside=output.outside,
         restless=restless,
-        growth_kb_per_hour=_slope(memory[len(memory) // 2 :]) * 3600.0,
+        growth_kb_per_hour=growth([(at, kb) for at, kb, _ in settled]),
+        growth_blocks_per_hour=growth([(at, blocks) for at, _, blocks in settled]),
         reason=report.reason,
     )
 
@@ -269,19 +274,3 @@ def _answers(client: socket.socket, newest: int) -> int:
             reply = read_reply(client.recv(65536))
             count += reply.id == newest and reply.__struct_config__.tag in ("accepted", "refused", "state")
     return count
-
-
-def _memory_kb() -> float:
-    """The memory in use, kB."""
-    try:
-        return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 1024.0
-    except OSError:
-        return float(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
-
-
-def _slope(points: list[tuple[float, float]]) -> float:
-    """Of a line through points, 0 for fewer than two."""
-    if len(points) < 2:
-        return 0.0
-    x, y = np.array(points).T
-    return float(np.polyfit(x - x.mean(), y, 1)[0])

@@ -3,6 +3,7 @@ import pytest
 
 import synthetic
 from controller.realtime.interfaces import JointLimits
+from controller.realtime.memory_growth import growth
 from controller.realtime.safety import SafetyEnvelope
 from controller.realtime.soak import soak
 
@@ -39,3 +40,14 @@ def test_the_same_seed_soaks_alike(library):
 def test_a_soak_notices_an_envelope_that_lets_things_pass(library, monkeypatch):
     monkeypatch.setattr(SafetyEnvelope, "__call__", lambda self, targets: targets)
     assert not soak(library, directions, LIMITS, seconds=5.0, rate=100.0).passed
+
+
+def test_a_leak_grows_in_every_stretch_and_a_step_of_the_allocator_in_one():
+    seconds = np.arange(0.0, 900.0, 10.0)
+    noise = np.random.default_rng(0).normal(size=len(seconds))
+    leak = growth(list(zip(seconds, 100_000.0 + 2.0 * seconds + noise, strict=True)))
+    assert 0.0 < leak.low < leak.mean < leak.high
+    assert leak.mean == pytest.approx(7200.0, rel=0.01)
+    step = growth(list(zip(seconds, 100_000.0 + 1024.0 * (seconds > 400.0), strict=True)))
+    assert step.low < 0.0 < step.mean
+    assert growth([(0.0, 1.0), (10.0, 2.0)]).mean == 0.0
