@@ -95,6 +95,12 @@ class Matcher:
         rms = np.sqrt(np.maximum(nearest, 0.0) / self._joints)
         return Match(rms.argmin(0), rms[meant], place)
 
+    def nearest(self, run: Array, motion: int) -> Array:
+        """How near a run of features (T, F) comes to each window of a motion, shape (n,), mm."""
+        seen, reference = windows(run), self._windows[motion]
+        distance = np.square(seen).sum(1)[:, None] + self._square[motion] - 2.0 * seen @ reference.T
+        return np.sqrt(np.maximum(distance.min(0), 0.0) / self._joints)
+
     def spread(self, motion: int) -> float:
         """The root mean square distance of a motion's joints from their own mean, mm."""
         own = self._windows[motion]

@@ -71,7 +71,7 @@ def training_error(recipe: LibraryRecipe, syllabus: Syllabus, seed: int, data: P
         )
     loaded = load_reservoir(lessons, plan, seed)
     judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, holds=not recipe.as_recorded)
-    network = settled_network(loaded, lessons, normalisation, plan, judge, seed)
+    network, _ = settled_network(loaded, lessons, normalisation, plan, judge, seed)
     states, inputs = np.concatenate(loaded.states), np.concatenate([lesson.frames for lesson in lessons])
     readout, targets = loaded.readout, inputs
     if data is not None:

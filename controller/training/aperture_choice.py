@@ -14,8 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from controller.evaluation.batch import ConceptorBatch
-from controller.evaluation.disturbance import Kind, disturbed
+from controller.evaluation.disturbance import Kind
 from controller.generators.conceptor import ConceptorNetwork
 from controller.mocap.normalisation import Normalisation
 from controller.rotations import Array
@@ -29,16 +28,16 @@ from controller.training.conceptor_training import (
 )
 from controller.training.lesson import Lesson
 from controller.training.rank_choice import cut_to_tolerance
-from controller.training.self_test import Judge, self_test
+from controller.training.self_test import Judge
+from controller.training.trials import failures
 
-APERTURES = (5.0, 7.0, 10.0, 14.0, 20.0, 30.0, 50.0)
+APERTURES = (5.0, 7.0, 10.0, 14.0, 20.0, 30.0, 50.0, 80.0)
 
 # How long each is run for its attenuation, and from when on it counts.
 STEPS, SETTLED = 400, 60
 
-# Disturbed runs of each kind in a trial, and what a failure of the free run counts.
-RUNS = 8
-FREE_RUN = 2 * RUNS
+# What a loop has to survive. A motion that happens once may be anywhere on its way after a disturbance.
+LOOP: tuple[Kind, ...] = ("robustness", "stability")
 
 
 def settled_network(
@@ -48,23 +47,23 @@ def settled_network(
     recipe: ConceptorRecipe,
     judge: Judge,
     seed: int,
-) -> ConceptorNetwork:
-    """The network of a loaded reservoir; a motion that fails a trial gets the first aperture at which it does not.
+) -> tuple[ConceptorNetwork, dict[str, int]]:
+    """The network of a loaded reservoir, and how many trials of each motion fail, if the recipe chooses apertures.
 
-    Where there is none it gets the one with the fewest failures; a recipe that does not choose gets its own.
-    Then all are cut to the rank that the recipe's tolerance allows, if it has one.
+    A motion that fails a trial gets the first aperture at which it does not; where there is none, that with the fewest
+    failures. Then all are cut to the rank that the recipe's tolerance allows, if it has one.
 
     Args:
         loaded, lessons, normalisation, recipe: as for `conceptor_network`.
         judge: of the motions.
         seed: of the noise in the trials.
     """
-    network = conceptor_network(loaded, lessons, normalisation, recipe)
+    network, failed = conceptor_network(loaded, lessons, normalisation, recipe), {}
     if recipe.choose_apertures:
-        network = _tried(network, loaded, lessons, normalisation, recipe, judge, seed)
+        network, failed = _tried(network, loaded, lessons, normalisation, recipe, judge, seed)
     if recipe.rank_tolerance_mm is not None:
         network = cut_to_tolerance(network, judge.encoding, recipe.rank_tolerance_mm)
-    return network
+    return network, failed
 
 
 def _tried(
@@ -75,24 +74,24 @@ def _tried(
     recipe: ConceptorRecipe,
     judge: Judge,
     seed: int,
-) -> ConceptorNetwork:
-    """The network with other apertures where its own do not hold."""
+) -> tuple[ConceptorNetwork, dict[str, int]]:
+    """The network with other apertures where its own do not hold, and how many trials of each motion fail then."""
     weights = loaded.weights.astype(np.float32)
     motions = {name: network[name] for name in network.motions}
+    left: dict[str, int] = {}
     for lesson, states in zip(lessons, loaded.states, strict=True):
-        if lesson.name in recipe.apertures:
-            continue
-        fewest = _failures(network, lesson.name, weights, judge, seed)
-        if fewest == 0:
-            continue
-        for aperture in by_attenuation(states, loaded, recipe):
+        kinds = LOOP if lesson.loop else ()
+        fewest = failures(network, lesson.name, kinds, judge, seed, weights)
+        named = lesson.name in recipe.apertures
+        for aperture in [] if named or fewest == 0 else by_attenuation(states, loaded, recipe):
             part = conceptor_motion(states, loaded, normalisation, recipe, aperture)
-            failures = _failures(ConceptorNetwork({lesson.name: part}), lesson.name, weights, judge, seed)
-            if failures < fewest:
-                fewest, motions[lesson.name] = failures, part
+            failed = failures(ConceptorNetwork({lesson.name: part}), lesson.name, kinds, judge, seed, weights)
+            if failed < fewest:
+                fewest, motions[lesson.name] = failed, part
             if fewest == 0:
                 break
-    return ConceptorNetwork(motions, network.memory)
+        left[lesson.name] = fewest
+    return ConceptorNetwork(motions, network.memory), left
 
 
 def by_attenuation(states: Array, loaded: LoadedReservoir, recipe: ConceptorRecipe) -> list[float]:
@@ -120,16 +119,3 @@ def attenuations(states: Array, loaded: LoadedReservoir, recipe: ConceptorRecipe
             # |h - x|^2, for U has orthonormal columns.
             lost += energy - ((2.0 - singular) * singular * np.square(along)).sum(1)
     return np.maximum(lost, 0.0) / np.maximum(all_of_it, 1e-12)
-
-
-def _failures(network: ConceptorNetwork, motion: str, weights: np.ndarray, judge: Judge, seed: int) -> int:
-    """How many runs fail: the free one, and of loops those started from noise or disturbed."""
-    failed = 0 if self_test(network, judge, (motion,))[motion].passed else FREE_RUN
-    if failed or not judge.loops[motion]:
-        return failed
-    kinds: tuple[Kind, ...] = ("robustness", "stability")
-    for kind in kinds:
-        rng = np.random.default_rng([seed, *motion.encode(), kind == "stability"])
-        runs = disturbed(kind, ConceptorBatch(network, motion, RUNS, weights), RUNS, rng)
-        failed += sum(not judge(motion, run.astype(np.float64)).passed for run in runs)
-    return failed

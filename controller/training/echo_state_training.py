@@ -31,6 +31,7 @@ class EchoStateRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, k
         ridge: gamma.
         washout: frames until the state has forgotten its start.
         state_noise, teacher_noise: standard deviations, in units of the state and of the normalised output.
+        choose_noise: whether a motion that fails with it is taught with others (`training/noise_choice.py`).
         drives: how many noisy runs are learned from.
         wrong_starts: how many further runs of the motions that happen once begin at their first frame in a random
             state.
@@ -47,6 +48,7 @@ class EchoStateRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, k
     washout: int = 100
     state_noise: float = 0.03
     teacher_noise: float = 0.02
+    choose_noise: bool = False
     drives: int = 3
     wrong_starts: int = 0
     clipped: bool = True

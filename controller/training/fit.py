@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from controller.errors import FileFormatError, MotiondeckError
+from controller.errors import FileFormatError
 from controller.evaluation.accuracy import nrmse
 from controller.evaluation.matching import joint_features
 from controller.generators.centralized_network import CentralizedNetwork
@@ -34,10 +36,12 @@ from controller.training.library import (
     describe_skeleton,
 )
 from controller.training.loops import close_loop, hold_end
+from controller.training.noise_choice import settled_echo_state
 from controller.training.random_feature_training import RandomFeatureRecipe, train_random_features
 from controller.training.recipe import LibraryRecipe, MotionRecipe, ReservoirRecipe
 from controller.training.self_test import Judge, Verdict, self_test
 from controller.training.stress_test import stress_test
+from controller.training.trials import with_trials
 
 SHORTEST = 48  # frames of a recording: two windows of the self-test
 
@@ -107,27 +111,75 @@ def fit(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None) 
                 f"{FEWEST_ANCHORS} states to start from; give a smaller number"
             )
     lessons, normalisation = syllabus.lessons()
-    best: tuple[int, int, AnyNetwork, dict[str, Verdict]] | None = None
+    judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, holds=not recipe.as_recorded)
+
+    def attempt(seed: int) -> Taught:
+        progress(f"training (seed {seed})")
+        taught = settle(lessons, normalisation, recipe.network, syllabus.rate, seed, judge)
+        progress("self-test")
+        return taught
+
     # Two BLAS threads on a busy machine wait for each other longer than they help.
     with threadpool_limits(1):
-        for seed in recipe.seeds:
-            progress(f"training (seed {seed})")
-            judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, holds=not recipe.as_recorded)
-            network = teach(lessons, normalisation, recipe.network, syllabus.rate, seed, judge)
-            progress("self-test")
-            verdicts = self_test(network, judge)
-            # The state of a centralized network is a place on a closed curve; its centers return there by themselves.
-            if not isinstance(network, CentralizedNetwork):
-                verdicts = stress_test(network, verdicts, judge, seed)
-            passed = sum(verdict.passed for verdict in verdicts.values())
-            if best is None or passed > best[0]:
-                best = (passed, seed, network, verdicts)
-            if passed == len(lessons):
-                break
-    if best is None:
-        raise MotiondeckError(f"recipe '{recipe.name}' names no seed")
-    _, seed, network, verdicts = best
-    return assemble(recipe, syllabus, network, seed, verdicts)
+        taught = first_to_pass(recipe.seeds, attempt)
+    return assemble(recipe, syllabus, taught.network, taught.seed, taught.verdicts)
+
+
+@dataclass(frozen=True)
+class Taught:
+    """A trained network.
+
+    Attributes:
+        seed: it was drawn with.
+        network: what plays.
+        verdicts: of the self-test.
+        weights: W of a conceptor network, shape (N, N).
+    """
+
+    seed: int
+    network: AnyNetwork
+    verdicts: dict[str, Verdict]
+    weights: NDArray[np.float32] | None = None
+
+    @property
+    def passed(self) -> int:
+        """How many motions passed the self-test."""
+        return sum(verdict.passed for verdict in self.verdicts.values())
+
+
+def first_to_pass(seeds: Iterable[int], attempt: Callable[[int], Taught]) -> Taught:
+    """The attempt of the first seed with which every motion passes; where none does, that with which most do."""
+    best: Taught | None = None
+    for seed in seeds:
+        taught = attempt(seed)
+        if best is None or taught.passed > best.passed:
+            best = taught
+        if best.passed == len(best.verdicts):
+            break
+    assert best is not None, "a recipe names at least one seed"
+    return best
+
+
+def settle(
+    lessons: list[Lesson], normalisation: Normalisation, recipe: Kind, rate: float, seed: int, judge: Judge
+) -> Taught:
+    """The network of a recipe, tested; one that chooses gets the apertures or the noise that hold in trials."""
+    weights, failed = None, {}
+    if isinstance(recipe, ConceptorRecipe):
+        loaded = load_reservoir(lessons, recipe, seed)
+        weights = loaded.weights.astype(np.float32)
+        network, failed = settled_network(loaded, lessons, normalisation, recipe, judge, seed)
+    elif isinstance(recipe, EchoStateRecipe) and recipe.choose_noise:
+        network, failed = settled_echo_state(lessons, normalisation, recipe, judge, seed)
+    else:
+        network = teach(lessons, normalisation, recipe, rate, seed)
+    verdicts = self_test(network, judge)
+    if failed:
+        verdicts = with_trials(verdicts, failed)
+    elif not isinstance(network, CentralizedNetwork):
+        # The state of a centralized network is a place on a closed curve; its centers return there by themselves.
+        verdicts = stress_test(network, verdicts, judge, seed)
+    return Taught(seed, network, verdicts, weights)
 
 
 def assemble(
@@ -157,22 +209,12 @@ def assemble(
     return MotionLibrary(info, network, syllabus.encoding)
 
 
-def teach(
-    lessons: list[Lesson],
-    normalisation: Normalisation,
-    recipe: Kind,
-    rate: float,
-    seed: int,
-    judge: Judge | None = None,
-) -> AnyNetwork:
-    """The network of a recipe, of whichever kind it is; a judge of its motions lets a conceptor's choose apertures."""
+def teach(lessons: list[Lesson], normalisation: Normalisation, recipe: Kind, rate: float, seed: int) -> AnyNetwork:
+    """The network of a recipe, of whichever kind it is, as the recipe says and untested."""
     if isinstance(recipe, CentralizedRecipe):
         return train_centralized_network(lessons, normalisation, recipe, rate, seed)
     if isinstance(recipe, ConceptorRecipe):
-        loaded = load_reservoir(lessons, recipe, seed)
-        if judge is None:
-            return conceptor_network(loaded, lessons, normalisation, recipe)
-        return settled_network(loaded, lessons, normalisation, recipe, judge, seed)
+        return conceptor_network(load_reservoir(lessons, recipe, seed), lessons, normalisation, recipe)
     if isinstance(recipe, RandomFeatureRecipe):
         return train_random_features(lessons, normalisation, recipe, seed)
     return train_echo_state(lessons, normalisation, recipe, seed)

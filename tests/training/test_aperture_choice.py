@@ -24,7 +24,7 @@ def loaded():
 
 def settled(recipe, loaded, judge):
     lessons, normalisation = synthetic.lessons()
-    return settled_network(loaded, lessons, normalisation, recipe, judge, 0)
+    return settled_network(loaded, lessons, normalisation, recipe, judge, 0)[0]
 
 
 def test_attenuation_is_a_share_and_orders_the_apertures(loaded):

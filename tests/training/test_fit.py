@@ -17,6 +17,7 @@ seeds = [0, 1, 2]
 [network]
 type = "conceptor"
 neurons = 500
+aperture = 50.0   # with less it takes a short cut in the waltz
 [[motions]]
 name = "walk"
 file = "jaeger/nnRawWalk.mat"

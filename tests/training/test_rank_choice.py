@@ -5,7 +5,8 @@ import pytest
 import synthetic
 from controller.errors import FileFormatError
 from controller.evaluation.matching import joint_features
-from controller.training.fit import teach
+from controller.generators.conceptor import ConceptorNetwork
+from controller.training.fit import settle
 from controller.training.rank_choice import cut, cut_to_tolerance, off_mm, rank_within
 from controller.training.recipe import read_recipe
 from controller.training.self_test import Judge, run_free, self_test
@@ -56,7 +57,8 @@ def test_a_cut_keeps_the_first_directions(network):
 def test_a_recipe_with_a_tolerance_gets_a_rank_of_its_own_for_each_motion():
     judge = Judge(synthetic.small_encoding(), synthetic.references(), LOOPS)
     recipe = msgspec.structs.replace(synthetic.SMALL_RECIPE, rank_tolerance_mm=5.0)
-    network = teach(*synthetic.lessons(), recipe, synthetic.RATE, 0, judge)
+    network = settle(*synthetic.lessons(), recipe, synthetic.RATE, 0, judge).network
+    assert isinstance(network, ConceptorNetwork)
     whole = synthetic.small_network()
     for motion in network.motions:
         assert len(network[motion].offset) < recipe.rank

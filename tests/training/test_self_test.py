@@ -28,6 +28,34 @@ def test_a_trained_network_passes():
     assert max(verdict.error_mm for verdict in verdicts.values()) < 30.0
 
 
+class Tape:
+    """Plays given frames round and round."""
+
+    def __init__(self, frames):
+        self.motions, self.channels, self._frames = ("both",), frames.shape[1], frames
+
+    def cue(self, motion, anchor):
+        self._n = anchor
+
+    def advance(self, out):
+        out[:] = self._frames[self._n % len(self._frames)]
+        self._n += 1
+
+
+def test_a_loop_that_takes_a_short_cut_fails():
+    """It swings its arms to the left and then to the right; between the two it comes near to itself."""
+    t = 2 * np.pi * np.arange(240) / 120
+    side = np.where(np.arange(240) < 120, 1.0, -1.0) * (1.0 - np.cos(t))
+    arms = synthetic.swing(0.5 * side, 0), synthetic.swing(0.5 * side, 1)
+    legs = synthetic.swing(0.1 * side, 1), synthetic.swing(0.1 * side, 1)
+    both = synthetic.frames_of(0.8 + 0 * t, 0 * t, 0 * t, legs, arms)
+    judge = Judge(synthetic.small_encoding(), {"both": both}, {"both": True})
+    assert self_test(Tape(both), judge)["both"].passed
+    verdict = self_test(Tape(both[:120]), judge)["both"]
+    assert not verdict.passed
+    assert "of the motion only" in verdict.reason
+
+
 def test_a_frozen_loop_fails(features, matcher):
     frozen = np.repeat(features[0][:1], 300, axis=0)
     assert not judge(frozen, matcher, 0, features[0], loop=True).passed
