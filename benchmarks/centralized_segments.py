@@ -1,10 +1,11 @@
 """Whole-body errors on CMU 86_01, eleven segments found by themselves, beside pydmps, splines, Fourier and cosines.
 
-    python -m benchmarks.centralized_segments FOLDER_WITH_86_01.amc
+    python -m benchmarks.centralized_segments FOLDER_WITH_86_01.amc [PICTURE]
 
 Mean over segments of the mean absolute error of a coordinate, mm, 31 joints (93 outputs). In the second table every
 method has the same number of parameters for each output; satellites and frequencies are shared by all outputs and
-counted once. pydmps (rhythmic, 100 basis functions, GPL) is measured where it is installed: pip install pydmps.
+counted once. pydmps (rhythmic, 100 basis functions, GPL) is measured where it is installed: pip install pydmps. The
+picture is figure 15 of the paper: the first table by segments.
 """
 
 from __future__ import annotations
@@ -15,24 +16,14 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import BSpline
 
+from controller.cli.plots import drawing
+from controller.evaluation.tables import Table, Value
 from controller.mocap.reading import read_clip
 from controller.mocap.segmentation import body_features, find_segments
 from controller.training.model_choice import mean_absolute, mean_distance
-from controller.training.satellite_learning import learn, ridge_readout, slow_and_fast
+from controller.training.segment_network import say_segment
 
 SEGMENTS = 11
-
-
-def network(part: np.ndarray, rate: float, centers: int, satellites: int) -> np.ndarray:
-    flat = part.reshape(len(part), -1)
-    middle = flat.mean(0)
-    time = np.arange(len(part)) / rate
-    # The mean is one parameter more for each output; it is counted below.
-    learned = learn(
-        flat - middle, time, satellites, slow_and_fast(len(time) / rate, centers, 30, 0), keep=4, iterations=500
-    )
-    response = learned.respond(time)
-    return (response @ ridge_readout(response, flat - middle).T + middle).reshape(part.shape)
 
 
 def least_squares(basis: np.ndarray, part: np.ndarray) -> np.ndarray:
@@ -73,26 +64,37 @@ def movement_primitives(part: np.ndarray) -> np.ndarray:
     return primitives.rollout(timesteps=each * len(part))[0][::each].reshape(part.shape)
 
 
-def main(folder: str) -> None:
+def main(folder: str, picture: str | None = None) -> None:
     clip = read_clip(Path(folder) / "86_01.amc")
     places = 1e3 * clip.joints()
     segments = find_segments(body_features(clip), clip.rate, SEGMENTS)
     print(f"{SEGMENTS} segments end at {[end for _, end in segments]}", flush=True)
     parts = [places[first:end] for first, end in segments]
 
-    def row(name: str, method) -> float:
+    by_segment: list[dict[str, Value]] = [{"segment": str(k + 1)} for k in range(SEGMENTS)]
+
+    def row(name: str, method, drawn: str | None = None) -> float:
         outputs = [method(part) for part in parts]
         errors = [mean_absolute(o, p) for o, p in zip(outputs, parts, strict=True)]
         far = [mean_distance(o, p) for o, p in zip(outputs, parts, strict=True)]
+        for line, error in zip(by_segment, errors, strict=True):
+            line |= {drawn: error} if drawn else {}
         print(f"{name:44} {np.mean(errors):8.2f} mm a coordinate {np.mean(far):8.2f} mm a joint", flush=True)
         return float(np.mean(errors))
 
     try:
-        row("pydmps rhythmic, 100 basis functions", movement_primitives)
+        row("pydmps rhythmic, 100 basis functions", movement_primitives, "pydmps, 100 mm")
     except ImportError:
         print("pydmps is not installed")
     for satellites in (16, 49, 100):
-        row(f"learned network, 2 centers, {satellites} satellites", lambda p, m=satellites: network(p, clip.rate, 2, m))
+        row(
+            f"learned network, 2 centers, {satellites} satellites",
+            lambda p, m=satellites: say_segment(p, clip.rate, m),
+            f"{satellites} satellites mm",
+        )
+    if picture is not None:
+        title = "86_01: mean absolute error of a coordinate, mm"
+        drawing()(Table(title, by_segment, tuple(list(by_segment[0])[1:])), Path(picture))
     outputs = places[0].size
     for satellites in (8, 16, 32):
         shared = satellites * 5 + 4
@@ -100,7 +102,7 @@ def main(folder: str) -> None:
         print(f"at {satellites + 1 + shared / outputs:.1f} parameters for each output (others: {count})")
         ours = row(
             f"  learned network, 2 centers, {satellites} satellites",
-            lambda p, m=satellites: network(p, clip.rate, 2, m),
+            lambda p, m=satellites: say_segment(p, clip.rate, m),
         )
         best = min(
             row("  cubic spline", lambda p, c=count: spline(p, c)),
@@ -111,6 +113,6 @@ def main(folder: str) -> None:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 2:
+    if len(sys.argv) not in (2, 3):
         sys.exit(__doc__)
-    main(sys.argv[1])
+    main(*sys.argv[1:])

@@ -146,7 +146,12 @@ def draw_segment_errors(table: Table, path: Path) -> None:
     width = 0.8 / len(table.draws)
     for i, name in enumerate(table.draws):
         heights = [float(row[name] or 0.0) for row in rows]
-        axes.bar(np.arange(len(rows)) + (i - 0.5 * (len(table.draws) - 1)) * width, heights, width, label=name[:-3])
+        axes.bar(
+            np.arange(len(rows)) + (i - 0.5 * (len(table.draws) - 1)) * width,
+            heights,
+            width,
+            label=f"{name[:-3]} satellites",
+        )
     axes.set_xticks(np.arange(len(rows)), [str(row["segment"]) for row in rows])
     axes.set_xlabel("segment")
     axes.set_ylabel("mm a coordinate")
@@ -161,4 +166,30 @@ def draw_segment_errors(table: Table, path: Path) -> None:
         axes.set_xlabel("segment")
         axes.set_title(title)
         figure.colorbar(picture, ax=axes)
+    save(figure, path)
+
+
+def draw_table1(table: Table, path: Path) -> None:
+    """Relative accuracies of table 1, a panel a segment, on a logarithmic scale."""
+    from matplotlib.figure import Figure
+
+    label = next(iter(table.rows[0]))
+    cells: dict[str, list[tuple[str, Any]]] = {}
+    for row in table.rows:
+        size, _, segment = str(row[label]).rpartition(", ")
+        cells.setdefault(segment, []).append((size, row))
+    figure = Figure(figsize=(3.3 * len(cells) + 0.8, 4.0), layout="constrained")
+    panels = figure.subplots(1, len(cells), sharey=True, squeeze=False)[0]
+    shades = dict(zip(table.draws, (RECORDED, "#9e9e9e", PLAYED), strict=True))
+    for axes, (segment, rows) in zip(panels, cells.items(), strict=True):
+        for name, shade in shades.items():
+            axes.plot([row[name] for _, row in rows], "o", color=shade, label=name)
+        axes.set_xticks(range(len(rows)), [size for size, _ in rows], rotation=45, ha="right")
+        axes.set_yscale("log")
+        axes.set_title(f"segment {segment}")
+        axes.set_xlabel("centers, satellites")
+        axes.grid(alpha=0.3)
+    panels[0].set_ylabel("integral relative accuracy, eq. 26")
+    panels[0].legend(fontsize=8)
+    figure.suptitle(table.title)
     save(figure, path)

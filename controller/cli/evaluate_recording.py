@@ -14,7 +14,6 @@ from controller.evaluation.tables import Table, Value
 
 if TYPE_CHECKING:
     from controller.mocap.clip import Clip
-    from controller.rotations import Array
 
 Draw = Callable[[Table, Path], None]
 
@@ -24,7 +23,6 @@ RECORDINGS = (".amc", ".bvh", ".mat", ".c3d")
 SEGMENT_SATELLITES = (16, 49, 100)
 SHOWN_SATELLITES = (25, 50, 100)
 CENTERS = 2
-ITERATIONS = 150
 
 # The paper cuts CMU 86 trial 1 into eleven segments; other recordings into what is worth a border.
 PAPER_SEGMENTS = {"86_01": 11}
@@ -48,7 +46,9 @@ def measure_recording(subject: str, what: str | None, data: Path | None) -> tupl
     if subject == TABLE1:
         if what is not None or data is None:
             raise MotiondeckError(f"{TABLE1} is a table of its own: leave out '{what}'")
-        return table1(data), None
+        from controller.cli.centralized_plots import draw_table1
+
+        return table1(data), draw_table1
     measures = {"segments": segments, "models": models, "coordinates": coordinates, "reconstruction": reconstruction}
     if what not in measures:
         raise MotiondeckError(f"of a recording is measured: {', '.join(measures)}")
@@ -91,6 +91,7 @@ def segments(clip: Clip) -> tuple[Table, Draw]:
     from controller.cli.evaluate import progress
     from controller.mocap.segmentation import body_features, find_segments
     from controller.training.model_choice import mean_absolute, mean_distance, relative_accuracy
+    from controller.training.segment_network import say_segment
 
     places = 1e3 * clip.joints()
     names = ("root", *clip.skeleton.bones)
@@ -102,8 +103,8 @@ def segments(clip: Clip) -> tuple[Table, Draw]:
             part = places[first:end]
             row: dict[str, Value] = {"segment": str(number), "seconds": (end - first) / clip.rate}
             for satellites in SEGMENT_SATELLITES:
-                said = _say(part, clip.rate, satellites)
-                row[f"{satellites} satellites mm"] = mean_absolute(said, part)
+                said = say_segment(part, clip.rate, satellites)
+                row[f"{satellites} mm"] = mean_absolute(said, part)
                 row[f"{satellites} joint mm"] = mean_distance(said, part)
                 tick()
                 if satellites == SEGMENT_SATELLITES[1]:
@@ -117,12 +118,13 @@ def segments(clip: Clip) -> tuple[Table, Draw]:
     mean |= {name: float(np.mean([row[name] for row in rows])) for name in rows[0] if name != "segment"}  # pyright: ignore
     rows.append(mean)
     notes = [
-        "mean absolute error of a coordinate, and mean distance of a joint; details: each joint with 49 satellites"
+        "with so many satellites: mean absolute error of a coordinate, and mean distance of a joint",
+        "details: each joint with 49 satellites",
     ]
     table = Table(
         f"{clip.name}: {len(cuts)} segments, {len(names)} joints, {CENTERS} centers",
         rows,
-        tuple(f"{m} satellites mm" for m in SEGMENT_SATELLITES),
+        tuple(f"{m} mm" for m in SEGMENT_SATELLITES),
         notes,
         details,
     )
@@ -185,6 +187,7 @@ def coordinates(clip: Clip) -> tuple[Table, Draw]:
     from controller.cli.evaluate import progress
     from controller.mocap.segmentation import body_features, find_segments
     from controller.training.model_choice import hands_and_feet, mean_absolute
+    from controller.training.segment_network import say_segment
 
     bones = hands_and_feet(clip.skeleton)
     names = [clip.skeleton.bones[bone] for bone in bones]
@@ -195,7 +198,7 @@ def coordinates(clip: Clip) -> tuple[Table, Draw]:
     said = {}
     with progress("networks", len(SHOWN_SATELLITES)) as tick:
         for satellites in SHOWN_SATELLITES:
-            parts = [_say(places[a:b], clip.rate, satellites) for a, b in shown]
+            parts = [say_segment(places[a:b], clip.rate, satellites) for a, b in shown]
             said[f"{satellites} satellites"] = np.concatenate(parts)
             tick()
     rows: list[dict[str, Value]] = [
@@ -243,20 +246,6 @@ def reconstruction(clip: Clip) -> tuple[Table, None]:
     ]
     columns = tuple(name for name in rows[0] if name != "hidden")
     return Table(f"{clip.name}: hidden joints", rows, columns, notes), None
-
-
-def _say(part: Array, rate: float, satellites: int) -> Array:
-    """What a learned network makes of a segment (K, M, 3)."""
-    from controller.training.satellite_learning import learn, ridge_readout, slow_and_fast
-
-    flat = part.reshape(len(part), -1)
-    time = np.arange(len(part)) / rate
-    middle = flat.mean(0)
-    count = min(satellites, len(part) - 1)
-    starts = slow_and_fast(len(part) / rate, CENTERS, 30, 0)
-    learned = learn(flat - middle, time, count, starts, iterations=ITERATIONS)
-    response = learned.respond(time)
-    return (response @ ridge_readout(response, flat - middle).T + middle).reshape(part.shape)
 
 
 def _frames(cut: tuple[int, int], clip: Clip) -> float:

@@ -167,7 +167,10 @@ def design_module(motions: int, beta: float = 0.5, slope: float = 24.0, kappa: f
         SwitchingModuleError: if an argument is out of range, or a state is missing, unstable or out of its place.
     """
     if not 1 <= motions <= MOST_MOTIONS:
-        raise SwitchingModuleError(f"a switching module for {motions} motions; there may be 1 to {MOST_MOTIONS}")
+        raise SwitchingModuleError(
+            f"{motions} motions in one centralized network; its switching module is made for 1 to {MOST_MOTIONS}. "
+            "Make several libraries of them."
+        )
     for name, value, low, high in (("beta", beta, 0.0, 1.0), ("slope", slope, 5.9, 48.1), ("kappa", kappa, 0.0, 1e3)):
         if not low < value < high:
             raise SwitchingModuleError(

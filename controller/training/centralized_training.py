@@ -16,6 +16,7 @@ import numpy as np
 from controller.errors import MotiondeckError
 from controller.generators.centralized import CentralizedMotion
 from controller.generators.centralized_network import ANCHOR_EVERY, CentralizedNetwork
+from controller.generators.switching_module import design_module
 from controller.mocap.normalisation import Normalisation
 from controller.rotations import Array
 from controller.training.lesson import Lesson
@@ -53,8 +54,10 @@ def train_centralized_network(
     """The network of several motions, each learned for itself.
 
     Raises:
+        SwitchingModuleError: before anything is trained, if there are more motions than can be switched between.
         MotiondeckError: see `train_centralized`.
     """
+    design_module(len(lessons))
     motions = {}
     for lesson in lessons:
         channels = normalisation.invert(lesson.frames)

@@ -5,7 +5,11 @@ import pytest
 
 import synthetic
 from controller.errors import MotiondeckError
-from controller.training.centralized_training import train_centralized
+from controller.training.centralized_training import (
+    CentralizedRecipe,
+    train_centralized,
+    train_centralized_network,
+)
 
 
 @pytest.mark.parametrize("name", ["march", "wave"])
@@ -31,6 +35,12 @@ def test_a_motion_that_happens_once_ends_where_it_was_taught_to():
 def test_the_same_seed_gives_the_same_network():
     one, other = (train_centralized(synthetic.wave(), 120.0, loop=True, satellites=9, iterations=20) for _ in range(2))
     assert np.array_equal(one.weights, other.weights)
+
+
+def test_more_motions_than_can_be_switched_between_are_refused_at_once():
+    lessons, normalisation = synthetic.lessons()
+    with pytest.raises(MotiondeckError, match=r"201 motions in one centralized network.*1 to 200.*several libraries"):
+        train_centralized_network(67 * lessons, normalisation, CentralizedRecipe(), synthetic.RATE, 0)
 
 
 def test_what_cannot_be_taught_is_refused():
