@@ -133,7 +133,9 @@ class ConceptorNetwork:
         np.dot(net.project, hidden, out=z)
         np.subtract(z, net.offset, out=z)
         np.dot(net.readout, z, out=self._frame)
-        np.add(self._frame, net.rest, out=out, casting="same_kind")
+        # Added and then copied: an addition that also converts makes buffers of its own.
+        np.add(self._frame, net.rest, out=self._frame)
+        np.copyto(out, self._frame)
 
     def astray(self) -> bool:
         """Whether the state is one that no playing leads to."""

@@ -75,6 +75,11 @@ class EchoStateNetwork:
         self.channels = feedback.shape[1]
         self._hidden = np.zeros(len(bias), dtype=np.float32)
         self._fed_back = np.zeros(len(bias), dtype=np.float32)
+        # As arrays, because a step that is given plain numbers makes an array of each.
+        self._highest_x, self._highest_y, self._leak, self._rest = (
+            np.array(number, dtype=np.float32) for number in (self.state_bound, self.output_bound, leak, 1.0 - leak)
+        )
+        self._lowest_x, self._lowest_y = -self._highest_x, -self._highest_y
         self.cue(self.motions[0], 0)
 
     def __getitem__(self, motion: str) -> EchoStateMotion:
@@ -116,22 +121,24 @@ class EchoStateNetwork:
     def advance(self, out: Channels) -> None:
         """Steps one frame on and writes it into out, shape (channels,)."""
         x, hidden = self._x, self._hidden
-        np.clip(x, -self.state_bound, self.state_bound, out=x)
+        _keep_between(self._lowest_x, self._highest_x, x)
         np.dot(self.weights, x, out=hidden)
         np.dot(self.feedback, self._y, out=self._fed_back)
         np.add(hidden, self._fed_back, out=hidden)
         np.add(hidden, self.bias, out=hidden)
         np.tanh(hidden, out=hidden)
-        np.multiply(hidden, self.leak, out=hidden)
-        np.multiply(x, 1.0 - self.leak, out=x)
+        np.multiply(hidden, self._leak, out=hidden)
+        np.multiply(x, self._rest, out=x)
         np.add(x, hidden, out=x)
         np.dot(self._playing.readout, x, out=self._y)
-        np.clip(self._y, -self.output_bound, self.output_bound, out=self._y)
-        out[:] = self.normalisation.invert(self._y)
+        _keep_between(self._lowest_y, self._highest_y, self._y)
+        np.copyto(out, self._y)
+        self.normalisation.invert_in_place(out)
 
     def astray(self) -> bool:
         """Whether the state is one that no playing leads to: |x| is at most 1."""
-        return not np.abs(self._x).max() <= 1.0 + 1e-4
+        np.abs(self._x, out=self._hidden)
+        return not self._hidden.max() <= 1.0 + 1e-4
 
     def snapshot(self) -> tuple[EchoStateMotion, Float32, Float32]:
         """A copy of the state."""
@@ -141,3 +148,9 @@ class EchoStateNetwork:
         """Puts the state back to a snapshot."""
         self._playing, x, y = snapshot
         self._x, self._y = x.copy(), y.copy()
+
+
+def _keep_between(low: Float32, high: Float32, values: Float32) -> None:
+    """Clips values where they are; `np.clip` goes by way of Python objects."""
+    np.maximum(values, low, out=values)
+    np.minimum(values, high, out=values)

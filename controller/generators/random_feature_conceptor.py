@@ -122,7 +122,9 @@ class RandomFeatureNetwork:
         np.multiply(z, self._conception, out=z)
         np.add(z, self._offset, out=z)
         np.dot(z, self._readout, out=self._frame)
-        np.add(self._frame, self.reservoir.rest, out=out, casting="same_kind")
+        # Added and then copied: an addition that also converts makes buffers of its own.
+        np.add(self._frame, self.reservoir.rest, out=self._frame)
+        np.copyto(out, self._frame)
 
     def astray(self) -> bool:
         """Whether the state is one that no playing leads to."""

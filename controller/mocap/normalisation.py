@@ -81,3 +81,8 @@ class Normalisation:
     def invert(self, channels: Array) -> Array:
         """The channels (..., C) that `apply` brought to the given ones."""
         return channels * self._half_range - self.shift
+
+    def invert_in_place(self, channels: Array) -> None:
+        """The same where the channels lie, float64, without making an array."""
+        np.multiply(channels, self._half_range, out=channels)
+        np.subtract(channels, self.shift, out=channels)

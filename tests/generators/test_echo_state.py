@@ -51,6 +51,16 @@ def test_two_runs_from_one_snapshot_are_identical(network):
     assert np.array_equal(first, run(network, 50))
 
 
+def test_the_same_seed_gives_the_same_bytes():
+    first, second, other = (
+        train_echo_state(*synthetic.lessons(), EchoStateRecipe(neurons=60, washout=60, drives=1), seed)
+        for seed in (4, 4, 5)
+    )
+    assert first.weights.tobytes() == second.weights.tobytes()
+    assert first["bow"].readout.tobytes() == second["bow"].readout.tobytes()
+    assert first["bow"].readout.tobytes() != other["bow"].readout.tobytes()
+
+
 def test_an_unknown_motion_is_refused(network):
     with pytest.raises(UnknownNameError, match="wave"):
         network.cue("wav", 0)
