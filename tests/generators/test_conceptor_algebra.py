@@ -86,9 +86,32 @@ def test_and_and_or_do_not_care_for_order(c, b):
     assert np.allclose(disjunction(c, b), disjunction(b, c), atol=1e-6)
 
 
-@given(conceptors(N), conceptors(N))
+@given(conceptors(), conceptors())
 def test_de_morgan(c, b):
     assert np.allclose(negation(conjunction(c, b)), disjunction(negation(c), negation(b)), atol=1e-6)
+    assert np.allclose(negation(disjunction(c, b)), conjunction(negation(c), negation(b)), atol=1e-6)
+
+
+@given(conceptors(), conceptors())
+def test_what_logic_makes_is_a_conceptor_again(c, b):
+    for made in (conjunction(c, b), disjunction(c, b), negation(c), adapt_aperture(c, 2.0)):
+        values = np.linalg.eigvalsh(made)
+        assert np.allclose(made, made.T, atol=1e-9)
+        assert -1e-7 <= values.min() <= values.max() <= 1.0 + 1e-7
+
+
+@given(conceptors(), conceptors(), st.floats(0.2, 5.0))
+def test_aperture_passes_through_and_and_or(c, b, factor):
+    # Jaeger 2014, proposition 11.
+    for join in (conjunction, disjunction):
+        apart = join(adapt_aperture(c, factor), adapt_aperture(b, factor))
+        assert np.allclose(adapt_aperture(join(c, b), factor), apart, atol=1e-4)
+
+
+@given(conceptors(), st.floats(0.2, 5.0))
+def test_not_turns_a_factor_of_the_aperture_upside_down(c, factor):
+    turned = adapt_aperture(negation(c), 1.0 / factor)
+    assert np.allclose(negation(adapt_aperture(c, factor)), turned, atol=1e-6)
 
 
 @given(conceptors(N), conceptors(N), conceptors(N))
