@@ -23,7 +23,7 @@ from controller.training.library import MotionLibrary
 RATE = 30.0  # Hz
 LOOPS = 2.0  # a loop is learned for this many times its length
 THRESHOLD = 0.3
-MEMORY = 0.2  # s
+MEMORY = 0.1  # s; a longer one sees a switch later and nothing better
 
 # Motions on one body are told apart by single frames; a reservoir that forgets fast settles sooner after a switch.
 EXPERTS = ExpertRecipe(leak=1.0)
