@@ -100,7 +100,7 @@ def loads_of(robot: Robot, take: Take, *, free: bool, collisions: SelfCollision)
     dof, lowest_point, surface = _actuated(robot), LowestPoint(model), Surface.of(model)
     soles = [body for foot in feet for body in below(model, model.body(foot.body).id)]
     rest = surface.part(np.setdiff1d(surface.body, soles))
-    near = STANDS * float(model.body(int(model.jnt_bodyid[0])).pos[2])
+    near = TOUCHES * float(model.body(int(model.jnt_bodyid[0])).pos[2])
     gravity, inertia = np.empty((2, count, len(dof)))
     depth, lowest, slide = np.zeros(count), np.empty(count), np.zeros(count)
     lies = np.zeros(count, dtype=bool)
