@@ -40,6 +40,7 @@ VELOCITY, ACCELERATION, JERK = 10.0, 300.0, 15000.0
 SLOPE_ERROR, ANGLE_ERROR = 0.1, 0.06
 PROBE, SPREAD, POSES = 0.02, 0.3, 24
 
+_UNPLAYED = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_BALL))
 _CLOSING = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
 
 
@@ -57,6 +58,7 @@ class Calibration:
         rest: their positions when it stands with hanging arms, shape (J,), rad.
         unlimited: joints whose range the model does not give.
         speeds: how fast each joint may turn of which the model says it, rad/s.
+        unplayed: joints that slide or turn as a ball does: nothing moves them.
         open_chains: how many constraints close a chain of bodies; they hold in physics only.
         angles: the angle solver's joints, where they fit.
         missed: how far its limbs point from those of a standing human at best, rad, by limb.
@@ -71,6 +73,7 @@ class Calibration:
     rest: Array
     unlimited: tuple[str, ...]
     speeds: dict[str, float]
+    unplayed: tuple[str, ...]
     open_chains: int
     angles: dict[str, Angle]
     missed: dict[str, float]
@@ -170,6 +173,7 @@ def calibrate(path: Path) -> Calibration:
         rest=rest,
         unlimited=tuple(name for name, has in zip(layout.joints, limited, strict=True) if not has),
         speeds=speeds,
+        unplayed=tuple(model.joint(j).name for j in np.flatnonzero(np.isin(model.jnt_type, _UNPLAYED)).tolist()),
         open_chains=int(np.isin(model.eq_type[model.eq_active0 != 0], _CLOSING).sum()),
         angles=fitting_angles(limbs, layout.joints, rest, lower, upper),
         missed=missed,

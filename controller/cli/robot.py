@@ -260,6 +260,7 @@ def _said(found: Calibration, file: Path) -> dict[str, Any]:
         "solvers": ["ik", "angles"] if found.angles else ["ik"],
         "joints_without_range": list(found.unlimited),
         "joints_without_speed": [joint for joint in found.joints if joint not in found.speeds],
+        "joints_not_played": list(found.unplayed),
         "open_chains": found.open_chains,
         "off_when_standing_rad": found.missed,
     }
@@ -278,6 +279,10 @@ def _print_found(found: Calibration, file: Path) -> None:
     unknown = len(found.joints) - len(found.speeds)
     if unknown:
         print(f"the model does not say how fast {unknown} joints may turn: a guess was put down for them; mend it")
+    if found.unplayed:
+        print(
+            f"not played, for only hinges are: {', '.join(name or 'a joint without a name' for name in found.unplayed)}"
+        )
     if found.open_chains:
         print(
             f"{found.open_chains} constraints (connect, weld) close chains of bodies: they hold in physics "

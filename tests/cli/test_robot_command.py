@@ -54,6 +54,16 @@ def test_calibrate_says_what_it_found_and_replaces_nothing_unasked(files):
     assert run("calibrate", files / "small.xml", "--out", out, "--force").exit_code == 0
 
 
+def test_calibrate_says_what_it_does_not_play(tmp_path):
+    text = humanoid().replace('<joint name="left_elbow"', '<joint name="left_elbow" type="slide"')
+    chain = '<equality><connect body1="left_sole" body2="right_sole" anchor="0 0 0"/></equality>'
+    (tmp_path / "odd.xml").write_text(text.replace("</mujoco>", f"{chain}</mujoco>"))
+    said = run("calibrate", tmp_path / "odd.xml", "--out", tmp_path / "odd.toml").stdout
+    assert "not played, for only hinges are: left_elbow" in said
+    assert "1 constraints (connect, weld) close chains" in said
+    assert "how fast 17 joints may turn" in said
+
+
 @pytest.mark.parametrize("solver", ["ik", "angles"])
 def test_check_measures_each_recording(files, solver):
     result = run("check", files / "small.toml", files / "swing.bvh", "--solver", solver, "--json")
