@@ -53,7 +53,9 @@ class Surface:
 
     def positions(self, data: mujoco.MjData) -> Array:
         """Where the centres are, shape (N, 3), m."""
-        return data.xpos[self.body] + rotate(data.xquat[self.body], self.centre)
+        # By the matrices that MuJoCo has at hand: quaternions would take half as long again.
+        turned = np.matmul(data.xmat[self.body].reshape(-1, 3, 3), self.centre[:, :, None])
+        return data.xpos[self.body] + turned[:, :, 0]
 
 
 class LowestPoint:
