@@ -61,6 +61,11 @@ class Panel:
         gui.configure_theme(show_share_button=False, show_logo=False, brand_color=CURRENT)
         self._health = gui.add_html("")
         self._seen = gui.add_html("")
+        # Above the motions, so that it need not be looked for below the edge of a small window.
+        self._halt = gui.add_button(
+            "Halt", icon=viser.Icon.ALERT_OCTAGON, color="orange", hint="Emergency stop: brake at once and hold"
+        )
+        self._halt.on_click(lambda _: self._send(Reset() if self._halted else EmergencyStop()))
         self._buttons = [gui.add_button(motion, color=OTHERS) for motion in motions]
         for motion, button in zip(motions, self._buttons, strict=True):
             button.on_click(lambda _, motion=motion: self._send(Queue(motion) if self._queue.value else Switch(motion)))
@@ -76,10 +81,6 @@ class Panel:
         self._pause = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE, color="gray")
         self._pause.on_click(lambda _: self._send(Resume() if self._paused else Pause()))
         gui.add_button("Home", icon=viser.Icon.HOME, color="gray").on_click(lambda _: self._send(Home()))
-        self._halt = gui.add_button(
-            "Halt", icon=viser.Icon.ALERT_OCTAGON, color="orange", hint="Emergency stop: brake at once and hold"
-        )
-        self._halt.on_click(lambda _: self._send(Reset() if self._halted else EmergencyStop()))
         with gui.add_folder("view", expand_by_default=False):
             self._human = gui.add_dropdown("human", WAYS, hint="The pose that the network plays") if has_human else None
             self._steps = gui.add_checkbox("footprints and contacts", False)

@@ -17,10 +17,12 @@ import numpy as np
 from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 
+from controller.errors import MotiondeckError
 from controller.evaluation.matching import LOST_MM, joint_features
 from controller.generators.centralized_network import CentralizedNetwork
 from controller.generators.morph import morph
 from controller.mocap.bone_directions import FIRST_BONE, HEIGHT
+from controller.mocap.joint_angles import JointBody
 from controller.mocap.posture import Pose, Posture
 from controller.realtime.deck import Deck
 from controller.realtime.joining import Joining
@@ -79,7 +81,15 @@ def all_crossings(
         holds: whether motions that happen once were taught to hold their end.
         jobs: how many processes share the work.
         tick: is called after each source.
+
+    Raises:
+        MotiondeckError: if the motions were taught on a rig: they have no bones to be judged by.
     """
+    if isinstance(library.skeleton, JointBody):
+        raise MotiondeckError(
+            f"library '{library.info.name}' holds the joint angles of a rig, and transitions are judged by where the "
+            "joints of a body go. How closely a rig follows a switch is in the report of: motiondeck rig play --json"
+        )
     judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, holds=holds)
     peaks = {
         name: _peaks(joint_features(syllabus.encoding, frames), wrap=syllabus.loops[name])

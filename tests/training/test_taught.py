@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from controller.errors import FileFormatError
+from controller.errors import FileFormatError, MotiondeckError
+from controller.evaluation.transitions import all_crossings
 from controller.mocap.joint_angles import JointRetargeter, angles_of, read_taught_clip, save_taught_clip, taught_clip
 from controller.realtime.deck import Deck
-from controller.training.fit import fit
+from controller.training.fit import Syllabus, fit
 from controller.training.library import load_library, save_library
 from controller.training.recipe import taught_recipe
 
@@ -52,6 +53,12 @@ def test_it_plays_for_ever_and_switches_without_a_jump(library):
     crossings = np.count_nonzero(np.diff(np.signbit(tail)))
     assert crossings == pytest.approx(2 * 0.45 * 10.0, abs=1)
     assert deck.settled
+
+
+def test_its_transitions_are_not_judged_as_a_body_s_would_be(library):
+    nothing = Syllabus(library.encoding, RATE, {}, {}, {})
+    with pytest.raises(MotiondeckError, match="'gestures' holds the joint angles of a rig"):
+        all_crossings(library, nothing)
 
 
 def test_clips_whose_names_cannot_be_typed_are_refused(tmp_path):
