@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -24,9 +25,10 @@ class Table:
     Attributes:
         title: above it.
         rows: each a value by column; all have the same columns.
-        draws: the columns that a plot shows, as bars side by side.
+        draws: the columns that a plot shows.
         notes: below it, one line each.
         details: what the rows summarise, for CSV and JSON; or nothing.
+        picture: how it is drawn: a bar a row, the details' spread by method, or the details' costs against their sizes.
     """
 
     title: str
@@ -34,6 +36,7 @@ class Table:
     draws: tuple[str, ...]
     notes: list[str] = field(default_factory=list)
     details: list[dict[str, Value]] = field(default_factory=list)
+    picture: Literal["bars", "spread", "costs"] = "bars"
 
 
 def failure_table(title: str, counts: Sequence[Count], thesis: dict[str, float], notes: list[str]) -> Table:
@@ -85,11 +88,12 @@ def crossing_table(title: str, crossings: Sequence[Crossing], loops: dict[str, b
                 values = np.percentile([getattr(c, name) for c in group], [50, 95, 100])
                 row[name] = " / ".join(f"{value:.0f}" if name == "frames" else f"{value:.2f}" for value in values)
             rows.append(row)
-    return Table(title, rows, ("failed %",), notes, [asdict(crossing) for crossing in crossings])
+    details = [asdict(crossing) for crossing in crossings]
+    return Table(title, rows, ("frames", "velocity", "acceleration", "jerk"), notes, details, "spread")
 
 
 # Big-O of tables 4.10 - 4.13 for one factor with the others fixed: time and memory of training.
-_THESIS_EXPONENTS = {"N": (3.0, 2.0), "T": (3.0, 1.0), "P": (3.0, 1.0)}
+THESIS_EXPONENTS = {"N": (3.0, 2.0), "T": (3.0, 1.0), "P": (3.0, 1.0)}
 
 
 def cost_table(title: str, found: Sequence[Cost], notes: list[str], *, bounds: bool = True) -> Table:
@@ -108,10 +112,11 @@ def cost_table(title: str, found: Sequence[Cost], notes: list[str], *, bounds: b
         rows.append({"network": f"power of {varied}", **row})
         if not bounds:
             continue
-        time, memory = _THESIS_EXPONENTS[varied]
+        time, memory = THESIS_EXPONENTS[varied]
         bound: dict[str, Value] = {"training s": time, "training MB": memory, "step us": None, "stored MB": None}
         rows.append({"network": f"thesis's bound for {varied}", **bound})
-    return Table(title, rows, ("training s",), notes)
+    details = [asdict(cost) for cost in found]
+    return Table(title, rows, ("training_s", "training_mb"), notes, details, "costs")
 
 
 def training_table(

@@ -13,7 +13,7 @@ from controller.cli.main import app
 from controller.errors import FileFormatError, MotiondeckError
 from controller.evaluation.cost import Cost
 from controller.evaluation.sweep import Count
-from controller.evaluation.tables import cost_table, failure_table
+from controller.evaluation.tables import Table, cost_table, failure_table
 from controller.training.library import save_library
 
 
@@ -56,6 +56,31 @@ def test_a_plot_is_drawn_where_matplotlib_is(tmp_path):
 
     drawing()(failure_table("three networks", counts(), {"walk": 0.04}, []), tmp_path / "plot.png")
     assert (tmp_path / "plot.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_costs_are_drawn_against_each_size_with_power_and_bound():
+    pytest.importorskip("matplotlib")
+    from controller.cli.plots import _costs
+
+    found = [Cost("N", n, 3000, 15, 1e-6 * n**2, 1e-3 * n, 5.0, 0.01 * n) for n in (300, 1000)]
+    found += [Cost("T", 1000, 1500, 15, 0.5, 1.0, 5.0, 10.0)]
+    panels = _costs(cost_table("c", found, [])).axes
+    assert [axes.get_xlabel() for axes in panels] == ["neurons N", "frames T", "motions P"] * 2
+    said = [text.get_text() for text in panels[0].get_legend().get_texts()]
+    assert said == ["measured", "fitted, power 2.0", "thesis's bound, power 3"]
+    # The recipe in full belongs to the costs in which the length was varied; where nothing was it is said.
+    assert list(panels[1].get_lines()[0].get_xdata()) == [1500, 3000]
+    assert [text.get_text() for text in panels[2].texts] == ["not varied"]
+
+
+def test_training_errors_of_another_size_have_panels_of_their_own():
+    pytest.importorskip("matplotlib")
+    from controller.cli.plots import _bars
+
+    rows = [{"network": "seed 0", "a": 0.001, "b": 0.5}, {"network": "off by %", "a": -3.0, "b": None}]
+    panels = _bars(Table("t", rows, ("a", "b"))).axes
+    assert [axes.get_ylabel() for axes in panels] == ["a", "b"]
+    assert [label.get_text() for label in panels[0].get_xticklabels()] == ["seed 0"]
 
 
 def test_without_matplotlib_a_plot_says_how_to_get_it(monkeypatch):
