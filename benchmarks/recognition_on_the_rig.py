@@ -21,7 +21,7 @@ from copy import deepcopy
 import numpy as np
 
 from controller.cli.resources import find
-from controller.cli.rig_output import RigOutput
+from controller.cli.rig_output import RigOutput, narrowed
 from controller.cli.watching import Watch, Watching
 from controller.realtime.channel import Channel
 from controller.realtime.clock import VirtualClock
@@ -67,6 +67,8 @@ class Stage:
         self.robot = load_robot(find("robot", robot, ".toml"), self.library.skeleton)
         self.config = load_rig(find("rig", robot, ".toml")) if rig else None
         self.speed = speed
+        # As when playing: the servos are never told to go where they cannot.
+        self.limits = narrowed(self.robot.limits, self.robot, self.config) if self.config else self.robot.limits
 
     def play(self, motion: str, seconds: float, each_tick: Callable[[Deck, Watch, EmulatedPort | None], None]) -> Watch:
         """Plays from one motion on, watches, and says so tick by tick."""
@@ -84,7 +86,7 @@ class Stage:
             deepcopy(robot.retarget),
             robot.joints,
             robot.layout.ball,
-            robot.limits,
+            self.limits,
             channel,
             RATE,
         )
@@ -99,7 +101,7 @@ class Stage:
             deck,
             [channel],
             clock,
-            SafetyEnvelope(robot.limits, clock.period),
+            SafetyEnvelope(self.limits, clock.period),
             seconds=seconds,
             publish=publish,
             publish_every=1,

@@ -16,7 +16,7 @@ from controller.rotations import Array
 
 LAG = 0.25  # s
 TOLERANCE = 0.1  # rad
-PATIENCE = 0.1  # s
+PATIENCE = 0.08  # s; slow walking moves an ankle off its place for 0.1 s only
 
 
 class FollowingWatch:

@@ -202,6 +202,13 @@ def test_a_jammed_joint_is_found_wherever_it_sticks(where):
     assert 1.0 < first[0] < 3.0
 
 
+def test_a_joint_that_sticks_while_it_should_be_elsewhere_for_a_third_of_a_second_is_found():
+    watch = FollowingWatch(1, 100.0)
+    told = np.where((np.arange(300) >= 100) & (np.arange(300) < 135), 0.2, 0.0)
+    found = [watch.update(np.array([target]), np.zeros(1))[0] for target in told]
+    assert np.flatnonzero(found).min() in range(125, 140)
+
+
 def test_a_joint_that_does_not_answer_does_not_follow():
     first = follow(lambda t: np.array([np.sin(2 * t), np.nan]))
     assert first[0] is None
