@@ -48,7 +48,7 @@ def recording(robot, ticks=24, joints=None):
         "root_rotation": np.tile([1.0, 0.0, 0.0, 0.0], (ticks, 1)),
         "heading": np.zeros((ticks, 1)),
     }
-    return Recording(description={"rate": 120.0, "motions": []}, fields=fields, complete=True)
+    return Recording(description={"robot": robot.name, "rate": 120.0, "motions": []}, fields=fields, complete=True)
 
 
 def test_a_recorded_run_is_shown_where_it_was_told_to_be():
