@@ -94,7 +94,7 @@ def choose_satellites(states: Array, target: Array, count: int) -> tuple[Gaussia
     for spare in range(count - len(chosen)):
         # Everything is explained already; what is still wanted is spread over the visited states.
         chosen.append(int(spare * len(places) / max(1, count - len(chosen))) % len(places))
-    return GaussianSatellites(places[chosen], sharpness[chosen]), max(0.0, left / size)
+    return GaussianSatellites(places[chosen], sharpness[chosen]), max(0.0, left / size) if size else 0.0
 
 
 def learn_jointly(
@@ -181,6 +181,10 @@ def _learn(
     scores: Array, time: Array, count: int, starts: list[Array], keep: int, iterations: int, move_frequencies: bool
 ) -> Learned:
     """`learn` for the principal scores of a motion."""
+    if not scores.any():
+        # Nothing moves: any satellites do, with weights of 0. The logarithm of the error would have no gradient.
+        phase = np.zeros(len(starts[0]))
+        return Learned(starts[0], phase, *choose_satellites(pairs_at(starts[0], phase, time), scores, count))
     few = min(count, 25)
     thin = max(1, len(scores) // max(150, 3 * few))
     ranked = sorted(

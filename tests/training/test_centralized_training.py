@@ -51,3 +51,10 @@ def test_what_cannot_be_taught_is_refused():
         train_centralized(frames, 120.0, loop=True, satellites=0)
     with pytest.raises(MotiondeckError, match="at least one"):
         train_centralized(frames, 120.0, loop=True, centers=0)
+
+
+@pytest.mark.parametrize("loop", [True, False])
+def test_a_pose_that_is_held_comes_back(loop):
+    held = np.tile([0.5, 1.0, -0.25], (30, 1))
+    part = train_centralized(held, 120.0, loop=loop, satellites=4, iterations=10)
+    assert np.allclose(part.at(np.array([0.0, 0.1, 5.0])), held[:3], rtol=0.0, atol=1e-12)

@@ -70,3 +70,13 @@ def test_gaps_at_the_ends_meet_the_marker_on_one_side(lost):
     holes[slice(*lost), 5] = np.nan
     filled, _ = fill_missing(holes, RATE)
     assert np.abs(filled - whole).max() < 10.0
+
+
+def test_a_gap_in_markers_that_stand_still_is_filled():
+    """A static trial: there is nothing to learn but where the marker was."""
+    whole = np.tile(markers(1), (60, 1, 1))
+    holes = whole.copy()
+    holes[20:30, 2] = np.nan
+    filled, (gap,) = fill_missing(holes, RATE)
+    assert gap.filled
+    assert np.allclose(filled, whole, rtol=0.0, atol=1e-6)

@@ -119,3 +119,10 @@ def test_too_many_satellites_and_impossible_frequencies_are_refused():
         choose_satellites(pairs_at(FREQUENCY, np.zeros(2), TIME), target, 300)
     with pytest.raises(MotiondeckError, match="center 1"):
         learn(target, TIME, 10, [np.array([1.0, np.nan])])
+
+
+def test_what_does_not_move_is_learned_at_once():
+    learned = learn(np.zeros((240, 3)), TIME, 6, [FREQUENCY])
+    assert learned.error == 0.0
+    assert len(learned.satellites) == 6
+    assert not ridge_readout(learned.respond(TIME), np.zeros((240, 3))).any()
