@@ -47,6 +47,8 @@ def fill(
         raise MotiondeckError(f"{file}: only markers (.c3d) can be missing; other recordings hold whole skeletons")
     if out.suffix.lower() not in (".c3d", ".csv"):
         raise MotiondeckError(f"{out}: markers are written as .c3d or .csv. Name the file so.")
+    if out.resolve() == file.resolve():
+        raise MotiondeckError(f"{out}: this is the recording itself. Give what is filled in another name.")
     if not out.absolute().parent.is_dir():
         raise MotiondeckError(f"{out.parent}: there is no such folder to write {out.name} to")
     markers = read_c3d(file)

@@ -53,6 +53,7 @@ def test_convert_and_convert_back(bow, tmp_path):
         (("fill", "bow.bvh", "--out", "bow.c3d"), "bow.bvh: only markers (.c3d) can be missing"),
         (("fill", "bow.c3d", "--out", "bow.bvh"), "bow.bvh: markers are written as .c3d or .csv"),
         (("fill", "bow.c3d", "--out", "no/bow.c3d"), "no: there is no such folder"),
+        (("fill", "bow.c3d", "--out", "./bow.c3d"), "bow.c3d: this is the recording itself"),
         (("fill", "gone.c3d", "--out", "bow.c3d"), "gone.c3d: cannot be read"),
     ],
 )
