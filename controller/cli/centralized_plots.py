@@ -150,7 +150,7 @@ def draw_segment_errors(table: Table, path: Path) -> None:
             np.arange(len(rows)) + (i - 0.5 * (len(table.draws) - 1)) * width,
             heights,
             width,
-            label=f"{name[:-3]} satellites",
+            label=name,
         )
     axes.set_xticks(np.arange(len(rows)), [str(row["segment"]) for row in rows])
     axes.set_xlabel("segment")

@@ -104,8 +104,8 @@ def segments(clip: Clip) -> tuple[Table, Draw]:
             row: dict[str, Value] = {"segment": str(number), "seconds": (end - first) / clip.rate}
             for satellites in SEGMENT_SATELLITES:
                 said = say_segment(part, clip.rate, satellites)
-                row[f"{satellites} mm"] = mean_absolute(said, part)
-                row[f"{satellites} joint mm"] = mean_distance(said, part)
+                row[f"{satellites} satellites"] = mean_absolute(said, part)
+                row[f"{satellites} satellites, joint"] = mean_distance(said, part)
                 tick()
                 if satellites == SEGMENT_SATELLITES[1]:
                     apart, shares = np.abs(said - part).mean((0, 2)), relative_accuracy(said, part)
@@ -118,13 +118,13 @@ def segments(clip: Clip) -> tuple[Table, Draw]:
     mean |= {name: float(np.mean([row[name] for row in rows])) for name in rows[0] if name != "segment"}  # pyright: ignore
     rows.append(mean)
     notes = [
-        "with so many satellites: mean absolute error of a coordinate, and mean distance of a joint",
-        "details: each joint with 49 satellites",
+        "mm with so many satellites: mean absolute error of a coordinate, and mean distance of a joint",
+        "details: each joint with 49 satellites, mm a coordinate and relative (eq. 26)",
     ]
     table = Table(
-        f"{clip.name}: {len(cuts)} segments, {len(names)} joints, {CENTERS} centers",
+        f"{clip.name}: {len(cuts)} segments, {len(names)} joints, {CENTERS} centers, errors in mm",
         rows,
-        tuple(f"{m} mm" for m in SEGMENT_SATELLITES),
+        tuple(f"{m} satellites" for m in SEGMENT_SATELLITES),
         notes,
         details,
     )

@@ -22,7 +22,7 @@ def test_table_1_has_a_panel_a_segment(tmp_path):
 def test_errors_by_segment_and_joint(tmp_path):
     from controller.cli.centralized_plots import draw_segment_errors
 
-    rows = [{"segment": name, "16 mm": 2.0, "49 mm": 0.3} for name in ("1", "2", "mean")]
+    rows = [{"segment": name, "16 satellites": 2.0, "49 satellites": 0.3} for name in ("1", "2", "mean")]
     details = [{"segment": k, "joint": joint, "mm": 0.1 * k, "relative": 0.01} for k in (1, 2) for joint in ("a", "b")]
-    draw_segment_errors(Table("two", rows, ("16 mm", "49 mm"), [], details), tmp_path / "errors.png")
+    draw_segment_errors(Table("two", rows, ("16 satellites", "49 satellites"), [], details), tmp_path / "errors.png")
     assert (tmp_path / "errors.png").read_bytes().startswith(b"\x89PNG")
