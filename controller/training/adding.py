@@ -30,6 +30,7 @@ from controller.training.fit import cut, describe_motion, to_learn
 from controller.training.incremental import load_one_more, memory_of, quota
 from controller.training.lesson import Lesson
 from controller.training.library import AnyNetwork, MotionLibrary
+from controller.training.rank_choice import cut_to_tolerance
 from controller.training.recipe import LibraryRecipe, MotionRecipe, check_name, recipe_of
 from controller.training.self_test import Judge, Verdict, run_free, self_test
 from controller.training.stress_test import stress_test
@@ -79,7 +80,7 @@ def add_motion(library: MotionLibrary, path: Path, clip: Clip, motion: MotionRec
     frames = to_learn(library.encoding, cut(clip, motion), motion, recipe.loop_keeps)
     lengths = {known.name: known.frames for known in info.motions}
     with threadpool_limits(1):
-        grown, claimed = _learn(network, recipe, info.seed, info.rate, lengths, motion, frames)
+        grown, claimed = _learn(library, recipe, lengths, motion, frames)
         loops = {known.name: known.plays == "loop" for known in info.motions} | {motion.name: motion.plays == "loop"}
         played = {name: run_free(network.twin(), name, length) for name, length in lengths.items()}
         judge = Judge(library.encoding, played | {motion.name: frames}, loops)
@@ -98,19 +99,20 @@ def add_motion(library: MotionLibrary, path: Path, clip: Clip, motion: MotionRec
 
 
 def _learn(
-    network: AnyNetwork,
+    library: MotionLibrary,
     recipe: LibraryRecipe,
-    seed: int,
-    rate: float,
     lengths: dict[str, int],
     motion: MotionRecipe,
     frames: Array,
 ) -> tuple[AnyNetwork, tuple[float | None, float | None]]:
     """The network with one more motion, and what of its space is claimed before and after."""
-    plan, loop = recipe.network, motion.plays == "loop"
+    network, seed, plan, loop = library.network, library.info.seed, recipe.network, motion.plays == "loop"
     if isinstance(network, ConceptorNetwork) and isinstance(plan, ConceptorRecipe):
         lesson = Lesson(motion.name, memory_of(network).normalisation.apply(frames), loop)
         grown = load_one_more(network, lengths, lesson, plan, seed)
+        if plan.rank_tolerance_mm is not None:
+            # The stored motions were cut when they were learned.
+            grown = cut_to_tolerance(grown, library.encoding, plan.rank_tolerance_mm, (motion.name,))
         return grown, (quota(network, lengths, plan), quota(grown, lengths | {motion.name: len(frames)}, plan))
     if isinstance(network, EchoStateNetwork) and isinstance(plan, EchoStateRecipe):
         lesson = Lesson(motion.name, network.normalisation.apply(frames), loop)
@@ -121,7 +123,10 @@ def _learn(
     if isinstance(network, CentralizedNetwork) and isinstance(plan, CentralizedRecipe):
         normalisation = Normalisation.fit([frames])
         lesson = Lesson(motion.name, normalisation.apply(frames), loop)
-        return network.joined(train_centralized_network([lesson], normalisation, plan, rate, seed)), (None, None)
+        return network.joined(train_centralized_network([lesson], normalisation, plan, library.info.rate, seed)), (
+            None,
+            None,
+        )
     if isinstance(network, RandomFeatureNetwork):
         raise MotiondeckError(
             f"library '{recipe.name}' holds random feature conceptors, which learn all motions at once; "

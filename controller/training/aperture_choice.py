@@ -51,7 +51,7 @@ def settled_network(
     """The network of a loaded reservoir, and how many trials of each motion fail, if the recipe chooses apertures.
 
     A motion that fails a trial gets the first aperture at which it does not; where there is none, that with the fewest
-    failures. Then all are cut to the rank that the recipe's tolerance allows, if it has one.
+    failures. Then all are cut to the rank that the recipe's tolerance allows, if it has one, and tried once more.
 
     Args:
         loaded, lessons, normalisation, recipe: as for `conceptor_network`.
@@ -63,7 +63,18 @@ def settled_network(
         network, failed = _tried(network, loaded, lessons, normalisation, recipe, judge, seed)
     if recipe.rank_tolerance_mm is not None:
         network = cut_to_tolerance(network, judge.encoding, recipe.rank_tolerance_mm)
+        if failed:
+            # What was tried were the whole conceptors; what counts is how the cut ones hold.
+            weights = loaded.weights.astype(np.float32)
+            failed = {
+                lesson.name: failures(network, lesson.name, _survives(lesson), judge, seed, weights)
+                for lesson in lessons
+            }
     return network, failed
+
+
+def _survives(lesson: Lesson) -> tuple[Kind, ...]:
+    return LOOP if lesson.loop else ()
 
 
 def _tried(
@@ -80,7 +91,7 @@ def _tried(
     motions = {name: network[name] for name in network.motions}
     left: dict[str, int] = {}
     for lesson, states in zip(lessons, loaded.states, strict=True):
-        kinds = LOOP if lesson.loop else ()
+        kinds = _survives(lesson)
         fewest = failures(network, lesson.name, kinds, judge, seed, weights)
         named = lesson.name in recipe.apertures
         for aperture in [] if named or fewest == 0 else by_attenuation(states, loaded, recipe):

@@ -7,6 +7,8 @@ two networks that play the same loop at a slightly other pace are soon far apart
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from controller.evaluation.matching import joint_features
@@ -15,12 +17,14 @@ from controller.mocap.encoding import Encoding
 from controller.rotations import Array
 
 
-def cut_to_tolerance(network: ConceptorNetwork, encoding: Encoding, tolerance_mm: float) -> ConceptorNetwork:
-    """The network with each motion cut to the smallest rank that keeps its joints within a tolerance, in mm."""
-    return ConceptorNetwork(
-        {name: cut(network[name], rank_within(network[name], encoding, tolerance_mm)) for name in network.motions},
-        network.memory,
-    )
+def cut_to_tolerance(
+    network: ConceptorNetwork, encoding: Encoding, tolerance_mm: float, motions: Iterable[str] | None = None
+) -> ConceptorNetwork:
+    """The network with some motions, or all, cut to the smallest rank that keeps joints within a tolerance, in mm."""
+    parts = {name: network[name] for name in network.motions}
+    for name in network.motions if motions is None else motions:
+        parts[name] = cut(parts[name], rank_within(parts[name], encoding, tolerance_mm))
+    return ConceptorNetwork(parts, network.memory)
 
 
 def rank_within(part: ConceptorMotion, encoding: Encoding, tolerance_mm: float) -> int:

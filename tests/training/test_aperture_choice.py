@@ -7,6 +7,7 @@ from controller.evaluation.matching import joint_features
 from controller.training.aperture_choice import APERTURES, attenuations, by_attenuation, settled_network
 from controller.training.conceptor_training import conceptor_network, load_reservoir
 from controller.training.self_test import Judge, self_test
+from controller.training.trials import FREE_RUN
 
 CHOOSING = msgspec.structs.replace(synthetic.SMALL_RECIPE, choose_apertures=True)
 
@@ -42,6 +43,14 @@ def test_a_motion_that_does_not_hold_gets_another_aperture(loaded, judge):
     chosen = self_test(settled(weak, loaded, judge), judge)
     assert not all(verdict.passed for verdict in plain.values())
     assert sum(v.passed for v in chosen.values()) > sum(v.passed for v in plain.values())
+
+
+def test_failures_are_those_of_the_network_that_was_cut(loaded, judge):
+    lessons, normalisation = synthetic.lessons()
+    crude = msgspec.structs.replace(CHOOSING, rank_tolerance_mm=1e6)
+    network, failed = settled_network(loaded, lessons, normalisation, crude, judge, 0)
+    assert {network[name].project.shape[0] for name in network.motions} == {1}
+    assert max(failed.values()) == FREE_RUN
 
 
 def test_an_aperture_that_was_given_is_kept(loaded, judge):
