@@ -20,6 +20,7 @@ import msgspec
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
+from controller.errors import MotiondeckError
 from controller.generators.random_feature_conceptor import (
     FeatureMotion,
     FeatureReservoir,
@@ -33,6 +34,9 @@ from controller.training.lesson import Lesson
 
 # How long the means are learned before the weights begin to follow, in frames.
 SETTLING = 40
+
+# Conception weights lie in [0, 1]; a step that is too large for the signal drives them past any bound.
+DIVERGED = 10.0
 
 
 class RandomFeatureRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True, tag="random-feature"):
@@ -150,6 +154,9 @@ def conceive(
         signal: W_in p + b of each frame, shape (T, N).
         features, feedback: of the features that are used, shape (k, N).
         recipe: aperture, rate and duration of learning.
+
+    Raises:
+        MotiondeckError: if they do not come to rest.
     """
     rate, leak = recipe.learning_rate, recipe.aperture**-2
     z, mean = (np.zeros(len(features), dtype=np.float32) for _ in range(2))
@@ -163,6 +170,11 @@ def conceive(
             if learned >= SETTLING:
                 c += rate * ((1.0 - c) * np.square(apart) - leak * c)
             z = mean + c * apart
+            if not np.abs(c).max() < DIVERGED:
+                raise MotiondeckError(
+                    f"the conception weights do not come to rest with network.learning_rate = {rate} and "
+                    f"network.aperture = {recipe.aperture}; give a smaller learning_rate or a larger aperture"
+                )
     return np.clip(c, 0.0, 1.0), mean
 
 

@@ -68,17 +68,6 @@ class LibraryRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_
     licence: str
     acknowledgement: str = ""
 
-    @property
-    def reservoir(self) -> ReservoirRecipe:
-        """The network, where only one with a reservoir will do.
-
-        Raises:
-            FileFormatError: if it is a centralized one.
-        """
-        if isinstance(self.network, CentralizedRecipe):
-            raise FileFormatError(f"recipe '{self.name}' is for a centralized network; this is for reservoirs only")
-        return self.network
-
 
 def read_recipe(path: Path) -> LibraryRecipe:
     """The recipe in a TOML file.
@@ -177,7 +166,15 @@ def _check_network(path: Path, network: ReservoirRecipe | CentralizedRecipe) -> 
         most = 20_000 if field in {"neurons", "features"} else 1.0 if field == "leak" else 1e6
         if not least <= value <= most:
             raise FileFormatError(f"{path}: network.{field} is {value}; it lies between {least} and {most}")
-    if isinstance(network, RandomFeatureRecipe) and network.features_each > network.features:
+    if not isinstance(network, RandomFeatureRecipe):
+        return
+    if network.features_each > network.features:
         raise FileFormatError(
             f"{path}: network.features_each is {network.features_each}, but network.features is {network.features}"
+        )
+    # A feature's energy is hardly ever above 1, so a step of the rule in `conceive` shrinks what c is off by.
+    if network.learning_rate * (1.0 + network.aperture**-2) >= 1.0:
+        raise FileFormatError(
+            f"{path}: network.learning_rate = {network.learning_rate} is too large for network.aperture = "
+            f"{network.aperture}: learning_rate * (1 + aperture^-2) has to stay below 1; learn slower or open wider"
         )

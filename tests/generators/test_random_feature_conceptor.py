@@ -7,7 +7,7 @@ from safetensors import safe_open
 from safetensors.numpy import save_file
 
 import synthetic
-from controller.errors import FileFormatError, UnknownNameError
+from controller.errors import FileFormatError, MotiondeckError, UnknownNameError
 from controller.evaluation.batch import batch_of
 from controller.generators.morph import morph
 from controller.training.library import MotionLibrary, load_library, save_library
@@ -185,6 +185,25 @@ def test_a_recipe_that_wants_more_features_than_there_are_is_refused(tmp_path):
     )
     with pytest.raises(FileFormatError, match=r"features_each is 200, but network\.features is 100"):
         read_recipe(path)
+
+
+def test_a_recipe_whose_learning_would_not_come_to_rest_is_refused(tmp_path):
+    path = tmp_path / "recipe.toml"
+    path.write_text(
+        'name = "x"\nbody = "b.bvh"\nlicence = ""\n[network]\ntype = "random-feature"\naperture = 0.1\n'
+        '[[motions]]\nname = "walk"\nfile = "b.bvh"\n'
+    )
+    with pytest.raises(
+        FileFormatError, match=r"network\.learning_rate = 0\.02 is too large for network\.aperture = 0\.1"
+    ):
+        read_recipe(path)
+
+
+def test_conception_weights_that_diverge_are_refused():
+    lessons = synthetic.lessons()
+    quick = msgspec.structs.replace(RECIPE, neurons=50, features=60, features_each=30, learning_rate=10.0)
+    with pytest.raises(MotiondeckError, match=r"learning_rate = 10\.0 and network\.aperture = 10\.0"):
+        train_random_features(*lessons, quick, 0)
 
 
 def test_an_unknown_motion_is_refused_with_the_nearest_name(network):
