@@ -164,7 +164,7 @@ class _Task:
 
         if self.library is not None:
             loaded = load_library(self.library)
-            return [Subject(loaded.info.seed, loaded.network)]
+            return [Subject(loaded.info.seed, loaded.info.seed, loaded.network)]
         with progress("training", len(self.seeds)) as tick:
             return train_subjects(self.recipe, self.syllabus, self.seeds, self.jobs, tick)
 
@@ -200,6 +200,7 @@ def failures(task: _Task, what: Literal["robustness", "stability"]) -> Table:
     from controller.evaluation.sweep import sweep
     from controller.evaluation.tables import failure_table
     from controller.evaluation.thesis import THESIS
+    from controller.training.conceptor_training import ConceptorRecipe
 
     known: dict[str, float] = {}
     place = ""
@@ -225,7 +226,7 @@ def failures(task: _Task, what: Literal["robustness", "stability"]) -> Table:
     notes = ["low, high: 95 % Wilson intervals. Motions that happen once fail where they do not go through once more."]
     if task.centralized:
         notes.append("What is disturbed are both coordinates of every center; satellites follow from them.")
-    elif task.library is not None:
+    elif task.library is not None and isinstance(task.recipe.network, ConceptorRecipe):
         notes.append(
             "A library keeps only the directions its conceptors use: noise on a state counts as far as it lies in them."
         )
@@ -249,13 +250,15 @@ def transitions(task: _Task, what: str) -> Table:
         (subject,) = train_subjects(task.recipe, plan, task.seeds[:1])
         judge = Judge(plan.encoding, plan.frames, plan.loops, holds=holds)
         verdicts = self_test(subject.network, judge)
-        library = assemble(task.recipe, plan, subject.network, subject.seed, verdicts)
+        library = assemble(task.recipe, plan, subject.network, subject.drawn, verdicts)
     with progress("transitions", len(task.syllabus.frames)) as tick:
         crossings = all_crossings(library, task.syllabus, holds=holds, jobs=task.jobs, tick=tick)
     notes = [
         "median / 95th percentile / maximum; velocity, acceleration, jerk: peaks over the larger of both motions' own",
         "bone_error: the largest change of a bone's length on the way, as a share",
     ]
+    if task.library is None and library.info.seed != task.seeds[0]:
+        notes.append(f"Networks with earlier seeds, from {task.seeds[0]} on, failed the self-test.")
     return crossing_table(f"{task.name}: transitions, seed {library.info.seed}", crossings, task.syllabus.loops, notes)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -64,8 +64,3 @@ def fill_hidden(places: Array, which: int, starts: list[int], gap: int, rate: fl
         )
         missed.append([float(np.abs(said - path[inside]).mean()) for said in ways])
     return Missed(*np.mean(missed, axis=0).tolist())
-
-
-def mean_of(found: list[Missed]) -> Missed:
-    """The mean of several."""
-    return Missed(*np.mean([astuple(one) for one in found], axis=0).tolist())

@@ -31,12 +31,14 @@ class Subject:
     """A trained network that is to be disturbed.
 
     Attributes:
-        seed: it was asked for with; it may have been drawn with a later one.
+        seed: it was asked for with.
+        drawn: the seed it was drawn with, a later one where an earlier network failed the self-test.
         network: what plays.
         weights: W of a conceptor network, shape (N, N), or None where it was not kept (a library keeps W U only).
     """
 
     seed: int
+    drawn: int
     network: AnyNetwork
     weights: NDArray[np.float32] | None = None
 
@@ -48,7 +50,7 @@ class Count:
     Attributes:
         motion: its name.
         loop: whether it goes on for ever.
-        seed: of the network.
+        seed, drawn: of the network, as in `Subject`.
         runs: how many there were.
         intrinsic: how many of them failed without a guard.
         guarded: how many with one, or None where that was not asked for.
@@ -58,6 +60,7 @@ class Count:
     motion: str
     loop: bool
     seed: int
+    drawn: int
     runs: int
     intrinsic: int
     guarded: int | None
@@ -129,7 +132,7 @@ def _train(recipe: LibraryRecipe, syllabus: Syllabus, seed: int) -> Subject:
         taught = first_to_pass(
             seeds, lambda drawn: settle(lessons, normalisation, recipe.network, syllabus.rate, drawn, judge)
         )
-    return Subject(seed, taught.network, taught.weights)
+    return Subject(seed, taught.seed, taught.network, taught.weights)
 
 
 def _count(kind: Kind, subject: Subject, motion: str, runs: int, judge: Judge, length: int, guarded: bool) -> Count:
@@ -146,4 +149,4 @@ def _count(kind: Kind, subject: Subject, motion: str, runs: int, judge: Judge, l
             verdicts = [judge(motion, run.astype(np.float64)) for run in played]
             failed.append(sum(not verdict.passed for verdict in verdicts))
             reason = reason or next((verdict.reason for verdict in verdicts if not verdict.passed), "")
-    return Count(motion, loop, subject.seed, runs, failed[0], failed[1] if guarded else None, reason)
+    return Count(motion, loop, subject.seed, subject.drawn, runs, failed[0], failed[1] if guarded else None, reason)

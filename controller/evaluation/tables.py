@@ -49,6 +49,7 @@ def failure_table(title: str, counts: Sequence[Count], thesis: dict[str, float],
         sums = {"average": list(counts)}
         known["average"] = float(np.mean(list(known.values())))
     kinds = ("intrinsic",) if any(count.guarded is None for count in counts) else ("intrinsic", "guarded")
+    again = any(count.drawn != count.seed for count in counts)
     rows: list[dict[str, Value]] = []
     for name, group in (groups | sums).items():
         runs = sum(count.runs for count in group)
@@ -64,6 +65,8 @@ def failure_table(title: str, counts: Sequence[Count], thesis: dict[str, float],
         for count in group:
             by_seed.setdefault(count.seed, []).append(count)
         row["intrinsic by seed"] = " ".join(str(sum(c.intrinsic for c in part)) for part in by_seed.values())
+        if again:
+            row["drawn with seed"] = " ".join(str(part[0].drawn) for part in by_seed.values())
         row["why the first failed"] = (
             next((count.reason for count in group if count.reason), "") if name in groups else ""
         )

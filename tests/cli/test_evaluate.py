@@ -2,6 +2,7 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ def invoke(*words):
 
 
 def counts():
-    return [Count("walk", True, seed, 50, seed, 0, "moves too slowly" if seed else "") for seed in range(3)]
+    return [Count("walk", True, seed, seed, 50, seed, 0, "moves too slowly" if seed else "") for seed in range(3)]
 
 
 def test_a_table_prints_intervals_and_goes_into_csv(tmp_path, capsys):
@@ -37,6 +38,13 @@ def test_a_table_prints_intervals_and_goes_into_csv(tmp_path, capsys):
         rows = list(csv.DictReader(file))
     assert rows[0]["intrinsic by seed"] == "0 1 2"
     assert rows[0]["why the first failed"] == "moves too slowly"
+
+
+def test_a_network_that_was_drawn_again_is_named_by_the_seed_that_draws_it():
+    first, second, _ = counts()
+    assert "drawn with seed" not in failure_table("as asked", [first, second], {}, []).rows[0]
+    table = failure_table("drawn again", [first, replace(second, drawn=10_001)], {}, [])
+    assert {row["drawn with seed"] for row in table.rows} == {"0 10001"}
 
 
 def test_costs_grow_with_the_power_they_were_made_with():

@@ -108,7 +108,7 @@ def test_a_guarded_run_is_what_a_guard_plays(conceptors):
 def test_a_sweep_counts_by_motion_and_seed(conceptors, syllabus):
     ticks = []
     counts = sweep(
-        "stability", [Subject(3, conceptors)], syllabus, 4, motions=["march", "bow"], tick=lambda: ticks.append(1)
+        "stability", [Subject(3, 3, conceptors)], syllabus, 4, motions=["march", "bow"], tick=lambda: ticks.append(1)
     )
     assert [(count.motion, count.loop, count.seed, count.runs) for count in counts] == [
         ("march", True, 3, 4),
@@ -123,7 +123,7 @@ def test_a_sweep_counts_by_motion_and_seed(conceptors, syllabus):
 
 
 def test_the_thesis_stands_beside_ours_with_its_average(conceptors, syllabus):
-    counts = sweep("robustness", [Subject(0, conceptors)], syllabus, 2, motions=["march", "wave"], guarded=False)
+    counts = sweep("robustness", [Subject(0, 0, conceptors)], syllabus, 2, motions=["march", "wave"], guarded=False)
     rows = failure_table("t", counts, {"march": 0.1, "wave": 0.3}, []).rows
     assert [row["thesis %"] for row in rows] == [10.0, 30.0, 20.0]
     assert rows[-1]["motion"] == "average"
