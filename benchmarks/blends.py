@@ -24,6 +24,7 @@ from controller.cli.resources import find  # noqa: E402
 from controller.evaluation.matching import joint_features  # noqa: E402
 from controller.generators.centralized_network import CentralizedNetwork  # noqa: E402
 from controller.generators.mixture import Mixture  # noqa: E402
+from controller.realtime.blend_watch import STILL, TURNS_OVER  # noqa: E402
 from controller.realtime.repertoire import read_repertoire  # noqa: E402
 from controller.realtime.routes import Routes  # noqa: E402
 from controller.rotations import Array  # noqa: E402
@@ -32,7 +33,6 @@ from controller.training.library import MotionLibrary, load_library  # noqa: E40
 WAYS = ("inside", "side by side")
 SHARES = (0.25, 0.5, 0.75)
 SECONDS = 8.0
-STILL, TURNS_OVER = 0.1, 2.5
 
 
 def played(library: MotionLibrary, first: str, second: str, share: float, seed: int, inside: bool) -> Array:

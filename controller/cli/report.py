@@ -33,6 +33,7 @@ def full_report(
             "after": switch.after,
             "via": list(switch.via),
             **({"blend": list(switch.blend)} if switch.blend is not None else {}),
+            **({"fell_back": switch.fell_back} if switch.fell_back else {}),
         }
         for switch in switches
     ]

@@ -46,6 +46,7 @@ class Progress(Protocol):
     after: str
     via: tuple[str, ...]
     overtaken: bool
+    fell_back: str
 
 
 class Commandable(Protocol):
@@ -92,6 +93,11 @@ class Commandable(Protocol):
     @property
     def blend(self) -> tuple[str, float] | None:
         """What is mixed into the motion, and its share."""
+        ...
+
+    @property
+    def fell_back(self) -> str:
+        """Why the last mixture was given up and what was played instead, or ""."""
         ...
 
     def blend_in(self, first: str, second: str, share: float) -> Progress:
@@ -147,6 +153,8 @@ class CommandDesk:
             if progress.settled_s is not None:
                 took = progress.settled_s - progress.commanded_s
                 server.reply(sender, Settled(_aim(message), took, message.id))
+            elif progress.fell_back:
+                server.reply(sender, Refused(progress.fell_back, message.id))
             elif progress.overtaken:
                 server.reply(sender, Refused(f"the switch to {_aim(message)} was overtaken by another", message.id))
             else:
@@ -219,6 +227,7 @@ class CommandDesk:
             queue=deck.queue,
             mode=stop.mode,
             blend=deck.blend,
+            fell_back=deck.fell_back,
             seen=self._seen() if self._seen is not None else None,
         )
 

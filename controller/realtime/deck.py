@@ -63,6 +63,7 @@ class Deck:
         self._current: Switch | None = None  # the switch that is being carried out
         self._fading: Switch | None = None  # the switch that the fade belongs to
         self._mixing: Switch | None = None  # the switch that the present mixture belongs to
+        self._blended: Switch | None = None  # the switch that was mixed in last
         self._ahead: deque[str] = deque()  # the motions that the current one has still to begin
         self._queued: deque[Switch] = deque()
         self._waits = False  # whether the next of them waits for the end of what is played
@@ -96,6 +97,11 @@ class Deck:
     def blend(self) -> tuple[str, float] | None:
         """What is mixed into the motion that is played, and its present share."""
         return self._show.blend
+
+    @property
+    def fell_back(self) -> str:
+        """Why the last blend was given up and what was played instead, or ""."""
+        return self._blended.fell_back if self._blended else ""
 
     @property
     def recues(self) -> int:
@@ -207,6 +213,8 @@ class Deck:
         shown, fade_has_ended = show.step(dt, self._tempo.advance(dt))
         if fade_has_ended:
             self._look_at_switch()
+        if show.trouble and not self._ahead:
+            self._fall_back(show.trouble)
         if self._fading is not None and self._fading.first_change_s is None:
             self._fading.first_change_s = self.time
         self._look_at_mixture()
@@ -266,7 +274,7 @@ class Deck:
         """Mixes in what a switch has to have mixed in, now that its motion is played."""
         assert switch.blend is not None
         self._show.mix(*switch.blend)
-        self._mixing = switch
+        self._mixing = self._blended = switch
 
     def _settle(self, switch: Switch) -> None:
         switch.settled_s = self.time
@@ -285,6 +293,21 @@ class Deck:
             else:
                 self._mix(switch)
         self._fading = None
+
+    def _fall_back(self, trouble: str) -> None:
+        """Gives a mixture up and goes over to the motion it has more of."""
+        show, blended = self._show, self._blended
+        if show.blend is None or blended is None:
+            return
+        first, (second, share) = self.playing, show.blend
+        nearer = second if share > 0.5 else first
+        blended.fell_back = f"{first} with {share:.2f} of {second} {trouble}, fell back to {nearer}"
+        if self._current is not None:
+            self._forget([self._current])
+        switch = Switch(nearer, self.time)
+        self.switches.append(switch)
+        self._current, self._waits = switch, False
+        self._ahead.append(nearer)
 
     def _look_at_mixture(self) -> None:
         """Keeps record of the switch that a blend belongs to, and of what is played when one motion is left of it."""

@@ -162,6 +162,7 @@ class State(msgspec.Struct, frozen=True, tag="state"):
         queue: what is played next.
         mode: whether the joints follow the motion, stand at home, are held, or are held by the emergency stop.
         blend: what is mixed into the motion, and its share.
+        fell_back: why the last blend was given up and what was played instead.
         seen: which motion the measured joints look like and how surely, if that is watched and they move.
     """
 
@@ -174,6 +175,7 @@ class State(msgspec.Struct, frozen=True, tag="state"):
     queue: list[str] = []
     mode: Mode = "playing"
     blend: tuple[str, float] | None = None
+    fell_back: str = ""
     seen: tuple[str, float] | None = None
 
 

@@ -17,6 +17,7 @@ from controller.generators.frame_player import FramePlayer
 from controller.generators.guard import Guard
 from controller.generators.mixture import Mixture
 from controller.mocap.posture import Posture
+from controller.realtime.blend_watch import BlendWatch
 from controller.realtime.joining import Joining
 from controller.realtime.repertoire import Motion, read_repertoire
 from controller.realtime.transition import Crossing, Fade, best_anchor, difference
@@ -40,6 +41,7 @@ class Performance:
         posture: what was shown last.
         at: how far into the motion it is, s.
         end: the place at which the motion has ended or gone round, s.
+        trouble: what the mixture did in the last step that no motion does, or "".
     """
 
     def __init__(self, library: MotionLibrary, motion: str, joining: Joining | None) -> None:
@@ -53,6 +55,8 @@ class Performance:
         self._mixture = Mixture(self._guard or core, core)
         self._player = FramePlayer(self._mixture, library.info.rate)
         self._player.cue(motion)
+        self._watch: BlendWatch | None = None
+        self.trouble = ""
         self._fade: Fade | Crossing | None = None
         self._fade_start = 0.0
         self._turned = 0.0  # by how much the heading has turned since, rad
@@ -116,6 +120,11 @@ class Performance:
         tempo = speed * self._onset()
         self.at += dt * tempo
         target = self._decode(self._player.step(dt * tempo), tempo)
+        self.trouble = ""
+        if self._watch is not None and self.blend is not None:
+            self.trouble = self._watch.look(self._joints(target), dt * tempo)
+            if self.trouble == "turns over":
+                target = self.posture  # whose speed is no motion's own: the fade begins from a standstill
         if self._fade is None:
             return target, False
         elapsed = self._time - self._fade_start
@@ -158,6 +167,8 @@ class Performance:
 
         Inside the network, as the papers have it, most mixtures of unlike motions stand still: benchmarks/blends.py.
         """
+        if not self._mixture.mixed:
+            self._watch = BlendWatch(self.here, self.repertoire[other])
         frames = round(abs(share - self._mixture.share) * MORPH_SECONDS * self._player.rate)
         self._mixture.mix(other, share, frames, self._anchor(other, self._before, self.posture), inside=False)
 

@@ -121,6 +121,11 @@ class RecordedDeck:
         """Nothing."""
         return
 
+    @property
+    def fell_back(self) -> str:
+        """Nothing."""
+        return ""
+
     def blend_in(self, first: str, second: str, share: float) -> Switch:
         """Refuses.
 

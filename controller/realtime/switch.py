@@ -18,6 +18,7 @@ class Switch:
         via: the motions on the way.
         overtaken: whether another command came before it had settled.
         blend: what is mixed in as soon as the motion is played, and its share.
+        fell_back: why the blend was given up and what is played instead, or "".
     """
 
     to: str
@@ -28,3 +29,4 @@ class Switch:
     via: tuple[str, ...] = ()
     overtaken: bool = False
     blend: tuple[str, float] | None = None
+    fell_back: str = ""

@@ -48,6 +48,7 @@ class Progress:
     after: str = ""
     via: tuple[str, ...] = ()
     overtaken: bool = False
+    fell_back: str = ""
 
 
 @dataclass
@@ -58,6 +59,7 @@ class TinyDeck:
     motion: str = "walk"
     speed: float = 1.0
     blend: tuple[str, float] | None = None
+    fell_back: str = ""
     paused: bool = False
     time: float = 0.0
     under_way: Progress | None = None
@@ -200,6 +202,41 @@ def test_a_stop_works_while_the_emergency_stop_is_on(stage):
     stage.ask(EmergencyStop())
     assert isinstance(stage.ask(Stop()), Accepted)
     assert stage.stop.reason == "stopped on command"
+
+
+def test_a_client_that_never_reads_its_answers_holds_up_nobody(stage):
+    with closing(CommandClient(stage.server.port)) as deaf:
+        for _ in range(60):
+            for _ in range(50):
+                deaf.post(Status())  # the answers are more than its socket can hold
+            stage.tick()
+        assert isinstance(stage.ask(Status()), State)
+        assert stage.ask(Switch("jog")).id
+
+
+def test_a_client_that_has_gone_before_its_switch_settled_does_no_harm(stage):
+    with closing(CommandClient(stage.server.port)) as gone:
+        gone.post(Switch("jog"))
+        stage.tick()
+    for _ in range(5):
+        stage.tick()
+    assert stage.deck.settled
+    assert isinstance(stage.ask(Status()), State)
+
+
+def test_the_state_says_what_the_joints_look_like_and_how_surely(stage):
+    looks = iter([None, ("jog", 0.75)])
+    stage.desk = CommandDesk(stage.deck, [stage.server], seen=lambda: next(looks))
+    assert [stage.ask(Status()).seen for _ in range(2)] == [None, ("jog", 0.75)]
+
+
+def test_a_blend_that_fell_back_is_answered_with_why_and_the_state_says_it_too(stage):
+    accepted = stage.ask(Switch("jog"))
+    why = "walk with 0.50 of jog turns over, fell back to walk"
+    stage.deck.under_way.fell_back = stage.deck.fell_back = why
+    stage.tick()
+    assert stage.client.wait_settled(accepted.id, 1.0) == Refused(why, accepted.id)
+    assert stage.ask(Status()).fell_back == why
 
 
 def test_a_note_is_taken_of_each_command(stage):
