@@ -3,7 +3,8 @@
 Processor time of one thread for a step, for the weights W of a motion, for judging one vector of frequencies in the
 search, and for learning satellites (20 iterations), while one of these varies and the others stay at K = 1000 samples,
 D = 62 outputs, n = 2 centers, m = 49 satellites: samples, outputs, centers, satellites, and segments of 1000 samples
-that a recording is cut into. The last column is the slope of a line through the logarithms, the power of growth.
+that a recording is cut into, a network each, one after the other. The last column is the slope of a line through the
+logarithms, the power of growth.
 """
 
 from __future__ import annotations
@@ -36,6 +37,8 @@ VARIED = {
     "satellites": (12, 25, 49, 100, 200),
     "segments": (1, 2, 4),
 }
+# A step knows nothing of these.
+NOT_OF_A_STEP = ("samples", "segments")
 COSTS = {"step": "us", "weights": "ms", "search, a candidate": "ms", "learning": "s"}
 
 
@@ -70,15 +73,20 @@ def costs(samples: int, outputs: int, centers: int, satellites: int, segments: i
     sharpness = 1.0 / spacing(centers, satellites)
     starts = slow_and_fast(clock[-1], centers, 1, 0)
 
-    def taught() -> None:
-        for _ in range(segments):
-            learn(target, clock, satellites, starts, keep=1, iterations=20)
+    def each(work: Callable[[], object]) -> Callable[[], None]:
+        """The work for one segment after the other."""
+
+        def all_of_them() -> None:
+            for _ in range(segments):
+                work()
+
+        return all_of_them
 
     return {
         "step": 1e6 * seconds(lambda: generator.step(0.005)),
-        "weights": 1e3 * segments * seconds(lambda: ridge_readout(response, target)),
-        "search, a candidate": 1e3 * segments * seconds(lambda: search.judge(frequency, sharpness)),
-        "learning": seconds(taught, rounds=1),
+        "weights": 1e3 * seconds(each(lambda: ridge_readout(response, target))),
+        "search, a candidate": 1e3 * seconds(each(lambda: search.judge(frequency, sharpness))),
+        "learning": seconds(each(lambda: learn(target, clock, satellites, starts, keep=1, iterations=20)), rounds=1),
     }
 
 
@@ -89,6 +97,8 @@ def main(picture: Path | None) -> None:
         measured = [costs(**USUAL | {name: size}) for size in sizes]
         found[name] = {cost: np.array([one[cost] for one in measured]) for cost in COSTS}
         for cost, unit in COSTS.items():
+            if cost == "step" and name in NOT_OF_A_STEP:
+                continue
             values = found[name][cost]
             power = np.polyfit(np.log(sizes), np.log(values), 1)[0]
             said = ", ".join(f"{size}: {value:.3g}" for size, value in zip(sizes, values, strict=True))
@@ -105,7 +115,7 @@ def draw(found: dict[str, dict[str, np.ndarray]], picture: Path) -> None:
     figure = Figure(figsize=(15.0, 4.0), layout="constrained")
     for axes, (cost, unit) in zip(figure.subplots(1, len(COSTS)), COSTS.items(), strict=True):
         for name, sizes in VARIED.items():
-            if cost != "step" or name not in ("samples", "segments"):
+            if cost != "step" or name not in NOT_OF_A_STEP:
                 axes.plot(np.array(sizes) / USUAL[name], found[name][cost], "o-", markersize=3.5, label=name)
         axes.set_xscale("log")
         if cost == "step":
