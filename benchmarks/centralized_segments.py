@@ -16,8 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import BSpline
 
-from controller.cli.plots import drawing
-from controller.evaluation.tables import Table, Value
+from controller.cli.centralized_plots import draw_lines, need_folder
 from controller.mocap.reading import read_clip
 from controller.mocap.segmentation import body_features, find_segments
 from controller.training.model_choice import mean_absolute, mean_distance
@@ -65,36 +64,38 @@ def movement_primitives(part: np.ndarray) -> np.ndarray:
 
 
 def main(folder: str, picture: str | None = None) -> None:
+    if picture is not None:
+        need_folder(Path(picture))
     clip = read_clip(Path(folder) / "86_01.amc")
     places = 1e3 * clip.joints()
     segments = find_segments(body_features(clip), clip.rate, SEGMENTS)
     print(f"{SEGMENTS} segments end at {[end for _, end in segments]}", flush=True)
     parts = [places[first:end] for first, end in segments]
 
-    by_segment: list[dict[str, Value]] = [{"segment": str(k + 1)} for k in range(SEGMENTS)]
+    curves: dict[str, tuple[np.ndarray, np.ndarray]] = {}
 
     def row(name: str, method, drawn: str | None = None) -> float:
         outputs = [method(part) for part in parts]
         errors = [mean_absolute(o, p) for o, p in zip(outputs, parts, strict=True)]
         far = [mean_distance(o, p) for o, p in zip(outputs, parts, strict=True)]
-        for line, error in zip(by_segment, errors, strict=True):
-            line |= {drawn: error} if drawn else {}
+        if drawn:
+            curves[drawn] = np.arange(1, SEGMENTS + 1), np.array(errors)
         print(f"{name:44} {np.mean(errors):8.2f} mm a coordinate {np.mean(far):8.2f} mm a joint", flush=True)
         return float(np.mean(errors))
 
     try:
-        row("pydmps rhythmic, 100 basis functions", movement_primitives, "pydmps, 100 mm")
+        row("pydmps rhythmic, 100 basis functions", movement_primitives, "pydmps, 100 functions")
     except ImportError:
         print("pydmps is not installed")
     for satellites in (16, 49, 100):
         row(
             f"learned network, 2 centers, {satellites} satellites",
             lambda p, m=satellites: say_segment(p, clip.rate, m),
-            f"{satellites} satellites mm",
+            f"{satellites} satellites",
         )
     if picture is not None:
-        title = "86_01: mean absolute error of a coordinate, mm"
-        drawing()(Table(title, by_segment, tuple(list(by_segment[0])[1:])), Path(picture))
+        title = "86_01, 31 joints"
+        draw_lines(curves, ("segment", "mean absolute error of a coordinate, mm"), title, Path(picture), yscale="log")
     outputs = places[0].size
     for satellites in (8, 16, 32):
         shared = satellites * 5 + 4

@@ -105,8 +105,7 @@ def draw_coordinates(
                 axes.set_ylabel(f"{axis}, mm")
             if row == 2:
                 axes.set_xlabel("s")
-            if not row and not column:
-                axes.legend(fontsize=7)
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="lower right")
     space = figure.add_subplot(grid[:2, -1], projection="3d")
     space.plot(*recorded[:, -1].T, color=RECORDED, linewidth=1.4)
     for label, output in played.items():
@@ -117,9 +116,9 @@ def draw_coordinates(
 
 
 def draw_lines(
-    curves: dict[str, tuple[Array, Array]], labels: tuple[str, str], title: str, path: Path, **scale: str
+    curves: dict[str, tuple[Array, Array]], labels: tuple[str, str], title: str, path: Path, **scale: Any
 ) -> None:
-    """Curves (x, y) by name; scale may be xscale="log" and yscale="log"."""
+    """Curves (x, y) by name; scale may be xscale="log", yscale="log", xlim or ylim."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.0, 4.4), layout="constrained")
@@ -166,6 +165,23 @@ def draw_segment_errors(table: Table, path: Path) -> None:
         axes.set_xlabel("segment")
         axes.set_title(title)
         figure.colorbar(picture, ax=axes)
+    save(figure, path)
+
+
+def draw_hidden(table: Table, path: Path) -> None:
+    """Errors in gaps by joint and length, a mark a way of filling, on one logarithmic scale."""
+    from matplotlib.figure import Figure
+
+    label = next(iter(table.rows[0]))
+    figure = Figure(figsize=(0.6 * len(table.rows) + 2.5, 4.4), layout="constrained")
+    axes = figure.add_subplot(yscale="log")
+    for name, mark in zip(table.draws, "os^v", strict=False):
+        axes.plot([float(row[name] or np.nan) for row in table.rows], mark, label=name.removesuffix(" mm"))
+    axes.set_xticks(range(len(table.rows)), [str(row[label]) for row in table.rows], rotation=45, ha="right")
+    axes.set_ylabel("mean absolute error of a coordinate, mm")
+    axes.set_title(table.title)
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8)
     save(figure, path)
 
 

@@ -82,7 +82,7 @@ def evaluate(
     draw = drawing() if plot is not None else None
     if of_recording:
         result, drawn = measure_recording(subject, what, data)
-        _deliver(result, table, plot, drawn or draw, as_json=as_json)
+        _deliver(result, table, plot, drawn, as_json=as_json)
         return
     if what is None or what not in get_args(What):
         raise MotiondeckError(f"of a library or a recipe is measured: {', '.join(get_args(What))}")

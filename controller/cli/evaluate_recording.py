@@ -35,8 +35,8 @@ def is_recording(subject: str) -> bool:
     return Path(subject).suffix.lower() in RECORDINGS
 
 
-def measure_recording(subject: str, what: str | None, data: Path | None) -> tuple[Table, Draw | None]:
-    """A table, and how it is drawn if not as bars.
+def measure_recording(subject: str, what: str | None, data: Path | None) -> tuple[Table, Draw]:
+    """A table, and how it is drawn.
 
     Raises:
         MotiondeckError: if the recording cannot be read, or this is not measured of recordings.
@@ -176,8 +176,13 @@ def models(clip: Clip) -> tuple[Table, Draw]:
         curves: dict[str, Any] = {}
         for name in table.draws:
             points = [(float(str(row["satellites"])), row[name]) for row in table.rows if row[name] is not None]
-            curves[name] = tuple(np.array(points, dtype=np.float64).T)
-        draw_lines(curves, ("satellites", "AICc"), table.title, path)
+            if points:
+                curves[name] = tuple(np.array(points, dtype=np.float64).T)
+        # Far too many satellites score so high that the least would not be seen.
+        least = min(float(y.min()) for _, y in curves.values())
+        first = max(float(y[0]) for _, y in curves.values())
+        room = 0.05 * (first - least)
+        draw_lines(curves, ("satellites", "AICc"), table.title, path, ylim=(least - room, first + room))
 
     return table, draw
 
@@ -217,8 +222,9 @@ def coordinates(clip: Clip) -> tuple[Table, Draw]:
     return table, draw
 
 
-def reconstruction(clip: Clip) -> tuple[Table, None]:
+def reconstruction(clip: Clip) -> tuple[Table, Draw]:
     """How far off joints are that were hidden for a while and filled in from the others."""
+    from controller.cli.centralized_plots import draw_hidden
     from controller.cli.evaluate import progress
     from controller.evaluation.hidden_joints import fill_hidden
     from controller.mocap.segmentation import body_features, find_segments
@@ -245,7 +251,7 @@ def reconstruction(clip: Clip) -> tuple[Table, None]:
         "cubic, line: over the gap from the joint's own path; mean: its mean place, seen from the middle of the others",
     ]
     columns = tuple(name for name in rows[0] if name != "hidden")
-    return Table(f"{clip.name}: hidden joints", rows, columns, notes), None
+    return Table(f"{clip.name}: hidden joints", rows, columns, notes), draw_hidden
 
 
 def _frames(cut: tuple[int, int], clip: Clip) -> float:

@@ -26,3 +26,14 @@ def test_errors_by_segment_and_joint(tmp_path):
     details = [{"segment": k, "joint": joint, "mm": 0.1 * k, "relative": 0.01} for k in (1, 2) for joint in ("a", "b")]
     draw_segment_errors(Table("two", rows, ("16 satellites", "49 satellites"), [], details), tmp_path / "errors.png")
     assert (tmp_path / "errors.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_hidden_joints_share_one_scale(tmp_path):
+    from controller.cli.centralized_plots import draw_hidden
+
+    rows = [
+        {"hidden": "lfoot, 0.25 s", "network mm": 1.0, "cubic mm": 4.0},
+        {"hidden": "b", "network mm": None, "cubic mm": 2.0},
+    ]
+    draw_hidden(Table("hidden joints", rows, ("network mm", "cubic mm")), tmp_path / "hidden.png")
+    assert (tmp_path / "hidden.png").read_bytes().startswith(b"\x89PNG")
