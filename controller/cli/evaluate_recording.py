@@ -105,7 +105,7 @@ def segments(clip: Clip) -> tuple[Table, Draw]:
             for satellites in SEGMENT_SATELLITES:
                 said = say_segment(part, clip.rate, satellites)
                 row[f"{satellites} satellites"] = mean_absolute(said, part)
-                row[f"{satellites} satellites, joint"] = mean_distance(said, part)
+                row[f"{satellites}, joint"] = mean_distance(said, part)
                 tick()
                 if satellites == SEGMENT_SATELLITES[1]:
                     apart, shares = np.abs(said - part).mean((0, 2)), relative_accuracy(said, part)
