@@ -79,9 +79,8 @@ class _ConceptorMorph:
 
     def settle(self) -> None:
         # What is left outside of the target's directions is given up, as at mu = 1.
-        anchor = self._network.twin()
-        anchor.cue(self._to, 0)
-        playing, bound, _ = anchor.snapshot()
+        self._network.cue(self._to, 0)
+        playing, bound, _ = self._network.snapshot()
         self._network.restore((playing, bound, self._z_target.astype(np.float32)))
 
     def give_up(self) -> None:
@@ -90,27 +89,25 @@ class _ConceptorMorph:
 
 class _FeatureMorph:
     def __init__(self, network: RandomFeatureNetwork, source: str, target: str) -> None:
-        self._network, shared = network, network.reservoir
+        self._network = network
         self._source, self._target, self._to = network[source], network[target], target
         playing, self._bound, self._z_source = network.snapshot()
         _check(playing is self._source, source)
         self._z_target = np.zeros_like(self._target.offset)
-        self._features, self._feedback, self._readout = (
-            tuple(rows[part.uses] for part in (self._source, self._target))
-            for rows in (shared.features, shared.feedback, shared.readout)
-        )
+        # Views: the network plays the source and stands still meanwhile.
+        self._rows_source, self._rows_target = network.rows(), network.rows_beside(target)
 
     def advance(self, mu: float, out: Channels) -> None:
         a, b, shared = self._source, self._target, self._network.reservoir
-        hidden = np.tanh(self._z_source @ self._feedback[0] + self._z_target @ self._feedback[1] + shared.bias)
-        self._z_source = np.float32(1.0 - mu) * (a.conception * (self._features[0] @ hidden) + a.offset)
-        self._z_target = np.float32(mu) * (b.conception * (self._features[1] @ hidden) + b.offset)
-        out[:] = self._z_source @ self._readout[0] + self._z_target @ self._readout[1] + shared.rest
+        (features_a, feedback_a, readout_a), (features_b, feedback_b, readout_b) = self._rows_source, self._rows_target
+        hidden = np.tanh(self._z_source @ feedback_a + self._z_target @ feedback_b + shared.bias)
+        self._z_source = np.float32(1.0 - mu) * (a.conception * (features_a @ hidden) + a.offset)
+        self._z_target = np.float32(mu) * (b.conception * (features_b @ hidden) + b.offset)
+        out[:] = self._z_source @ readout_a + self._z_target @ readout_b + shared.rest
 
     def settle(self) -> None:
-        anchor = self._network.twin()
-        anchor.cue(self._to, 0)
-        playing, bound, _ = anchor.snapshot()
+        self._network.cue(self._to, 0)
+        playing, bound, _ = self._network.snapshot()
         self._network.restore((playing, bound, self._z_target))
 
     def give_up(self) -> None:

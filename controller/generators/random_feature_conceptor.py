@@ -22,6 +22,9 @@ from controller.generators.base import Channels
 
 Float32 = NDArray[np.float32]
 
+Rows = tuple[Float32, Float32, Float32]
+"""Of k features: F' (k, N), G' (k, N) and W_out' (k, C)."""
+
 
 @dataclass(frozen=True)
 class FeatureReservoir:
@@ -76,9 +79,10 @@ class RandomFeatureNetwork:
         self._frame = np.zeros(self.channels, dtype=np.float32)
         # The rows that a motion uses, side by side: gathered at a cue, so that a step runs through memory in order.
         most = max(len(part.uses) for part in motions.values())
-        self._open = tuple(
-            np.zeros((most, shared.shape[1]), dtype=np.float32)
-            for shared in (reservoir.features, reservoir.feedback, reservoir.readout)
+        # Those of a second motion, for a morph, are not touched before there is one.
+        self._shared = reservoir.features, reservoir.feedback, reservoir.readout
+        self._open, self._beside = (
+            tuple(np.zeros((most, shared.shape[1]), dtype=np.float32) for shared in self._shared) for _ in range(2)
         )
         self._playing: FeatureMotion | None = None
         self.cue(self.motions[0], 0)
@@ -126,6 +130,14 @@ class RandomFeatureNetwork:
         np.add(self._frame, self.reservoir.rest, out=self._frame)
         np.copyto(out, self._frame)
 
+    def rows(self) -> Rows:
+        """The features, the feedback and the readout that the playing motion uses; good until another is cued."""
+        return self._features, self._feedback, self._readout
+
+    def rows_beside(self, motion: str) -> Rows:
+        """Those of a second motion, in the same memory at each call, so that a morph in a tick asks for none."""
+        return self._gather(self[motion], self._beside)
+
     def astray(self) -> bool:
         """Whether the state is one that no playing leads to."""
         return not np.dot(self._z, self._z) <= self._bound
@@ -146,12 +158,11 @@ class RandomFeatureNetwork:
         if part is self._playing:
             return
         self._playing, self._conception, self._offset = part, part.conception, part.offset
-        reservoir, rows = self.reservoir, len(part.uses)
-        self._features, self._feedback, self._readout = (opened[:rows] for opened in self._open)
-        for shared, opened in (
-            (reservoir.features, self._features),
-            (reservoir.feedback, self._feedback),
-            (reservoir.readout, self._readout),
-        ):
+        self._features, self._feedback, self._readout = self._gather(part, self._open)
+
+    def _gather(self, part: FeatureMotion, into: tuple[Float32, ...]) -> Rows:
+        features, feedback, readout = (rows[: len(part.uses)] for rows in into)
+        for shared, rows in zip(self._shared, (features, feedback, readout), strict=True):
             # "clip" because numpy makes a copy of its own to be able to take an error back.
-            np.take(shared, part.uses, axis=0, out=opened, mode="clip")
+            np.take(shared, part.uses, axis=0, out=rows, mode="clip")
+        return features, feedback, readout

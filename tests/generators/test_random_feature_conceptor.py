@@ -1,4 +1,5 @@
 import json
+import tracemalloc
 
 import msgspec
 import numpy as np
@@ -155,6 +156,20 @@ def test_a_morph_begins_as_the_source_and_ends_as_the_target(network):
     going.settle()
     assert network.snapshot()[0] is network["wave"]
     assert np.abs(synthetic.wave() - run(network, 1)[0]).mean(1).min() < 0.05
+
+
+def test_a_morph_in_a_tick_asks_for_no_memory_worth_mentioning(network):
+    network.cue("march", 5)
+    tracemalloc.start()
+    try:
+        going = morph(network, "march", "wave")
+        going.advance(1.0, np.empty(network.channels))
+        going.settle()
+        most = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    gathered = RECIPE.features_each * network.neurons * 4
+    assert most < gathered / 2
 
 
 def test_a_library_keeps_it(library, tmp_path):
