@@ -21,6 +21,7 @@ from controller.errors import MotiondeckError
 from controller.generators.conceptor import ConceptorMotion, ConceptorNetwork, Memory
 from controller.generators.reservoir import Reservoir, drive
 from controller.rotations import Array
+from controller.training.aperture_choice import APERTURES
 from controller.training.conceptor_training import (
     ConceptorRecipe,
     LoadedReservoir,
@@ -112,9 +113,22 @@ def used_directions(network: ConceptorNetwork, lengths: dict[str, int], recipe: 
         used = singular > UNUSED
         singular = np.minimum(singular[used], 1.0 - UNUSED)
         directions = project[used].T / singular
-        energy = singular / (1.0 - singular) * recipe.apertures.get(name, recipe.aperture) ** -2
+        aperture = _aperture(network[name].states[:, used], singular, lengths[name], recipe, name, len(mean))
+        energy = singular / (1.0 - singular) * aperture**-2
         parts += [directions * np.sqrt(energy), mean[:, None] * np.sqrt(lengths[name] / len(mean))]
     return np.concatenate(parts, axis=1)
+
+
+def _aperture(states: Array, singular: Array, frames: int, recipe: ConceptorRecipe, name: str, neurons: int) -> float:
+    """The aperture of a stored motion; a chosen one is not written down, but what was stored tells it.
+
+    With l the mean energy of the stored states along a direction,  aperture^-2 = l (1 - s) / s.
+    """
+    if name in recipe.apertures or not recipe.choose_apertures:
+        return recipe.apertures.get(name, recipe.aperture)
+    energy = np.square(states.astype(np.float64)).mean(0) * frames / neurons
+    found = np.median(energy * (1.0 - singular) / singular) ** -0.5
+    return min((recipe.aperture, *APERTURES), key=lambda tried: abs(np.log(tried / found)))
 
 
 def _correction(stored: Array, states: Array, error: Array) -> Array:

@@ -133,6 +133,13 @@ def test_loading_one_more_is_as_good_as_learning_all_together():
     )
 
 
+def test_the_quota_goes_by_the_aperture_that_each_motion_was_given():
+    given = msgspec.structs.replace(synthetic.SMALL_RECIPE, apertures={"march": 7.0, "bow": 50.0})
+    network = synthetic.small_network(recipe=given)
+    chosen = msgspec.structs.replace(given, apertures={}, choose_apertures=True)
+    assert quota(network, LENGTHS, chosen) == quota(network, LENGTHS, given)
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
