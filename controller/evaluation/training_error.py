@@ -17,6 +17,7 @@ from controller.training.conceptor_training import load_reservoir, what_drove
 from controller.training.echo_state_training import EchoStateRecipe, train_echo_state
 from controller.training.fit import Syllabus, find_recording
 from controller.training.library import AnyNetwork
+from controller.training.noise_choice import settled_echo_state
 from controller.training.random_feature_training import RandomFeatureRecipe, train_random_features
 from controller.training.recipe import LibraryRecipe
 from controller.training.ridge import ridge
@@ -55,8 +56,15 @@ def training_error(recipe: LibraryRecipe, syllabus: Syllabus, seed: int, data: P
     """
     lessons, normalisation = syllabus.lessons()
     plan = recipe.network
+    judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, holds=not recipe.as_recorded)
     if isinstance(plan, EchoStateRecipe):
-        network = train_echo_state(lessons, normalisation, msgspec.structs.replace(plan, anchor_every=1), seed)
+        # Trials start at the first anchor, so that more of them change no choice.
+        dense = msgspec.structs.replace(plan, anchor_every=1)
+        network = (
+            settled_echo_state(lessons, normalisation, dense, judge, seed)[0]
+            if plan.choose_noise
+            else train_echo_state(lessons, normalisation, dense, seed)
+        )
         errors = [nrmse(network.recall(name), frames) for name, frames in syllabus.frames.items()]
         size = float(np.mean([mabs(network[name].readout) for name in network.motions]))
         return TrainingError(seed, size, float(np.mean(errors)), None, None, network)
@@ -70,7 +78,6 @@ def training_error(recipe: LibraryRecipe, syllabus: Syllabus, seed: int, data: P
             train_centralized_network(lessons, normalisation, plan, syllabus.rate, seed), syllabus, seed
         )
     loaded = load_reservoir(lessons, plan, seed)
-    judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, holds=not recipe.as_recorded)
     network, _ = settled_network(loaded, lessons, normalisation, plan, judge, seed)
     states, inputs = np.concatenate(loaded.states), np.concatenate([lesson.frames for lesson in lessons])
     readout, targets = loaded.readout, inputs

@@ -38,8 +38,8 @@ class ConceptorRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, k
         choose_apertures: whether a motion that fails with it is tried with others (`training/aperture_choice.py`).
         ridge: gamma of both regressions.
         rank: k, how many directions of a conceptor are kept, or may be.
-        rank_tolerance_mm: how far joints may be off after a step for a motion to get fewer, mm
-            (`training/rank_choice.py`).
+        rank_tolerance_mm: how far off after a step, as a root mean square over the joints, a motion may be to get
+            fewer, mm (`training/rank_choice.py`).
         washout: frames until the state has forgotten its start.
         anchor_every: frames between the states that are stored for starting.
     """

@@ -2,10 +2,12 @@ import numpy as np
 import pytest
 
 import synthetic
+from controller.evaluation.training_error import training_error
 from controller.training import noise_choice
 from controller.training.echo_state_training import EchoStateRecipe, train_echo_state
-from controller.training.fit import Taught, first_to_pass
+from controller.training.fit import Syllabus, Taught, first_to_pass
 from controller.training.noise_choice import FACTORS, settled_echo_state
+from controller.training.recipe import LibraryRecipe, MotionRecipe
 from controller.training.self_test import Judge, Verdict
 from controller.training.trials import FREE_RUN, failures, with_trials
 
@@ -25,6 +27,21 @@ def plain():
 
 def settled(judge):
     return settled_echo_state(*synthetic.lessons(), RECIPE, judge, 0)[0]
+
+
+def test_accuracy_is_of_the_network_that_fit_would_settle_on(plain, monkeypatch):
+    left = iter([3, 0])
+    monkeypatch.setattr(noise_choice, "failures", lambda network, motion, *_: next(left) if motion == "wave" else 0)
+    frames = synthetic.references()
+    syllabus = Syllabus(
+        synthetic.small_encoding(), synthetic.RATE, frames, {name: name != "bow" for name in frames}, {}
+    )
+    motions = [MotionRecipe(name=name, file="x.bvh") for name in frames]
+    recipe = LibraryRecipe(name="small", network=RECIPE, motions=motions, body="x.bvh", licence="")
+    network = training_error(recipe, syllabus, 0).network
+    assert list(left) == []
+    assert np.array_equal(network["march"].readout, plain["march"].readout)
+    assert not np.array_equal(network["wave"].readout, plain["wave"].readout)
 
 
 def test_only_a_motion_that_fails_is_taught_again(plain, judge, monkeypatch):
