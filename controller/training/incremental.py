@@ -113,7 +113,9 @@ def used_directions(network: ConceptorNetwork, lengths: dict[str, int], recipe: 
         used = singular > UNUSED
         singular = np.minimum(singular[used], 1.0 - UNUSED)
         directions = project[used].T / singular
-        aperture = _aperture(network[name].states[:, used], singular, lengths[name], recipe, name, len(mean))
+        aperture = _aperture(
+            network[name].states[:, used].astype(np.float64), singular, lengths[name], recipe, name, len(mean)
+        )
         energy = singular / (1.0 - singular) * aperture**-2
         parts += [directions * np.sqrt(energy), mean[:, None] * np.sqrt(lengths[name] / len(mean))]
     return np.concatenate(parts, axis=1)
@@ -126,7 +128,7 @@ def _aperture(states: Array, singular: Array, frames: int, recipe: ConceptorReci
     """
     if name in recipe.apertures or not recipe.choose_apertures:
         return recipe.apertures.get(name, recipe.aperture)
-    energy = np.square(states.astype(np.float64)).mean(0) * frames / neurons
+    energy = np.square(states).mean(0) * frames / neurons
     found = np.median(energy * (1.0 - singular) / singular) ** -0.5
     return min((recipe.aperture, *APERTURES), key=lambda tried: abs(np.log(tried / found)))
 
