@@ -126,7 +126,8 @@ def _aperture(states: Array, singular: Array, frames: int, recipe: ConceptorReci
 
     With l the mean energy of the stored states along a direction,  aperture^-2 = l (1 - s) / s.
     """
-    if name in recipe.apertures or not recipe.choose_apertures:
+    # A motion that stands still uses no direction.
+    if name in recipe.apertures or not recipe.choose_apertures or not len(singular):
         return recipe.apertures.get(name, recipe.aperture)
     energy = np.square(states).mean(0) * frames / neurons
     found = np.median(energy * (1.0 - singular) / singular) ** -0.5

@@ -9,6 +9,7 @@ import pytest
 
 import synthetic
 from controller.errors import MotiondeckError
+from controller.generators.conceptor import ConceptorNetwork
 from controller.mocap.clip import Clip
 from controller.rotations import multiply
 from controller.training.adding import add_motion
@@ -138,6 +139,15 @@ def test_the_quota_goes_by_the_aperture_that_each_motion_was_given():
     network = synthetic.small_network(recipe=given)
     chosen = msgspec.structs.replace(given, apertures={}, choose_apertures=True)
     assert quota(network, LENGTHS, chosen) == quota(network, LENGTHS, given)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_motion_that_stands_still_claims_its_mean_only():
+    network = synthetic.small_network()
+    still = replace(network["bow"], project=np.zeros_like(network["bow"].project))
+    motions = {name: network[name] for name in network.motions} | {"bow": still}
+    chosen = msgspec.structs.replace(synthetic.SMALL_RECIPE, choose_apertures=True)
+    assert 0.0 < quota(ConceptorNetwork(motions, network.memory), LENGTHS, chosen) < quota(network, LENGTHS, chosen)
 
 
 @pytest.mark.parametrize(
