@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -124,5 +124,5 @@ def open_body(
     if cast.rig is not None:
         rig, limits = open_rig(opening, cast.rig, robot, rate, emulated=cast.emulated)
         opening.callback(rig.output.close)
-    guard = CollisionGuard(robot, 1.0 / rate) if cast.apart else None
+    guard = CollisionGuard(replace(robot, limits=limits), 1.0 / rate) if cast.apart else None
     return Body(robot, limits, stage, rig, called, guard)
