@@ -2,9 +2,11 @@
 
 Where two bodies lie to each other is the affair of the joints between them alone. So if they overlap, those joints are
 held where they were when they last did not, and all others go on. What is held, or has to catch up afterwards, goes no
-faster than its limit: then it cannot pass through the other limb from one tick to the next.
+faster than its limit: then it cannot pass through the other limb from one tick to the next, while a tick's way at the
+velocity limit is less than a limb is thick.
 
-It looks at what is asked of the joints, not at where they are: what the envelope or a servo makes of it comes after.
+It looks at what is asked of the joints, not at where they are: what the envelope or a servo makes of it comes after. A
+joint held from one tick to the next cannot stop in one, so the limbs then go somewhat deeper into each other.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -56,15 +58,14 @@ class CollisionGuard:
             asked = self._good + np.clip(asked - self._good, -self._step, self._step)
         self._begun = True
         held = np.zeros(len(asked), dtype=np.bool_)
-        targets = asked
         for _ in range(ROUNDS):
+            targets = np.where(held, self._good, asked)
             overlapping = self._overlapping(targets)
             if not overlapping:
                 break
             for pair in overlapping:
                 self.kept_apart[self._collisions.called(*pair)] += 1
                 held |= self._joints_between(*pair)
-            targets = np.where(held, self._good, asked)
         else:
             targets = self._good
         self._good = targets

@@ -31,10 +31,10 @@ class SelfCollision:
         for geom in spec.geoms:
             solid = geom.name != FLOOR
             geom.contype = geom.conaffinity = int(solid)
-        self._model = model = spec.compile()
-        self._data = mujoco.MjData(model)
-        robot.layout.place(robot.rest, self._data.qpos)
-        self._near = near_bodies(model, self._data.qpos.copy())
+        model = spec.compile()
+        rest = model.qpos0.copy()
+        robot.layout.place(robot.rest, rest)
+        self._near = near_bodies(model, rest)
         for a, b in self._near:  # what is never asked need not be computed
             if model.body(a).name and model.body(b).name:
                 spec.add_exclude(bodyname1=model.body(a).name, bodyname2=model.body(b).name)

@@ -3,7 +3,7 @@ import pytest
 
 import synthetic
 from controller.realtime.interfaces import JointLimits
-from controller.realtime.memory_growth import growth
+from controller.realtime.memory_growth import growth, memory_kb
 from controller.realtime.safety import SafetyEnvelope
 from controller.realtime.soak import soak
 
@@ -51,3 +51,9 @@ def test_a_leak_grows_in_every_stretch_and_a_step_of_the_allocator_in_one():
     step = growth(list(zip(seconds, 100_000.0 + 1024.0 * (seconds > 400.0), strict=True)))
     assert step.low < 0.0 < step.mean
     assert growth([(0.0, 1.0), (10.0, 2.0)]).mean == 0.0
+
+
+def test_the_memory_in_use_is_told_in_kb():
+    before = memory_kb()
+    taken = np.ones(32 * 2**20 // 8)
+    assert memory_kb() - before == pytest.approx(taken.nbytes / 1024.0, rel=0.2)

@@ -13,6 +13,7 @@ import pytest
 from controller.mocap.posture import Pose
 from sim.ghost import OPACITY, WAYS, Ghost, draw_ghost
 from sim.live_steps import LiveSteps
+from sim.puppet import Puppet
 from sim.robot import load_robot
 from simulated_bodies import ROBOTS, bent_pose, human
 
@@ -59,6 +60,7 @@ class Floor:
     def __init__(self):
         self.scene = self
         self.prints = []
+        self.solids = {}
 
     def add_frame(self, name, **how):
         return SimpleNamespace()
@@ -68,6 +70,10 @@ class Floor:
 
     def add_mesh_simple(self, name, corners, faces, **how):
         self.prints.append(corners)
+
+    def add_batched_meshes_simple(self, name, *mesh, **how):
+        self.solids[name] = SimpleNamespace(visible=True, **how)
+        return self.solids[name]
 
 
 def test_a_foot_that_stands_is_marked_and_one_that_has_stood_leaves_a_print():
@@ -88,3 +94,21 @@ def test_a_foot_that_stands_is_marked_and_one_that_has_stood_leaves_a_print():
     assert sorted(mark.visible for mark in steps._marks) == [False, True]
     steps.show(data, np.zeros(2), 1.0 / 30.0, visible=False)
     assert not any(mark.visible for mark in steps._marks)
+
+
+def test_a_puppet_is_drawn_where_it_is_with_its_shadow_and_can_be_hidden():
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body><freejoint/><geom type="box" size=".1 .2 .3"/></body></worldbody></mujoco>'
+    )
+    page: Any = Floor()
+    puppet = Puppet(page, model, 1.0)
+    assert len(page.solids) == 2
+    robot, shadow = (next(solid for name, solid in page.solids.items() if look in name) for look in ("robot", "shadow"))
+    assert shadow.scale[2] < 0.01 * robot.scale[2]
+    puppet.hide()
+    assert not any(solid.visible for solid in (robot, shadow))
+    puppet.show(np.array([3.0, 2.0, 1.0, 0.0, 0.0, 0.0, 1.0]), np.array([1.0, 1.0]))
+    for solid in (robot, shadow):
+        assert solid.visible
+        assert solid.batched_positions == pytest.approx(np.array([[2.0, 1.0, 1.0]]))
+        assert np.abs(solid.batched_wxyzs) == pytest.approx(np.array([[0.0, 0.0, 0.0, 1.0]]))
