@@ -284,6 +284,7 @@ class Bus:
         An answer of another length than expected, unless it says why, is one that came too late for an earlier call.
         """
         self._pending = None
+        self.port.wait(0.0)  # what has arrived may still be on its way through the kernel; this waits for that
         self._discard()
         heard: dict[int, Status] = {}
         if not self.port.send(frame):

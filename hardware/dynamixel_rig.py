@@ -25,7 +25,8 @@ from hardware.scale import Array, RigScale, RigState
 from hardware.switching import hold_each, hold_still, knows_fast_reads, switch_off, switch_on, tell_all
 from hardware.timings import Timings
 
-_WATCHDOG_UNIT = 0.02  # s
+WATCHDOG_UNIT = 0.02
+"""s, in which the servos count."""
 _ARM_AGAIN = 1.0  # s
 _PATIENCE = 3  # replies in a row that a servo may miss before it is asked only now and then
 _ASK_AGAIN = 50  # requests from one such question to the next
@@ -118,7 +119,7 @@ class DynamixelRig:
     def stopped(self) -> bool:
         """Whether the bus was silent for so long that the servos' watchdogs have stopped them; see `rearm`."""
         # One unit earlier than the servos, which count in units: rather stopped here and not there than the reverse.
-        patience = self.config.watchdog_ms * 1e-3 - _WATCHDOG_UNIT
+        patience = self.config.watchdog_ms * 1e-3 - WATCHDOG_UNIT
         return self._stopped or (self._armed and self.bus.port.now() - self._last_word > patience)
 
     def write(self, targets: Array) -> None:
@@ -226,7 +227,7 @@ class DynamixelRig:
             return False
         now = self.bus.port.now()
         if not self._armed or now >= self._arm_next:
-            units = round(self.config.watchdog_ms * 1e-3 / _WATCHDOG_UNIT)
+            units = round(self.config.watchdog_ms * 1e-3 / WATCHDOG_UNIT)
             self._armed = tell_all(self.config, self.bus, "bus_watchdog", units) or self._armed
             self._arm_next = now + _ARM_AGAIN
         self._entries["goal"] = self._scale.pulses(goals)

@@ -1,6 +1,7 @@
 """A rig that looks after itself while a loop drives it: it eases hot and strained joints, and mends what can be.
 
     the bus was silent too long      the watchdogs are cleared; the joints start again from where they stand
+    a servo was silent for so long   the same: its own watchdog has stopped it, and it takes no goals
     a servo has restarted            it is checked, set up and switched on again where it stands
     the port vanished                it is looked for, and every servo's identity and settings are verified first
     a servo is silent or shut down   the rig stops and names it, or goes on without it, as the rig file says
@@ -21,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.bus import Bus
-from hardware.dynamixel_rig import DynamixelRig
+from hardware.dynamixel_rig import WATCHDOG_UNIT, DynamixelRig
 from hardware.errors import MotiondeckError, PortError, RigError
 from hardware.faults import RigFaults
 from hardware.rig import RigConfig
@@ -85,6 +86,7 @@ class SupervisedRig:
         self._catching_up = np.zeros(len(self.names), dtype=np.bool_)
         self._last_write = self._rig.now()
         self._heard = np.full(len(self.names), self._last_write)
+        self._missing = np.zeros(len(self.names), dtype=np.bool_)
         self._job: threading.Thread | None = None
         self._mending = self._stopped = False
         self._failure: MotiondeckError | None = None
@@ -292,13 +294,17 @@ class SupervisedRig:
         margin = np.where(known, self._hottest - rig.temperatures, np.inf)
         self._strain.note(rig.currents, now)
         self._ease = np.clip((margin - _EASED_TO) / (_EASED_FROM - _EASED_TO), _LEAST, 1.0)
-        self._heard[rig.missed_in_a_row == 0] = now
+        missing = rig.missed_in_a_row > 0
+        # Who was cut off for longer than its watchdog's time may have been stopped by it, alone and without a word.
+        back = self._missing & ~missing & (now - self._heard > self.config.watchdog_ms * 1e-3 - WATCHDOG_UNIT)
+        self._missing = missing
+        self._heard[~missing] = now
         down = ~rig.torque & (rig.errors != 0)
         silent = now - self._heard > _LOST_AFTER
         if self.config.on_loss == "stop" and (down | silent).any():
             self._stopped = True
             raise RigError(f"the rig has stopped: {self._who(down, silent)}. Mend the cause and start anew.")
-        if (~rig.torque & (rig.errors == 0) & ~silent).any():
+        if (back | (~rig.torque & (rig.errors == 0) & ~silent)).any():
             self._mend(_MENDED_WITHIN)
 
     def _who(self, down: NDArray[np.bool_], silent: NDArray[np.bool_]) -> str:

@@ -253,7 +253,9 @@ class Deck:
             if switch.blend is None:
                 switch.first_change_s = self.time
                 self._settle(switch)
-            elif not show.fading:
+            elif show.fading:
+                self._fading = switch  # its mixture begins when the fade has ended
+            else:
                 self._mix(switch)
             return
         if not direct:

@@ -21,14 +21,14 @@ class Tempo:
     def __init__(self) -> None:
         self.speed = self.commanded = 1.0
         self.paused = False
-        self._rate = TEMPO_RATE
+        self._rate = TEMPO_RATE  # of going to the commanded tempo, 1/s
 
     def command(self, factor: float, over: float = 0.0) -> None:
         """Goes over to another tempo, SLOWEST to FASTEST times as fast as recorded.
 
         Args:
             factor: the tempo.
-            over: how long the change takes, s; never less than is smooth.
+            over: how long the change takes, s; never less than is smooth. In a pause it begins when that is over.
 
         Raises:
             MotiondeckError: if the factor is outside, or the time is negative.
@@ -38,7 +38,8 @@ class Tempo:
         if not over >= 0.0:
             raise MotiondeckError(f"a change of speed cannot take {over:g} s")
         self.commanded = factor
-        self._rate = min(TEMPO_RATE, abs(factor - self.speed) / over) if over > 0.0 else TEMPO_RATE
+        begins = 0.0 if self.paused else self.speed
+        self._rate = min(TEMPO_RATE, abs(factor - begins) / over) if over > 0.0 else TEMPO_RATE
 
     def pause(self) -> None:
         """Comes to a standstill and stays there."""
@@ -48,11 +49,10 @@ class Tempo:
     def resume(self) -> None:
         """Goes on after a pause."""
         self.paused = False
-        self._rate = TEMPO_RATE
 
     def advance(self, dt: float) -> float:
         """The speed after dt more seconds."""
-        goal = 0.0 if self.paused else self.commanded
-        most = self._rate * dt
+        goal, rate = (0.0, TEMPO_RATE) if self.paused else (self.commanded, self._rate)
+        most = rate * dt
         self.speed += min(max(goal - self.speed, -most), most)
         return self.speed

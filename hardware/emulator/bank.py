@@ -45,6 +45,7 @@ class ServoBank:
         registers: the same bytes as a numpy record array, shape (n,).
         drive: their motors; its `shaft`, `load`, `jammed`, `supply` and `temperature` may be set from outside.
         browned_out: rows whose voltage has broken down since the bus last looked.
+        deaf_since: when each servo's cable was cut, shape (n,), s; infinite where none is.
     """
 
     def __init__(self, table: ControlTable, ids: Sequence[int], shaft: Sequence[float]) -> None:
@@ -60,6 +61,7 @@ class ServoBank:
         self.drive = Drive(motor_of(table.model), table.pulses_per_turn, np.array(shaft, dtype=np.float64))
         self._shape = np.zeros(count, dtype=np.int64)  # of the profile under way, as the moving status shows it
         self._overload = np.zeros(count)  # s
+        self.deaf_since = np.full(count, np.inf)
         self._time = 0.0
         self._shown = False
         self._measures_current = "present_current" in table.registers
@@ -106,6 +108,10 @@ class ServoBank:
         """Forgets whole turns: position mode starts from within one."""
         self.drive.shaft[row] %= self.table.pulses_per_turn
         self.halt(row)
+
+    def cut_off(self, row: int, cut: bool) -> None:
+        """Has a servo's watchdog hear nothing from now on, or again what is said on the bus."""
+        self.deaf_since[row] = self._time if cut else np.inf
 
     def halt(self, row: int) -> None:
         """Makes the servo stay where it comes to rest, whatever its goal registers say."""
@@ -186,8 +192,9 @@ class ServoBank:
         counting = (limit > 0) & self.drive.on
         if not counting.any():
             return None
-        row = int(np.argmin(np.where(counting, limit.astype(np.int64), 1000)))
-        return fed + float(limit[row]) * self.table["bus_watchdog"].si, row
+        due = np.where(counting, np.minimum(fed, self.deaf_since) + limit * self.table["bus_watchdog"].si, np.inf)
+        row = int(np.argmin(due))
+        return float(due[row]), row
 
     def _trip(self, row: int) -> None:
         """Stops a servo and has it hold, torque still on, until a 0 is written to the watchdog."""

@@ -45,14 +45,13 @@ class Device:
 
     Attributes:
         model: the maker's name.
-        dead: set it, and the servo neither hears nor answers, like one whose cable is cut.
         asleep_until: the servo is deaf before this time, s, as after a reboot.
     """
 
     def __init__(self, bank: ServoBank, row: int) -> None:
         self.bank = bank
         self.row = row
-        self.dead = False
+        self._dead = False
         self.asleep_until = 0.0
         self.model = bank.table.model
         self._table = bank.table
@@ -73,6 +72,16 @@ class Device:
         }
         self._first_cell = min(self._cells, default=size)
         self._registered: tuple[int, bytes] | None = None
+
+    @property
+    def dead(self) -> bool:
+        """Set it, and the servo (its watchdog too) neither hears nor answers, like one whose cable is cut."""
+        return self._dead
+
+    @dead.setter
+    def dead(self, dead: bool) -> None:
+        self._dead = dead
+        self.bank.cut_off(self.row, dead)
 
     def __getitem__(self, name: str) -> int:
         """What a register holds."""

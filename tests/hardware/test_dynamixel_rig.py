@@ -183,7 +183,7 @@ def test_a_dead_servo_costs_only_itself(rig, port, dead):
 def test_a_servo_that_comes_back_is_heard_again(rig, port):
     play(rig, port, [0.0] * 4, 5)
     port.bus[1].dead = True
-    play(rig, port, [0.3] * 4, 50)
+    play(rig, port, [0.3] * 4, 15)  # less than its watchdog takes
     port.bus[1].dead = False
     play(rig, port, [0.3] * 4, 100)
     assert np.allclose(rig.positions, 0.3, atol=2e-3)

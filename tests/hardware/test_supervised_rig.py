@@ -189,6 +189,15 @@ def test_the_state_is_read_less_often_than_targets_are_sent(build):
     assert said.count(0x8A) == pytest.approx(40, abs=2)
 
 
+def test_a_servo_cut_off_for_longer_than_its_watchdog_follows_again(rig_of_four):
+    port = EmulatedPort(EmulatedBus(rig_of_four), faults=FaultPlan([parse_fault("dead:id=2,at=1,for=0.7")]))
+    rig = SupervisedRig(rig_of_four, lambda: Bus(port, rig_of_four.baud), beside=False, sleep=port.elapse)
+    play(rig, port, [0.0] * 4, 1.6)
+    play(rig, port, [0.3] * 4, 2.5)
+    assert rig.positions == pytest.approx(0.3, abs=0.01)
+    assert rig.recoveries == 1
+
+
 def test_mending_beside_the_loop_never_holds_it_up(rig_of_four):
     port = EmulatedPort(EmulatedBus(rig_of_four))
     rig = SupervisedRig(rig_of_four, lambda: Bus(port, rig_of_four.baud))

@@ -357,6 +357,23 @@ def test_the_share_of_a_blend_can_be_moved_and_at_its_ends_one_motion_is_left(li
     assert deck.recues == 0
 
 
+@pytest.mark.parametrize("commands", [("switch", 0.5), (0.3, 0.2)])
+def test_a_blend_commanded_while_its_first_motion_is_faded_in_is_carried_out(library, commands):
+    """The deck waited for ever, and with it all that was queued."""
+    first, share = commands
+    deck = new_deck(library, "wave")
+    joints(library, deck, 0.5)
+    if first == "switch":
+        deck.switch("march")
+    else:
+        deck.blend_in("march", "wave", first)
+    joints(library, deck, 0.1)
+    record = deck.blend_in("march", "wave", share)
+    ticks_until(deck, lambda: record.settled_s is not None)
+    assert deck.blend == ("wave", pytest.approx(share))
+    assert deck.settled
+
+
 @pytest.mark.parametrize("to", synthetic.MOTIONS)
 def test_a_switch_leaves_a_blend(library, to):
     deck = new_deck(library)
