@@ -3,7 +3,8 @@
 The thesis ramps mu from 0 to 1 over RAMP frames inside the network (eqs 3.7, 3.16); the deck starts the target where it
 resembles the body most and turns the bones there (`realtime/transition.py`). For each pair the joints' peak velocity,
 acceleration and jerk during the transition are divided by the larger of both motions' own peaks: 1 means no brisker
-than what was recorded. Joints are seen relative to the root in the heading frame, with the root's height.
+than what was recorded. Joints are seen relative to the root, with its height, from a place in the world that does not
+turn: where one motion turns and the other does not, a body that goes on smoothly jerks as seen from its own heading.
 """
 
 from __future__ import annotations
@@ -21,12 +22,12 @@ from controller.errors import MotiondeckError
 from controller.evaluation.matching import LOST_MM, joint_features
 from controller.generators.centralized_network import CentralizedNetwork
 from controller.generators.morph import morph
-from controller.mocap.bone_directions import FIRST_BONE, HEIGHT
+from controller.mocap.bone_directions import FIRST_BONE, HEIGHT, TURN_RATE
 from controller.mocap.joint_angles import JointBody
 from controller.mocap.posture import Pose, Posture
 from controller.realtime.deck import Deck
 from controller.realtime.joining import Joining
-from controller.rotations import Array, rotate
+from controller.rotations import Array, rotate, yaw
 from controller.training.fit import Syllabus
 from controller.training.library import MotionLibrary
 from controller.training.self_test import Judge
@@ -91,10 +92,7 @@ def all_crossings(
             "joints of a body go. How closely a rig follows a switch is in the report of: motiondeck rig play --json"
         )
     judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, holds=holds)
-    peaks = {
-        name: _peaks(joint_features(syllabus.encoding, frames), wrap=syllabus.loops[name])
-        for name, frames in syllabus.frames.items()
-    }
+    peaks = {name: _own_peaks(syllabus, frames, syllabus.loops[name]) for name, frames in syllabus.frames.items()}
     tasks = (delayed(_from)(source, library, syllabus, judge, peaks) for source in syllabus.frames)
     found: list[Crossing] = []
     results: Any = Parallel(n_jobs=jobs, return_as="generator")(tasks)
@@ -122,7 +120,7 @@ def _from(
             after = 2 * len(syllabus.frames[target]) if judge.loops[target] else len(syllabus.frames[target]) + RAMP
             for method in methods:
                 run, start, end = _played(method, library, source, target, begin, after)
-                crossings.append(_measured(source, target, method, run, start, end, judge, peaks))
+                crossings.append(_measured(source, target, method, run, start, end, judge, peaks, library.info.rate))
     return crossings
 
 
@@ -179,9 +177,10 @@ def _nothing(pose: Pose) -> Array:
 
 
 def _channels(library: MotionLibrary, postures: list[Posture]) -> Array:
-    """Height and bone directions of postures as channels; what else there is stays zero."""
+    """Height, turn rate and bone directions of postures as channels; what else there is stays zero."""
     out = np.zeros((len(postures), library.encoding.channels))
     out[:, HEIGHT] = [float(posture.height) for posture in postures]
+    out[:, TURN_RATE] = [float(posture.turn_rate) for posture in postures]
     rotation = np.stack([posture.rotation for posture in postures])
     bones = rotate(rotation[:, 1:], library.skeleton.rest_direction).reshape(len(out), -1)
     out[:, FIRST_BONE : FIRST_BONE + bones.shape[1]] = bones
@@ -189,7 +188,15 @@ def _channels(library: MotionLibrary, postures: list[Posture]) -> Array:
 
 
 def _measured(
-    source: str, target: str, method: str, run: Array, start: int, end: int, judge: Judge, peaks: dict[str, Array]
+    source: str,
+    target: str,
+    method: str,
+    run: Array,
+    start: int,
+    end: int,
+    judge: Judge,
+    peaks: dict[str, Array],
+    rate: float,
 ) -> Crossing:
     if not np.isfinite(run).all():
         return Crossing(source, target, method, end - start, inf, inf, inf, inf, True, "the network ran away")
@@ -198,6 +205,7 @@ def _measured(
     vectors = run[:, FIRST_BONE : FIRST_BONE + 3 * len(skeleton)].reshape(len(run), -1, 3)
     joints = skeleton.chain @ (vectors * skeleton.length[:, None])
     seen = 1e3 * np.concatenate([joints.reshape(len(run), -1), run[:, [HEIGHT]]], axis=1)
+    seen = _unturned(seen, run[:, TURN_RATE], rate)
     ratios = _peaks(seen[max(0, start - 3) : end + AFTER]) / np.maximum(peaks[source], peaks[target])
     length = np.linalg.norm(vectors[start:end], axis=-1)
     reason = _failure(target, run[end:], judge)
@@ -214,9 +222,22 @@ def _failure(target: str, run: Array, judge: Judge) -> str:
     return f"holds a pose {away:.0f} mm away from the last one" if away > LOST_MM else ""
 
 
-def _peaks(features: Array, *, wrap: bool = False) -> Array:
+def _own_peaks(syllabus: Syllabus, frames: Array, loops: bool) -> Array:
+    """The peaks of a motion as it was recorded, for a loop over its end."""
+    if loops:
+        frames = np.concatenate([frames, frames[:4]])
+    features = joint_features(syllabus.encoding, frames)
+    return _peaks(_unturned(features, frames[:, TURN_RATE], syllabus.rate))
+
+
+def _unturned(features: Array, turn_rate: Array, rate: float) -> Array:
+    """Features as `joint_features` gives them, seen from a place that does not turn; turn_rate (T,) in rad/s."""
+    heading = yaw(np.cumsum(turn_rate) / rate)[:, None]
+    joints = rotate(heading, features[:, :-1].reshape(len(features), -1, 3))
+    return np.concatenate([joints.reshape(len(features), -1), features[:, -1:]], axis=1)
+
+
+def _peaks(features: Array) -> Array:
     """The largest speed, acceleration and jerk of a joint, in mm and frames, shape (3,)."""
-    if wrap:
-        features = np.concatenate([features, features[:4]])
     joints = np.concatenate([features, np.zeros((len(features), 2))], axis=1).reshape(len(features), -1, 3)
     return np.array([np.linalg.norm(np.diff(joints, n=n, axis=0), axis=-1).max() for n in (1, 2, 3)])
