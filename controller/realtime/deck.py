@@ -18,7 +18,7 @@ from controller.realtime.path import Path
 from controller.realtime.performance import Performance
 from controller.realtime.routes import Routes
 from controller.realtime.switch import Switch
-from controller.realtime.tempo import Tempo
+from controller.realtime.tempo import Paced
 from controller.rotations import Array
 from controller.training.library import MotionLibrary
 
@@ -28,7 +28,7 @@ REMEMBERED_SWITCHES = 1_000
 MOST_QUEUED = 32
 
 
-class Deck:
+class Deck(Paced):
     """Plays one library for one robot.
 
     Args:
@@ -69,7 +69,7 @@ class Deck:
         self._waits = False  # whether the next of them waits for the end of what is played
         self.time = 0.0
         self.switches: deque[Switch] = deque(maxlen=REMEMBERED_SWITCHES)
-        self._tempo = Tempo()
+        super().__init__()
         self._path = Path()
         self.pose = self._path.place(self.posture, 0.0)
 
@@ -112,21 +112,6 @@ class Deck:
     def queue(self) -> list[str]:
         """What is played after the present motion."""
         return [switch.to for switch in self._queued]
-
-    @property
-    def speed(self) -> float:
-        """The tempo that is being played; it follows the commanded one smoothly."""
-        return self._tempo.speed
-
-    @property
-    def commanded_speed(self) -> float:
-        """The tempo that was commanded."""
-        return self._tempo.commanded
-
-    @property
-    def paused(self) -> bool:
-        """Whether the deck stands still on command."""
-        return self._tempo.paused
 
     def switch(self, to: str, *, direct: bool = False) -> Switch:
         """Starts a switch at the next update, or when the motion that happens once has ended; the queue is forgotten.
@@ -193,18 +178,6 @@ class Deck:
         self._queued.append(switch)
         self._show.await_round()
         return switch
-
-    def set_speed(self, factor: float, over: float = 0.0) -> None:
-        """Plays at another tempo, within so many seconds; see `Tempo.command`."""
-        self._tempo.command(factor, over)
-
-    def pause(self) -> None:
-        """Comes to a standstill and stays there."""
-        self._tempo.pause()
-
-    def resume(self) -> None:
-        """Goes on after a pause."""
-        self._tempo.resume()
 
     def update(self, dt: float) -> tuple[Array, Pose]:
         """Goes dt seconds on; the joint targets (J,), rad, and the pose they come from."""

@@ -9,11 +9,11 @@ from controller.mocap.posture import Pose
 from controller.realtime.interfaces import PlacedPose
 from controller.realtime.recording import Recording
 from controller.realtime.switch import Switch
-from controller.realtime.tempo import Tempo
+from controller.realtime.tempo import Paced
 from controller.rotations import Array, normalise
 
 
-class RecordedDeck:
+class RecordedDeck(Paced):
     """Plays the targets of a recording; fits `course.Player` and `command_desk.Commandable`.
 
     Args:
@@ -41,7 +41,7 @@ class RecordedDeck:
         self.settled = True
         self.recues = 0
         self.time = 0.0
-        self._tempo = Tempo()
+        super().__init__()
         self._rate = float(recording.description["rate"])
         self._targets, self._motion = fields["targets"], fields["motion"][:, 0]
         self._root, self._heading = fields["root_position"], np.unwrap(fields["heading"][:, 0])
@@ -59,21 +59,6 @@ class RecordedDeck:
     def playing(self) -> str:
         """The same."""
         return self.motion
-
-    @property
-    def speed(self) -> float:
-        """The tempo that is being played."""
-        return self._tempo.speed
-
-    @property
-    def commanded_speed(self) -> float:
-        """The tempo that was commanded."""
-        return self._tempo.commanded
-
-    @property
-    def paused(self) -> bool:
-        """Whether it stands still on command."""
-        return self._tempo.paused
 
     @property
     def over(self) -> bool:
@@ -133,15 +118,3 @@ class RecordedDeck:
             MotiondeckError: always.
         """
         return self.switch(f"{first} + {second}")
-
-    def set_speed(self, factor: float, over: float = 0.0) -> None:
-        """Replays at another tempo, within so many seconds."""
-        self._tempo.command(factor, over)
-
-    def pause(self) -> None:
-        """Comes to a standstill."""
-        self._tempo.pause()
-
-    def resume(self) -> None:
-        """Goes on."""
-        self._tempo.resume()

@@ -56,3 +56,37 @@ class Tempo:
         most = rate * dt
         self.speed += min(max(goal - self.speed, -most), most)
         return self.speed
+
+
+class Paced:
+    """Something that is played at a tempo, as those who command it see that."""
+
+    def __init__(self) -> None:
+        self._tempo = Tempo()
+
+    @property
+    def speed(self) -> float:
+        """The tempo that is being played; it follows the commanded one smoothly."""
+        return self._tempo.speed
+
+    @property
+    def commanded_speed(self) -> float:
+        """The tempo that was commanded."""
+        return self._tempo.commanded
+
+    @property
+    def paused(self) -> bool:
+        """Whether it stands still on command."""
+        return self._tempo.paused
+
+    def set_speed(self, factor: float, over: float = 0.0) -> None:
+        """Plays at another tempo, within so many seconds; see `Tempo.command`."""
+        self._tempo.command(factor, over)
+
+    def pause(self) -> None:
+        """Comes to a standstill and stays there."""
+        self._tempo.pause()
+
+    def resume(self) -> None:
+        """Goes on after a pause."""
+        self._tempo.resume()
