@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
-from controller.errors import FileFormatError
+from motiondeck_base.errors import FileFormatError
 
 LARGEST_BYTES = 2**30
 

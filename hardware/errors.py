@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-
-class MotiondeckError(Exception):
-    """A mistake that the user can mend; the command line prints it without a traceback."""
+from motiondeck_base.errors import MotiondeckError
 
 
 class RigFileError(MotiondeckError):

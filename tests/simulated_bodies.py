@@ -1,15 +1,14 @@
 """Skeletons and poses made up for the simulator's tests."""
 
-from pathlib import Path
-
 import numpy as np
 from hypothesis import strategies as st
 
 from controller.mocap.posture import Pose
 from controller.mocap.skeleton import Skeleton
 from controller.rotations import from_rotation_vector, multiply, normalise
+from motiondeck_base.shipped import shipped_configs
 
-ROBOTS = Path(__file__).parents[1] / "configs" / "robots"
+ROBOTS = shipped_configs() / "robots"
 RIGHT, LEFT, UP, DOWN, AHEAD = (0, -1, 0), (0, 1, 0), (0, 0, 1), (0, 0, -1), (1, 0, 0)
 
 # name, parent, direction in the rest pose, length

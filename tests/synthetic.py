@@ -2,19 +2,19 @@
 
 import numpy as np
 
-from controller.mocap.bone_directions import BoneDirections
-from controller.mocap.normalisation import Normalisation
-from controller.mocap.skeleton import Skeleton
-from controller.training.conceptor_training import ConceptorRecipe, train_conceptors
-from controller.training.lesson import Lesson
-from controller.training.library import (
+from controller.library.motion_library import (
     VERSION,
     LibraryInfo,
     MotionInfo,
     MotionLibrary,
     describe_skeleton,
 )
-from controller.training.loops import hold_end
+from controller.mocap.encodings.bone_directions import BoneDirections
+from controller.mocap.encodings.normalisation import Normalisation
+from controller.mocap.skeleton import Skeleton
+from controller.training.preparation.loops import hold_end
+from controller.training.preparation.training_motion import Lesson
+from controller.training.reservoirs.conceptor_training import ConceptorRecipe, train_conceptors
 
 RATE = 120.0
 RIGHT, LEFT, UP, DOWN = (0, -1, 0), (0, 1, 0), (0, 0, 1), (0, 0, -1)

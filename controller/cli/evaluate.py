@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import csv
 import json
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
 import typer
+
+from controller.cli.common.progress import progress
 
 if TYPE_CHECKING:
     from controller.evaluation.sweep import Subject
@@ -67,7 +67,7 @@ def evaluate(
       motiondeck evaluate 86_01.amc coordinates --plot coordinates.png
     """
     from controller.cli.evaluate_recording import TABLE1, is_recording, measure_recording
-    from controller.errors import MotiondeckError
+    from motiondeck_base.errors import MotiondeckError
 
     of_recording = is_recording(subject) or subject == TABLE1
     if data is None and (subject == TABLE1 or not of_recording):
@@ -77,7 +77,7 @@ def evaluate(
     for file in (table, plot):
         if file is not None and not file.absolute().parent.is_dir():
             raise MotiondeckError(f"{file.parent}: there is no such folder to write {file.name} to")
-    from controller.cli.plots import drawing
+    from controller.cli.pictures.table_plots import drawing
 
     draw = drawing() if plot is not None else None
     if of_recording:
@@ -137,10 +137,10 @@ class _Task:
     @classmethod
     def of(cls, subject: str, data: Path, seeds: range, runs: int, paper: bool, jobs: int) -> _Task:
         """Reads the recipe, from its own file or out of a library, and the recordings."""
-        from controller.cli.resources import find
+        from controller.library.motion_library import load_library
         from controller.training.fit import prepare
-        from controller.training.library import load_library
         from controller.training.recipe import read_recipe, recipe_of
+        from motiondeck_base.shipped import find
 
         if subject.endswith(".toml"):
             path, library = Path(subject), None
@@ -153,14 +153,14 @@ class _Task:
     @property
     def centralized(self) -> bool:
         """Whether it is about a centralized network."""
-        from controller.training.centralized_training import CentralizedRecipe
+        from controller.training.centralized.centralized_training import CentralizedRecipe
 
         return isinstance(self.recipe.network, CentralizedRecipe)
 
     def subjects(self) -> list[Subject]:
         """The networks: the library's own, or one a seed."""
         from controller.evaluation.sweep import Subject, train_subjects
-        from controller.training.library import load_library
+        from controller.library.motion_library import load_library
 
         if self.library is not None:
             loaded = load_library(self.library)
@@ -171,11 +171,11 @@ class _Task:
 
 def accuracy(task: _Task, what: str) -> Table:
     """How well the networks of a recipe learn, in the measures of the thesis."""
-    from controller.errors import MotiondeckError
+    from benchmarks.papers.thesis import THESIS
     from controller.evaluation.tables import training_table
-    from controller.evaluation.thesis import THESIS
     from controller.evaluation.training_error import training_error
-    from controller.training.self_test import Judge, self_test
+    from controller.measures.self_test import Judge, self_test
+    from motiondeck_base.errors import MotiondeckError
 
     if task.library is not None:
         raise MotiondeckError(f"{task.library}: accuracy is measured in training; give the recipe (.toml) instead")
@@ -197,10 +197,10 @@ def accuracy(task: _Task, what: str) -> Table:
 
 def failures(task: _Task, what: Literal["robustness", "stability"]) -> Table:
     """How often motions fail after a disturbance, without and with a guard."""
+    from benchmarks.papers.thesis import THESIS
     from controller.evaluation.sweep import sweep
     from controller.evaluation.tables import failure_table
-    from controller.evaluation.thesis import THESIS
-    from controller.training.conceptor_training import ConceptorRecipe
+    from controller.training.reservoirs.conceptor_training import ConceptorRecipe
 
     known: dict[str, float] = {}
     place = ""
@@ -238,9 +238,9 @@ def transitions(task: _Task, what: str) -> Table:
     from controller.evaluation.sweep import train_subjects
     from controller.evaluation.tables import crossing_table
     from controller.evaluation.transitions import all_crossings
+    from controller.library.motion_library import load_library
+    from controller.measures.self_test import Judge, self_test
     from controller.training.fit import assemble
-    from controller.training.library import load_library
-    from controller.training.self_test import Judge, self_test
 
     holds = not task.recipe.as_recorded
     if task.library is not None:
@@ -264,7 +264,7 @@ def transitions(task: _Task, what: str) -> Table:
 
 def cost(task: _Task, what: str) -> Table:
     """What training and playing cost against reservoir size, recording length and number of motions."""
-    from controller.evaluation.cost import costs, variants
+    from benchmarks.papers.training_cost import costs, variants
     from controller.evaluation.tables import cost_table
 
     with progress("training", len(list(variants(task.recipe, task.syllabus)))) as tick:
@@ -275,20 +275,8 @@ def cost(task: _Task, what: str) -> Table:
     return cost_table(f"{task.name}: cost", found, notes, bounds=not task.centralized)
 
 
-@contextmanager
-def progress(words: str, total: int) -> Iterator[Callable[[], None]]:
-    """A bar on a terminal, nothing in a pipe."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description:24}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
-        line = bar.add_task(words, total=total)
-        yield lambda: bar.update(line, advance=1)
-
-
 def _write_csv(result: Table, path: Path) -> None:
-    from controller.errors import MotiondeckError
+    from motiondeck_base.errors import MotiondeckError
 
     try:
         with path.open("w", newline="", encoding="utf-8") as file:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.errors import MotiondeckError
 from controller.evaluation.tables import Table, Value
+from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:
     from controller.mocap.clip import Clip
@@ -41,12 +41,12 @@ def measure_recording(subject: str, what: str | None, data: Path | None) -> tupl
     Raises:
         MotiondeckError: if the recording cannot be read, or this is not measured of recordings.
     """
-    from controller.mocap.reading import read_clip, skeleton_of
+    from controller.mocap.formats.reading import read_clip, skeleton_of
 
     if subject == TABLE1:
         if what is not None or data is None:
             raise MotiondeckError(f"{TABLE1} is a table of its own: leave out '{what}'")
-        from controller.cli.centralized_plots import draw_table1
+        from controller.cli.pictures.centralized_plots import draw_table1
 
         return table1(data), draw_table1
     measures = {"segments": segments, "models": models, "coordinates": coordinates, "reconstruction": reconstruction}
@@ -60,9 +60,9 @@ def measure_recording(subject: str, what: str | None, data: Path | None) -> tupl
 
 def table1(data: Path) -> Table:
     """Table 1 of the paper: its figures, ours with its method, ours with learned satellites."""
-    from controller.cli.evaluate import progress
-    from controller.evaluation.centralized_table1 import PAPER, centralized_table1
-    from controller.mocap.reading import read_clip
+    from benchmarks.papers.centralized_table1 import PAPER, centralized_table1
+    from controller.cli.common.progress import progress
+    from controller.mocap.formats.reading import read_clip
     from controller.training.fit import find_recording
 
     with progress("networks", 4 * len(PAPER)) as tick:
@@ -88,10 +88,10 @@ def table1(data: Path) -> Table:
 
 def segments(clip: Clip) -> tuple[Table, Draw]:
     """Errors of all joints in each segment (figures 14 to 16)."""
-    from controller.cli.evaluate import progress
+    from controller.cli.common.progress import progress
     from controller.mocap.segmentation import body_features, find_segments
-    from controller.training.model_choice import mean_absolute, mean_distance, relative_accuracy
-    from controller.training.segment_network import say_segment
+    from controller.training.centralized.model_choice import mean_absolute, mean_distance, relative_accuracy
+    from controller.training.centralized.segment_network import say_segment
 
     places = 1e3 * clip.joints()
     names = ("root", *clip.skeleton.bones)
@@ -130,7 +130,7 @@ def segments(clip: Clip) -> tuple[Table, Draw]:
     )
 
     def draw(table: Table, path: Path) -> None:
-        from controller.cli.centralized_plots import draw_segment_errors
+        from controller.cli.pictures.centralized_plots import draw_segment_errors
 
         draw_segment_errors(table, path)
 
@@ -139,11 +139,11 @@ def segments(clip: Clip) -> tuple[Table, Draw]:
 
 def models(clip: Clip) -> tuple[Table, Draw]:
     """Akaike's criterion over centers and satellites (figure 13), summed over the segments that are long enough."""
-    from controller.cli.evaluate import progress
+    from controller.cli.common.progress import progress
     from controller.mocap.segmentation import body_features, find_segments
-    from controller.training.model_choice import hands_and_feet
-    from controller.training.model_search import CENTERS as CHOICES
-    from controller.training.model_search import RATE, SATELLITES, score_models
+    from controller.training.centralized.model_choice import hands_and_feet
+    from controller.training.centralized.model_search import CENTERS as CHOICES
+    from controller.training.centralized.model_search import RATE, SATELLITES, score_models
 
     bones = [0, *(bone + 1 for bone in hands_and_feet(clip.skeleton))]
     places = clip.joints()[:, bones].reshape(len(clip), -1)
@@ -171,7 +171,7 @@ def models(clip: Clip) -> tuple[Table, Draw]:
     table = Table(title, rows, tuple(name for name in rows[0] if name != "satellites"), notes)
 
     def draw(table: Table, path: Path) -> None:
-        from controller.cli.centralized_plots import draw_lines
+        from controller.cli.pictures.centralized_plots import draw_lines
 
         curves: dict[str, Any] = {}
         for name in table.draws:
@@ -189,10 +189,10 @@ def models(clip: Clip) -> tuple[Table, Draw]:
 
 def coordinates(clip: Clip) -> tuple[Table, Draw]:
     """Feet and wrists over time as networks say them (figures 3 to 12): the first segments, each by its own network."""
-    from controller.cli.evaluate import progress
+    from controller.cli.common.progress import progress
     from controller.mocap.segmentation import body_features, find_segments
-    from controller.training.model_choice import hands_and_feet, mean_absolute
-    from controller.training.segment_network import say_segment
+    from controller.training.centralized.model_choice import hands_and_feet, mean_absolute
+    from controller.training.centralized.segment_network import say_segment
 
     bones = hands_and_feet(clip.skeleton)
     names = [clip.skeleton.bones[bone] for bone in bones]
@@ -215,7 +215,7 @@ def coordinates(clip: Clip) -> tuple[Table, Draw]:
     table = Table(title, rows, tuple(f"{label} mm" for label in said), ["mean absolute error of a coordinate"])
 
     def draw(table: Table, path: Path) -> None:
-        from controller.cli.centralized_plots import draw_coordinates
+        from controller.cli.pictures.centralized_plots import draw_coordinates
 
         draw_coordinates(places[:end], said, names, clip.rate, table.title, path)
 
@@ -224,11 +224,11 @@ def coordinates(clip: Clip) -> tuple[Table, Draw]:
 
 def reconstruction(clip: Clip) -> tuple[Table, Draw]:
     """How far off joints are that were hidden for a while and filled in from the others."""
-    from controller.cli.centralized_plots import draw_hidden
-    from controller.cli.evaluate import progress
-    from controller.evaluation.hidden_joints import fill_hidden
+    from benchmarks.papers.hidden_joints import fill_hidden
+    from controller.cli.common.progress import progress
+    from controller.cli.pictures.centralized_plots import draw_hidden
     from controller.mocap.segmentation import body_features, find_segments
-    from controller.training.model_choice import hands_and_feet
+    from controller.training.centralized.model_choice import hands_and_feet
 
     bones = hands_and_feet(clip.skeleton)
     places = 1e3 * clip.joints()
@@ -256,6 +256,6 @@ def reconstruction(clip: Clip) -> tuple[Table, Draw]:
 
 def _frames(cut: tuple[int, int], clip: Clip) -> float:
     """How many frames a segment has at the rate that models are compared at."""
-    from controller.training.model_search import RATE
+    from controller.training.centralized.model_search import RATE
 
     return (cut[1] - cut[0]) * RATE / clip.rate

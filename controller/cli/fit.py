@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
+    from controller.library.motion_library import MotionLibrary
     from controller.training.fit import Syllabus
-    from controller.training.library import MotionLibrary
     from controller.training.recipe import LibraryRecipe
 
 
@@ -62,10 +62,11 @@ def fit(
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from controller.errors import MotiondeckError
+    from controller.cli.common.library_report import print_table, report
+    from controller.library.motion_library import save_library
     from controller.training import fit as training
-    from controller.training.library import save_library
     from controller.training.recipe import read_recipe, taught_recipe
+    from motiondeck_base.errors import MotiondeckError
 
     if all(path.suffix.lower() == ".clip" for path in what):
         if data is not None:
@@ -85,7 +86,7 @@ def fit(
         raise MotiondeckError(f"{out.parent}: there is no such folder to write the library to")
     plan = sized(plan, centers, satellites)
     if plot is not None:
-        from controller.cli.centralized_plots import need_folder
+        from controller.cli.pictures.centralized_plots import need_folder
 
         need_folder(plot / "motion.png")
     console = Console(stderr=True)
@@ -124,8 +125,8 @@ def sized(plan: LibraryRecipe, centers: str | None, satellites: str | None) -> L
     """
     import msgspec
 
-    from controller.errors import MotiondeckError
-    from controller.training.centralized_training import CentralizedRecipe
+    from controller.training.centralized.centralized_training import CentralizedRecipe
+    from motiondeck_base.errors import MotiondeckError
 
     given = {name: value for name, value in (("centers", centers), ("satellites", satellites)) if value is not None}
     if not given:
@@ -141,10 +142,15 @@ def sized(plan: LibraryRecipe, centers: str | None, satellites: str | None) -> L
 
 def told(library: MotionLibrary, syllabus: Syllabus, every: int, plot: Path | None) -> list[dict[str, Any]]:
     """How well each motion is said where its anchors are, in mm (eqs 20 to 27), and what a centralized network took."""
-    from controller.cli.centralized_plots import draw_coordinates
-    from controller.evaluation.matching import joint_features
-    from controller.generators.centralized_network import CentralizedNetwork
-    from controller.training.model_choice import hands_and_feet, mean_absolute, mean_distance, relative_accuracy
+    from controller.cli.pictures.centralized_plots import draw_coordinates
+    from controller.measures.motion_matching import joint_features
+    from controller.networks.centralized_frames import CentralizedNetwork
+    from controller.training.centralized.model_choice import (
+        hands_and_feet,
+        mean_absolute,
+        mean_distance,
+        relative_accuracy,
+    )
 
     network, rows = library.network, []
     for name, frames in syllabus.frames.items():
@@ -186,51 +192,4 @@ def print_closeness(library: MotionLibrary, rows: list[dict[str, Any]]) -> None:
         table.add_column(name.replace("_mm", ", mm").replace("_", " "), justify="left" if name == "motion" else "right")
     for row in rows:
         table.add_row(*(f"{value:.4g}" if isinstance(value, float) else str(value) for value in row.values()))
-    Console().print(table)
-
-
-def report(library: MotionLibrary) -> dict[str, object]:
-    """What a library holds, for scripts."""
-    import msgspec
-
-    info = library.info
-    return {
-        "name": info.name,
-        "network": info.network,
-        "neurons": library.network.neurons,
-        "rate_hz": info.rate,
-        "seed": info.seed,
-        "skeleton": info.skeleton.name,
-        "bones": len(info.skeleton.bones),
-        "motions": [msgspec.to_builtins(motion) for motion in info.motions],
-        "licence": info.licence,
-        "acknowledgement": info.acknowledgement,
-    }
-
-
-def print_table(library: MotionLibrary) -> None:
-    """One row a motion: what it was learned from and how its free run went."""
-    from rich.console import Console
-    from rich.table import Table
-
-    info = library.info
-    table = Table(title=f"{info.name}: {info.network}, {library.network.neurons} neurons, {info.rate:g} Hz")
-    for name, where in (
-        ("motion", "left"),
-        ("plays", "left"),
-        ("seconds", "right"),
-        ("NRMSE", "right"),
-        ("free run, mrad" if info.encoding == "joint angles" else "free run, mm", "right"),
-        ("self-test", "left"),
-    ):
-        table.add_column(name, justify=where)  # pyright: ignore[reportArgumentType]
-    for motion in info.motions:
-        table.add_row(
-            motion.name,
-            motion.plays,
-            f"{motion.frames / info.rate:.2f}",
-            f"{motion.nrmse:.4f}",
-            f"{motion.error_mm:.1f}",
-            "[green]passed[/]" if motion.passed else f"[red]failed[/]: {motion.reason}",
-        )
     Console().print(table)

@@ -15,8 +15,7 @@ from typing import Annotated, BinaryIO, NamedTuple
 
 import typer
 
-from controller.errors import MotiondeckError
-from controller.realtime.commands import (
+from controller.wire.command_socket import (
     DEFAULT_PORT,
     CommandClient,
     EmergencyStop,
@@ -32,7 +31,8 @@ from controller.realtime.commands import (
     Stop,
     Switch,
 )
-from controller.realtime.messages import FASTEST, SLOWEST
+from controller.wire.messages import FASTEST, SLOWEST
+from motiondeck_base.errors import MotiondeckError
 
 _EVENT = struct.Struct("<IhBB")
 _BUTTON, _AXIS = 1, 2  # kinds of event; what the kernel says of itself when the device is opened has 0x80 added
@@ -130,7 +130,7 @@ def drive(device: BinaryIO, client: CommandClient) -> None:
     Raises:
         SocketError: if no deck is running.
     """
-    from controller.cli.terminal import describe
+    from controller.cli.session.terminal import describe
 
     state = client.request(Status())
     if not isinstance(state, State):

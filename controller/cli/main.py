@@ -18,21 +18,22 @@ for _library in ("OPENBLAS", "OMP", "MKL"):
 import typer  # noqa: E402
 
 from controller.cli import (  # noqa: E402
-    clip_fill,
     evaluate,
     fit,
     gamepad,
-    library_motions,
     play,
     plot,
     preflight,
     recognize,
     replay,
-    rig,
-    robot,
     segment,
     send,
 )
+from controller.cli.clip import fill  # noqa: E402
+from controller.cli.library import motions  # noqa: E402
+from controller.cli.rig import commands as rig  # noqa: E402
+from controller.cli.robot import commands as robot  # noqa: E402
+from motiondeck_base.errors import MotiondeckError  # noqa: E402
 
 app = typer.Typer(
     name="motiondeck",
@@ -50,8 +51,8 @@ app.command("plot")(plot.plot)
 app.command("fit")(fit.fit)
 app.command("evaluate")(evaluate.evaluate)
 app.command("preflight")(preflight.preflight)
-app.add_typer(library_motions.app, name="library")
-app.add_typer(clip_fill.app, name="clip")
+app.add_typer(motions.app, name="library")
+app.add_typer(fill.app, name="clip")
 app.add_typer(rig.app, name="rig")
 app.add_typer(robot.app, name="robot")
 app.add_typer(recognize.app, name="recognize")
@@ -85,15 +86,10 @@ def main() -> None:
         sys.stdout = None
         sys.exit(1)
     except Exception as error:
-        if "MOTIONDECK_DEBUG" in os.environ or not _is_mistake(error):
+        if "MOTIONDECK_DEBUG" in os.environ or not isinstance(error, MotiondeckError):
             raise
         print(f"motiondeck: {error}", file=sys.stderr)
         sys.exit(1)
-
-
-def _is_mistake(error: Exception) -> bool:
-    """Whether an error is one that the user can mend; each package has its own family of them."""
-    return any(kind.__name__ == "MotiondeckError" for kind in type(error).__mro__)
 
 
 if __name__ == "__main__":

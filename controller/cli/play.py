@@ -9,9 +9,8 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from controller.realtime.commands import DEFAULT_PORT, Switch
-
-PAGE_PORT = 8040
+from controller.cli.common.options import PAGE_PORT
+from controller.wire.command_socket import DEFAULT_PORT, Switch
 
 
 class OnMismatch(StrEnum):
@@ -140,10 +139,10 @@ def play(
 
       motiondeck play --video walk.mp4 --seconds 6
     """
-    from controller.cli.resources import find
-    from controller.cli.script import Cue, Timed, parse_script, read_timeline
-    from controller.errors import MotiondeckError, UnknownNameError
-    from controller.training.library import load_library
+    from controller.cli.session.script import Cue, Timed, parse_script, read_timeline
+    from controller.library.motion_library import load_library
+    from motiondeck_base.errors import MotiondeckError, UnknownNameError
+    from motiondeck_base.shipped import find
 
     if seconds is not None and not 0.0 < seconds < 1e8:
         raise MotiondeckError(f"--seconds {seconds:g} is not a length of time above 0")
@@ -173,7 +172,7 @@ def play(
             raise MotiondeckError("a film is not made live, so there are no ticks to record: leave --record or --video")
         if recognize:
             raise MotiondeckError("in a film nothing is measured to be recognized: leave --recognize or --video")
-        from controller.cli.pictures import film
+        from controller.cli.pictures.library_pictures import film
 
         cues = [Cue(0.0, first)]
         for timed in timeline:
@@ -187,12 +186,12 @@ def play(
 
     from dataclasses import replace
 
-    from controller.cli.body import Cast
-    from controller.cli.report import summary
-    from controller.cli.session import Session, Settings
-    from controller.cli.watching import Watching
-    from controller.realtime.deck import Deck
-    from controller.realtime.sealing import read_token
+    from controller.cli.session.recognition_watch import Watching
+    from controller.cli.session.report import summary
+    from controller.cli.session.robot_on_deck import Cast
+    from controller.cli.session.session import Session, Settings
+    from controller.deck.deck import Deck
+    from controller.wire.authentication import read_token
 
     second = None
     if follow is not None:
@@ -237,8 +236,8 @@ def play(
 
 def rig_file(rig: str | None, robot: str) -> Path | None:
     """The rig file: that of the robot's own name for emulated servos."""
-    from controller.cli.resources import find
-    from controller.errors import MotiondeckError
+    from motiondeck_base.errors import MotiondeckError
+    from motiondeck_base.shipped import find
 
     if rig is None:
         return None

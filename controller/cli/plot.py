@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from controller.realtime.recording import Recording
+    from controller.wire.run_recording import Recording
 
 
 def plot(
@@ -25,8 +25,8 @@ def plot(
 
     Example:  motiondeck plot show.rec --out show.png
     """
-    from controller.errors import MotiondeckError
-    from controller.realtime.recording import load_recording
+    from controller.wire.run_recording import load_recording
+    from motiondeck_base.errors import MotiondeckError
 
     recording = load_recording(file)
     if recording.ticks == 0:
@@ -76,8 +76,8 @@ def _draw(recording: Recording, picture: Path) -> None:
     """
     import numpy as np
 
-    from controller.errors import MotiondeckError
-    from controller.realtime.recording import COMMANDS
+    from controller.wire.run_recording import COMMANDS
+    from motiondeck_base.errors import MotiondeckError
 
     try:
         import matplotlib

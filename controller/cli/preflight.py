@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from controller.realtime.interfaces import JointLimits
-    from sim.preflight import Verdict
-    from sim.robot import Robot
+    from controller.deck.interfaces import JointLimits
+    from sim.physics.preflight import Verdict
+    from sim.robots.robot import Robot
 
 
 def preflight(
@@ -50,20 +50,26 @@ def preflight(
 
       motiondeck preflight cmu86 --robot mannequin --root free --balance --json
     """
-    from controller.cli.resources import find
-    from controller.errors import MotiondeckError
-    from controller.realtime.messages import FASTEST, SLOWEST
-    from controller.training.library import load_library
-    from sim.physics_model import physics_model
-    from sim.preflight import Preflight
-    from sim.takes import count_switches, load_for_takes, motion_takes, switch_takes, switches_by_way_of
+    from controller.library.motion_library import load_library
+    from controller.wire.messages import FASTEST, SLOWEST
+    from motiondeck_base.errors import MotiondeckError
+    from motiondeck_base.shipped import find
+    from sim.physics.physics_model import physics_model
+    from sim.physics.played_motions import (
+        count_switches,
+        load_for_takes,
+        motion_takes,
+        switch_takes,
+        switches_by_way_of,
+    )
+    from sim.physics.preflight import Preflight
 
     if not SLOWEST <= speed <= FASTEST:
         raise MotiondeckError(f"--speed {speed:g} is not between {SLOWEST:g} and {FASTEST:g}")
     if balance and root != "free":
         raise MotiondeckError(f"a robot whose root is {root} need not balance: give --root free with --balance")
     if plot is not None:
-        from controller.cli.preflight_plot import need_matplotlib
+        from controller.cli.pictures.preflight_plot import need_matplotlib
 
         need_matplotlib(plot)
     loaded = load_library(find("library", library, ".safetensors"))
@@ -89,7 +95,7 @@ def preflight(
     else:
         _print(verdicts, motions, report)
     if plot is not None:
-        from controller.cli.preflight_plot import draw
+        from controller.cli.pictures.preflight_plot import draw
 
         draw(verdicts[:motions], plot)
     if not report["ok"]:
@@ -102,9 +108,9 @@ def _on_rig(body: Robot, rig: str | None) -> tuple[Robot, JointLimits]:
         return body, body.limits
     import msgspec
 
-    from controller.cli.resources import find
-    from controller.cli.rig_output import narrowed
-    from hardware.rig import load_rig
+    from controller.cli.session.rig_output import narrowed
+    from hardware.rig.rig_file import load_rig
+    from motiondeck_base.shipped import find
 
     config = load_rig(find("rig", rig, ".toml"))
     servo = body.servo
@@ -126,7 +132,7 @@ def _on_rig(body: Robot, rig: str | None) -> tuple[Robot, JointLimits]:
 
 def _by_their_parts(judged: dict[str, Verdict], ways: dict[tuple[str, str], tuple[str, ...]]) -> list[Verdict]:
     """Switches that go by way of other motions: all that is found on the way, and the slowest of its speeds."""
-    from sim.preflight import Verdict
+    from sim.physics.preflight import Verdict
 
     found = []
     for (source, target), via in ways.items():

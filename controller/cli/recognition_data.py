@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from controller.recognition.dataset import Dataset
+    from controller.recognition.labelled_recordings import Dataset
 
 # Some files could not be used, and the rest was done without them.
 SKIPPED_EXIT = 3
@@ -24,7 +24,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object inst
 
 def read(data: Path) -> Dataset:
     """The dataset in a folder, with a progress bar; files that cannot be used are named on stderr."""
-    from controller.recognition.dataset import read_dataset
+    from controller.recognition.labelled_recordings import read_dataset
 
     with steps(None) as done:
         dataset = read_dataset(data, lambda count, total: done(f"reading {count} of {total}"))

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from benchmarks.recognition.recognize_benchmark import benchmark
 from controller.cli.recognition_data import SKIPPED_EXIT, AsJson, DataArgument, leave, read
-from controller.cli.recognize_benchmark import benchmark
 
 if TYPE_CHECKING:
     from controller.recognition.recognizer import Recognizer
@@ -50,11 +50,11 @@ def train(
     """
     import msgspec
 
-    from controller.errors import MotiondeckError
     from controller.recognition.experts import ANY_TEMPO_LEAK, ExpertRecipe
     from controller.recognition.features import FeatureRecipe
     from controller.recognition.recognizer import train_recognizer
     from controller.recognition.recognizer_file import save_recognizer
+    from motiondeck_base.errors import MotiondeckError
 
     if not out.parent.is_dir():
         raise MotiondeckError(f"{out.parent}: there is no such folder to write the recognizer to")
@@ -92,9 +92,9 @@ def run(
 
     Example:  motiondeck recognize run hdm05.safetensors squat.amc --skeleton HDM_bd.asf
     """
-    from controller.errors import MotiondeckError
-    from controller.mocap.reading import read_clip, skeleton_of
+    from controller.mocap.formats.reading import read_clip, skeleton_of
     from controller.recognition.recognizer_file import load_recognizer
+    from motiondeck_base.errors import MotiondeckError
 
     loaded = load_recognizer(recognizer)
     out: list[dict[str, Any]] = []

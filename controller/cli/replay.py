@@ -9,8 +9,9 @@ from typing import Annotated
 
 import typer
 
-from controller.cli.play import PAGE_PORT, rig_file
-from controller.realtime.commands import DEFAULT_PORT
+from controller.cli.common.options import PAGE_PORT
+from controller.cli.play import rig_file
+from controller.wire.command_socket import DEFAULT_PORT
 
 
 def replay(
@@ -44,13 +45,13 @@ def replay(
 
     Example:  motiondeck replay show.rec --rig emulated
     """
-    from controller.cli.body import Cast
-    from controller.cli.report import summary
-    from controller.cli.resources import find
-    from controller.cli.session import Session, Settings
-    from controller.realtime.recorded_deck import RecordedDeck
-    from controller.realtime.recording import load_recording
-    from controller.training.library import load_library
+    from controller.cli.session.report import summary
+    from controller.cli.session.robot_on_deck import Cast
+    from controller.cli.session.session import Session, Settings
+    from controller.deck.recorded_deck import RecordedDeck
+    from controller.library.motion_library import load_library
+    from controller.wire.run_recording import load_recording
+    from motiondeck_base.shipped import find
 
     recording = load_recording(file)
     if not recording.complete:
@@ -59,9 +60,9 @@ def replay(
     body = robot or recorded
     loaded = load_library(find("library", library or str(recording.description["library"]), ".safetensors"))
     if scrub:
-        from controller.cli.clip_act import act_of_recording
-        from controller.cli.page import show_act
-        from sim.robot import load_robot
+        from controller.cli.pictures.clip_scene import act_of_recording
+        from controller.cli.session.page import show_act
+        from sim.robots.robot import load_robot
 
         show_act(act_of_recording(recording, load_robot(find("robot", body, ".toml"), loaded.skeleton)), page_port)
         return

@@ -11,7 +11,7 @@ import typer
 
 if TYPE_CHECKING:
     from controller.mocap.clip import Clip
-    from controller.recognition.labels import Labels
+    from controller.recognition.segmentation.labels import Labels
 
 
 class Way(StrEnum):
@@ -56,10 +56,10 @@ def segment(
 
       motiondeck segment 86_01.amc --method planes --segments 7 --plot cuts.png
     """
-    from controller.errors import MotiondeckError
-    from controller.mocap.reading import read_clip, skeleton_of
-    from controller.recognition.border_score import score_borders
-    from controller.recognition.labels import read_labels
+    from controller.mocap.formats.reading import read_clip, skeleton_of
+    from controller.recognition.segmentation.border_score import score_borders
+    from controller.recognition.segmentation.labels import read_labels
+    from motiondeck_base.errors import MotiondeckError
 
     if not file.is_file():
         raise MotiondeckError(f"{file}: there is no such file")
@@ -68,7 +68,7 @@ def segment(
     if count is not None and method is not Way.PLANES:
         raise MotiondeckError(f"--segments goes with --method planes, not with {method.value}")
     if plot is not None:
-        from controller.cli.centralized_plots import need_folder
+        from controller.cli.pictures.centralized_plots import need_folder
 
         need_folder(plot)
     clip = read_clip(file, skeleton or skeleton_of(file, file.parent.parent))
@@ -91,7 +91,7 @@ def segment(
             "f1": score.f1,
         }
     if plot is not None:
-        from controller.cli.centralized_plots import draw_segments
+        from controller.cli.pictures.centralized_plots import draw_segments
 
         draw_segments(clip, said, marked, plot)
     if as_json:
@@ -110,10 +110,9 @@ def segment(
 
 
 def _by_experts(clip: Clip, marked: Labels | None, recognizer: Path | None) -> dict[str, Any]:
-    from controller.errors import MotiondeckError
     from controller.recognition.features import features
     from controller.recognition.recognizer_file import load_recognizer
-    from controller.recognition.segmentation import (
+    from controller.recognition.segmentation.by_experts import (
         CHANGE_COST,
         LOOK,
         bank_of_first_occurrences,
@@ -122,6 +121,7 @@ def _by_experts(clip: Clip, marked: Labels | None, recognizer: Path | None) -> d
         smoothed,
         viterbi,
     )
+    from motiondeck_base.errors import MotiondeckError
 
     if recognizer is not None:
         loaded = load_recognizer(recognizer)
@@ -155,8 +155,8 @@ def _by_experts(clip: Clip, marked: Labels | None, recognizer: Path | None) -> d
 def _unsupervised(clip: Clip, method: Way, count: int | None) -> dict[str, Any]:
     import numpy as np
 
-    from controller.recognition import change_points
     from controller.recognition.features import FeatureRecipe, features
+    from controller.recognition.segmentation import change_points
 
     if method is Way.PLANES:
         from controller.mocap.segmentation import body_features, find_segments
@@ -175,7 +175,7 @@ def _unsupervised(clip: Clip, method: Way, count: int | None) -> dict[str, Any]:
 
 def _segments(path: Any, stride: float, clip: Clip, classes: tuple[str, ...] | None) -> list[dict[str, Any]]:
     """The runs of equal classes in a path of every `stride`-th frame."""
-    from controller.recognition.segmentation import borders_of
+    from controller.recognition.segmentation.by_experts import borders_of
 
     starts = [0, *borders_of(path).tolist()]
     frames = [round(start * stride) for start in starts]

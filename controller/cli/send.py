@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from controller.realtime.commands import DEFAULT_PORT
+from controller.wire.command_socket import DEFAULT_PORT
 
 _LONGEST_WAIT = 120.0  # s for --wait: by way of other motions it may take a while
 
@@ -41,11 +41,11 @@ def send(
     """
     import msgspec
 
-    from controller.cli.terminal import describe, parse_command
-    from controller.errors import MotiondeckError
-    from controller.realtime.commands import CommandClient
-    from controller.realtime.messages import Accepted, Blend, Queue, Refused, Switch
-    from controller.realtime.sealing import read_token
+    from controller.cli.session.terminal import describe, parse_command
+    from controller.wire.authentication import read_token
+    from controller.wire.command_socket import CommandClient
+    from controller.wire.messages import Accepted, Blend, Queue, Refused, Switch
+    from motiondeck_base.errors import MotiondeckError
 
     request = parse_command(words)
     if (host is None) != (token_file is None):

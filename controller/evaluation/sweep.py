@@ -11,13 +11,13 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from controller.evaluation.batch import batch_of
-from controller.evaluation.disturbance import Kind, Watched, disturbed
-from controller.generators.guard import beat, spread
+from controller.library.motion_library import AnyNetwork
+from controller.measures.disturbance import Kind, Watched, disturbed
+from controller.measures.run_batch import batch_of
+from controller.measures.self_test import Judge
+from controller.networks.guard import beat, spread
 from controller.training.fit import Syllabus, first_to_pass, settle
-from controller.training.library import AnyNetwork
 from controller.training.recipe import LibraryRecipe
-from controller.training.self_test import Judge
 
 Tick = Callable[[], None]
 

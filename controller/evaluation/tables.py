@@ -8,12 +8,12 @@ from typing import Literal
 
 import numpy as np
 
-from controller.evaluation.cost import Cost, exponent
-from controller.evaluation.statistics import wilson
+from benchmarks.papers.training_cost import Cost, exponent
 from controller.evaluation.sweep import Count
 from controller.evaluation.training_error import TrainingError
 from controller.evaluation.transitions import Crossing
-from controller.training.self_test import Verdict
+from controller.measures.intervals import wilson
+from controller.measures.self_test import Verdict
 
 Value = str | int | float | None
 

@@ -8,20 +8,20 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from controller.evaluation.accuracy import mabs, nrmse
-from controller.evaluation.thesis import noisy_targets
-from controller.generators.centralized_network import CentralizedNetwork
-from controller.training.aperture_choice import settled_network
-from controller.training.centralized_training import CentralizedRecipe, train_centralized_network
-from controller.training.conceptor_training import load_reservoir, what_drove
-from controller.training.echo_state_training import EchoStateRecipe, train_echo_state
+from benchmarks.papers.thesis import noisy_targets
+from controller.library.motion_library import AnyNetwork
+from controller.measures.accuracy import mabs, nrmse
+from controller.measures.self_test import Judge
+from controller.networks.centralized_frames import CentralizedNetwork
+from controller.ridge import ridge
+from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network
 from controller.training.fit import Syllabus, find_recording
-from controller.training.library import AnyNetwork
-from controller.training.noise_choice import settled_echo_state
-from controller.training.random_feature_training import RandomFeatureRecipe, train_random_features
 from controller.training.recipe import LibraryRecipe
-from controller.training.ridge import ridge
-from controller.training.self_test import Judge
+from controller.training.reservoirs.aperture_choice import settled_network
+from controller.training.reservoirs.conceptor_training import load_reservoir, what_drove
+from controller.training.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
+from controller.training.reservoirs.noise_choice import settled_echo_state
+from controller.training.reservoirs.random_feature_training import RandomFeatureRecipe, train_random_features
 
 
 @dataclass(frozen=True)

@@ -18,19 +18,19 @@ import numpy as np
 from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 
-from controller.errors import MotiondeckError
-from controller.evaluation.matching import LOST_MM, joint_features
-from controller.generators.centralized_network import CentralizedNetwork
-from controller.generators.morph import morph
-from controller.mocap.bone_directions import FIRST_BONE, HEIGHT, TURN_RATE
-from controller.mocap.joint_angles import JointBody
+from controller.deck.deck import Deck
+from controller.deck.joining import Joining
+from controller.library.motion_library import MotionLibrary
+from controller.measures.motion_matching import LOST_MM, joint_features
+from controller.measures.self_test import Judge
+from controller.mocap.encodings.bone_directions import FIRST_BONE, HEIGHT, TURN_RATE
+from controller.mocap.encodings.joint_angles import JointBody
 from controller.mocap.posture import Pose, Posture
-from controller.realtime.deck import Deck
-from controller.realtime.joining import Joining
+from controller.networks.centralized_frames import CentralizedNetwork
+from controller.networks.morph import morph
 from controller.rotations import Array, rotate, yaw
 from controller.training.fit import Syllabus
-from controller.training.library import MotionLibrary
-from controller.training.self_test import Judge
+from motiondeck_base.errors import MotiondeckError
 
 RAMP = 120
 LONGEST = 3600

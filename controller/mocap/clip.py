@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from controller.errors import FileFormatError
 from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array
+from motiondeck_base.errors import FileFormatError
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,10 +12,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.errors import FileFormatError
 from controller.mocap.clip import Clip
 from controller.quintic import rise
 from controller.rotations import Array, conjugate, multiply, rotate, yaw
+from motiondeck_base.errors import FileFormatError
 
 RATE = 10.0
 PLANE = 4

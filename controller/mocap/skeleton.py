@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.errors import FileFormatError
 from controller.rotations import Array, rotate
+from motiondeck_base.errors import FileFormatError
 
 ROOT = -1
 

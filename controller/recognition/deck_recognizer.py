@@ -9,16 +9,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.errors import MotiondeckError
-from controller.generators.frame_player import FramePlayer
+from controller.deck.frame_player import FramePlayer
+from controller.deck.interfaces import Retargeter
+from controller.library.motion_library import MotionLibrary
 from controller.mocap.posture import Pose, walk_path
-from controller.realtime.interfaces import Retargeter
-from controller.recognition.bank import ExpertBank, teach
+from controller.recognition.expert_bank import ExpertBank, teach
 from controller.recognition.experts import ExpertRecipe
 from controller.recognition.features import ANGLE_UNIT
 from controller.recognition.online import OnlineRecognizer
 from controller.rotations import Array
-from controller.training.library import MotionLibrary
+from motiondeck_base.errors import MotiondeckError
 
 RATE = 30.0  # Hz
 LOOPS = 2.0  # a loop is learned for this many times its length

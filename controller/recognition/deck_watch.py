@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.recognition.bank import ExpertBank
 from controller.recognition.deck_recognizer import JointWatcher
+from controller.recognition.expert_bank import ExpertBank
 from controller.recognition.following import FollowingWatch
 from controller.recognition.online import MismatchWatch
 from controller.rotations import Array

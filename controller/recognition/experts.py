@@ -24,9 +24,9 @@ import msgspec
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from controller.errors import MotiondeckError
-from controller.generators.reservoir import Reservoir, drive, random_reservoir
+from controller.networks.reservoir import Reservoir, drive, random_reservoir
 from controller.rotations import Array
+from motiondeck_base.errors import MotiondeckError
 
 SMALLEST_ERROR = 1e-12
 ANY_TEMPO_LEAK = 1.0  # neurons without a time constant of their own suit motions that are learned at several tempos

@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.errors import MotiondeckError
 from controller.rotations import Array
+from motiondeck_base.errors import MotiondeckError
 
 LAG = 0.25  # s
 TOLERANCE = 0.1  # rad

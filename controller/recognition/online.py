@@ -14,10 +14,10 @@ import math
 
 import numpy as np
 
-from controller.errors import MotiondeckError
-from controller.recognition.bank import ExpertBank
+from controller.recognition.expert_bank import ExpertBank
 from controller.recognition.experts import SMALLEST_ERROR
 from controller.rotations import Array
+from motiondeck_base.errors import MotiondeckError
 
 MEMORY = 0.35  # s
 

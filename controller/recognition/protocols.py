@@ -12,7 +12,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.errors import MotiondeckError
+from motiondeck_base.errors import MotiondeckError
 
 Protocol: TypeAlias = Literal["actor-out", "one-actor", "half"]
 PROTOCOLS: tuple[Protocol, ...] = ("actor-out", "one-actor", "half")

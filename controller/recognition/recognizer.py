@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.errors import MotiondeckError
 from controller.mocap.clip import Clip
-from controller.recognition.bank import ExpertBank, margins, teach
-from controller.recognition.dataset import Dataset
+from controller.recognition.expert_bank import ExpertBank, margins, teach
 from controller.recognition.experts import ExpertRecipe
 from controller.recognition.features import FeatureRecipe, features, joints_of
+from controller.recognition.labelled_recordings import Dataset
 from controller.recognition.protocols import inner_folds
 from controller.rotations import Array
+from motiondeck_base.errors import MotiondeckError
 
 # A known motion is called unknown this often, by its own training set.
 FALSE_REJECTIONS = 0.05

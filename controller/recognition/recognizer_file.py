@@ -8,14 +8,14 @@ import msgspec
 import numpy as np
 
 from controller.arrays_file import Kind, read_arrays, write_arrays
-from controller.config import shaped
-from controller.errors import FileFormatError, MotiondeckError
-from controller.generators.reservoir import Reservoir
-from controller.recognition.bank import ExpertBank
+from controller.networks.reservoir import Reservoir
+from controller.recognition.expert_bank import ExpertBank
 from controller.recognition.experts import ExpertRecipe, Moments
 from controller.recognition.features import FeatureRecipe
 from controller.recognition.recognizer import Recognizer
 from controller.rotations import Array
+from motiondeck_base.errors import FileFormatError, MotiondeckError
+from motiondeck_base.toml_file import shaped
 
 VERSION = 1
 KEY = "motiondeck recognizer"

@@ -14,26 +14,26 @@ import msgspec
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from controller.errors import MotiondeckError
-from controller.generators.centralized_network import CentralizedNetwork
-from controller.generators.conceptor import ConceptorNetwork
-from controller.generators.echo_state import EchoStateNetwork
-from controller.generators.random_feature_conceptor import RandomFeatureNetwork
-from controller.generators.reservoir import Reservoir
+from controller.library.motion_library import AnyNetwork, MotionLibrary
+from controller.measures.self_test import Judge, Verdict, run_free, self_test
 from controller.mocap.clip import Clip
-from controller.mocap.normalisation import Normalisation
+from controller.mocap.encodings.normalisation import Normalisation
+from controller.networks.centralized_frames import CentralizedNetwork
+from controller.networks.conceptor import ConceptorNetwork
+from controller.networks.echo_state import EchoStateNetwork
+from controller.networks.random_feature_conceptor import RandomFeatureNetwork
+from controller.networks.reservoir import Reservoir
 from controller.rotations import Array
-from controller.training.centralized_training import CentralizedRecipe, train_centralized_network
-from controller.training.conceptor_training import ConceptorRecipe
-from controller.training.echo_state_training import EchoStateRecipe, learn_readouts
+from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network
 from controller.training.fit import cut, describe_motion, to_learn
-from controller.training.incremental import load_one_more, memory_of, quota
-from controller.training.lesson import Lesson
-from controller.training.library import AnyNetwork, MotionLibrary
-from controller.training.rank_choice import cut_to_tolerance
+from controller.training.preparation.training_motion import Lesson
 from controller.training.recipe import LibraryRecipe, MotionRecipe, check_name, recipe_of
-from controller.training.self_test import Judge, Verdict, run_free, self_test
+from controller.training.reservoirs.conceptor_training import ConceptorRecipe
+from controller.training.reservoirs.echo_state_training import EchoStateRecipe, learn_readouts
+from controller.training.reservoirs.incremental_loading import load_one_more, memory_of, quota
+from controller.training.reservoirs.rank_choice import cut_to_tolerance
 from controller.training.stress_test import stress_test
+from motiondeck_base.errors import MotiondeckError
 
 
 @dataclass(frozen=True)

@@ -12,21 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from controller.errors import FileFormatError
-from controller.evaluation.accuracy import nrmse
-from controller.evaluation.matching import joint_features
-from controller.generators.centralized_network import CentralizedNetwork
-from controller.mocap.clip import Clip
-from controller.mocap.encoding import Encoding, encoding_of
-from controller.mocap.normalisation import Normalisation
-from controller.mocap.reading import read_clip
-from controller.rotations import Array
-from controller.training.aperture_choice import settled_network
-from controller.training.centralized_training import CentralizedRecipe, train_centralized_network
-from controller.training.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir
-from controller.training.echo_state_training import EchoStateRecipe, train_echo_state
-from controller.training.lesson import Lesson
-from controller.training.library import (
+from controller.library.motion_library import (
     FEWEST_ANCHORS,
     VERSION,
     AnyNetwork,
@@ -35,13 +21,27 @@ from controller.training.library import (
     MotionLibrary,
     describe_skeleton,
 )
-from controller.training.loops import close_loop, hold_end
-from controller.training.noise_choice import settled_echo_state
-from controller.training.random_feature_training import RandomFeatureRecipe, train_random_features
+from controller.measures.accuracy import nrmse
+from controller.measures.motion_matching import joint_features
+from controller.measures.self_test import Judge, Verdict, self_test
+from controller.measures.trials import with_trials
+from controller.mocap.clip import Clip
+from controller.mocap.encodings.encoding import Encoding, encoding_of
+from controller.mocap.encodings.normalisation import Normalisation
+from controller.mocap.formats.reading import read_clip
+from controller.networks.centralized_frames import CentralizedNetwork
+from controller.rotations import Array
+from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network
+from controller.training.preparation.loops import close_loop, hold_end
+from controller.training.preparation.training_motion import Lesson
 from controller.training.recipe import LibraryRecipe, MotionRecipe, ReservoirRecipe
-from controller.training.self_test import Judge, Verdict, self_test
+from controller.training.reservoirs.aperture_choice import settled_network
+from controller.training.reservoirs.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir
+from controller.training.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
+from controller.training.reservoirs.noise_choice import settled_echo_state
+from controller.training.reservoirs.random_feature_training import RandomFeatureRecipe, train_random_features
 from controller.training.stress_test import stress_test
-from controller.training.trials import with_trials
+from motiondeck_base.errors import FileFormatError
 
 SHORTEST = 48  # frames of a recording: two windows of the self-test
 

@@ -9,13 +9,13 @@ from typing import Literal
 
 import msgspec
 
-from controller.config import read_toml, shaped
-from controller.errors import FileFormatError
-from controller.mocap.reading import read_clip
-from controller.training.centralized_training import CentralizedRecipe
-from controller.training.conceptor_training import ConceptorRecipe
-from controller.training.echo_state_training import EchoStateRecipe
-from controller.training.random_feature_training import RandomFeatureRecipe
+from controller.mocap.formats.reading import read_clip
+from controller.training.centralized.centralized_training import CentralizedRecipe
+from controller.training.reservoirs.conceptor_training import ConceptorRecipe
+from controller.training.reservoirs.echo_state_training import EchoStateRecipe
+from controller.training.reservoirs.random_feature_training import RandomFeatureRecipe
+from motiondeck_base.errors import FileFormatError
+from motiondeck_base.toml_file import read_toml, shaped
 
 ReservoirRecipe = ConceptorRecipe | EchoStateRecipe | RandomFeatureRecipe
 

@@ -10,10 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from controller.evaluation.batch import batch_of
-from controller.evaluation.disturbance import Kind, disturbed
-from controller.training.library import Network
-from controller.training.self_test import Judge, Verdict
+from controller.library.motion_library import Network
+from controller.measures.disturbance import Kind, disturbed
+from controller.measures.run_batch import batch_of
+from controller.measures.self_test import Judge, Verdict
 
 RUNS = 5
 FORGIVEN = 1

@@ -6,7 +6,7 @@ import sys
 
 from hardware.emulator.pty_server import serve
 from hardware.errors import MotiondeckError
-from hardware.rig import load_rig
+from hardware.rig.rig_file import load_rig
 
 
 def main() -> int:

@@ -11,13 +11,13 @@ from collections import defaultdict
 from collections.abc import Callable
 from typing import NamedTuple
 
-from hardware.emulator.bank import ServoBank
 from hardware.emulator.device import ACCESS, BAUD_RATES, INSTRUCTION, LENGTH, RANGE, Device
 from hardware.emulator.plant import STEP, Coupling, JointPlant
+from hardware.emulator.servo_bank import ServoBank
 from hardware.protocol2 import instructions as wire
 from hardware.protocol2.crc import checksum
 from hardware.protocol2.frames import ALERT, BROADCAST, HEADER, STATUS, Frame, Parser, build_status
-from hardware.rig import RigConfig
+from hardware.rig.rig_file import RigConfig
 
 BOOT_TIME = 0.1
 """How long a servo is deaf after a reboot, s; the manual gives no figure."""

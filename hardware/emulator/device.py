@@ -11,7 +11,7 @@ import math
 
 from hardware.control_table.register import Register
 from hardware.control_table.servo_traits import TRAITS
-from hardware.emulator.bank import TRIPPED, ServoBank
+from hardware.emulator.servo_bank import TRIPPED, ServoBank
 from hardware.protocol2.instructions import (
     BACKUP_RESTORE,
     BACKUP_STORE,

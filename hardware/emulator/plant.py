@@ -1,6 +1,6 @@
 """What the horns of an emulated rig turn, where that is more than the motors: a mechanism with masses and contacts.
 
-The emulator asks for torques to be felt and angles to come back, and knows no simulator; `sim.rig_plant` provides one.
+The emulator gives torques and takes angles back, and knows no simulator; `sim.physics.rig_plant` provides one.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from typing import Protocol
 import numpy as np
 
 from hardware.emulator.device import Device
-from hardware.rig import RigJoint
-from hardware.scale import Array
+from hardware.rig.rig_file import RigJoint
+from hardware.rig.scale import Array
 
 STEP = 0.002
 """How often torques and angles are exchanged, s."""

@@ -9,7 +9,7 @@ from hardware.errors import PortError
 
 
 class EmulatedPort:
-    """Fits `hardware.port.Port`; time passes only in `wait` and `elapse`.
+    """Fits `hardware.bus.port.Port`; time passes only in `wait` and `elapse`.
 
     Attributes:
         bus: what is behind the port.

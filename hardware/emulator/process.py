@@ -8,7 +8,7 @@ from pathlib import Path
 from types import TracebackType
 
 from hardware.errors import PortError
-from hardware.rig import load_rig
+from hardware.rig.rig_file import load_rig
 
 
 class EmulatorProcess:

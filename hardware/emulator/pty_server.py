@@ -18,7 +18,7 @@ from hardware.emulator.faults import Fault, FaultPlan
 from hardware.emulator.plant import JointPlant
 from hardware.emulator.wire import Wire
 from hardware.errors import PortError, RigError
-from hardware.rig import RigConfig
+from hardware.rig.rig_file import RigConfig
 
 _WAKE = 0.02
 _LONGEST_STEP = 0.1

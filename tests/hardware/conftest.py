@@ -1,16 +1,15 @@
-from pathlib import Path
-
 import pytest
 
-from hardware.bus import Bus
+from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
-from hardware.rig import RigConfig, RigJoint
+from hardware.rig.rig_file import RigConfig, RigJoint
+from motiondeck_base.shipped import shipped_configs
 
 
 @pytest.fixture(scope="session")
 def servo20_file():
-    return Path(__file__).parents[2] / "configs" / "rigs" / "servo20.toml"
+    return shipped_configs() / "rigs" / "servo20.toml"
 
 
 @pytest.fixture

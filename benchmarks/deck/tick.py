@@ -1,0 +1,107 @@
+"""The work of one tick without the simulator: a conceptor of 1000 neurons, retargeting, safety, and the servos' frame.
+
+python -m benchmarks tick [--library thesis15] [--motion walk] [--ticks 20000] [--json]
+
+Each part is measured within the same run of the deck on servo20 at 200 Hz; `all` is the whole tick. The servos' frame
+is the sync write of 20 goal positions, encoded with its CRC and byte stuffing, not sent.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import time
+from collections.abc import Callable
+
+for _library in ("OPENBLAS", "OMP", "MKL"):
+    os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
+
+import numpy as np  # noqa: E402
+
+from controller.deck.deck import Deck  # noqa: E402
+from controller.library.motion_library import load_library  # noqa: E402
+from controller.loop.quiet import undisturbed  # noqa: E402
+from controller.loop.safety_envelope import SafetyEnvelope  # noqa: E402
+from controller.mocap.posture import Pose  # noqa: E402
+from controller.rotations import Array  # noqa: E402
+from hardware.protocol2.instructions import sync_write  # noqa: E402
+from hardware.rig.rig_file import load_rig  # noqa: E402
+from hardware.rig.scale import RigScale  # noqa: E402
+from motiondeck_base.shipped import find  # noqa: E402
+from sim.robots.robot import load_robot  # noqa: E402
+
+RATE = 200.0
+
+
+def encoder(joints: tuple[str, ...]) -> Callable[[Array], bytes]:
+    """Makes the sync write of goal positions for the shipped rig, out of targets (J,), rad, in the robot's order."""
+    config = load_rig(find("rig", "servo20", ".toml"))
+    scale = RigScale(config)
+    order = np.array([joints.index(joint.name) for joint in config.joints])
+    entries = np.zeros(len(order), dtype=[("id", "u1"), ("goal", "<i4")])
+    entries["id"] = [joint.id for joint in config.joints]
+    goal = config.joints[0].table["goal_position"]
+
+    def encode(targets: Array) -> bytes:
+        entries["goal"] = scale.pulses(np.clip(targets[order], scale.lower, scale.upper))
+        return sync_write(goal.address, goal.length, entries.tobytes())
+
+    return encode
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks tick", description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--library", default="thesis15")
+    parser.add_argument("--motion", default="walk")
+    parser.add_argument("--ticks", type=int, default=20_000)
+    parser.add_argument("--json", action="store_true", help="one JSON object")
+    options = parser.parse_args()
+    library = load_library(find("library", options.library, ".safetensors"))
+    robot = load_robot(find("robot", "servo20", ".toml"), library.skeleton)
+    retargeting = 0
+
+    def retarget(pose: Pose) -> Array:
+        nonlocal retargeting
+        began = time.perf_counter_ns()
+        targets = robot.retarget(pose)
+        retargeting = time.perf_counter_ns() - began
+        return targets
+
+    deck = Deck(library, retarget, options.motion)
+    envelope = SafetyEnvelope(robot.limits, 1.0 / RATE)
+    envelope.start(np.clip(deck.update(1.0 / RATE)[0], robot.limits.lower, robot.limits.upper))
+    frame = encoder(robot.joints)
+    spent = np.empty((options.ticks, 5))
+    clock = time.perf_counter_ns
+    with undisturbed():
+        for row in spent:
+            start = clock()
+            targets, _ = deck.update(1.0 / RATE)
+            played = clock()
+            safe = envelope(targets)
+            saved = clock()
+            frame(safe)
+            encoded = clock()
+            row[:] = (
+                *(played - start - retargeting, retargeting, saved - played, encoded - saved),
+                encoded - start,
+            )
+    names = ("deck (network, posture)", "retarget", "safety envelope", "sync write of 20", "all")
+    rows = {
+        name: dict(zip(("p50", "p99"), (1e-3 * np.percentile(column, (50, 99))).tolist(), strict=True))
+        for name, column in zip(names, spent.T, strict=True)
+    }
+    if options.json:
+        print(json.dumps({"neurons": library.reservoir.neurons, "motion": options.motion, "us": rows}))
+        return 0
+    print(f"{library.reservoir.neurons} neurons, {options.motion}, {options.ticks} ticks\n")
+    print("| part | p50 us | p99 us |\n|---|---|---|")
+    for name, row in rows.items():
+        print(f"| {name} | {row['p50']:.0f} | {row['p99']:.0f} |")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,153 @@
+"""Segmentation of every labelled CMU trial at hand:  python -m benchmarks segmentation_table DATA [MOCAP6.mat]
+
+DATA is a folder with 86.asf, 86_01.amc, 62ch/86_NN.npy (all AMC channels), 4ch/86_NN.csv (rx of upper arms and
+thighs) and labels/barbic_NN_ground_truth.txt; what is missing is left out. Unsupervised on all, and the experts on
+86_01 for eight reservoirs. F1 counts borders inside the tolerance of whoever marked them; the thresholds are those of
+the library, the same everywhere.
+
+MOCAP6.mat holds six exercise sequences of subjects 13 and 14 (12 channels, 10 Hz). Nobody has marked a tolerance there,
+so a border counts within 1 s; channels are scaled to a standard deviation of 1.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import scipy.io
+
+from controller.mocap.formats.amc import read_amc
+from controller.mocap.formats.asf import read_asf
+from controller.recognition.experts import ExpertRecipe
+from controller.recognition.features import ANGLE_UNIT, FeatureRecipe, features, resampled, with_velocity
+from controller.recognition.segmentation.border_score import score_borders
+from controller.recognition.segmentation.by_experts import (
+    CHANGE_COST,
+    EXPERTS,
+    LOOK,
+    bank_of_first_occurrences,
+    borders_of,
+    first_occurrences,
+    frame_costs,
+    smoothed,
+    viterbi,
+)
+from controller.recognition.segmentation.change_points import (
+    KERNEL_RATE,
+    PREDICTION_RATE,
+    cross_prediction,
+    kernel_change_points,
+)
+from controller.recognition.segmentation.labels import Labels, read_labels
+
+RATE = 120.0
+WAYS = {
+    "kernel change points": (kernel_change_points, KERNEL_RATE),
+    "cross-prediction": (cross_prediction, PREDICTION_RATE),
+}
+
+
+def main() -> None:
+    if len(sys.argv) not in (2, 3):
+        sys.exit(__doc__)
+    folder = Path(sys.argv[1])
+    skeleton = read_asf(folder / "86.asf")
+    clips = {path.stem[-2:]: read_amc(path, skeleton) for path in sorted(folder.glob("86_*.amc"))}
+    order = channel_order(folder / "86_01.amc")
+    with tempfile.TemporaryDirectory() as there:
+        for path in sorted(folder.glob("62ch/*.npy")):
+            written = Path(there) / f"{path.stem}.amc"
+            write_amc(written, np.load(path)[:, : sum(count for _, count in order)], order)
+            clips[path.stem[-2:]] = read_amc(written, skeleton)
+    looks = {}
+    for trial, clip in clips.items():
+        looks[trial, "whole body"] = lambda rate, clip=clip: features(clip, FeatureRecipe(height=True, rate=rate))
+    for path in sorted(folder.glob("4ch/*.csv")):
+        angles = np.unwrap(np.radians(np.genfromtxt(path, delimiter=",")[:, :4]), axis=0) / ANGLE_UNIT
+        looks[path.stem[-2:], "4 angles"] = lambda rate, angles=angles: with_velocity(
+            resampled(angles, RATE, rate), rate
+        )
+    for way, (cut, rate) in WAYS.items():
+        print(way)
+        for kind in ("whole body", "4 angles"):
+            scores = []
+            for trial in sorted(name for name, other in looks if other == kind):
+                labels = read_labels(folder / "labels" / f"barbic_{trial}_ground_truth.txt")
+                borders = np.round(cut(looks[trial, kind](rate), rate) * RATE / rate).astype(np.int64)
+                score = score_borders(borders, labels.borders)
+                scores.append(score.f1)
+                print(
+                    f"  {kind:<11} 86_{trial}: F1 {score.f1:.2f} ({score.hits} of {score.marked}, {score.found} given)"
+                )
+            print(f"  {kind:<11} mean F1 {np.mean(scores):.2f} over {len(scores)} trials")
+    if len(sys.argv) == 3:
+        exercises(Path(sys.argv[2]))
+    print("experts on 86_01, first occurrences learned, the rest asked")
+    labels = read_labels(folder / "labels" / "barbic_01_ground_truth.txt")
+    rows = [experts(features(clips["01"], LOOK), labels, seed) for seed in range(1, 9)]
+    for name, values in zip(("smoothed 0.5 s", "Viterbi", "border F1"), np.array(rows).T, strict=True):
+        print(
+            f"  {name:<15} {values.mean():.3f} +- {values.std():.3f}, worst {values.min():.3f} of {len(values)} seeds"
+        )
+
+
+def exercises(path: Path) -> None:
+    """The six sequences of mocap6, cut without labels."""
+    sequences = scipy.io.loadmat(path)["DataBySeq"].ravel()
+    for way, (cut, _) in WAYS.items():
+        scores = []
+        for one in sequences:
+            rate = float(one["framerate"].squeeze())
+            frames, actions = one["X"] / one["X"].std(0), one["TrueZ"].ravel()
+            best = np.flatnonzero(np.diff(actions.astype(int))) + 1
+            accepted = np.column_stack([best - round(rate), best, best + round(rate)])
+            score = score_borders(cut(with_velocity(frames, rate), rate), accepted)
+            scores.append(score.f1)
+            name = one["filename"].item().item()
+            print(f"  {way:<20} {name}: F1 {score.f1:.2f} ({score.hits} of {score.marked}, {score.found} given)")
+        print(f"  {way:<20} mean F1 {np.mean(scores):.2f} over {len(scores)} sequences")
+
+
+def experts(signal, labels: Labels, seed: int) -> tuple[float, float, float]:
+    stride = RATE / LOOK.rate
+    recipe = ExpertRecipe(leak=EXPERTS.leak, seed=seed)
+    costs = frame_costs(bank_of_first_occurrences(signal, labels, stride, recipe), signal)
+    truth = labels.of_frames(stride)[: len(signal)]
+    ask = ~first_occurrences(labels, stride)[: len(signal)]
+    path = viterbi(costs, CHANGE_COST * LOOK.rate)
+    borders = np.round(borders_of(path) * stride).astype(np.int64)
+    by_smoothing = smoothed(costs, LOOK.rate).argmin(1)
+    f1 = score_borders(borders, labels.borders).f1
+    return float((by_smoothing == truth)[ask].mean()), float((path == truth)[ask].mean()), f1
+
+
+def channel_order(path: Path) -> list[tuple[str, int]]:
+    """The bones of a recording in its order, each with its number of channels."""
+    order: list[tuple[str, int]] = []
+    for line in path.read_text(encoding="latin-1").splitlines():
+        words = line.split()
+        if len(words) > 1 and not words[0].startswith(("#", ":")):
+            if order and words[0] == order[0][0]:
+                break
+            order.append((words[0], len(words) - 1))
+    return order
+
+
+def write_amc(path: Path, values, order: list[tuple[str, int]]) -> None:
+    """Writes channels (T, n), degrees, as a recording."""
+    ends = np.cumsum([count for _, count in order])[:-1]
+    with path.open("w") as file:
+        file.write(":FULLY-SPECIFIED\n:DEGREES\n")
+        for number, row in enumerate(values, 1):
+            parts = zip(order, np.split(row, ends), strict=True)
+            file.write(f"{number}\n" + "".join(f"{bone} {' '.join(map(str, own))}\n" for (bone, _), own in parts))
+
+
+if __name__ == "__main__":
+    main()

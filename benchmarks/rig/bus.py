@@ -1,0 +1,301 @@
+"""The servo bus beside dynamixel-sdk and rustypot: 20 servos, one run, clients in turns.
+
+python -m benchmarks bus [--json]
+
+A responder process answers every client with the same prepared bytes. Unpaced it stays awake and does nothing but look
+up and send them, so what is timed is the client and the operating system; the floor is a client that knows the
+bytes beforehand and only writes, waits and reads: what no Python client can go below. A call that fails, because the
+machine was too busy for its deadline, is not timed. Paced: the responder takes the time that the bytes need on the
+wire. Peers that are not installed are left out (pip install motiondeck[benchmark]).
+"""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import platform
+import pty
+import select
+import sys
+import time
+import tty
+from collections.abc import Callable
+from functools import partial
+from multiprocessing.connection import Connection
+
+import numpy as np
+
+from hardware.bus.port import SerialPort
+from hardware.bus.servo_bus import Bus
+from hardware.bus.wire_time import rate_limit
+from hardware.emulator.bus import EmulatedBus
+from hardware.protocol2 import instructions as wire
+from hardware.protocol2.frames import Frame, Parser, build
+from hardware.rig.rig_file import RigConfig, RigJoint
+
+IDS = list(range(1, 21))
+GOAL, STATE = (116, 4), (126, 10)
+ROUNDS, CALLS = 5, 300
+AWAKE = 5e-4  # s
+Call = Callable[[], bool]
+Client = tuple[dict[str, Call], Callable[[], object]]
+
+
+def rig(baud: int) -> RigConfig:
+    joints = tuple(RigJoint(f"joint_{id}", id, "XM430-W350", 1, 2048, -1.5, 1.5, 4.0) for id in IDS)
+    return RigConfig("emulated", baud, 100.0, joints)
+
+
+def respond(announce: Connection, baud: int) -> None:
+    """Serves prepared replies on a pseudo-terminal for ever; with a baud rate of 0 they take no time."""
+    servos = EmulatedBus(rig(baud or 4_000_000), longest_gap=None)
+    for device in servos.devices:
+        device["return_delay_time"] = 0
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    announce.send(os.ttyname(slave))
+    if not baud:
+        respond_at_once(master, servos)
+    replies: dict[Frame, bytes] = {}
+    parser, free = Parser(), 0.0
+    while True:
+        select.select([master], [], [])
+        data = os.read(master, 65536)
+        now = time.perf_counter()
+        for frame in parser.feed(data):
+            free = max(free, now) + (10.0 * (10 + len(frame.params)) / baud if baud else 0.0)
+            if frame.instruction == wire.SYNC_WRITE:
+                continue
+            if frame not in replies:
+                request = build(frame.id, frame.instruction, frame.params)
+                replies[frame] = b"".join(answer.data for answer in servos.exchange(request, 0.0))
+            reply = replies[frame]
+            free += 10.0 * len(reply) / baud if baud else 0.0
+            while (left := free - time.perf_counter()) > 0.0:
+                if left > 3e-4:
+                    time.sleep(left - 2e-4)
+            os.write(master, reply)
+
+
+def respond_at_once(master: int, servos: EmulatedBus) -> None:
+    """Looks up and sends replies, for ever; between calls it stays awake, because a servo has no wake-up time."""
+    os.set_blocking(master, False)
+    replies: dict[bytes, bytes] = {}
+    asleep_from = 0.0
+    while True:
+        try:
+            data = os.read(master, 65536)
+        except BlockingIOError:
+            if time.perf_counter() > asleep_from:
+                select.select([master], [], [])
+            continue
+        asleep_from = time.perf_counter() + AWAKE
+        reply = replies.get(data)
+        if reply is None:
+            # Servos answer what they understand: a read, or several writes in one piece, which get no answer.
+            reply = replies[data] = b"".join(answer.data for answer in servos.exchange(data, 0.0))
+            if len(replies) > 100:
+                replies.clear()
+        if reply:
+            os.write(master, reply)
+
+
+class Responder:
+    """A responder process for the length of a `with` block."""
+
+    def __init__(self, baud: int) -> None:
+        here, there = multiprocessing.Pipe()
+        self._process = multiprocessing.Process(target=respond, args=(there, baud), daemon=True)
+        self._process.start()
+        self._port = here
+
+    def __enter__(self) -> str:
+        return self._port.recv()
+
+    def __exit__(self, *raised: object) -> None:
+        self._process.kill()
+        self._process.join()
+
+
+def ours(port: str, baud: int) -> Client:
+    bus = Bus(SerialPort(port, baud), baud, margin=0.5)
+    entries = np.zeros(len(IDS), dtype=[("id", "u1"), ("goal", "<i4")])
+    entries["id"] = IDS
+
+    def sync_write() -> bool:
+        entries["goal"] = 2048
+        return bus.sync_write(*GOAL, entries.tobytes())
+
+    def fast_read() -> bool:
+        return len(bus.fast_sync_read(IDS, *STATE)) == len(IDS)
+
+    def read() -> bool:
+        return len(bus.sync_read(IDS, *STATE)) == len(IDS)
+
+    return {"sync write 4 B": sync_write, "sync read 10 B": read, "fast sync read 10 B": fast_read}, bus.close
+
+
+def floor(port: str, baud: int) -> Client:
+    """Writes, waits and reads bytes that it knows beforehand."""
+    device = SerialPort(port, baud)
+    write = wire.sync_write(*GOAL, b"".join(bytes((id, 0, 8, 0, 0)) for id in IDS))
+    reads = {
+        "sync read 10 B": (wire.sync_read(*STATE, IDS), len(IDS) * wire.status_length(STATE[1])),
+        "fast sync read 10 B": (wire.fast_sync_read(*STATE, IDS), wire.fast_reply_length(len(IDS), STATE[1])),
+    }
+
+    def exchange(request: bytes, length: int) -> bool:
+        device.send(request)
+        count = 0
+        while count < length and device.wait(0.5):
+            count += len(device.receive())
+        return count == length
+
+    calls: dict[str, Call] = {"sync write 4 B": lambda: device.send(write)}
+    calls |= {what: partial(exchange, *read) for what, read in reads.items()}
+    return calls, device.close
+
+
+def dynamixel_sdk(port: str, baud: int) -> Client:
+    import dynamixel_sdk as sdk
+
+    handler, packets = sdk.PortHandler(port), sdk.PacketHandler(2.0)
+    handler.setBaudRate(baud)
+    writer = sdk.GroupSyncWrite(handler, packets, *GOAL)
+    reader = sdk.GroupSyncRead(handler, packets, *STATE)
+    data = list((2048).to_bytes(4, "little"))
+    for id in IDS:
+        writer.addParam(id, data)
+        reader.addParam(id)
+
+    def sync_write() -> bool:
+        for id in IDS:
+            writer.changeParam(id, data)
+        return writer.txPacket() == sdk.COMM_SUCCESS
+
+    def read() -> bool:
+        return reader.txRxPacket() == sdk.COMM_SUCCESS
+
+    def fast_read() -> bool:
+        return reader.fastSyncRead() == sdk.COMM_SUCCESS
+
+    return {"sync write 4 B": sync_write, "sync read 10 B": read, "fast sync read 10 B": fast_read}, handler.closePort
+
+
+def rustypot(port: str, baud: int) -> Client:
+    from rustypot import Xl330PyController
+
+    plain, values = Xl330PyController(port, baud, 0.1), [2048] * len(IDS)
+
+    def sync_write() -> bool:
+        plain.sync_write_raw_goal_position(IDS, values)
+        return True
+
+    def read() -> bool:
+        plain.set_fast_sync_read(False)
+        return len(plain.sync_read_raw_data(IDS, *STATE)) == len(IDS)
+
+    def fast_read() -> bool:
+        plain.set_fast_sync_read(True)
+        return len(plain.sync_read_raw_data(IDS, *STATE)) == len(IDS)
+
+    calls = {"sync write 4 B": sync_write, "sync read 10 B": read, "fast sync read 10 B": fast_read}
+    return calls, getattr(plain, "close", lambda: None)
+
+
+CLIENTS = {"motiondeck": ours, "dynamixel-sdk": dynamixel_sdk, "rustypot": rustypot, "floor": floor}
+
+
+def microseconds(call: Call, count: int = CALLS) -> list[float]:
+    taken = []
+    for turn in range(count):
+        if turn % 8 == 0:
+            time.sleep(0.002)  # what is only written must be read, or the pseudo-terminal fills up
+        since = time.perf_counter_ns()
+        if not call():
+            continue
+        taken.append((time.perf_counter_ns() - since) * 1e-3)
+    return taken
+
+
+def unpaced(clients: dict[str, Callable[..., Client]]) -> dict[str, dict[str, float]]:
+    """The median of each call, us."""
+    taken: dict[str, dict[str, list[float]]] = {}
+    for _ in range(ROUNDS):
+        for name, make in clients.items():
+            with Responder(0) as port:
+                calls, close = make(port, 4_000_000)
+                for what, call in calls.items():
+                    call()
+                    taken.setdefault(what, {}).setdefault(name, []).extend(microseconds(call))
+                close()
+    return {what: {name: float(np.median(times)) for name, times in of.items()} for what, of in taken.items()}
+
+
+def at_100_hz(make: Callable[..., Client], seconds: float = 3.0) -> float:
+    """Part of a core that a client needs to write and read at 100 Hz on 1 Mbps."""
+    with Responder(1_000_000) as port:
+        calls, close = make(port, 1_000_000)
+        calls["fast sync read 10 B"]()
+        began, used = time.perf_counter(), time.process_time()
+        due = began
+        while due - began < seconds:
+            calls["sync write 4 B"]()
+            calls["fast sync read 10 B"]()
+            due += 0.01
+            time.sleep(max(0.0, due - time.perf_counter()))
+        used = time.process_time() - used
+        close()
+    return used / seconds
+
+
+def free_running(make: Callable[..., Client], seconds: float = 2.0) -> float:
+    """How often a client writes and reads on 4 Mbps, Hz."""
+    with Responder(4_000_000) as port:
+        calls, close = make(port, 4_000_000)
+        calls["fast sync read 10 B"]()
+        began, count = time.perf_counter(), 0
+        while time.perf_counter() - began < seconds:
+            calls["sync write 4 B"]()
+            calls["fast sync read 10 B"]()
+            count += 1
+        rate = count / (time.perf_counter() - began)
+        close()
+    return rate
+
+
+def main() -> None:
+    clients = {name: make for name, make in CLIENTS.items() if name in ("motiondeck", "floor") or _installed(name)}
+    medians = unpaced(clients)
+    limit = rate_limit(len(IDS), 4_000_000, STATE[1])
+    report = {
+        "machine": f"{platform.machine()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}",
+        "unpaced_median_us": medians,
+        "ratio_to_motiondeck": {
+            what: {name: round(us / of["motiondeck"], 2) for name, us in of.items()} for what, of in medians.items()
+        },
+        "core_at_100_hz_1_mbps": {name: at_100_hz(make) for name, make in clients.items()},
+        "free_running_hz_4_mbps": {name: free_running(make) for name, make in clients.items()} | {"wire limit": limit},
+    }
+    if "--json" in sys.argv:
+        print(json.dumps(report))
+        return
+    print(report["machine"])
+    for what, of in medians.items():
+        print(
+            f"{what:<20} "
+            + "   ".join(f"{name} {us:7.1f} us (x{us / of['motiondeck']:.2f})" for name, us in of.items())
+        )
+    for what, unit, scale in (("core_at_100_hz_1_mbps", "% of a core", 100.0), ("free_running_hz_4_mbps", "Hz", 1.0)):
+        print(f"{what:<24} " + "   ".join(f"{name} {value * scale:.1f} {unit}" for name, value in report[what].items()))
+
+
+def _installed(name: str) -> bool:
+    import importlib.util
+
+    return importlib.util.find_spec(name.replace("-", "_")) is not None
+
+
+if __name__ == "__main__":
+    main()

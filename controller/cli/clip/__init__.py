@@ -1,0 +1,1 @@
+"""`motiondeck clip`: recordings, looked at, converted and filled."""

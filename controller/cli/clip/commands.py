@@ -1,0 +1,171 @@
+"""`motiondeck clip`: looks into a motion capture file, converts it, draws it, and plays it on a body in the browser."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from controller.cli.common.options import PAGE_PORT
+
+if TYPE_CHECKING:
+    from controller.mocap.formats.clip_facts import Facts, Recording
+
+app = typer.Typer(
+    help="Look into motion capture files (.amc with its .asf, .bvh, .c3d, .mat): facts, pictures, other formats.",
+    no_args_is_help=True,
+)
+
+FileArgument = Annotated[
+    Path, typer.Argument(metavar="FILE", help="A recording: .amc, .bvh, .c3d, or .mat (Jaeger's patterns).")
+]
+SkeletonOption = Annotated[
+    Path | None,
+    typer.Option("--skeleton", metavar="FILE.asf", help="What an .amc was recorded with; by itself the one nearby."),
+]
+
+
+@app.command("show")
+def show(
+    file: FileArgument,
+    skeleton: SkeletonOption = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+) -> None:
+    """Show what a recording holds: its body, rate and length, where it goes, and of markers the gaps and the fit.
+
+    Example:  motiondeck clip show dance.c3d
+    """
+    from controller.mocap.formats.clip_facts import facts
+
+    known = facts(_read(file, skeleton))
+    if as_json:
+        print(json.dumps(known))
+    else:
+        _print(known)
+
+
+@app.command("convert")
+def convert(
+    file: FileArgument,
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="OUT.bvh for other programs, OUT.csv for positions.")],
+    skeleton: SkeletonOption = None,
+) -> None:
+    """Convert a recording to BVH (bones and their rotations; y up, cm) or CSV (time, then x, y, z of every joint, m).
+
+    Example:  motiondeck clip convert 02_03.amc run.bvh
+    """
+    from controller.mocap.formats.writing import write_clip
+
+    clip = _read(file, skeleton).clip
+    write_clip(clip, out)
+    print(f"wrote {out} ({len(clip)} frames of {len(clip.skeleton)} bones)")
+
+
+@app.command("plot")
+def plot(
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="One recording, or several for a sheet.")],
+    out: Annotated[Path, typer.Option("--out", metavar="PICTURE", help="The picture to write (.png).")],
+    skeleton: SkeletonOption = None,
+    sheet: Annotated[bool, typer.Option("--sheet", help="Mannequins instead of curves: one row a recording.")] = False,
+) -> None:
+    """Draw a recording: stick figures through the motion, heights and speeds, and for markers their gaps.
+
+    Several recordings, or --sheet, make a contact sheet: eight moments of each, done by its mannequin.
+
+    Example:  motiondeck clip plot walk.bvh --out walk.png
+    """
+    from controller.cli.pictures.clip_plot import plot_clip, plot_sheet
+
+    if sheet or len(files) > 1:
+        plot_sheet([_read(file, skeleton).clip for file in files], out)
+    else:
+        plot_clip(_read(files[0], skeleton), out)
+    print(f"wrote {out}")
+
+
+@app.command("view")
+def view(
+    file: FileArgument,
+    skeleton: SkeletonOption = None,
+    robot: Annotated[str | None, typer.Option("--robot", help="A robot that does the same beside the human.")] = None,
+    video: Annotated[
+        Path | None, typer.Option("--video", metavar="FILM", help="Film it off screen instead: .mp4 or .gif.")
+    ] = None,
+    port: Annotated[int, typer.Option("--port", help="The page's port; 0 for any free one.")] = PAGE_PORT,
+) -> None:
+    """View a recording in the browser: the human with its bones, and with --robot a robot doing the same beside it.
+
+    The page has a bar to drag through time, single steps, speed, footprints and contacts, and a camera that follows.
+    It is on 127.0.0.1 alone; Ctrl-C ends it.
+
+    Example:  motiondeck clip view dance.c3d --robot servo20
+    """
+    import numpy as np
+
+    from controller.cli.pictures.clip_scene import act_of
+    from controller.cli.pictures.library_pictures import FILM, film_frames
+    from controller.cli.session.page import show_act
+    from motiondeck_base.shipped import find
+
+    clip = _read(file, skeleton).clip
+    body = None if robot is None else find("robot", robot, ".toml")
+    act = act_of(clip, body, ghost=video is None or body is not None)
+    if video is not None:
+        hz, _ = FILM.get(video.suffix.lower(), FILM[".mp4"])
+        shown = np.arange(0.0, len(act.qpos), act.rate / hz).astype(int)
+        film_frames(act.model, act.qpos[shown], len(shown), video)
+        print(f"wrote {video} ({len(shown)} frames)")
+        return
+    show_act(act, port)
+
+
+def _read(file: Path, skeleton: Path | None) -> Recording:
+    """A recording of a body.
+
+    Raises:
+        MotiondeckError: if it cannot be read, or holds the angles of a rig's joints.
+    """
+    from controller.mocap.encodings.joint_angles import JointBody
+    from controller.mocap.formats.clip_facts import read_recording
+    from controller.mocap.formats.reading import skeleton_of
+    from motiondeck_base.errors import MotiondeckError
+
+    if file.suffix.lower() == ".amc" and skeleton is None:
+        skeleton = skeleton_of(file, file.parent.parent)
+    recording = read_recording(file, skeleton)
+    if isinstance(recording.clip.skeleton, JointBody):
+        raise MotiondeckError(
+            f"{file}: holds angles of a rig's joints, no body. `motiondeck play` plays it on the rig."
+        )
+    return recording
+
+
+def _print(known: Facts) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table.grid(padding=(0, 2))
+    rows = {
+        "motion": f"{known['name']} ({known['source']})",
+        "body": f"{known['skeleton']}, {known['bones']} bones, legs {known['leg']:.2f} m"
+        + (f"; no {', no '.join(known['lacks'])}" if known["lacks"] else ""),
+        "length": f"{known['frames']} frames at {known['rate']:g} Hz, {known['duration']:.2f} s",
+        "extent": "   ".join(f"{a} {lo:.2f} to {hi:.2f} m" for a in "xyz" for lo, hi in [known[a]]),
+        "root height": "{:.2f} to {:.2f} m".format(*known["root_height"]),
+        "path": f"{known['path']:.2f} m along the ground, {known['median_speed']:.2f} m/s in the median",
+        "fastest joint": f"{known['fastest_joint']}, {known['fastest_speed']:.1f} m/s",
+    }
+    gaps = known["gaps"]
+    if gaps is not None:
+        rows["markers"] = f"{gaps['markers']} used, seen {100.0 * gaps['seen']:.1f} % of the time" + (
+            f", longest gap {gaps['longest_gap']} frames ({gaps['longest_gap_marker']})" if gaps["longest_gap"] else ""
+        )
+        rows["fit"] = (
+            f"markers off by {gaps['residual_rms_mm']:.1f} mm rms, 95 % under {gaps['residual_p95_mm']:.1f} mm, "
+            f"at most {gaps['residual_max_mm']:.0f} mm"
+        )
+    for name, value in rows.items():
+        table.add_row(f"[bold]{name}[/]", value)
+    Console().print(table)

@@ -1,0 +1,1 @@
+"""`motiondeck library`: what a motion library holds."""

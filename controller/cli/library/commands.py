@@ -1,0 +1,118 @@
+"""`motiondeck library`: what a motion library holds, in words and in pictures; and one motion more."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(help="Look into motion libraries, and add motions to them.", no_args_is_help=True)
+
+LibraryArgument = Annotated[
+    str, typer.Argument(metavar="LIBRARY", help="A library file (.safetensors), or a shipped one by its name.")
+]
+
+
+@app.command("show")
+def show(
+    library: LibraryArgument,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+) -> None:
+    """Show the motions, the network, and the origin of a library.
+
+    Example:  motiondeck library show thesis15
+    """
+    from controller.cli.common.library_report import print_table, report
+    from controller.library.motion_library import load_library
+    from motiondeck_base.shipped import find
+
+    loaded = load_library(find("library", library, ".safetensors"))
+    if as_json:
+        print(json.dumps(report(loaded)))
+        return
+    print_table(loaded)
+    print(f"skeleton  {loaded.info.skeleton.name}, {len(loaded.skeleton)} bones")
+    print(f"seed      {loaded.info.seed}")
+    print(f"licence   {loaded.info.licence}")
+    print(f"thanks    {loaded.info.acknowledgement}")
+
+
+@app.command("add")
+def add(
+    library: LibraryArgument,
+    clip: Annotated[Path, typer.Argument(help="The recording to learn (what `motiondeck fit` reads).")],
+    name: Annotated[str, typer.Option("--name", help="What the motion is called when it plays.")],
+    once: Annotated[bool, typer.Option("--once", help="It ends in a pose and holds it; otherwise a loop.")] = False,
+    frames: Annotated[
+        tuple[int, int] | None,
+        typer.Option("--frames", metavar="FIRST END", help="Only these frames of the recording."),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="Where the longer library goes; by itself into LIBRARY."),
+    ] = None,
+    allow_failing: Annotated[
+        bool, typer.Option("--allow-failing", help="Write the library even if the motion fails its self-test.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+) -> None:
+    """Add a motion to a library without training it again: what is stored stays as it is, bit by bit.
+
+    A conceptor network loads the motion into what is left of its reservoir and says how much that is; other networks
+    get one more readout or one more motion. The new motion has to pass the self-test.
+
+    Example:  motiondeck library add my.safetensors skip.bvh --name skip
+    """
+    from controller.cli.common.library_report import print_table, report
+    from controller.library.motion_library import load_library, save_library
+    from controller.mocap.formats.reading import read_clip
+    from controller.training.adding import add_motion
+    from controller.training.recipe import MotionRecipe
+    from motiondeck_base.errors import MotiondeckError
+    from motiondeck_base.shipped import find
+
+    path = find("library", library, ".safetensors")
+    if out is None and not Path(library).is_file():
+        raise MotiondeckError(f"'{library}' is a shipped library, which stays as it is; say with --out where to write")
+    target = out or path
+    if not target.absolute().parent.is_dir():
+        raise MotiondeckError(f"{target.parent}: there is no such folder to write {target.name} to")
+    plan = MotionRecipe(name=name, file=str(clip), plays="once" if once else "loop", frames=frames)
+    found = add_motion(load_library(path), path, read_clip(clip), plan)
+    passed = found.verdict.passed
+    if passed or allow_failing:
+        save_library(found.library, target)
+    if as_json:
+        written = str(target) if passed or allow_failing else None
+        print(json.dumps(report(found.library) | {"written": written, "quota": found.quota}))
+    else:
+        print_table(found.library)
+        if found.quota is not None and found.quota_before is not None:
+            share = found.quota - found.quota_before
+            print(
+                f"reservoir {found.quota:.1%} claimed, {share:.1%} of it by '{name}': {1.0 - found.quota:.1%} are left"
+            )
+    if not passed and not allow_failing:
+        raise MotiondeckError(
+            f"'{name}' failed the self-test ({found.verdict.reason}), so {target} was not written. "
+            "Train all motions together with fit, or write it all the same with --allow-failing."
+        )
+    if not as_json:
+        print(f"wrote {target} ({target.stat().st_size / 1e6:.1f} MB)")
+
+
+@app.command("sheet")
+def sheet(
+    library: LibraryArgument,
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The picture to write (.png).")],
+    robot: Annotated[str, typer.Option("--robot", help="Whose body does the motions.")] = "mannequin",
+) -> None:
+    """Draw a contact sheet: one row a motion, eight moments each, as the network plays them.
+
+    Example:  motiondeck library sheet thesis15 --out sheet.png
+    """
+    from controller.cli.pictures.library_pictures import draw_sheet
+
+    draw_sheet(library, robot, out)

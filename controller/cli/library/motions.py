@@ -1,0 +1,238 @@
+"""`motiondeck library similar, index, anticipate, restyle`: what the frequencies of motions are good for."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from controller.cli.library.commands import LibraryArgument, app
+
+if TYPE_CHECKING:
+    from controller.mocap.clip import Clip
+    from controller.rotations import Array
+
+RECORDINGS = (".amc", ".bvh", ".mat", ".clip", ".c3d")
+INDEX = ".index"
+
+# A loop is heard for so long, s, and twice at least, as a recording of it would be.
+HEARD_S = 3.0
+
+
+@app.command("similar")
+def similar(
+    library: Annotated[
+        str, typer.Argument(metavar="LIBRARY", help="A library, or a file of `motiondeck library index` (.index).")
+    ],
+    clip: Annotated[Path, typer.Argument(metavar="CLIP", help="The recording to find the like of.")],
+    count: Annotated[int, typer.Option("--count", min=1, help="How many to list.")] = 5,
+    weight: Annotated[
+        list[str] | None,
+        typer.Option("--weight", metavar="PART=W", help="How much legs, arms or trunk count; 0 leaves one out."),
+    ] = None,
+    frames: Annotated[
+        tuple[int, int] | None, typer.Option("--frames", metavar="FIRST END", help="Only this part of the recording.")
+    ] = None,
+    skeleton: Annotated[Path | None, typer.Option("--skeleton", help="The .asf of an .amc recording.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+) -> None:
+    """List the motions whose legs, arms and trunk move most like those of a recording: as fast, and as far.
+
+    Distances are those of logarithms: 0.1 is about a tenth faster, slower, wider or narrower.
+
+    Example:  motiondeck library similar cmu86 recordings/35_02.amc --weight arms=0
+    """
+    from controller.library.motion_index import MotionIndex, load_index
+    from controller.library.motion_signature import part_weights, signature
+    from controller.mocap.encodings.encoding import encoding_of
+
+    weights = part_weights(dict(_weight(given) for given in weight or []))
+    names, numbers = load_index(Path(library)) if library.endswith(INDEX) else _of_library(library)
+    seen = _cut(clip, frames, skeleton)
+    encoding = encoding_of(seen.skeleton)
+    asked = signature(encoding, encoding.encode(seen), seen.rate)
+    found = MotionIndex(names, numbers, weights).nearest(asked, count)
+    if as_json:
+        print(json.dumps({"clip": str(clip), "similar": [{"motion": f.name, "distance": f.distance} for f in found]}))
+        return
+    for one in found:
+        print(f"{one.distance:8.3f}  {one.name}")
+
+
+@app.command("index")
+def index(
+    sources: Annotated[
+        list[str], typer.Argument(metavar="SOURCE...", help="Libraries, recordings, and folders of recordings.")
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where the index goes (.index).")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Write down by what many motions are known, so that `similar` finds their like at once.
+
+    Recordings that cannot be read, or are too short, are named and left out.
+
+    Example:  motiondeck library index cmu86 recordings --out all.index
+    """
+    import numpy as np
+
+    from controller.library.motion_index import save_index
+    from controller.library.motion_signature import signature
+    from controller.mocap.encodings.encoding import encoding_of
+    from motiondeck_base.errors import MotiondeckError
+
+    if out.suffix != INDEX:
+        raise MotiondeckError(f"{out}: an index is called something{INDEX}")
+    names: list[str] = []
+    rows: list[Any] = []
+    left_out: dict[str, str] = {}
+    for source in sources:
+        for file in _recordings(Path(source)):
+            try:
+                clip = _cut(file, None, None)
+                encoding = encoding_of(clip.skeleton)
+                rows.append(signature(encoding, encoding.encode(clip), clip.rate))
+                names.append(str(file))
+            except MotiondeckError as error:
+                left_out[str(file)] = str(error)
+                print(f"motiondeck: left out: {error}", file=sys.stderr)
+        if not (Path(source).is_dir() or Path(source).suffix.lower() in RECORDINGS):
+            more, numbers = _of_library(source)
+            names += [f"{source}/{name}" for name in more]
+            rows += list(numbers)
+    if not rows:
+        raise MotiondeckError("there is no motion in what was given")
+    save_index(names, np.array(rows), out)
+    if as_json:
+        print(json.dumps({"written": str(out), "motions": len(names), "left_out": left_out}))
+    else:
+        print(f"wrote {out} ({len(names)} motions)")
+
+
+@app.command("anticipate")
+def anticipate(
+    library: LibraryArgument,
+    clip: Annotated[Path, typer.Argument(metavar="CLIP", help="The recording to predict.")],
+    frames: Annotated[
+        tuple[int, int] | None, typer.Option("--frames", metavar="FIRST END", help="Only this part of the recording.")
+    ] = None,
+    skeleton: Annotated[Path | None, typer.Option("--skeleton", help="The .asf of an .amc recording.")] = None,
+    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw it (.png, .svg, .pdf).")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+) -> None:
+    """Predict a recording half a second ahead from its past, again and again, and say how far off that is.
+
+    A centralized network's motions are laid beside the last 0.4 s and go on. Beside it: holding the last pose, and
+    going on at the last velocity. A recording that the network has learned is no test; give other --frames.
+
+    Example:  motiondeck library anticipate cmu86 86_01.amc --frames 1152 1960
+    """
+    from dataclasses import asdict
+
+    import numpy as np
+
+    from controller.cli.pictures.centralized_plots import draw_lines, need_folder
+    from controller.library.anticipation import Anticipator, foresight
+    from controller.library.motion_library import load_library
+    from motiondeck_base.shipped import find
+
+    if plot is not None:
+        need_folder(plot)
+    loaded = load_library(find("library", library, ".safetensors"))
+    seen = _cut(clip, frames, skeleton).carried_to(loaded.skeleton)
+    rows = [asdict(row) for row in foresight(Anticipator(loaded), loaded.encoding.encode(seen), seen.rate)]
+    if plot is not None:
+        ahead = np.array([row["ahead_s"] for row in rows])
+        labels = {"network": "the network's motions", "hold": "last pose held", "velocity": "last velocity"}
+        curves = {label: (ahead, np.array([row[name] for row in rows])) for name, label in labels.items()}
+        draw_lines(curves, ("s ahead", "mean absolute error, mm"), f"{seen.name}, from {loaded.info.name}", plot)
+    if as_json:
+        print(json.dumps({"library": library, "clip": str(clip), "ahead": rows}))
+        return
+    print("ahead, s   network   hold   velocity   (mean absolute error of a coordinate, mm)")
+    for row in rows:
+        print(f"{row['ahead_s']:8.1f} {row['network']:9.1f} {row['hold']:6.1f} {row['velocity']:10.1f}")
+
+
+@app.command("restyle")
+def restyle(
+    library: LibraryArgument,
+    motion: Annotated[str, typer.Argument(metavar="MOTION", help="The motion whose satellites move.")],
+    like: Annotated[str, typer.Option("--like", metavar="OTHER", help="The motion whose frequencies they get.")],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where the library with one more motion goes.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Carry the frequencies of one motion to another: a library with one more motion, MOTION-like-OTHER.
+
+    Satellites and weights stay, centers turn as in OTHER: the tempo is another, and so is the rhythm. How far joints
+    leave the places they had in MOTION is said, for a network may be driven to where it has not been taught.
+
+    Example:  motiondeck library restyle cmu86 walk --like run --out styled.safetensors
+    """
+    from controller.library.motion_library import load_library, save_library
+    from controller.library.restyling import restyled
+    from motiondeck_base.shipped import find
+
+    styled, outside = restyled(load_library(find("library", library, ".safetensors")), motion, like)
+    save_library(styled, out)
+    name = styled.info.motions[-1].name
+    if as_json:
+        print(json.dumps({"written": str(out), "motion": name, "outside_mm": outside}))
+    else:
+        print(f"wrote {out}: {name}, joints at most {outside:.0f} mm outside of where they were in {motion}")
+
+
+def _weight(given: str) -> tuple[str, float]:
+    from motiondeck_base.errors import MotiondeckError
+
+    part, _, value = given.partition("=")
+    try:
+        return part, float(value)
+    except ValueError:
+        raise MotiondeckError(f"--weight {given}: give a part and a number, such as arms=0.5") from None
+
+
+def _recordings(source: Path) -> list[Path]:
+    """The recordings below a folder, or one by itself."""
+    if source.is_dir():
+        return sorted(path for path in source.rglob("*") if path.suffix.lower() in RECORDINGS)
+    return [source] if source.suffix.lower() in RECORDINGS else []
+
+
+def _cut(file: Path, frames: tuple[int, int] | None, skeleton: Path | None) -> Clip:
+    """A recording, or some frames of it."""
+    from dataclasses import replace
+
+    from controller.mocap.formats.reading import read_clip, skeleton_of
+    from motiondeck_base.errors import MotiondeckError
+
+    if not file.is_file():
+        raise MotiondeckError(f"{file}: there is no such file")
+    clip = read_clip(file, skeleton or skeleton_of(file, file.parent.parent))
+    if frames is None:
+        return clip
+    first, end = frames
+    if not 0 <= first < end <= len(clip):
+        raise MotiondeckError(f"--frames {first} {end}: {file} has frames 0 to {len(clip)}")
+    return replace(clip, root_position=clip.root_position[first:end], rotation=clip.rotation[first:end])
+
+
+def _of_library(library: str) -> tuple[list[str], Array]:
+    """The motions of a library and what they are known by."""
+    import numpy as np
+
+    from controller.library.motion_library import load_library
+    from controller.library.motion_signature import signature
+    from motiondeck_base.shipped import find
+
+    loaded = load_library(find("library", library, ".safetensors"))
+    names, rows = [], []
+    for motion in loaded.info.motions:
+        anchors = loaded.network.anchors(motion.name)
+        rate = loaded.info.rate * len(anchors) / motion.frames
+        rounds = max(2, int(np.ceil(HEARD_S * rate / len(anchors)))) if motion.plays == "loop" else 1
+        names.append(motion.name)
+        rows.append(signature(loaded.encoding, np.tile(anchors, (rounds, 1)), rate))
+    return names, np.array(rows)

@@ -1,0 +1,46 @@
+"""A robot beside the human whose motion it plays, in a picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from controller.library.motion_library import load_library
+from controller.mocap.clip import Clip
+from controller.mocap.posture import Pose
+from controller.rotations import Array
+from motiondeck_base.errors import UnknownNameError
+from motiondeck_base.shipped import find
+
+RATE = 60.0
+MOMENTS = 8
+
+
+def played(library: str, motion: str, seconds: float) -> Clip:
+    """What a library plays of a motion, as a clip at RATE.
+
+    Raises:
+        UnknownNameError: if there is no such library or motion.
+    """
+    loaded = load_library(find("library", library, ".safetensors"))
+    if motion not in loaded.network.motions:
+        raise UnknownNameError.among("motion", motion, loaded.network.motions)
+    from sim.physics.played_motions import as_clip
+
+    return as_clip(loaded, motion, seconds, RATE)
+
+
+def draw_beside(clip: Clip, robot: Path, out: Path) -> None:
+    """One row: moments of a clip, the human on the left and the robot on the right."""
+    from sim.pictures.side_by_side import SideBySide
+    from sim.pictures.video import contact_sheet
+
+    both = SideBySide(clip.skeleton, find("robot", "mannequin", ".toml"), robot, 1.0 / clip.rate)
+    every = max(1, len(clip) // MOMENTS)
+    row: list[Array] = []
+    for frame in range(every * MOMENTS):
+        qpos = both.qpos(Pose(clip.root_position[frame], np.zeros(()), clip.rotation[frame]))
+        if frame % every == every - 1:
+            row.append(qpos.copy())
+    contact_sheet(both.model, [(clip.name, row)], out)

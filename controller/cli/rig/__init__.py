@@ -1,0 +1,1 @@
+"""`motiondeck rig`: the tools of a servo rig."""

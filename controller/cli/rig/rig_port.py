@@ -1,0 +1,61 @@
+"""What the rig commands share: their arguments, the rig file, and its port, given back whatever happens."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from hardware.bus.servo_bus import Bus
+    from hardware.rig.rig_file import RigConfig
+
+RigArgument = Annotated[str, typer.Argument(metavar="RIG", help="A rig file (.toml), or a shipped one by its name.")]
+PortOption = Annotated[
+    list[str] | None,
+    typer.Option("--port", help="Serial port instead of the rig file's own; for a rig with several, each in order."),
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
+
+
+def load(rig: str) -> RigConfig:
+    """A rig file, or a shipped one by its name.
+
+    Raises:
+        MotiondeckError: if there is none, or it is not good.
+    """
+    from hardware.rig.rig_file import load_rig
+    from motiondeck_base.shipped import find
+
+    return load_rig(find("rig", rig, ".toml"))
+
+
+@contextmanager
+def open_buses(config: RigConfig, ports: list[str] | None) -> Iterator[list[tuple[RigConfig, Bus]]]:
+    """The bus of each port of a rig, with the joints that are on it; given back in the end."""
+    from hardware.bus.servo_bus import Bus
+    from hardware.rig.joined_rig import on_ports
+
+    with ExitStack() as opening:
+        parts: list[tuple[RigConfig, Bus]] = []
+        for part in on_ports(config, ports or ()):
+            parts.append((part, bus := Bus.open(part.port, part.baud)))
+            opening.callback(bus.close)
+        yield parts
+
+
+@contextmanager
+def ended_by_sigterm() -> Iterator[None]:
+    """SIGTERM ends the block as an exception does, so that ports and links are given back."""
+
+    def end(number: int, frame: object) -> None:
+        raise SystemExit(128 + number)
+
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

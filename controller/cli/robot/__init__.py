@@ -1,0 +1,1 @@
+"""`motiondeck robot`: robots listed, calibrated and checked."""

@@ -1,0 +1,91 @@
+"""Recordings carried onto a robot, one row each: what must be zero, and how well the robot does them."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from controller.mocap.clip import Clip
+from controller.mocap.formats.reading import read_clip, skeleton_of
+from motiondeck_base.errors import MotiondeckError
+from sim.models.robot_file import Solver, read_robot_file
+from sim.retargeting.robot_limbs import SIDES, RobotLimbs
+from sim.robots.fidelity import carry, floor_measures, joint_measures, limb_errors, shortfall
+from sim.robots.robot import load_robot
+
+RECORDINGS = (".amc", ".bvh", ".c3d", ".mat")
+MUST_BE_ZERO = ("bad", "beyond", "too_fast", "jumps")
+
+
+def recordings(paths: Sequence[Path]) -> list[Path]:
+    """The recordings among some files and in some folders, sorted; MotiondeckError if there are none."""
+    found: list[Path] = []
+    for path in paths:
+        if not path.exists():
+            raise MotiondeckError(f"{path}: there is no such file or folder")
+        inside = path.rglob("*") if path.is_dir() else [path]
+        found += sorted(file for file in inside if file.is_file() and file.suffix.lower() in RECORDINGS)
+    if not found:
+        raise MotiondeckError(f"{', '.join(map(str, paths))}: no recordings ({', '.join(RECORDINGS)}) there")
+    return found
+
+
+def check(
+    robot: Path, files: Sequence[Path], solver: Solver | None, seconds: float | None, progress: bool
+) -> Iterator[dict[str, Any]]:
+    """One row a recording: `clip`, and `unread`, or its `frames` and `error` or the measures of `sim.robots.fidelity`.
+
+    Args:
+        robot: the robot file.
+        files: the recordings.
+        solver: in place of the robot file's.
+        seconds: of each recording, from its beginning; None for all of it.
+        progress: whether to show a progress bar on a terminal.
+    """
+    from rich.console import Console
+    from rich.progress import track
+
+    console = Console(stderr=True)
+    rows = track(files, "carrying", console=console, transient=True, disable=not (progress and sys.stderr.isatty()))
+    for file in rows:
+        try:
+            clip = _shortened(read_clip(file, skeleton_of(file, file.parent.parent)), seconds)
+        except MotiondeckError as error:
+            yield {"clip": str(file), "unread": str(error)}
+            continue
+        try:
+            yield {"clip": str(file), "frames": len(clip), "rate": clip.rate, **_measured(robot, clip, solver)}
+        except Exception as error:  # a row that says so is what the table is for
+            yield {"clip": str(file), "frames": len(clip), "error": f"{type(error).__name__}: {error}"}
+
+
+def passes(row: dict[str, Any]) -> bool:
+    """Whether it was read and all is zero that must be zero."""
+    return "unread" not in row and ("error" not in row and not any(row[name] for name in MUST_BE_ZERO))
+
+
+def _measured(robot: Path, clip: Clip, solver: Solver | None) -> dict[str, float]:
+    file = read_robot_file(robot)
+    loaded = load_robot(robot, clip.skeleton, None if file.kind == "mannequin" else solver, 1.0 / clip.rate)
+    carried = carry(clip, loaded)
+    measures = joint_measures(clip, loaded, carried) | shortfall(loaded)
+    if file.parts:
+        limbs = RobotLimbs(robot, loaded.model, file.parts, np.array(file.root_rotation), loaded.joints)
+        measures |= limb_errors(clip, loaded, limbs, carried)
+        feet = {
+            side: loaded.model.body(file.parts[f"{side}_foot"]).id for side in SIDES if f"{side}_foot" in file.parts
+        }
+        measures |= floor_measures(clip, loaded, carried.qpos, feet)
+    return measures
+
+
+def _shortened(clip: Clip, seconds: float | None) -> Clip:
+    if seconds is None:
+        return clip
+    frames = max(2, int(min(seconds * clip.rate, len(clip))))
+    return replace(clip, root_position=clip.root_position[:frames], rotation=clip.rotation[:frames])

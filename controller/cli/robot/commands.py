@@ -1,0 +1,315 @@
+"""`motiondeck robot`: which robots there are, what one is made of, and a first robot file for any other."""
+
+from __future__ import annotations
+
+import json
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from controller.cli.common.options import PAGE_PORT
+from motiondeck_base.errors import MotiondeckError, UnknownNameError
+
+if TYPE_CHECKING:
+    from sim.robots.calibrate import Calibration
+
+app = typer.Typer(help="Robots: list them, look into one, and fit motions to any MJCF or URDF.", no_args_is_help=True)
+
+RobotArgument = Annotated[str, typer.Argument(metavar="ROBOT", help="A robot file (.toml), or: mannequin, servo20.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
+
+SolverOption = Annotated[
+    str | None, typer.Option("--solver", help="angles or ik, in place of what the robot file says.")
+]
+
+CATALOGUE_KINDS = ("humanoid", "biped")
+PICTURE_SECONDS, VIEW_SECONDS = 2.0, 8.0
+
+
+@app.command("list")
+def list_robots(
+    catalogue: Annotated[
+        bool, typer.Option("--catalogue", help="Also those of MuJoCo Menagerie that have two legs.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """List the robots that come along, and those that can be fetched.
+
+    `motiondeck robot calibrate NAME` fetches one of the catalogue (pip install "motiondeck[menagerie]") and writes its
+    robot file.
+
+    Example:  motiondeck robot list --catalogue
+    """
+    from motiondeck_base.shipped import shipped_configs
+    from sim.models.robot_file import read_robot_file
+
+    rows: list[dict[str, Any]] = []
+    for path in sorted((shipped_configs() / "robots").glob("*.toml")):
+        file = read_robot_file(path)
+        rows.append({"name": file.name, "kind": file.kind, "solver": file.solver, "from": "motiondeck"})
+    if catalogue:
+        rows += [
+            {"name": robot.name, "kind": robot.category, "solver": "", "from": f"menagerie ({robot.license})"}
+            for robot in _catalogue().robots()
+            if robot.category in CATALOGUE_KINDS
+        ]
+    if as_json:
+        print(json.dumps({"robots": rows}))
+        return
+    for row in rows:
+        print(f"{row['name']:<22} {row['kind']:<10} {row['solver']:<8} {row['from']}")
+
+
+@app.command("show")
+def show(robot: RobotArgument, as_json: JsonOption = False) -> None:
+    """Show a robot's joints, their limits and rest, its parts and how motions are carried onto it.
+
+    Example:  motiondeck robot show servo20
+    """
+    from rich.console import Console
+    from rich.table import Table
+
+    from motiondeck_base.shipped import find
+    from sim.models.average_body import reference_body
+    from sim.models.robot_file import read_robot_file
+    from sim.robots.robot import load_robot
+
+    path = find("robot", robot, ".toml")
+    file = read_robot_file(path)
+    loaded = load_robot(path, reference_body())
+    limits = loaded.limits
+    columns = zip(
+        loaded.joints,
+        limits.lower.tolist(),
+        limits.upper.tolist(),
+        limits.velocity.tolist(),
+        loaded.rest.tolist(),
+        strict=True,
+    )
+    joints = [dict(zip(("name", "lower", "upper", "velocity", "rest"), column, strict=True)) for column in columns]
+    said = {
+        "name": file.name,
+        "kind": file.kind,
+        "solver": file.solver,
+        "model": file.model,
+        "mass_kg": float(loaded.model.body_mass.sum()),
+        "root_height_m": file.root_height,
+        "parts": file.parts,
+        "joints": joints,
+    }
+    if as_json:
+        print(json.dumps(said))
+        return
+    how = "exactly" if file.kind == "mannequin" else {"ik": "inverse kinematics", "angles": "angles"}[file.solver]
+    print(f"{file.name}: {file.kind}, {len(joints)} joints, {said['mass_kg']:.1f} kg, posed by {how}")
+    if file.kind == "mannequin":
+        print("built from the skeleton of the motions; shown is that of an average body")
+    table = Table(box=None, header_style="bold")
+    for name in ("joint", "lower rad", "upper rad", "speed rad/s", "rest rad"):
+        table.add_column(name, justify="left" if name == "joint" else "right")
+    for joint in joints:
+        table.add_row(joint["name"], *(f"{joint[key]:.2f}" for key in ("lower", "upper", "velocity", "rest")))
+    Console().print(table)
+    for part, body in file.parts.items():
+        print(f"{part:<12} {body}")
+
+
+@app.command("calibrate")
+def calibrate(
+    model: Annotated[str, typer.Argument(metavar="MODEL", help="An MJCF or URDF file, or a name of the catalogue.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="The robot file; NAME.toml by itself.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace a robot file that is there.")] = False,
+    picture: Annotated[
+        Path | None, typer.Option("--picture", metavar="FILE", help="Draw robot and human side by side (.png).")
+    ] = None,
+    view: Annotated[bool, typer.Option("--view", help="Show robot and human side by side in the browser.")] = False,
+    port: Annotated[int, typer.Option("--port", help="The page's port; 0 for any free one.")] = PAGE_PORT,
+    motion: Annotated[str, typer.Option("--motion", help="What they do in the picture and in the view.")] = "walk",
+    library: Annotated[str, typer.Option("--library", help="Where that motion is from.")] = "thesis15",
+    as_json: JsonOption = False,
+) -> None:
+    r"""Write a first robot file for any humanoid: find its limbs, its rest pose, its size, and which way it faces.
+
+    Look at the result with --view or --picture, mend the file where it is wrong (a wrong body under \[parts], real
+    servo speeds under \[limits]), and check it: motiondeck robot check FILE RECORDINGS.
+
+    [bold]Examples[/]
+
+      motiondeck robot calibrate op3.xml --picture op3.png
+
+      motiondeck play walk --robot op3.toml
+    """
+    from sim.models.average_body import reference_body
+    from sim.robots.calibrate import calibrate as find_out
+    from sim.robots.robot import load_robot
+
+    found = find_out(_model_file(model))
+    file = out or Path(f"{found.name}.toml")
+    if file.exists() and not force:
+        raise MotiondeckError(f"{file} is there already; give another --out, or --force to replace it")
+    unfinished = file.with_name(f".{file.name}.unfinished")
+    try:
+        unfinished.write_text(found.to_toml(file.parent), encoding="utf-8")
+        unfinished.replace(file)
+    except OSError as error:
+        raise MotiondeckError(f"{file}: cannot be written ({error.strerror})") from None
+    load_robot(file, reference_body())  # whatever it is good for, it can be loaded
+    if as_json:
+        print(json.dumps(_said(found, file)))
+    else:
+        _print_found(found, file)
+    if picture is not None or view:
+        from controller.cli.pictures.robot_pictures import draw_beside, played
+
+        if picture is not None:
+            draw_beside(played(library, motion, PICTURE_SECONDS), file, picture)
+            print(f"wrote {picture}", file=sys.stderr)
+        if view:
+            from controller.cli.pictures.clip_scene import act_of
+            from controller.cli.session.page import show_act
+
+            show_act(act_of(played(library, motion, VIEW_SECONDS), file), port)
+
+
+@app.command("check")
+def check(
+    robot: RobotArgument,
+    files: Annotated[list[Path], typer.Argument(metavar="RECORDINGS", help="Recordings, or folders full of them.")],
+    solver: SolverOption = None,
+    seconds: Annotated[
+        float | None, typer.Option("--seconds", help="So much of each recording, from its beginning; all by itself.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Carry recordings onto a robot and measure: one row each. The exit code is 1 if anything is not zero that must
+    be, or a recording could not be read.
+
+    Zero must be: bad (numbers that are none), beyond (targets outside a joint's range), fast (steps faster than a joint
+    may go), jumps (a joint goes far in one frame though the human does not). changed is how many targets the safety
+    envelope had to slow down. What the robot could not reach: by inverse kinematics short and worst, how far the ends
+    of its limbs were from where they should be (rms and worst, mm); by angles past, how many goals lay outside a
+    joint's range. Then, in mm, how far knees, ankles, elbows and wrists are from the human's, to scale; how fast
+    standing soles slide (mm/s), and how deep anything sinks into the floor.
+
+    [bold]Examples[/]
+
+      motiondeck robot check servo20 recordings/ --solver ik
+
+      motiondeck robot check op3.toml walk.bvh jog.amc --json
+    """
+    from controller.cli.robot.check import check as rows_of
+    from controller.cli.robot.check import passes, recordings
+    from motiondeck_base.shipped import find
+    from sim.models.robot_file import solver_named
+
+    if seconds is not None and not seconds > 0.0:
+        raise MotiondeckError(f"--seconds {seconds:g} is not a length of time above 0")
+    named = solver_named(solver)
+    rows = list(rows_of(find("robot", robot, ".toml"), recordings(files), named, seconds, not as_json))
+    if as_json:
+        print(json.dumps({"robot": robot, "solver": solver, "recordings": rows}))
+    else:
+        _print_rows(rows)
+    if not all(passes(row) for row in rows):
+        raise typer.Exit(1)
+
+
+def _print_rows(rows: list[dict[str, Any]]) -> None:
+    """The table, its sums, and what went wrong."""
+    from rich.console import Console
+    from rich.table import Table
+
+    counts, millimetres = ("bad", "beyond", "too_fast", "jumps"), ("knee", "ankle", "elbow", "wrist", "slide", "sunk")
+    table = Table(box=None, header_style="bold")
+    reach = {"past_range": "past"} if any("past_range" in row for row in rows) else {}
+    if any("short_worst" in row for row in rows):
+        reach = {"short_rms": "short", "short_worst": "worst"}
+    for name in ("recording", "frames", "bad", "beyond", "fast", "jumps", "changed", *reach.values(), *millimetres):
+        table.add_column(name, justify="left" if name == "recording" else "right")
+    for row in rows:
+        if "altered" in row:
+            cells = [str(row["frames"]), *(f"{row[name]:.0f}" for name in counts), f"{100.0 * row['altered']:.1f} %"]
+            cells += [f"{row[name]:.0f}" if name == "past_range" else f"{1000.0 * row[name]:.1f}" for name in reach]
+            cells += [f"{1000.0 * row[name]:.1f}" if name in row else "" for name in millimetres]
+            table.add_row(Path(row["clip"]).name, *cells)
+        elif "error" in row:
+            table.add_row(Path(row["clip"]).name, str(row["frames"]), "ERROR")
+    Console(width=None if sys.stdout.isatty() else 160).print(table)
+    carried = [row for row in rows if "altered" in row]
+    sums = ", ".join(f"{name.replace('_', ' ')} {sum(row[name] for row in carried):.0f}" for name in counts)
+    print(f"{len(carried)} recordings, {sum(row['frames'] for row in carried)} frames: {sums}")
+    for row in rows:
+        if "unread" in row or "error" in row:
+            print(
+                f"{'not read' if 'unread' in row else 'failed'}: {row['clip']}: {row.get('unread', row.get('error'))}"
+            )
+
+
+def _said(found: Calibration, file: Path) -> dict[str, Any]:
+    return {
+        "file": str(file),
+        "model": str(found.model),
+        "joints": len(found.joints),
+        "root_height_m": found.root_height,
+        "parts": found.parts,
+        "solvers": ["ik", "angles"] if found.angles else ["ik"],
+        "joints_without_range": list(found.unlimited),
+        "joints_without_speed": [joint for joint in found.joints if joint not in found.speeds],
+        "joints_not_played": list(found.unplayed),
+        "open_chains": found.open_chains,
+        "off_when_standing_rad": found.missed,
+    }
+
+
+def _print_found(found: Calibration, file: Path) -> None:
+    print(f"wrote {file}: {len(found.joints)} joints, root {found.root_height:.3f} m above the floor when it stands")
+    for part, body in sorted(found.parts.items()):
+        print(f"  {part:<12} {body}")
+    off = {name: miss for name, miss in found.missed.items() if miss > 0.1}
+    if off:
+        worst = ", ".join(f"{name} {miss:.2f} rad" for name, miss in off.items())
+        print(f"cannot stand quite like a human with hanging arms: {worst} off")
+    if found.unlimited:
+        print(f"{len(found.unlimited)} joints have no range in the model: half a turn was put down for them; mend it")
+    unknown = len(found.joints) - len(found.speeds)
+    if unknown:
+        print(f"the model does not say how fast {unknown} joints may turn: a guess was put down for them; mend it")
+    if found.unplayed:
+        print(
+            f"not played, for only hinges are: {', '.join(name or 'a joint without a name' for name in found.unplayed)}"
+        )
+    if found.open_chains:
+        print(
+            f"{found.open_chains} constraints (connect, weld) close chains of bodies: they hold in physics "
+            "(`play` without --kinematic), and are drawn open elsewhere"
+        )
+    print(
+        "solvers: ik, angles" if found.angles else "solvers: ik (its joints are others than those of the angle solver)"
+    )
+
+
+def _model_file(model: str) -> Path:
+    """The file of a model: a path, or one of the catalogue, which is fetched."""
+    if Path(model).exists() or "/" in model or Path(model).suffix:
+        return Path(model)
+    menagerie = _catalogue()
+    names = [robot.name for robot in menagerie.robots()]
+    if model not in names:
+        raise UnknownNameError(f"there is no file {model}, and {UnknownNameError.among('robot', model, names)}")
+    entry = menagerie.get(model)
+    try:
+        return Path(entry.xml(entry.default_model))
+    except (menagerie.MenagerieError, OSError) as error:
+        raise MotiondeckError(f"{model}: cannot be fetched ({error})") from None
+
+
+def _catalogue() -> Any:
+    try:
+        return import_module("mujoco_menagerie")
+    except ImportError:
+        raise MotiondeckError('the catalogue of robots is an extra: pip install "motiondeck[menagerie]"') from None

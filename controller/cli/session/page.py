@@ -1,0 +1,201 @@
+"""The page of a run: the browser view in a process of its own, and the shared state that it draws."""
+
+from __future__ import annotations
+
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+from controller.cli.session.child_process import child_process
+from controller.cli.session.recognition_watch import NUMBERS, Watch
+from controller.cli.session.robot_on_deck import Body
+from controller.loop.loop import LoopState
+from controller.loop.stop_requests import StopRequest
+from controller.mocap.skeleton import Skeleton
+from controller.wire.run_recording import MODES
+from controller.wire.telemetry import StateWriter
+from motiondeck_base.errors import MotiondeckError
+
+if TYPE_CHECKING:
+    from sim.view.clip_page import Act
+
+PICTURE_HZ = 50.0
+HEALTH_EVERY = 12  # pictures
+
+# What the page is told, besides the position of the robot: each field is one number.
+_NUMBERS = (
+    "tick",
+    "time_s",
+    "motion",
+    "speed",
+    "paused",
+    "mode",
+    "rate_hz",
+    "lateness_p50_us",
+    "lateness_p999_us",
+    "overruns",
+    "recues",
+    "work_p50_us",
+    "kept_apart",
+)
+
+
+@contextmanager
+def viewer(command_port: int, port: int) -> Iterator[tuple[Path, subprocess.Popen[bytes]]]:
+    """The browser view, a process of its own; yields the state file that it waits for, and the process."""
+    port = free_port(port)
+    folder = Path(tempfile.mkdtemp(prefix="motiondeck-"))
+    try:
+        state = folder / "state"
+        arguments = ("--state", str(state), "--command-port", str(command_port), "--port", str(port))
+        with child_process("sim.view.viewer", *arguments, own_session=True) as viewer:
+            print(f"page: http://127.0.0.1:{port}", file=sys.stderr, flush=True)
+            yield state, viewer
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+class Showable(Protocol):
+    """What the page shows of a deck."""
+
+    time: float
+
+    @property
+    def commanded_speed(self) -> float:
+        """The tempo that was commanded."""
+        ...
+
+    @property
+    def motions(self) -> Sequence[str]:
+        """All it can play."""
+        ...
+
+    @property
+    def motion(self) -> str:
+        """What is played, or being switched to."""
+        ...
+
+    @property
+    def paused(self) -> bool:
+        """Whether it stands still on command."""
+        ...
+
+    @property
+    def recues(self) -> int:
+        """How often the network was lost and had to be started again."""
+        ...
+
+
+class Page:
+    """The shared state that the view reads.
+
+    Args:
+        writer: of that state.
+        bodies: whose positions are drawn.
+        watch: what recognizes the motion of the joints, if anything does.
+    """
+
+    def __init__(self, writer: StateWriter, bodies: Sequence[Body], watch: Watch | None = None) -> None:
+        self._writer, self._watch = writer, watch
+        self._stage, *self._followers = [body.stage for body in bodies]
+        self._guards = [body.guard for body in bodies if body.guard is not None]
+
+    @classmethod
+    @contextmanager
+    def open(
+        cls,
+        state: Path,
+        motions: Sequence[str],
+        bodies: Sequence[Body],
+        human: Skeleton | None,
+        watch: Watch | None = None,
+    ) -> Iterator[Page]:
+        """Puts the robots' models, the human's and the state beside each other, where the view waits for them."""
+        from sim.view.ghost import draw_ghost
+
+        robot = bodies[0].robot
+        models = [state.with_name(f"robot{index}.xml") for index in range(len(bodies))]
+        for body, model in zip(bodies, models, strict=True):
+            body.robot.spec.to_file(str(model))
+        rest = robot.model.qpos0.copy()
+        robot.layout.place(robot.rest, rest)
+        description = {
+            "model_file": str(models[0]),
+            "followers": [str(model) for model in models[1:]],
+            "rest": rest.tolist(),
+            "motions": list(motions),
+            "joints": list(robot.joints),
+            "robot": robot.name,
+        }
+        numbers = {"qpos": robot.model.nq, "root_xy": 2} | dict.fromkeys(_NUMBERS + (NUMBERS if watch else ()), 1)
+        numbers |= {f"qpos {index}": body.robot.model.nq for index, body in enumerate(bodies[1:])}
+        if human is not None:
+            description["human"] = draw_ghost(human, robot.path_scale, state.with_name("human.xml"))
+            numbers |= {"human_root": 3, "human_turn": 4 * (1 + len(human))}
+        page = cls(StateWriter.create(state, description, numbers), bodies, watch)
+        try:
+            yield page
+        finally:
+            page.close()
+
+    def show(self, state: LoopState, stop: StopRequest, deck: Showable, *, health: bool) -> None:
+        """Shows the robot as it is, and how the loop is doing: with `health` the figures that take time to tell."""
+        fields = self._writer.fields
+        fields["qpos"][:] = self._stage.qpos
+        fields["root_xy"][:] = self._stage.qpos[:2]
+        for index, follower in enumerate(self._followers):
+            fields[f"qpos {index}"][:] = follower.qpos
+        if "human_root" in fields:
+            fields["human_root"][:] = state.pose.root_position
+            fields["human_turn"][:] = state.pose.rotation.ravel()
+        fields["tick"][0] = state.tick
+        fields["time_s"][0] = deck.time
+        fields["motion"][0] = deck.motions.index(deck.motion)
+        fields["speed"][0] = deck.commanded_speed
+        fields["paused"][0] = deck.paused
+        fields["mode"][0] = MODES.index(stop.mode)
+        fields["rate_hz"][0] = state.rate
+        fields["overruns"][0] = state.overruns
+        fields["recues"][0] = deck.recues
+        fields["kept_apart"][0] = sum(guard.kept_apart.total() for guard in self._guards)
+        if health:
+            lateness = state.lateness.percentiles()
+            fields["lateness_p50_us"][0] = lateness.p50
+            fields["lateness_p999_us"][0] = lateness.p999
+            fields["work_p50_us"][0] = state.work.percentiles().p50
+        if self._watch is not None:
+            self._watch.show(fields, deck.motions)
+        self._writer.publish()
+
+    def close(self) -> None:
+        """Tells the view that this was all; may be called twice."""
+        self._writer.close()
+
+
+def show_act(act: Act, port: int) -> None:
+    """Shows an act on a page of its own until Ctrl-C."""
+    from sim.view.clip_page import show
+
+    port = free_port(port)
+    print(f"page: http://127.0.0.1:{port}", flush=True)
+    show(act, port)
+
+
+def free_port(port: int) -> int:
+    """The port itself if nobody has it, or any free one for 0."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("127.0.0.1", port))
+        except (OSError, OverflowError) as error:
+            raise MotiondeckError(
+                f"port {port} for the page cannot be used ({getattr(error, 'strerror', None) or error}). "
+                "Give another one with --port, or --port 0 for any that is free."
+            ) from None
+        return int(probe.getsockname()[1])

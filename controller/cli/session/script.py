@@ -1,0 +1,129 @@
+"""Scripts: "walk 4, jog 4, walk" on the command line, or a timeline of any commands in a file.
+
+motion = "walk"              # what is played first
+
+[[commands]]
+at = 4.0                     # s since play began
+say = "switch jog"           # what one would type at the prompt
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from controller.cli.session.terminal import parse_command
+from controller.wire.messages import Blend, CommandError, Message, Queue, Switch
+from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
+from motiondeck_base.toml_file import read_toml
+
+
+@dataclass(frozen=True)
+class Cue:
+    """A motion and when it is switched to, s after the start."""
+
+    at: float
+    motion: str
+
+
+@dataclass(frozen=True)
+class Timed:
+    """A command and when it is given, s after the start."""
+
+    at: float
+    message: Message
+
+
+class _Line(msgspec.Struct, forbid_unknown_fields=True):
+    at: float
+    say: str
+
+
+class _File(msgspec.Struct, forbid_unknown_fields=True):
+    motion: str
+    commands: list[_Line] = []
+
+
+def read_timeline(path: Path, motions: Iterable[str]) -> tuple[str, list[Timed]]:
+    """What a timeline file plays first, and its commands in the order of their times.
+
+    Args:
+        path: a TOML file.
+        motions: the names that may be used.
+
+    Raises:
+        FileFormatError: naming the file, the command that is wrong, and what it should be.
+    """
+    known = list(motions)
+    file = read_toml(path, _File)
+    if file.motion not in known:
+        raise FileFormatError(f"{path}: {UnknownNameError.among('motion', file.motion, known)}")
+    timeline: list[Timed] = []
+    for number, line in enumerate(file.commands, start=1):
+        place = f"{path}, command {number}"
+        if not (math.isfinite(line.at) and line.at >= 0.0):
+            raise FileFormatError(f"{place}: at = {line.at} is not a number of seconds from 0 on")
+        try:
+            message = parse_command(line.say.split())
+        except CommandError as error:
+            raise FileFormatError(f"{place}: {error}") from None
+        for name in _named(message):
+            if name not in known:
+                raise FileFormatError(f"{place}: {UnknownNameError.among('motion', name, known)}")
+        timeline.append(Timed(line.at, message))
+    return file.motion, sorted(timeline, key=lambda timed: timed.at)
+
+
+def parse_script(text: str, motions: Iterable[str]) -> tuple[list[Cue], float | None]:
+    """The cues of a script, the first one at 0 s, and how long it takes, if its last part says so.
+
+    Args:
+        text: motions separated by commas, each but the last followed by its seconds; the last one's may be left out.
+        motions: the names that may be used.
+
+    Raises:
+        MotiondeckError: naming the part of the script that is wrong and what it should be.
+    """
+    known = list(motions)
+    cues: list[Cue] = []
+    at = 0.0
+    parts = [part.split() for part in text.split(",")]
+    for place, words in enumerate(parts, start=1):
+        last = place == len(parts)
+        if not 1 <= len(words) <= 2:
+            raise MotiondeckError(
+                f"script, part {place}: '{' '.join(words)}' is not a motion and its seconds, as in 'walk 4'"
+            )
+        if words[0] not in known:
+            raise UnknownNameError(f"script, part {place}: {UnknownNameError.among('motion', words[0], known)}")
+        if len(words) == 1 and not last:
+            raise MotiondeckError(
+                f"script, part {place}: say for how long, as in '{words[0]} 4'; only the last may go on"
+            )
+        cues.append(Cue(at, words[0]))
+        at += _seconds(words[1], place) if len(words) == 2 else 0.0
+    return cues, at if at > cues[-1].at else None
+
+
+def _named(message: Message) -> tuple[str, ...]:
+    """The motions that a command names."""
+    match message:
+        case Switch(to=to) | Queue(to=to):
+            return (to,)
+        case Blend(first=first, second=second):
+            return first, second
+    return ()
+
+
+def _seconds(word: str, place: int) -> float:
+    try:
+        seconds = float(word)
+    except ValueError:
+        seconds = -1.0
+    if not 0.0 < seconds < 1e6:
+        raise MotiondeckError(f"script, part {place}: '{word}' is not a number of seconds above 0")
+    return seconds

@@ -1,0 +1,239 @@
+"""The terminal: type a motion's name and the deck plays it. A client of the command socket, in a process of its own.
+
+python -m controller.cli.session.terminal --command-port 47810
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import sys
+import threading
+from collections.abc import Callable, Iterable, Sequence
+
+from controller.wire.command_socket import (
+    DEFAULT_PORT,
+    Accepted,
+    Blend,
+    CommandClient,
+    CommandError,
+    EmergencyStop,
+    Home,
+    Message,
+    Pause,
+    Queue,
+    Refused,
+    Reply,
+    Reset,
+    Resume,
+    SetSpeed,
+    Settled,
+    SocketError,
+    State,
+    Status,
+    Stop,
+    Switch,
+)
+from controller.wire.messages import COMMANDS, FASTEST, SLOWEST, checked
+from motiondeck_base.errors import MotiondeckError
+
+HELP = """\
+MOTION           switch to a motion (Tab completes); also: switch MOTION
+switch MOTION direct   at once and straight, however far it is
+queue MOTION     play it when the present motion has ended or gone round
+blend A B SHARE  play a mixture of two motions, SHARE (0 to 1) of the second
+speed FACTOR     play at 0.1 to 3 times the recorded tempo; speed FACTOR SECONDS takes its time
+pause, resume    stand still, go on
+home             go to the rest pose; resume or a motion goes on
+estop            brake at once and hold; reset releases it, resume goes on
+status           what is played, and what could be
+stop, quit       bring the joints to rest and end the deck (Ctrl-C too)
+Ctrl-D           leave the terminal; the deck plays on"""
+
+_PLAIN = {
+    "pause": Pause,
+    "resume": Resume,
+    "home": Home,
+    "estop": EmergencyStop,
+    "reset": Reset,
+    "status": Status,
+    "stop": Stop,
+    "quit": Stop,
+}
+_WORDS = ("switch", "queue", "blend", "speed", *_PLAIN, "help")
+_ALLOWED = f"MOTION, {COMMANDS}"
+_HEARTBEAT = 0.3  # s of silence before asking whether the deck is still there; three questions are asked
+_STARTING = 5.0  # s that a deck may take from opening its port to answering
+
+
+def parse_command(words: Sequence[str]) -> Message:
+    """The message that words say: a command and its argument, or just a motion's name.
+
+    Raises:
+        CommandError: if they say none; it names the commands.
+    """
+    match list(words):
+        case ["switch", name]:
+            return checked(Switch(name))
+        case ["switch", name, "direct"]:
+            return checked(Switch(name, direct=True))
+        case ["queue", name]:
+            return checked(Queue(name))
+        case ["blend", first, second, share]:
+            return checked(Blend(first, second, _number(share, "blend takes two motions and a share from 0 to 1")))
+        case ["blend", *_]:
+            raise CommandError("blend takes two motions and a share of the second, as in: blend walk jog 0.3")
+        case ["speed", factor]:
+            return checked(SetSpeed(_number(factor)))
+        case ["speed", factor, over]:
+            return checked(SetSpeed(_number(factor), over=_number(over)))
+        case ["switch" | "queue" | "speed" as command, *_]:
+            raise CommandError(f"{command} takes one argument. Commands: {_ALLOWED}.")
+        case [command] if command in _PLAIN:
+            return _PLAIN[command]()
+        case [command, _, *_] if command in _PLAIN:
+            raise CommandError(f"{command} takes no argument. Commands: {_ALLOWED}.")
+        case [name]:
+            return checked(Switch(name))
+        case _:
+            raise CommandError(f"'{' '.join(words)}' is no command. Commands: {_ALLOWED}.")
+
+
+def _number(word: str, wanted: str = f"speed takes a number from {SLOWEST:g} to {FASTEST:g}") -> float:
+    try:
+        return float(word)
+    except ValueError:
+        raise CommandError(f"{wanted}, not '{word}'") from None
+
+
+def describe(reply: Reply) -> str:
+    """A reply in one line."""
+    match reply:
+        case Accepted(after=after, via=via):
+            return "accepted" + (f", after {after}" if after else "") + (f", by way of {', '.join(via)}" if via else "")
+        case Refused(reason=reason):
+            return f"refused: {reason}"
+        case Settled(to=to, seconds=seconds):
+            return f"settled on {to} after {seconds:.2f} s"
+        case State():
+            how = "paused" if reply.paused else f"at speed {reply.speed:.2f}"
+            doing = "switching to" if reply.switching else "playing"
+            mode = "" if reply.mode == "playing" else f"{reply.mode}; "
+            queue = f"; next: {', '.join(reply.queue)}" if reply.queue else ""
+            blend = f" with {reply.blend[1]:.2f} of {reply.blend[0]}" if reply.blend else ""
+            seen = f"; the joints look like {reply.seen[0]} (confidence {reply.seen[1]:.2f})" if reply.seen else ""
+            seen += f"; {reply.fell_back}" if reply.fell_back else ""
+            return f"{mode}{doing} {reply.motion}{blend}, {how}{queue}{seen}; motions: {', '.join(reply.motions)}"
+
+
+class _Interrupted(Exception):
+    """Ctrl-C at the prompt; a KeyboardInterrupt would end asyncio's loop as well."""
+
+
+async def converse(client: CommandClient) -> None:
+    """Takes commands from a person, with completion, until it is left or the deck goes away.
+
+    Raises:
+        SocketError: if no deck is running.
+    """
+    from prompt_toolkit import PromptSession
+    from prompt_toolkit.completion import WordCompleter
+    from prompt_toolkit.patch_stdout import patch_stdout
+
+    state = client.request(Status(), _STARTING)
+    names = state.motions if isinstance(state, State) else []
+    session: PromptSession[str] = PromptSession(
+        completer=WordCompleter([*names, *_WORDS]), interrupt_exception=_Interrupted
+    )
+    print("Type a motion's name (Tab completes), or help.")
+    left = threading.Event()
+    with patch_stdout():
+        listening = asyncio.create_task(asyncio.to_thread(listen_to, client, left.is_set))
+        while not listening.done():
+            typing = asyncio.create_task(session.prompt_async("> "))
+            await asyncio.wait((typing, listening), return_when=asyncio.FIRST_COMPLETED)
+            typing.cancel()  # in vain if it is done
+            try:
+                line = await typing
+            except (EOFError, asyncio.CancelledError):
+                break
+            except _Interrupted:
+                line = "stop"
+            try:
+                if message := _understood(line):
+                    client.post(message)
+            except SocketError:
+                break
+        left.set()
+        await listening
+
+
+def listen_to(client: CommandClient, enough: Callable[[], bool]) -> None:
+    """Prints what the deck answers, until it answers no more or it is enough."""
+    questions: set[int] = set()  # asked here, only to hear whether the deck is still there
+    try:
+        while not enough() and len(questions) < 3:
+            reply = client.receive(_HEARTBEAT)
+            if reply is None:
+                questions.add(client.post(Status()))
+            elif reply.id in questions:
+                questions.clear()
+            else:
+                print(describe(reply))
+    except MotiondeckError:
+        pass
+    if not enough():
+        print("The deck has ended.")
+
+
+def follow(client: CommandClient, lines: Iterable[str]) -> None:
+    """Takes commands from lines, one after the other, and waits for each switch to settle.
+
+    Raises:
+        SocketError: if no deck is running.
+    """
+    for line in lines:
+        message = _understood(line)
+        if message is None:
+            continue
+        reply = client.request(message, _STARTING)
+        print(describe(reply), flush=True)
+        if isinstance(message, Switch | Blend) and isinstance(reply, Accepted):
+            settled = client.wait_settled(reply.id)
+            print(describe(settled) if settled else "not settled yet", flush=True)
+
+
+def _understood(line: str) -> Message | None:
+    """The message a line says, or None where there is nothing to send: then it is answered here."""
+    words = line.split()
+    if words == ["help"]:
+        print(HELP, flush=True)
+    elif words:
+        try:
+            return parse_command(words)
+        except CommandError as error:
+            print(error, flush=True)
+    return None
+
+
+def main() -> None:
+    """Runs the terminal until the person leaves, the input ends, or the deck does."""
+    parser = argparse.ArgumentParser(
+        prog="python -m controller.cli.session.terminal", description="Commands a running deck."
+    )
+    parser.add_argument("--command-port", type=int, default=DEFAULT_PORT, metavar="N", help="where the deck listens")
+    try:
+        client = CommandClient(parser.parse_args().command_port)
+        if sys.stdin.isatty():
+            asyncio.run(converse(client))
+        else:
+            follow(client, sys.stdin)
+    except MotiondeckError as error:
+        print(f"motiondeck: {error}", file=sys.stderr)
+        sys.exit(1)
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,124 @@
+"""`play --record FILE`: what the loop hands to the recorder's process, once a tick."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from controller.cli.session.child_process import child_process
+from controller.loop.loop import LoopState
+from controller.loop.stop_requests import StopRequest
+from controller.rotations import Array
+from controller.wire.command_socket import Blend, Message, Queue, Refused, Reply, SetSpeed, Status, Switch
+from controller.wire.run_recording import COMMANDS, MODES
+from controller.wire.telemetry import StateWriter
+from motiondeck_base.errors import FileFormatError
+
+KEPT_SECONDS = 8.0
+"""So far the recorder may fall behind before ticks are lost."""
+
+_NUMBERS = (
+    *("tick", "time_s", "late_us", "work_us", "overruns"),
+    *("motion", "speed", "switching", "mode"),
+    *("command", "argument", "refused"),
+    *("seen", "confidence"),
+)
+
+
+class TickRecorder:
+    """Writes each tick into shared memory; the last command of a tick goes with it.
+
+    Args:
+        writer: with the fields that `recording` makes.
+        motions: what commands name.
+    """
+
+    def __init__(self, writer: StateWriter, motions: Sequence[str]) -> None:
+        self._writer, self._motions = writer, motions
+        self._forget()
+
+    def note(self, message: Message, reply: Reply) -> None:
+        """Remembers a command and whether it was refused."""
+        if isinstance(message, Status):
+            return
+        fields = self._writer.fields
+        fields["command"][0] = COMMANDS.index(message.__struct_config__.tag) + 1  # a tag is a command's name
+        fields["refused"][0] = isinstance(reply, Refused)
+        match message:
+            case Switch(to=to) | Queue(to=to):
+                argument = self._motions.index(to) if to in self._motions else math.nan
+            case SetSpeed(factor=factor):
+                argument = factor
+            case Blend(share=share):
+                argument = share
+            case _:
+                argument = math.nan
+        fields["argument"][0] = argument
+
+    def record(
+        self, state: LoopState, stop: StopRequest, measured: Array | None, placed: Array, **numbers: float
+    ) -> None:
+        """Hands one tick over.
+
+        Args:
+            state: of the loop.
+            stop: says in which mode it is.
+            measured: joint positions (J,), rad, if any.
+            placed: where the robot's root was meant to be, position and quaternion, shape (7,), m.
+            numbers: motion (its index), speed, switching and time_s; seen (an index too) and confidence.
+        """
+        fields = self._writer.fields
+        fields["targets"][:] = state.targets[: len(fields["targets"])]  # of the first robot
+        fields["measured"][:] = math.nan if measured is None else measured
+        fields["root_position"][:] = state.pose.root_position
+        fields["heading"][0] = state.pose.heading
+        fields["root_rotation"][:] = state.pose.rotation[0]
+        fields["robot_root"][:] = placed
+        self._writer.publish(
+            tick=state.tick,
+            late_us=1e-3 * state.late_ns,
+            work_us=1e-3 * state.work_ns,
+            overruns=state.overruns,
+            mode=MODES.index(stop.mode),
+            **numbers,
+        )
+        self._forget()
+
+    def _forget(self) -> None:
+        fields = self._writer.fields
+        fields["command"][0], fields["argument"][0], fields["refused"][0] = 0.0, math.nan, 0.0
+
+
+@contextmanager
+def recording(out: Path, description: Mapping[str, Any], joints: int, rate: float) -> Iterator[TickRecorder]:
+    """Records into a file from a process of its own while the block runs.
+
+    Args:
+        out: the recording; replaced if it is there.
+        description: what is recorded, with `motions` (names).
+        joints: how many there are.
+        rate: ticks a second.
+
+    Raises:
+        FileFormatError: if the file cannot be written.
+    """
+    try:
+        out.open("ab").close()
+    except OSError as error:
+        raise FileFormatError(f"{out}: cannot be written ({error.strerror or error})") from None
+    fields = dict.fromkeys(_NUMBERS, 1) | {"targets": joints, "measured": joints}
+    fields |= {"root_position": 3, "heading": 1, "root_rotation": 4, "robot_root": 7}
+    with tempfile.TemporaryDirectory(prefix="motiondeck-") as folder:
+        state = Path(folder) / "ticks"
+        writer = StateWriter.create(state, description, fields, slots=max(2, int(np.ceil(KEPT_SECONDS * rate))))
+        with child_process("controller.wire.recorder", "--state", str(state), "--out", str(out), patience=10.0):
+            try:
+                yield TickRecorder(writer, description["motions"])
+            finally:
+                writer.close()

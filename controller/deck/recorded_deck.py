@@ -1,0 +1,120 @@
+"""A deck that plays a recording again: the targets that a run gave, at any tempo; it can be paused but not switched."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from controller.deck.interfaces import PlacedPose
+from controller.deck.switch import Switch
+from controller.deck.tempo import Paced
+from controller.mocap.posture import Pose
+from controller.rotations import Array, normalise
+from controller.wire.run_recording import Recording
+from motiondeck_base.errors import MotiondeckError
+
+
+class RecordedDeck(Paced):
+    """Plays the targets of a recording; fits `course.Player` and `command_desk.Commandable`.
+
+    Args:
+        recording: with at least one tick.
+        same_robot: whether it is played by the robot that was recorded, whose root then goes where it went.
+
+    Attributes:
+        motions: the motions that were played.
+        time: s since the start.
+        over: whether the recording has come to its end, where it is held.
+        switches: none; nothing can be switched to.
+        recues: none; no network is playing.
+
+    Raises:
+        MotiondeckError: if nothing was recorded.
+    """
+
+    def __init__(self, recording: Recording, *, same_robot: bool = True) -> None:
+        if recording.ticks == 0:
+            raise MotiondeckError("there is no tick in this recording")
+        fields = recording.fields
+        self.motions = tuple(recording.description["motions"])
+        self.switches: list[Switch] = []
+        self.queue: list[str] = []
+        self.settled = True
+        self.recues = 0
+        self.time = 0.0
+        super().__init__()
+        self._rate = float(recording.description["rate"])
+        self._targets, self._motion = fields["targets"], fields["motion"][:, 0]
+        self._root, self._heading = fields["root_position"], np.unwrap(fields["heading"][:, 0])
+        self._turn = fields["root_rotation"]
+        self._robot_root = fields.get("robot_root") if same_robot else None
+        self._last = recording.ticks - 1
+        self._place = 0.0  # in ticks of the recording
+
+    @property
+    def motion(self) -> str:
+        """What was played here."""
+        return self.motions[int(self._motion[int(self._place)])]
+
+    @property
+    def playing(self) -> str:
+        """The same."""
+        return self.motion
+
+    @property
+    def over(self) -> bool:
+        """Whether it has come to the end."""
+        return self._place >= self._last
+
+    def update(self, dt: float) -> tuple[Array, Pose]:
+        """Goes dt seconds on; between two ticks that were recorded lies a straight line."""
+        self.time += dt
+        self._place = min(self._place + dt * self._tempo.advance(dt) * self._rate, float(self._last))
+        first = min(int(self._place), max(self._last - 1, 0))
+        share, second = self._place - first, min(first + 1, self._last)
+
+        def between(values: Array) -> Array:
+            return (1.0 - share) * values[first] + share * values[second]
+
+        def turned(values: Array) -> Array:
+            near = values[second] if values[first] @ values[second] >= 0.0 else -values[second]
+            return normalise((1.0 - share) * values[first] + share * near)
+
+        pose = Pose(between(self._root), between(self._heading), turned(self._turn)[None])
+        if self._robot_root is not None:
+            place = np.concatenate([between(self._robot_root[:, :3]), turned(self._robot_root[:, 3:])])
+            pose = PlacedPose(pose.root_position, pose.heading, pose.rotation, place)
+        return between(self._targets), pose
+
+    def switch(self, to: str, *, direct: bool = False) -> Switch:
+        """Refuses.
+
+        Raises:
+            MotiondeckError: always.
+        """
+        raise MotiondeckError(f"a recording is being replayed, so there is no switching to {to}")
+
+    def enqueue(self, to: str) -> Switch:
+        """Refuses.
+
+        Raises:
+            MotiondeckError: always.
+        """
+        return self.switch(to)
+
+    @property
+    def blend(self) -> None:
+        """Nothing."""
+        return
+
+    @property
+    def fell_back(self) -> str:
+        """Nothing."""
+        return ""
+
+    def blend_in(self, first: str, second: str, share: float) -> Switch:
+        """Refuses.
+
+        Raises:
+            MotiondeckError: always.
+        """
+        return self.switch(f"{first} + {second}")

@@ -1,0 +1,87 @@
+"""What the deck knows of the motions of a library: where each can be entered and left, and how briskly it turns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller.library.motion_library import MotionLibrary
+from controller.measures.motion_matching import joint_features
+from controller.mocap.encodings.encoding import Encoding
+from controller.mocap.posture import walk_path
+from controller.rotations import Array
+
+ENTRY_SHARE = 0.1
+HELD_M = 0.02
+LEAST_ACCELERATION = 2.0  # m/s^2; less is standing still
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One motion of a repertoire.
+
+    Attributes:
+        name: what it is called.
+        loop: whether it goes on for ever.
+        places, velocities: joint positions in the heading frame and their rates at the anchors where it may be entered,
+            shape (A, F), m and m/s.
+        exits: the same positions where it may be left: anywhere in a loop, else its last pose, shape (E, F), m.
+        spacing: from anchor to anchor, s.
+        seconds: how long a loop's round takes, or how long it takes until only the last pose is held.
+        acceleration: the largest of any joint in the world, m/s^2.
+    """
+
+    name: str
+    loop: bool
+    places: Array
+    velocities: Array
+    exits: Array
+    spacing: float
+    seconds: float
+    acceleration: float
+
+
+def read_repertoire(library: MotionLibrary) -> dict[str, Motion]:
+    """The motions of a library by name; one that happens once may be entered at its beginning only."""
+    repertoire = {}
+    for info in library.info.motions:
+        frames = library.network.anchors(info.name)
+        spacing = info.frames / len(frames) / library.info.rate
+        loop = info.plays == "loop"
+        places = 1e-3 * joint_features(library.encoding, frames)
+        velocities = _rate(places, spacing, loop=loop)
+        moving = len(frames) if loop else _moving(places)
+        entries = moving if loop else max(1, int(ENTRY_SHARE * moving))
+        repertoire[info.name] = Motion(
+            name=info.name,
+            loop=loop,
+            places=places[:entries],
+            velocities=velocities[:entries],
+            exits=places if loop else places[-1:],
+            spacing=spacing,
+            seconds=moving * spacing,
+            acceleration=_acceleration(library.encoding, frames, spacing),
+        )
+    return repertoire
+
+
+def _moving(places: Array) -> int:
+    """How many frames it takes until only the last pose is held."""
+    away = np.abs(places - places[-1]).max(1) > HELD_M
+    return int(np.flatnonzero(away)[-1]) + 1 if away.any() else len(places)
+
+
+def _rate(values: Array, spacing: float, *, loop: bool) -> Array:
+    """Central differences along the first axis, round the corner for loops."""
+    if loop:
+        return (np.roll(values, -1, axis=0) - np.roll(values, 1, axis=0)) / (2.0 * spacing)
+    return np.gradient(values, spacing, axis=0)
+
+
+def _acceleration(encoding: Encoding, frames: Array, spacing: float) -> float:
+    """The largest acceleration of any joint in the world over frames (A, C), but LEAST_ACCELERATION at least, m/s^2."""
+    pose = walk_path(encoding.decode(frames), spacing)
+    joints = encoding.skeleton.joints(pose.root_position, pose.rotation)
+    acceleration = np.diff(joints, n=2, axis=0) / spacing**2
+    return max(float(np.linalg.norm(acceleration, axis=-1).max()), LEAST_ACCELERATION)

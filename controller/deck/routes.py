@@ -1,0 +1,76 @@
+"""Routes: which motions to go by where a body is too far from the one that is wanted (crawl, standup, waltz).
+
+The leap from one motion to another is how far the heights of the joints are apart when one is left and the other is
+entered where it resembles the body most: root mean square over the joints, median over the places where the first may
+be left. Arms and legs may swing as far as they like; lying, sitting and standing are what cannot be joined. A way costs
+
+    sum over its legs of  (leap / LEAP_M)^2 + 1
+
+and the cheapest one is taken. Only motions that happen once are gone by: they are what leads from one posture to
+another.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller.deck.repertoire import Motion
+from controller.rotations import Array
+
+LEAP_M = 0.2
+"""A leap that is worth one more motion on the way, m."""
+
+
+@dataclass(frozen=True)
+class Routes:
+    """The graph of a repertoire.
+
+    Attributes:
+        leaps: from each motion to each other one, m.
+        bridges: the motions that may be gone by.
+    """
+
+    leaps: Mapping[str, Mapping[str, float]]
+    bridges: frozenset[str]
+
+    @classmethod
+    def between(cls, repertoire: Mapping[str, Motion]) -> Routes:
+        """The routes between the motions of a repertoire."""
+        leaps = {name: {other: leap(a, b) for other, b in repertoire.items()} for name, a in repertoire.items()}
+        return cls(leaps, frozenset(name for name, motion in repertoire.items() if not motion.loop))
+
+    def by_way_of(self, start: str, goal: str) -> tuple[str, ...]:
+        """The motions on the cheapest way from one motion to another (both left out); empty where it is direct.
+
+        Both must be motions of the repertoire. The way from a motion to itself is direct.
+        """
+        ways: list[tuple[float, str, tuple[str, ...]]] = [(0.0, start, ())]
+        closed: set[str] = set()
+        while True:
+            cost, here, way = heapq.heappop(ways)
+            if here == goal and way:
+                return way[:-1]
+            if here in closed:
+                continue
+            closed.add(here)
+            for following, leap_m in self.leaps[here].items():
+                if following == goal or (following in self.bridges and following not in closed):
+                    heapq.heappush(ways, (cost + (leap_m / LEAP_M) ** 2 + 1.0, following, (*way, following)))
+
+
+def leap(leaving: Motion, entering: Motion) -> float:
+    """How far the heights of the joints are apart at a switch, m; 0 from a loop to itself."""
+    squares = np.square(leaving.exits).sum(1)[:, None] + np.square(entering.places).sum(1)
+    nearest = (squares - 2.0 * leaving.exits @ entering.places.T).argmin(1)
+    apart = _heights(leaving.exits) - _heights(entering.places[nearest])
+    return float(np.median(np.sqrt(np.square(apart).mean(1))))
+
+
+def _heights(places: Array) -> Array:
+    """Of the root and of all joints above the ground, shape (A, 1 + joints), m."""
+    root = places[:, -1:]
+    return np.concatenate([root, root + places[:, 2:-1:3]], axis=1)

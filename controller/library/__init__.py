@@ -1,0 +1,1 @@
+"""The library file, and what the motions in it are good for."""

@@ -1,0 +1,1 @@
+"""The real-time loop: clock, safety envelope, outputs, and the phases of a run."""

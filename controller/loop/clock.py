@@ -1,0 +1,149 @@
+"""Clocks that say when the next tick is due: a real one with absolute deadlines, and a virtual one that never waits.
+
+The deadline of tick k is the start plus k periods, whatever the ticks before it did, so that the rate cannot drift.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
+
+from motiondeck_base.errors import MotiondeckError
+
+SPIN_NS = 200_000
+"""So long before its deadline a tick is awaited by looking at the clock: a sleep wakes up late by about as much."""
+
+
+class RateError(MotiondeckError):
+    """A rate at which no loop can run."""
+
+
+class Clock(Protocol):
+    """What the loop asks of a clock."""
+
+    @property
+    def period(self) -> float:
+        """Seconds from tick to tick."""
+        ...
+
+    @property
+    def overruns(self) -> int:
+        """How many ticks came more than a period late."""
+        ...
+
+    @property
+    def skipped(self) -> int:
+        """How many ticks never ran."""
+        ...
+
+    def now(self) -> int:
+        """The present time, ns."""
+        ...
+
+    def start(self) -> None:
+        """Makes the present the time of tick 0."""
+        ...
+
+    def wait(self) -> int:
+        """Waits for the next tick; returns how late it is, ns."""
+        ...
+
+
+def _period_ns(rate: float) -> int:
+    if not 1.0 <= rate <= 10_000.0:
+        raise RateError(f"a loop cannot run at {rate} Hz; give a rate from 1 to 10000")
+    return round(1e9 / rate)
+
+
+@dataclass
+class Ticker:
+    """Ticks on the monotonic clock: sleeps until shortly before the deadline, then spins.
+
+    Attributes:
+        rate: ticks per second, 1 to 10000.
+        policy: what an overrun does: `skip` lets the missed ticks go, `catch_up` runs them without waiting.
+        overruns: ticks that came more than a period late.
+        skipped: ticks that never ran.
+
+    Raises:
+        RateError: if the rate is out of range.
+    """
+
+    rate: float
+    policy: Literal["skip", "catch_up"] = "skip"
+    overruns: int = field(default=0, init=False)
+    skipped: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        self._period = _period_ns(self.rate)
+        self._deadline = self.now()
+
+    @property
+    def period(self) -> float:
+        """Seconds from tick to tick."""
+        return self._period * 1e-9
+
+    def now(self) -> int:
+        """The monotonic clock, ns."""
+        return time.monotonic_ns()
+
+    def start(self) -> None:
+        """Makes the present the time of tick 0 and forgets former overruns."""
+        self._deadline = self.now()
+        self.overruns = self.skipped = 0
+
+    def wait(self) -> int:
+        """Waits for the next deadline; returns how long after it the wait ended, ns."""
+        self._deadline += self._period
+        spare = self._deadline - self.now() - SPIN_NS
+        if spare > 0:
+            time.sleep(spare * 1e-9)
+        while (late := self.now() - self._deadline) < 0:
+            pass
+        if late > self._period:
+            self.overruns += 1
+            if self.policy == "skip":
+                missed = late // self._period
+                self.skipped += missed
+                self._deadline += missed * self._period
+        return late
+
+
+@dataclass
+class VirtualClock:
+    """Ticks as fast as they are asked for, each exactly on time: for tests and for rendering.
+
+    Attributes:
+        rate: ticks per virtual second, 1 to 10000.
+        overruns, skipped: none, ever.
+
+    Raises:
+        RateError: if the rate is out of range.
+    """
+
+    rate: float
+    overruns: int = field(default=0, init=False)
+    skipped: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        self._period = _period_ns(self.rate)
+        self._time = 0
+
+    @property
+    def period(self) -> float:
+        """Virtual seconds from tick to tick."""
+        return self._period * 1e-9
+
+    def now(self) -> int:
+        """The virtual time, ns."""
+        return self._time
+
+    def start(self) -> None:
+        """Sets the virtual time to zero."""
+        self._time = 0
+
+    def wait(self) -> int:
+        """Lets one period pass; returns 0, for a virtual tick is never late."""
+        self._time += self._period
+        return 0

@@ -1,0 +1,237 @@
+"""The command desk: carries out on a deck what comes in over a socket, and reports back when a switch has settled."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+from controller.loop.stop_requests import StopRequest
+from controller.wire.command_socket import (
+    Accepted,
+    Address,
+    Blend,
+    CommandServer,
+    EmergencyStop,
+    Home,
+    Message,
+    Queue,
+    Refused,
+    Reply,
+    Reset,
+    Resume,
+    SetSpeed,
+    Settled,
+    State,
+    Status,
+    Stop,
+    Switch,
+)
+from motiondeck_base.errors import MotiondeckError
+
+Awaited = Switch | Queue | Blend
+"""Commands that are answered once more when they are carried out."""
+
+_MOST_AWAITED = 256  # switches whose end somebody waits for
+
+
+class Progress(Protocol):
+    """A switch under way, as the deck keeps it.
+
+    Its times are s since the deck's start, None while still to come; the rest is what `deck.Switch` says of it.
+    """
+
+    commanded_s: float
+    settled_s: float | None
+    after: str
+    via: tuple[str, ...]
+    overtaken: bool
+    fell_back: str
+
+
+class Commandable(Protocol):
+    """What the desk asks of a deck; what it cannot do it answers with a MotiondeckError that says why."""
+
+    @property
+    def motions(self) -> Sequence[str]:
+        """All it can play."""
+        ...
+
+    @property
+    def speed(self) -> float:
+        """The tempo."""
+        ...
+
+    @property
+    def paused(self) -> bool:
+        """Whether it stands still on command."""
+        ...
+
+    @property
+    def motion(self) -> str:
+        """What is played, or being switched to."""
+        ...
+
+    @property
+    def settled(self) -> bool:
+        """Whether no switch is under way."""
+        ...
+
+    @property
+    def queue(self) -> list[str]:
+        """What is played next."""
+        ...
+
+    def switch(self, to: str, *, direct: bool = False) -> Progress:
+        """Starts a switch."""
+        ...
+
+    def enqueue(self, to: str) -> Progress:
+        """Plays a motion after all others."""
+        ...
+
+    @property
+    def blend(self) -> tuple[str, float] | None:
+        """What is mixed into the motion, and its share."""
+        ...
+
+    @property
+    def fell_back(self) -> str:
+        """Why the last mixture was given up and what was played instead, or ""."""
+        ...
+
+    def blend_in(self, first: str, second: str, share: float) -> Progress:
+        """Plays a mixture of two motions."""
+        ...
+
+    def set_speed(self, factor: float, over: float = 0.0) -> None:
+        """Plays at another tempo."""
+        ...
+
+    def pause(self) -> None:
+        """Comes to a standstill."""
+        ...
+
+    def resume(self) -> None:
+        """Goes on."""
+        ...
+
+
+class CommandDesk:
+    """Carries out the commands that have come, once a tick; it never waits, and no client can make it raise.
+
+    Args:
+        deck: what is commanded.
+        servers: where commands come from.
+        note: is told of each command and its answer.
+        seen: says which motion the measured joints look like, and how surely.
+    """
+
+    def __init__(
+        self,
+        deck: Commandable,
+        servers: Sequence[CommandServer],
+        note: Callable[[Message, Reply], None] | None = None,
+        seen: Callable[[], tuple[str, float] | None] | None = None,
+    ) -> None:
+        self._deck = deck
+        self._servers = servers
+        self._note = note
+        self._seen = seen
+        self._awaited: deque[tuple[CommandServer, Address, Awaited, Progress]] = deque(maxlen=_MOST_AWAITED)
+
+    def __call__(self, stop: StopRequest) -> None:
+        """Answers what has come, and those who wait for a switch that has settled or been overtaken."""
+        for server in self._servers:
+            for message, sender in server.poll():
+                reply, progress = self.carry_out(message, stop)
+                if progress is not None and isinstance(message, Awaited):
+                    self._awaited.append((server, sender, message, progress))
+                server.reply(sender, reply)
+        for _ in range(len(self._awaited)):
+            server, sender, message, progress = self._awaited.popleft()
+            if progress.settled_s is not None:
+                took = progress.settled_s - progress.commanded_s
+                server.reply(sender, Settled(_aim(message), took, message.id))
+            elif progress.fell_back:
+                server.reply(sender, Refused(progress.fell_back, message.id))
+            elif progress.overtaken:
+                server.reply(sender, Refused(f"the switch to {_aim(message)} was overtaken by another", message.id))
+            else:
+                self._awaited.append((server, sender, message, progress))
+
+    def carry_out(self, message: Message, stop: StopRequest) -> tuple[Reply, Progress | None]:
+        """Does what a command says; the answer, and for a switch what becomes of it."""
+        reply, progress = self._do(message, stop)
+        if self._note is not None:
+            self._note(message, reply)
+        return reply, progress
+
+    def _do(self, message: Message, stop: StopRequest) -> tuple[Reply, Progress | None]:
+        deck = self._deck
+        progress: Progress | None = None
+        try:
+            match message:
+                case Status():
+                    return self._state(message, stop), None
+                case EmergencyStop():
+                    stop.halt()
+                    deck.pause()
+                case Reset():
+                    stop.reset()
+                case Stop():
+                    stop.ask("stopped on command")
+                case Home():
+                    stop.go_home()
+                    deck.pause()
+                case Resume():
+                    stop.play()
+                    deck.resume()
+                case _:
+                    stop.check_released()
+                    progress = self._play(message, stop)
+        except MotiondeckError as error:
+            return Refused(str(error), message.id), None
+        if progress is None:
+            return Accepted(message.id), None
+        return Accepted(message.id, progress.after, list(progress.via)), progress
+
+    def _play(self, message: Message, stop: StopRequest) -> Progress | None:
+        """Carries out what concerns the deck alone; who asks for a motion wants the joints to follow it."""
+        deck = self._deck
+        match message:
+            case Switch(to=to, direct=direct):
+                progress = deck.switch(to, direct=direct)
+            case Queue(to=to):
+                progress = deck.enqueue(to)
+            case Blend(first=first, second=second, share=share):
+                progress = deck.blend_in(first, second, share)
+            case SetSpeed(factor=factor, over=over):
+                return deck.set_speed(factor, over)
+            case _:
+                return deck.pause()
+        if stop.mode != "playing":
+            stop.play()
+            deck.resume()
+        return progress
+
+    def _state(self, message: Message, stop: StopRequest) -> State:
+        deck = self._deck
+        return State(
+            motion=deck.motion,
+            motions=list(deck.motions),
+            speed=deck.speed,
+            paused=deck.paused,
+            switching=not deck.settled,
+            id=message.id,
+            queue=deck.queue,
+            mode=stop.mode,
+            blend=deck.blend,
+            fell_back=deck.fell_back,
+            seen=self._seen() if self._seen is not None else None,
+        )
+
+
+def _aim(message: Awaited) -> str:
+    """What is played when the command has been carried out."""
+    return f"{message.first} + {message.second}" if isinstance(message, Blend) else message.to

@@ -1,0 +1,69 @@
+"""An ensemble: several robots that play the same poses, seen by the loop as one robot with the joints of all.
+
+So they approach, stop, go home and halt together, within the limits of each; the slowest sets the pace of an approach.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+
+import numpy as np
+
+from controller.deck.interfaces import JointLimits, Output, Retargeter
+from controller.mocap.posture import Pose
+from controller.rotations import Array
+
+
+def all_limits(limits: Sequence[JointLimits]) -> JointLimits:
+    """The limits of all joints, robot after robot."""
+    return JointLimits(*(np.concatenate([getattr(one, field.name) for one in limits]) for field in fields(JointLimits)))
+
+
+class Ensemble:
+    """Carries a pose to the joints of several robots; fits `interfaces.Retargeter`."""
+
+    def __init__(self, retargeters: Sequence[Retargeter]) -> None:
+        self._retargeters = list(retargeters)
+
+    def __call__(self, pose: Pose) -> Array:
+        """Joint targets of all robots, one after the other, rad."""
+        return np.concatenate([retarget(pose) for retarget in self._retargeters])
+
+
+class Share:
+    """One robot's output, which gets the targets of that robot's joints only; fits `interfaces.Output`.
+
+    Args:
+        output: of the robot.
+        first: index of the robot's first joint among all.
+        joints: how many joints it has.
+        of: how many there are in all.
+        called: goes before the output's name, to tell the robots apart.
+    """
+
+    def __init__(self, output: Output, first: int, joints: int, of: int, called: str = "") -> None:
+        self.name = called + output.name
+        self._output = output
+        self._mine = slice(first, first + joints)
+        self._measured = np.full(of, np.nan)
+
+    def write(self, targets: Array, pose: Pose) -> None:
+        """Hands on this robot's targets."""
+        self._output.write(targets[self._mine], pose)
+
+    def measured(self) -> Array | None:
+        """What is measured of this robot's joints, NaN for all others."""
+        measured = self._output.measured()
+        if measured is None:
+            return None
+        self._measured[self._mine] = measured
+        return self._measured
+
+    def report(self) -> Mapping[str, object]:
+        """What the output says of itself."""
+        return self._output.report()
+
+    def close(self) -> None:
+        """Closes the output."""
+        self._output.close()

@@ -1,0 +1,73 @@
+"""A channel: one output on the loop, with its share of the ticks and its faults."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from controller.deck.interfaces import Output
+from controller.mocap.posture import Pose
+from controller.rotations import Array
+
+FAULTS_TO_PARK = 3
+"""An output whose turns fail so often in a row is left alone from then on."""
+
+
+@dataclass
+class Channel:
+    """Serves an output at each `every`-th tick; whatever the output raises is counted and goes no further.
+
+    Attributes:
+        output: what is read and written.
+        every: 1 for each tick, 2 for each second tick, and so on.
+        measured: the joint positions read last, shape (J,), rad, or None; NaN for a joint that is not measured.
+        faults: how many reads and writes have raised.
+        fault: what was raised last.
+        parked: whether the output is left alone.
+    """
+
+    output: Output
+    every: int = 1
+    measured: Array | None = field(default=None, init=False)
+    faults: int = field(default=0, init=False)
+    fault: str = field(default="", init=False)
+    parked: bool = field(default=False, init=False)
+    _failed: bool = field(default=False, init=False)
+    _failed_turns: int = field(default=0, init=False)
+
+    def read(self, tick: int) -> None:
+        """Reads the joint positions, if it is the output's turn."""
+        if self.parked or tick % self.every:
+            return
+        try:
+            self.measured = self.output.measured()
+        except Exception as error:
+            self._count(error)
+
+    def write(self, tick: int, targets: Array, pose: Pose) -> None:
+        """Writes the targets, if it is the output's turn, and parks the output after too many failed turns."""
+        if self.parked or tick % self.every:
+            return
+        try:
+            self.output.write(targets, pose)
+        except Exception as error:
+            self._count(error)
+        self._failed_turns = self._failed_turns + 1 if self._failed else 0
+        self._failed = False
+        self.parked = self._failed_turns >= FAULTS_TO_PARK
+
+    def report(self) -> dict[str, object]:
+        """What the output says of itself, with its name and whether it was parked; `faults` adds its own to these."""
+        try:
+            own = dict(self.output.report())
+        except Exception as error:
+            self._count(error)
+            own = {}
+        inner = own.pop("faults", 0)
+        faults = self.faults + (inner if isinstance(inner, int) else 0)
+        last = {"fault": self.fault} if self.fault else {}
+        return {"name": self.output.name, "faults": faults, "parked": self.parked, **last, **own}
+
+    def _count(self, error: Exception) -> None:
+        self._failed = True
+        self.faults += 1
+        self.fault = f"{type(error).__name__}: {error}"

@@ -1,0 +1,158 @@
+"""The self-test: does every motion of a library run free, and is it the right one?
+
+Each motion is started at its first anchor and left alone for three times its length. What counts is the last third:
+
+- a loop passes if at least 70 % of its windows are nearest to the motion that was meant, the median distance is under
+  40 mm or 0.4 of the motion's own spread, and the joints move 0.4 to 2.5 times as fast as in training (still motions
+  excepted); and after the first third it has to come by at least 70 % of the motion's windows, to 40 mm, for a network
+  may take a short cut where a motion comes near to itself, and play a part of it for ever;
+- a motion that happens once passes if it went through at least 70 % of its moving windows in order and then holds its
+  last pose to 40 mm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from controller.measures.motion_matching import (
+    LOST_MM,
+    STRIDE,
+    Matcher,
+    activity,
+    joint_features,
+    rising_length,
+    window_count,
+    windows,
+)
+from controller.mocap.encodings.encoding import Encoding
+from controller.networks.base import FrameNetwork
+from controller.rotations import Array
+
+RUN_LENGTHS = 3
+STILL_MM = 0.3
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the self-test found.
+
+    Attributes:
+        passed: whether the motion may be played.
+        error_mm: median distance to the nearest window of the motion, over the last third of the run, mm.
+        right: share of those windows that are nearest to this motion and no other (1 for motions that happen once).
+        reason: why it failed, or "".
+    """
+
+    passed: bool
+    error_mm: float
+    right: float
+    reason: str
+
+
+def run_free(network: FrameNetwork, motion: str, frames: int) -> Array:
+    """What a network plays when started at a motion's first anchor, shape (frames, channels)."""
+    network.cue(motion, 0)
+    out = np.empty((frames, network.channels))
+    for frame in out:
+        network.advance(frame)
+    return out
+
+
+def self_test(network: FrameNetwork, judge: Judge, motions: Iterable[str] | None = None) -> dict[str, Verdict]:
+    """Runs motions of a network free, all of them unless told which, and judges them: one verdict a motion."""
+    return {name: _tested(network, judge, name) for name in (judge.loops if motions is None else motions)}
+
+
+def _tested(network: FrameNetwork, judge: Judge, motion: str) -> Verdict:
+    length = judge.length(motion)
+    run = run_free(network, motion, RUN_LENGTHS * length)
+    verdict = judge(motion, run)
+    if not (verdict.passed and judge.loops[motion]):
+        return verdict
+    passed_by = judge.share_passed(motion, run[length:])
+    if passed_by >= 0.7:
+        return verdict
+    return replace(verdict, passed=False, reason=f"comes by {passed_by:.0%} of the motion only")
+
+
+class Judge:
+    """Knows every motion and says whether a run is the one that was meant.
+
+    Args:
+        encoding: of the channels.
+        references: the frames that each motion was learned from, shape (T_j, channels); loops as one period.
+        loops: whether each motion is a loop.
+        holds: whether a motion that happens once was taught to hold its end.
+    """
+
+    def __init__(
+        self, encoding: Encoding, references: dict[str, Array], loops: dict[str, bool], *, holds: bool = True
+    ) -> None:
+        self.encoding, self.loops, self.holds = encoding, loops, holds
+        self._names = list(references)
+        self._features = [joint_features(encoding, frames) for frames in references.values()]
+        self._matcher = Matcher(self._features, [loops[name] for name in self._names])
+
+    def length(self, motion: str) -> int:
+        """How many frames a motion was learned from."""
+        return len(self._features[self._names.index(motion)])
+
+    def end(self, motion: str) -> Array:
+        """The features of a motion's last frame, shape (F,)."""
+        return self._features[self._names.index(motion)][-1]
+
+    def share_passed(self, motion: str, run: Array) -> float:
+        """The share of a motion's windows that the channels (T, C) of a run come by to LOST_MM."""
+        index = self._names.index(motion)
+        nearest = self._matcher.nearest(joint_features(self.encoding, run), index)
+        return float(np.mean(nearest <= LOST_MM))
+
+    def __call__(self, motion: str, run: Array) -> Verdict:
+        """The verdict on the channels (T, C) of a run."""
+        index = self._names.index(motion)
+        features = joint_features(self.encoding, run)
+        return judge(features, self._matcher, index, self._features[index], loop=self.loops[motion], holds=self.holds)
+
+
+def judge(run: Array, matcher: Matcher, index: int, reference: Array, *, loop: bool, holds: bool = True) -> Verdict:
+    """The verdict on one run of features (T, F) of the motion at an index, learned from reference features."""
+    if not np.isfinite(run).all():
+        return Verdict(False, np.inf, 0.0, "the network ran away")
+    if loop:
+        return _judge_loop(run, matcher, index, reference)
+    return _judge_once(run, matcher, index, reference, holds=holds)
+
+
+def _judge_once(run: Array, matcher: Matcher, index: int, reference: Array, *, holds: bool) -> Verdict:
+    """The verdict on features (T, F) of a motion that happens once, learned from reference features."""
+    found = matcher.match(run, index, alone=True)
+    error = float(np.median(found.distance[2 * len(found.distance) // 3 :]))
+    moving = np.square(np.diff(windows(reference), axis=0)).mean(1) > STILL_MM**2
+    places = found.place[found.place < len(moving)]
+    passed_through = rising_length(places[moving[places]]) / max(1, int(moving.sum()))
+    end = float(np.sqrt(np.square(run[-1] - reference[-1]).sum() / (len(run[-1]) / 3.0)))
+    if passed_through < 0.7:
+        return Verdict(False, error, 1.0, f"went through {passed_through:.0%} of the motion only")
+    if holds and end > LOST_MM:
+        return Verdict(False, error, 1.0, f"holds a pose {end:.0f} mm away from the last one")
+    return Verdict(True, error, 1.0, "")
+
+
+def _judge_loop(run: Array, matcher: Matcher, index: int, reference: Array) -> Verdict:
+    """The verdict on features (T, F) of a loop, by the last third of its windows."""
+    found = matcher.match(run[STRIDE * (2 * window_count(len(run)) // 3) :], index)
+    error = float(np.median(found.distance))
+    right = float(np.mean(found.motion == index))
+    bound = max(LOST_MM, 0.4 * matcher.spread(index))
+    own = activity(reference)
+    pace = activity(run[2 * len(run) // 3 :]) / own if own > STILL_MM else 1.0
+    if right < 0.7:
+        return Verdict(False, error, right, f"only {right:.0%} of it looks like this motion")
+    if error > bound:
+        return Verdict(False, error, right, f"{error:.0f} mm off, {bound:.0f} mm allowed")
+    if not 0.4 <= pace <= 2.5:
+        return Verdict(False, error, right, f"moves {pace:.2f} times as fast as it should")
+    return Verdict(True, error, right, "")

@@ -1,0 +1,67 @@
+"""Trials of one motion: does it hold, run free, started from noise, and disturbed? What a trainer chooses by.
+
+The disturbances are the thesis's (`evaluation/disturbance.py`). Choosing needs more runs than a verdict does: a motion
+that fails in one run of ten passes five runs more often than not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.measures.disturbance import Kind, disturbed
+from controller.measures.run_batch import batch_of
+from controller.measures.self_test import Judge, Verdict, self_test
+from controller.networks.conceptor import ConceptorNetwork
+from controller.networks.echo_state import EchoStateNetwork
+
+RUNS: dict[Kind, int] = {"robustness": 8, "stability": 16}
+"""How many disturbed runs of each kind are tried."""
+
+FREE_RUN = sum(RUNS.values())
+"""What a failure of the free run counts, in disturbed ones."""
+
+
+FORGIVEN = 1
+"""How many failures a motion that passes may have."""
+
+
+def with_trials(verdicts: dict[str, Verdict], failed: dict[str, int]) -> dict[str, Verdict]:
+    """The verdicts of free runs, made worse where more than FORGIVEN disturbed runs of a motion failed."""
+    return {
+        name: replace(verdict, passed=False, reason=f"fails {failed[name]} times when disturbed")
+        if verdict.passed and failed[name] > FORGIVEN
+        else verdict
+        for name, verdict in verdicts.items()
+    }
+
+
+def failures(
+    network: ConceptorNetwork | EchoStateNetwork,
+    motion: str,
+    kinds: tuple[Kind, ...],
+    judge: Judge,
+    seed: int,
+    weights: NDArray[np.float32] | None = None,
+) -> int:
+    """How many runs of a motion fail; where the free one does, no other is tried.
+
+    Args:
+        network: what plays.
+        motion: which of its motions.
+        kinds: of disturbance that it has to survive.
+        judge: of the motions.
+        seed: of the noise.
+        weights: W of a conceptor network, as for `batch_of`.
+    """
+    if not self_test(network, judge, (motion,))[motion].passed:
+        return FREE_RUN
+    failed = 0
+    for kind in kinds:
+        runs = RUNS[kind]
+        rng = np.random.default_rng([seed, *motion.encode(), kind == "stability"])
+        played = disturbed(kind, batch_of(network, motion, runs, weights), runs, rng)
+        failed += sum(not judge(motion, run.astype(np.float64)).passed for run in played)
+    return failed

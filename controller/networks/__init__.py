@@ -1,0 +1,1 @@
+"""The networks, one file each; they need neither a clock nor a trainer."""

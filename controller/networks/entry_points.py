@@ -1,0 +1,54 @@
+"""Where a motion is best entered: after which of its entry points it is most like what would have come."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy as np
+
+from controller.networks.base import Channels
+from controller.rotations import Array
+
+WINDOW_FRAMES = 12
+WINDOW_SECONDS = 0.45
+
+
+class TimedMotion(Protocol):
+    """A motion whose channels can be asked for at any time."""
+
+    def at(self, time: Array) -> Channels:
+        """The channels at times (T,) since its beginning, s, shape (T, D)."""
+        ...
+
+
+class Entries:
+    """The windows that follow the entry points of some motions.
+
+    Args:
+        motions: by name.
+        starts: when they may be entered, shape (E,), s, of each.
+    """
+
+    def __init__(self, motions: Mapping[str, TimedMotion], starts: Mapping[str, Array]) -> None:
+        self._ahead = np.linspace(0.0, WINDOW_SECONDS, WINDOW_FRAMES)
+        windows = {
+            name: motion.at((starts[name][:, None] + self._ahead).ravel()).reshape(len(starts[name]), WINDOW_FRAMES, -1)
+            for name, motion in motions.items()
+        }
+        frames = np.concatenate([w.reshape(-1, w.shape[-1]) for w in windows.values()])
+        spread = frames.std(0)
+        self._scale = np.maximum(spread, 1e-3 * max(1e-12, float(spread.max())))
+        self._windows = {name: w / self._scale for name, w in windows.items()}
+
+    def best(self, source: TimedMotion, time: float, target: str, among: int | None = None) -> int:
+        """Which of a motion's first `among` entry points suits best.
+
+        Args:
+            source: what is left, and
+            time: when, s.
+            target: the motion that is entered.
+            among: how many of its entry points are compared; each channel counts by its spread.
+        """
+        coming = source.at(time + self._ahead) / self._scale
+        return int(np.square(self._windows[target][:among] - coming).sum((1, 2)).argmin())

@@ -1,0 +1,222 @@
+"""A guard around a network: sees when it is lost and puts it back to where it was, or nearly so.
+
+Four signs are looked for:
+
+- an impossible state: one that no playing leads to (every frame);
+- far from everything the motion knows: no anchor is near (every LOOK_EVERY frames);
+- frozen: what is played moves a fraction of the least that the motion ever moves (every LOOK_EVERY frames);
+- out of order: a motion that happens once is not near where it was a look ago, or a little further on.
+
+The cure is always the same: start again from a stored state. In a loop that is the one whose frame is nearest to what
+was last seen, in a motion that happens once the one that would have come next. The frame jumps by the distance to it,
+which is why a safety envelope belongs between this and a robot. Nothing that ran well is touched: a guarded run without
+a sign of trouble is the run itself, bit by bit.
+
+A look compares one frame with at most MOST_ANCHORS anchors; what it costs is bounded and does not grow with a motion.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.networks.base import Channels, FrameNetwork
+
+LOOK_EVERY = 5
+MOST_ANCHORS = 128
+FAR = 0.6
+FROZEN = 0.3
+DISORDER = 0.3
+STILL = 0.02
+MEMORY = 0.1
+
+
+class GuardableNetwork(FrameNetwork, Protocol):
+    """A frame network that knows when its state is one that no playing leads to."""
+
+    def astray(self) -> bool:
+        """Whether it is in such a state."""
+        ...
+
+
+@dataclass(frozen=True)
+class Beat:
+    """What a guard knows of one motion.
+
+    Attributes:
+        anchors: which of the network's anchors it compares with, shape (A,).
+        places: their frames, each channel divided by its spread over all motions, shape (A, C).
+        squares: |place|^2, shape (A,).
+        pace: the mean movement between two looks.
+        slowest: the least smoothed movement that counts as playing; 0 where standing still is right.
+        disorder: how far a motion that happens once may be from where it should be.
+        stride: how many of these anchors a motion that happens once goes on between two looks; None for a loop.
+    """
+
+    anchors: NDArray[np.int64]
+    places: Channels
+    squares: Channels
+    pace: float
+    slowest: float
+    disorder: float
+    stride: float | None
+
+
+class Watch:
+    """Watches R runs of one motion; a single player is a watch of one.
+
+    Args:
+        beat: of the motion.
+        scale: the spread of each channel, shape (C,).
+        frames: what the runs start from, shape (R, C).
+    """
+
+    def __init__(self, beat: Beat, scale: Channels, frames: Channels) -> None:
+        self.beat = beat
+        self._scale = scale
+        self._seen = frames / scale
+        self._pace = np.full(len(frames), beat.pace)
+        self._place = self._distances(self._seen).argmin(1).astype(np.float64)
+        self._count = 0
+
+    def copy(self) -> Watch:
+        """The same watch with a memory of its own."""
+        twin = Watch(self.beat, self._scale, self._seen * self._scale)
+        twin._pace, twin._place, twin._count = self._pace.copy(), self._place.copy(), self._count
+        return twin
+
+    def look(self, frames: Channels, astray: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Which runs are lost, shape (R,), from their newest frames (R, C) and whether their states are impossible."""
+        lost = astray | ~np.isfinite(frames).all(1)
+        self._count += 1
+        if self._count % LOOK_EVERY:
+            return lost
+        seen = np.where(lost[:, None], self._seen, frames / self._scale)
+        step = np.sqrt(np.square(seen - self._seen).mean(1))
+        self._seen = seen
+        self._pace += MEMORY * (step - self._pace)
+        if self.beat.stride is None:
+            lost |= self._distances(seen).min(1) > FAR**2
+            lost |= self._pace < self.beat.slowest
+            self._pace[lost] = self.beat.pace
+            return lost
+        return lost | self._disordered(seen, self.beat.stride)
+
+    def _disordered(self, seen: Channels, stride: float) -> NDArray[np.bool_]:
+        """Which runs are not where they should be by now; moves their places on."""
+        last = len(self.beat.places) - 1
+        expected = np.minimum(self._place + stride, last)
+        reach = np.arange(-2, 3) * max(1.0, 0.5 * stride)
+        around = np.clip(np.rint(expected[:, None] + reach), 0, last).astype(np.int64)
+        distance = np.take_along_axis(self._distances(seen), around, axis=1)
+        nearest = distance.argmin(1)
+        rows = np.arange(len(seen))
+        lost = distance[rows, nearest] > self.beat.disorder**2
+        # It may play slower or faster, but not jump.
+        found = np.clip(around[rows, nearest], self._place + 0.5 * stride, self._place + 1.5 * stride)
+        self._place = np.minimum(np.where(lost, expected, found), last)
+        return lost
+
+    def restart(self, rows: NDArray[Any]) -> NDArray[np.int64]:
+        """The network's anchors from which the given runs are to start again."""
+        if self.beat.stride is not None:
+            return self.beat.anchors[self._place[rows].astype(np.int64)]
+        return self.beat.anchors[self._distances(self._seen[rows]).argmin(1)]
+
+    def _distances(self, places: Channels) -> Channels:
+        """Mean squared distance of places (R, C) to each anchor, shape (R, A)."""
+        square = np.square(places).sum(1)[:, None] + self.beat.squares - 2.0 * places @ self.beat.places.T
+        return square / places.shape[1]
+
+
+class Guard:
+    """Plays what a network plays and starts it again where it is lost; fits `base.FrameNetwork` itself.
+
+    Args:
+        network: what is guarded.
+        lengths: how many frames each motion has.
+        loops: whether it goes on for ever.
+
+    Attributes:
+        recues: how often it had to start the network again.
+        anchor: where it did so the last time.
+    """
+
+    def __init__(self, network: GuardableNetwork, lengths: dict[str, int], loops: dict[str, bool]) -> None:
+        self.network = network
+        self.motions, self.channels = network.motions, network.channels
+        self.scale = spread(network)
+        self.beats = {
+            name: beat(network, name, self.scale, lengths[name], loop=loops[name]) for name in network.motions
+        }
+        self.recues = self.anchor = 0
+        self._newest = np.zeros((1, network.channels))
+        self._astray = np.zeros(1, dtype=bool)
+        self.cue(self.motions[0], 0)
+
+    def anchors(self, motion: str) -> Channels:
+        """The frames at the anchors of a motion, shape (anchors, channels)."""
+        return self.network.anchors(motion)
+
+    def cue(self, motion: str, anchor: int) -> None:
+        """Puts the network into the stored state of an anchor."""
+        self.network.cue(motion, anchor)
+        self._motion = motion
+        self._watch = Watch(self.beats[motion], self.scale, self.network.anchors(motion)[anchor : anchor + 1])
+
+    def advance(self, out: Channels) -> None:
+        """Steps one frame on and writes it into out, shape (channels,)."""
+        if self.network.astray():
+            self._start_again()
+        self.network.advance(out)
+        self._newest[0], self._astray[0] = out, self.network.astray()
+        if self._watch.look(self._newest, self._astray)[0]:
+            self._start_again()
+            if self._astray[0] or not np.isfinite(out).all():
+                self.network.advance(out)
+
+    def _start_again(self) -> None:
+        self.recues += 1
+        self.anchor = int(self._watch.restart(np.zeros(1, dtype=np.int64))[0])
+        self.network.cue(self._motion, self.anchor)
+
+    def snapshot(self) -> Any:
+        """A copy of the state."""
+        return self.network.snapshot(), self._motion, self._watch.copy()
+
+    def restore(self, snapshot: Any) -> None:
+        """Puts the state back to a snapshot."""
+        network, self._motion, watch = snapshot
+        self.network.restore(network)
+        self._watch = watch.copy()
+
+
+def spread(network: FrameNetwork) -> Channels:
+    """The standard deviation of each channel over the anchors of all motions, 1 where it never moves, shape (C,)."""
+    deviation = np.concatenate([network.anchors(name) for name in network.motions]).std(0)
+    return np.where(deviation > 1e-6, deviation, 1.0)
+
+
+def beat(network: FrameNetwork, motion: str, scale: Channels, length: int, *, loop: bool) -> Beat:
+    """What a guard has to know of a motion of some length in frames."""
+    frames = network.anchors(motion) / scale
+    anchors = np.arange(0, len(frames), -(-len(frames) // MOST_ANCHORS))
+    pace = slowest = 0.0
+    if loop:
+        # Twice round, because the smoothed movement depends on what came before.
+        looks_per_anchor = length / len(frames) / LOOK_EVERY
+        steps = np.sqrt(np.square(np.roll(frames, -1, axis=0) - frames).mean(1)) / looks_per_anchor
+        pace = float(steps.mean())
+        if pace > STILL:
+            smooth, least = pace, pace
+            share = 1.0 - (1.0 - MEMORY) ** looks_per_anchor
+            for step in np.concatenate([steps, steps]):
+                smooth += share * (step - smooth)
+                least = min(least, smooth)
+            slowest = FROZEN * least
+    stride = None if loop else LOOK_EVERY * len(anchors) / length
+    disorder = DISORDER * float(np.sqrt(np.square(frames - frames.mean(0)).mean()))
+    return Beat(anchors, frames[anchors], np.square(frames[anchors]).sum(1), pace, slowest, disorder, stride)

@@ -1,0 +1,137 @@
+"""Labelled recordings: a folder a class, and the skeletons of the people who were recorded.
+
+A recording belongs to the class its folder is named after. Its skeleton is the .asf file in its own folder or one above
+(up to the folder of the whole set) whose name begins the recording's name (HDM_bd.asf for HDM_bd_squat_001.amc), else
+the only one there. Who has one skeleton is one actor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.mocap.clip import Clip
+from controller.mocap.formats.reading import read_clip, skeleton_of
+from controller.rotations import Array
+from motiondeck_base.errors import FileFormatError, MotiondeckError
+from motiondeck_base.files import as_float, read_lines
+
+RECORDINGS = (".amc", ".mat")
+SHORTEST = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Example:
+    """One labelled recording.
+
+    Attributes:
+        clip: what was recorded.
+        label: which motion it is.
+        actor: who does it.
+        path: the file.
+    """
+
+    clip: Clip
+    label: str
+    actor: str
+    path: Path
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """Labelled recordings, and what was left out.
+
+    Attributes:
+        examples: in the order of their paths.
+        skipped: a line for each file that could not be used; it names the file and says why.
+    """
+
+    examples: list[Example]
+    skipped: list[str]
+
+    @cached_property
+    def classes(self) -> list[str]:
+        """The names of the motions, in alphabetical order."""
+        return sorted({example.label for example in self.examples})
+
+    @cached_property
+    def labels(self) -> NDArray[np.int64]:
+        """The class of each example, an index into `classes`."""
+        return np.array([self.classes.index(example.label) for example in self.examples])
+
+    @cached_property
+    def actors(self) -> NDArray[np.int64]:
+        """Who does each example, an index into the sorted names of the actors."""
+        names = sorted({example.actor for example in self.examples})
+        return np.array([names.index(example.actor) for example in self.examples])
+
+
+def read_dataset(folder: Path, progress: Callable[[int, int], None] = lambda done, total: None) -> Dataset:
+    """Reads a folder of recordings, one folder a class.
+
+    A file that cannot be read, or is shorter than SHORTEST frames, is left out and named in `skipped`.
+
+    Args:
+        folder: of the whole set.
+        progress: told how many files of how many are done.
+
+    Raises:
+        MotiondeckError: if there is no such folder, or not a single usable recording in it.
+    """
+    if not folder.is_dir():
+        raise MotiondeckError(f"{folder}: there is no such folder")
+    paths = sorted(p for p in folder.rglob("*") if p.suffix.lower() in RECORDINGS and p.is_file())
+    examples: list[Example] = []
+    skipped: list[str] = []
+    for done, path in enumerate(paths):
+        progress(done, len(paths))
+        try:
+            if path.parent == folder:
+                raise FileFormatError(f"{path}: lies beside the class folders; move it into the folder of its class.")
+            skeleton = skeleton_of(path, folder)
+            clip = read_clip(path, skeleton)
+            if len(clip) < SHORTEST:
+                raise FileFormatError(f"{path}: {len(clip)} frames are too few to learn from (at least {SHORTEST}).")
+        except MotiondeckError as error:
+            skipped.append(str(error))
+            continue
+        actor = skeleton.stem if skeleton else clip.skeleton.name
+        examples.append(Example(clip, path.parent.name, actor, path))
+    progress(len(paths), len(paths))
+    if not examples:
+        reason = f" The first problem: {skipped[0]}" if skipped else ""
+        raise MotiondeckError(
+            f"{folder}: no usable recording. Expected are folders named after motions with .amc files in them, and "
+            f"the .asf skeletons beside or above them.{reason}"
+        )
+    return Dataset(examples, skipped)
+
+
+def recorded_angles(path: Path) -> Array:
+    """The angles of an .amc file as they stand there, without the root's place: shape (T, 59) for CMU and HDM05, rad.
+
+    They are neither wrapped nor made continuous; this is what the proposal of 2012 looks at. The file must already
+    have been read without complaint.
+
+    Raises:
+        FileFormatError: if it is no .amc file.
+    """
+    if path.suffix.lower() != ".amc":
+        raise FileFormatError(f"{path}: only .amc files hold angles.")
+    frames: list[list[float]] = []
+    unit = np.pi / 180.0
+    for line in read_lines(path):
+        words = line.partition("#")[0].split()
+        if not words or words[0].startswith(":"):
+            unit = 1.0 if words and words[0].lower() == ":radians" else unit
+        elif len(words) == 1 and words[0].isdecimal():
+            frames.append([])
+        else:
+            values = words[4:] if words[0] == "root" else words[1:]
+            frames[-1].extend(as_float(word) or 0.0 for word in values)
+    return np.array(frames) * unit

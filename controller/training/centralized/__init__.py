@@ -1,0 +1,1 @@
+"""Trainers of centralized networks: frequencies, satellites, weights, and how many are worth it."""

@@ -1,0 +1,77 @@
+"""Teaches one motion to a centralized network: rest, centers, satellites and weights.
+
+A loop gets a slow center that turns once in its period and fast ones that make whole numbers of turns, so that the
+curve on their torus is closed and the motion can go on for ever. A motion that happens once gets a slow center that
+starts with a quarter, 0.45 or one turn and is moved with everything else.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+
+from controller.networks.centralized import CentralizedMotion
+from controller.rotations import Array
+from controller.training.centralized.satellite_learning import learn, ridge_readout, slow_and_fast
+from motiondeck_base.errors import MotiondeckError
+
+# Weights of normalised channels beyond this stand for satellites that cancel each other.
+LARGEST_WEIGHT = 1e3
+
+MOST_TURNS = 8
+FREQUENCY_TRIES = 30
+
+
+def train_centralized(
+    channels: Array,
+    rate: float,
+    *,
+    loop: bool,
+    centers: int = 2,
+    satellites: int = 49,
+    iterations: int = 150,
+    seed: int = 0,
+) -> CentralizedMotion:
+    """The network of one motion.
+
+    Args:
+        channels: the motion, shape (K, D); of a loop one period, whose first frame follows its last.
+        rate: frames per second.
+        loop: whether it goes on for ever.
+        centers, satellites: n and m.
+        iterations: of the joint refinement of all satellites.
+        seed: of the frequencies that are tried.
+
+    Raises:
+        MotiondeckError: if there are fewer frames than satellites, or the weights grow beyond LARGEST_WEIGHT.
+    """
+    if centers < 1 or satellites < 1:
+        raise MotiondeckError(f"a network of {centers} centers and {satellites} satellites; it needs at least one each")
+    frames = len(channels)
+    seconds = frames / rate if loop else max(1, frames - 1) / rate
+    time = np.arange(frames) / rate
+    rest = channels.mean(0)
+    scale = channels.std(0)
+    scale = np.maximum(scale, 1e-3 * max(1e-12, float(scale.max())))
+    target = (channels - rest) / scale
+    starts = _closed(seconds, centers, seed) if loop else slow_and_fast(seconds, centers, FREQUENCY_TRIES, seed)
+    learned = learn(target, time, satellites, starts, iterations=iterations, move_frequencies=not loop)
+    weights = ridge_readout(learned.respond(time), target)
+    if np.abs(weights).max() > LARGEST_WEIGHT:
+        raise MotiondeckError(
+            f"the weights grow to {np.abs(weights).max():.0f}: {satellites} satellites are too many for {frames} frames"
+        )
+    return CentralizedMotion(
+        learned.frequency, learned.phase, learned.satellites, weights * scale[:, None], rest, seconds, loop
+    )
+
+
+def _closed(seconds: float, centers: int, seed: int) -> list[Array]:
+    """Frequencies that make whole turns in a period: one turn, and each choice of faster ones (at most a few dozen)."""
+    base = 2.0 * np.pi / seconds
+    choices = [np.array((1, *faster)) for faster in combinations(range(2, MOST_TURNS + centers), centers - 1)]
+    if len(choices) > FREQUENCY_TRIES:
+        drawn = np.random.default_rng(seed).choice(len(choices), FREQUENCY_TRIES, replace=False)
+        choices = [choices[i] for i in sorted(drawn)]
+    return [base * turns for turns in choices]

@@ -1,0 +1,254 @@
+"""Fills in markers that are missing for a while from those that are there (Vakulenko et al. 2017, section 4).
+
+1. Around a gap the markers that are there are shifted and turned, frame by frame, onto their mean shape (Kabsch 1976):
+   where the body goes and turns is of no use for telling where a marker on it is.
+2. Centers and satellites are learned from them. What these say moves in few directions, the scores; the marker that
+   is missing is a weighted sum of the scores. So it is the frequencies and satellites of the others that tell where it
+   was.
+3. By how much the weighted sum is off on both sides of the gap is carried over it, by a cubic or by a line.
+4. How much ridge the weights get, and which of the two it is, is found without the gap: stretches as long as it are
+   hidden where the marker is seen, and filled in every way. The largest ridge leaves nothing but the marker's mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from controller.ridge import ridge
+from controller.rotations import Array
+from controller.training.centralized.satellite_learning import learn, ridge_readout, slow_and_fast
+
+# What is looked at on both sides of a gap, s, beside as much as the gap is long.
+CONTEXT_S = 3.0
+# Gaps that lie within so much, s, are filled from one network.
+TOGETHER_S = 3.0
+
+CENTERS = 2
+SATELLITES_A_SECOND = 12.0
+PIECE_S = 8.0
+TRIES = 20
+ITERATIONS = 60
+SCORES = 24
+
+HIDDEN = 8  # stretches that are hidden to find the way
+EDGE = 4  # frames on each side of a gap that its cubic starts from
+
+FEWEST_SEEN = 30  # frames of a marker, to learn its weights from
+FEWEST_OTHERS = 3  # markers, to know how the body lies
+BRIDGED = 0.1  # of the others may be missing so much outside the gap; straight lines bridge it
+
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Way:
+    """How a gap may be filled.
+
+    Attributes:
+        ridge_share: of the weights, for each frame that is seen.
+        cubic: whether a cubic carries what they are off; otherwise a line.
+    """
+
+    ridge_share: float
+    cubic: bool
+
+
+WAYS = [Way(float(share), cubic) for share in 10.0 ** np.arange(-8.0, 3.0) for cubic in (True, False)]
+
+
+@dataclass(frozen=True)
+class Gap:
+    """A marker that is not seen from one frame to before another.
+
+    Attributes:
+        marker, first, end: where it is.
+        expected: mean absolute error of a coordinate, in the unit of the markers, with which stretches as long as the
+            gap were filled where the truth is known; None if there was none to try, or the gap could not be filled.
+        filled: whether it was.
+    """
+
+    marker: int
+    first: int
+    end: int
+    expected: float | None = None
+    filled: bool = False
+
+    @property
+    def frames(self) -> int:
+        """How long it is."""
+        return self.end - self.first
+
+
+def gaps_of(markers: Array) -> list[Gap]:
+    """What is missing of markers (K, M, 3), by its beginning."""
+    missing: Flags = np.asarray(np.isnan(markers).any(axis=-1))
+    return sorted(
+        (Gap(m, first, end) for m in range(markers.shape[1]) for first, end in _runs(missing[:, m])),
+        key=lambda gap: gap.first,
+    )
+
+
+def fill_missing(markers: Array, rate: float, tick: Callable[[], None] = lambda: None) -> tuple[Array, list[Gap]]:
+    """Fills the gaps in markers.
+
+    A gap stays open where fewer than FEWEST_OTHERS markers are seen through it, or its own in fewer than FEWEST_SEEN
+    frames around it.
+
+    Args:
+        markers: shape (K, M, 3); coordinates of a missing one are NaN.
+        rate: frames per second.
+        tick: is called once a gap.
+
+    Returns:
+        The markers, and the gaps that there were.
+    """
+    filled, done = markers.copy(), []
+    for group in _groups(gaps_of(markers), round(TOGETHER_S * rate)):
+        tried = _fill_group(markers, filled, group, rate)
+        for gap in tried:
+            # What no three markers were seen through may still be filled piece by piece.
+            done += [gap] if gap.filled or len(group) == 1 else _fill_group(markers, filled, [gap], rate)
+            tick()
+    return filled, done
+
+
+def _groups(gaps: list[Gap], most: int) -> list[list[Gap]]:
+    """Gaps that lie within so many frames together."""
+    groups: list[list[Gap]] = []
+    for gap in gaps:
+        if groups and gap.end - groups[-1][0].first <= most:
+            groups[-1].append(gap)
+        else:
+            groups.append([gap])
+    return groups
+
+
+def _fill_group(markers: Array, filled: Array, group: list[Gap], rate: float) -> list[Gap]:
+    """Fills some gaps from one network."""
+    context = round(CONTEXT_S * rate) + max(gap.frames for gap in group)
+    begin = max(0, min(gap.first for gap in group) - context)
+    stop = min(len(markers), max(gap.end for gap in group) + context)
+    part = markers[begin:stop]
+    missing: Flags = np.asarray(np.isnan(part).any(axis=-1))
+    within = np.zeros(len(part), dtype=bool)
+    for gap in group:
+        within[gap.first - begin : gap.end - begin] = True
+    others = ~missing[within].any(axis=0) & (missing.mean(0) <= BRIDGED)
+    if others.sum() < FEWEST_OTHERS:
+        return group
+    base, turn, shape = _onto_mean_shape(_bridged(part[:, others], missing[:, others]))
+    scores = _scores(shape.reshape(len(shape), -1), rate)
+    done = []
+    for gap in group:
+        hole = missing[:, gap.marker]
+        if (~hole).sum() < FEWEST_SEEN:
+            done.append(gap)
+            continue
+        path = _turned(part[:, gap.marker] - base, turn)
+        way, expected = _choose(scores, path, hole, gap.frames)
+        inside = slice(gap.first - begin, gap.end - begin)
+        said = _fill(scores, path, hole, way)[inside]
+        filled[gap.first : gap.end, gap.marker] = _turned(said, np.swapaxes(turn[inside], 1, 2)) + base[inside]
+        done.append(Gap(gap.marker, gap.first, gap.end, expected, filled=True))
+    return done
+
+
+def _onto_mean_shape(markers: Array) -> tuple[Array, Array, Array]:
+    """Where markers (K, M, 3) are, how they are turned, (K, 3) and (K, 3, 3), and what is left: their shape."""
+    base = markers.mean(1)
+    centred = markers - base[:, None]
+    mean = centred[len(centred) // 2]
+    turn = np.zeros((len(markers), 3, 3))
+    for _ in range(3):
+        left, _, right = np.linalg.svd(np.swapaxes(centred, 1, 2) @ mean)
+        left[:, :, -1] *= np.sign(np.linalg.det(left @ right))[:, None]
+        turn = left @ right
+        mean = (centred @ turn).mean(0)
+    return base, turn, centred @ turn
+
+
+def _turned(path: Array, turn: Array) -> Array:
+    """Each place of a path (K, 3) turned by its own matrix."""
+    return (path[:, None] @ turn)[:, 0]
+
+
+def _scores(flat: Array, rate: float) -> Array:
+    """What networks of their own say of coordinates (K, F) in the SCORES strongest directions, shape (K, SCORES).
+
+    One network for each piece of PIECE_S at most.
+    """
+    target = flat - flat.mean(0)
+    pieces = np.array_split(target, max(1, int(np.ceil(len(flat) / (PIECE_S * rate)))))
+    said = np.concatenate([_said(piece, rate) for piece in pieces])
+    left, size, _ = np.linalg.svd(said, full_matrices=False)
+    return left[:, :SCORES] * size[:SCORES] / max(size[0], 1e-300)
+
+
+def _said(target: Array, rate: float) -> Array:
+    """What a network makes of coordinates (K, F)."""
+    middle = target.mean(0)
+    time = np.arange(len(target)) / rate
+    satellites = int(np.clip(SATELLITES_A_SECOND * time[-1], 4, max(1, len(target) // 3)))
+    starts = slow_and_fast(float(time[-1]), CENTERS, TRIES, 0)
+    learned = learn(target - middle, time, satellites, starts, iterations=ITERATIONS)
+    response = learned.respond(time)
+    return response @ ridge_readout(response, target - middle).T + middle
+
+
+def _choose(scores: Array, path: Array, missing: Flags, gap: int) -> tuple[Way, float | None]:
+    """The way in which hidden stretches as long as a gap are filled best, and their mean absolute error.
+
+    Where the marker is never seen for so long, shorter stretches are hidden.
+    """
+    longest = max((end - first for first, end in _runs(~missing)), default=0)
+    length = min(gap, longest - 2 * EDGE)
+    if length < 1:
+        return Way(1e-3, cubic=False), None
+    starts = [k for first, end in _runs(~missing) for k in range(first + EDGE, end - length - EDGE + 1)]
+    tried = np.unique(np.linspace(0, len(starts) - 1, HIDDEN).astype(int))
+    missed = np.zeros(len(WAYS))
+    for index in tried:
+        hidden = slice(starts[index], starts[index] + length)
+        holes = missing.copy()
+        holes[hidden] = True
+        missed += [np.abs(_fill(scores, path, holes, way)[hidden] - path[hidden]).mean() for way in WAYS]
+    best = int(missed.argmin())
+    return WAYS[best], float(missed[best] / len(tried))
+
+
+def _fill(scores: Array, path: Array, missing: Flags, way: Way) -> Array:
+    """A path (K, 3) without gaps: what the scores say of it, and over each gap what they were off on both sides."""
+    there = path[~missing]
+    weights = ridge(scores[~missing], there - there.mean(0), way.ridge_share * len(there))
+    said = scores @ weights.T + there.mean(0)
+    out = np.where(missing[:, None], said, path)
+    for first, end in _runs(missing):
+        edges = (first - EDGE, first - 1, end, end + EDGE - 1) if way.cubic else (first - 1, end)
+        near = [k for k in edges if 0 <= k < len(path) and not missing[k]]
+        inside, off = np.arange(first, end), path[near] - said[near]
+        if len(near) == 4:
+            out[first:end] += CubicSpline(near, off)(inside)
+        elif near:
+            out[first:end] += np.stack([np.interp(inside, near, off[:, axis]) for axis in range(3)], axis=-1)
+    return out
+
+
+def _bridged(markers: Array, missing: Flags) -> Array:
+    """Markers (K, M, 3) with straight lines where they are missing."""
+    whole, frames = markers.copy(), np.arange(len(markers))
+    for m in np.flatnonzero(missing.any(0)):
+        there = ~missing[:, m]
+        for axis in range(3):
+            whole[:, m, axis] = np.interp(frames, frames[there], markers[there, m, axis])
+    return whole
+
+
+def _runs(flags: Flags) -> list[tuple[int, int]]:
+    """From where to before where flags (K,) are set."""
+    change = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
+    return [(int(first), int(end)) for first, end in change.reshape(-1, 2)]

@@ -1,0 +1,30 @@
+"""What a centralized network makes of one segment, with as much effort as its figures are quoted with."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from controller.rotations import Array
+from controller.training.centralized.satellite_learning import learn, ridge_readout, slow_and_fast
+
+TRIES = 30
+KEPT = 4
+ITERATIONS = 500
+
+
+def say_segment(segment: Array, rate: float, satellites: int, centers: int = 2) -> Array:
+    """What learned satellites say of joints or markers (K, M, 3), the mean of each coordinate beside.
+
+    Args:
+        segment: K frames.
+        rate: frames per second.
+        satellites: m; fewer where there are not as many frames.
+        centers: n.
+    """
+    flat = segment.reshape(len(segment), -1)
+    middle = flat.mean(0)
+    time = np.arange(len(flat)) / rate
+    starts = slow_and_fast(len(flat) / rate, centers, TRIES, 0)
+    learned = learn(flat - middle, time, min(satellites, len(flat) - 1), starts, keep=KEPT, iterations=ITERATIONS)
+    response = learned.respond(time)
+    return (response @ ridge_readout(response, flat - middle).T + middle).reshape(segment.shape)

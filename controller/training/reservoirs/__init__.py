@@ -1,0 +1,1 @@
+"""Trainers of reservoir networks: conceptors, random feature conceptors, echo-state networks."""

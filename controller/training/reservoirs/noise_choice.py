@@ -1,0 +1,59 @@
+"""How much noise while an echo-state network is taught which motion? As much as makes it hold in trials.
+
+A little noise on the state teaches a readout the way back from small errors. How much is best depends on the motion and
+on the random weights, and the draw itself decides where a motion is near to freezing; so a motion that does not hold is
+taught again, by itself, since no readout depends on another.
+"""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+
+from controller.measures.disturbance import Kind
+from controller.measures.self_test import Judge
+from controller.measures.trials import failures
+from controller.mocap.encodings.normalisation import Normalisation
+from controller.networks.echo_state import EchoStateNetwork
+from controller.networks.reservoir import Reservoir
+from controller.training.preparation.training_motion import Lesson
+from controller.training.reservoirs.echo_state_training import EchoStateRecipe, learn_readouts, train_echo_state
+
+FACTORS = (1.0, 2.0, 0.4, 1.4)
+"""What the recipe's state noise is multiplied by, in the order in which it is tried; with 1 it is drawn anew."""
+
+# What a motion has to survive. A loop that survives noise in every step survives a wrong start too; a motion that
+# happens once loses its place under such noise, whatever it was taught.
+LOOP: tuple[Kind, ...] = ("stability",)
+ONCE: tuple[Kind, ...] = ("robustness",)
+
+
+def settled_echo_state(
+    lessons: list[Lesson], normalisation: Normalisation, recipe: EchoStateRecipe, judge: Judge, seed: int
+) -> tuple[EchoStateNetwork, dict[str, int]]:
+    """The network of a recipe and how many runs of each motion fail.
+
+    A motion that fails a trial gets the first noise with which it does not; where there is none, what failed least.
+
+    Args:
+        lessons, normalisation, recipe: as for `train_echo_state`.
+        judge: of the motions.
+        seed: of everything random.
+    """
+    network = train_echo_state(lessons, normalisation, recipe, seed)
+    left: dict[str, int] = {}
+    reservoir = Reservoir(network.weights, network.feedback, network.bias, network.leak)
+    for lesson in lessons:
+        kinds = LOOP if lesson.loop else ONCE
+        fewest = failures(network, lesson.name, kinds, judge, seed)
+        for attempt, factor in enumerate(FACTORS):
+            if fewest == 0:
+                break
+            other = msgspec.structs.replace(recipe, state_noise=factor * recipe.state_noise)
+            rng = np.random.default_rng([seed, *lesson.name.encode(), attempt])
+            taught_again = network.with_motions(learn_readouts(reservoir, [lesson], other, rng))
+            failed = failures(taught_again, lesson.name, kinds, judge, seed)
+            if failed < fewest:
+                fewest, network = failed, taught_again
+        left[lesson.name] = fewest
+    return network, left

@@ -1,0 +1,54 @@
+"""Sealing: commands that come over a network carry a seal that only who has the token can make.
+
+    sealed = HMAC-SHA256(token, data) | data
+
+So the token itself never travels. What travels can be read, and sent once more, by who taps the line.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import os
+import stat
+from pathlib import Path
+
+from motiondeck_base.errors import MotiondeckError
+
+SEAL_BYTES = 32
+SHORTEST_TOKEN = 16
+
+
+class TokenError(MotiondeckError):
+    """A token file that cannot be used; the message names it and says how to make one."""
+
+
+def read_token(path: Path) -> bytes:
+    """The token in a file that nobody but its owner may read; white space around it does not count.
+
+    Raises:
+        TokenError: if there is no such file, others may read or write it, or the token is too short.
+    """
+    how = f"Make one with: (umask 077; openssl rand -hex 32 > {path})"
+    try:
+        with path.open("rb") as file:
+            about = os.fstat(file.fileno())
+            token = file.read(4096).strip()
+    except OSError as error:
+        raise TokenError(f"{path}: the token cannot be read ({error.strerror or error}). {how}") from None
+    if not stat.S_ISREG(about.st_mode) or about.st_mode & 0o077:
+        raise TokenError(f"{path}: others may read this token. Take that from them with: chmod 600 {path}")
+    if len(token) < SHORTEST_TOKEN:
+        raise TokenError(f"{path}: a token has at least {SHORTEST_TOKEN} characters, not {len(token)}. {how}")
+    return token
+
+
+def seal(token: bytes, data: bytes) -> bytes:
+    """The data with its seal before it."""
+    return hmac.digest(token, data, hashlib.sha256) + data
+
+
+def unseal(token: bytes, sealed: bytes) -> bytes | None:
+    """The data, or None where the seal is not one made with this token; takes the same time for any wrong one."""
+    data = sealed[SEAL_BYTES:]
+    return data if hmac.compare_digest(sealed[:SEAL_BYTES], hmac.digest(token, data, hashlib.sha256)) else None

@@ -1,0 +1,58 @@
+"""The recorder: a process that copies every tick from shared memory into a file, so that no disk can hold up the loop.
+
+python -m controller.wire.recorder --state FILE --out FILE
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+
+from controller.wire.run_recording import RecordingWriter
+from controller.wire.telemetry import StateReader
+from motiondeck_base.errors import MotiondeckError
+
+CHUNK_SECONDS = 0.25
+
+
+def record(state: Path, out: Path) -> None:
+    """Records until the deck ends or its process is gone; what is still in shared memory then is recorded too.
+
+    Raises:
+        FileFormatError: if there is no such deck, or the file cannot be written.
+    """
+    reader = StateReader.open(state)
+    writer = RecordingWriter(out, reader.description, reader.fields)
+    number, ended = 0, False
+    while not ended:
+        time.sleep(CHUNK_SECONDS)
+        ended = reader.ended  # asked before the last look
+        number, rows = reader.since(number)
+        if len(rows):
+            writer.append(rows)
+    writer.close()
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command line of the recorder's process; returns its exit code."""
+    parser = argparse.ArgumentParser(prog="python -m controller.wire.recorder", description="Records a deck.")
+    parser.add_argument("--state", type=Path, required=True, help="the deck's shared state file")
+    parser.add_argument("--out", type=Path, required=True, help="the recording")
+    options = parser.parse_args(arguments)
+    for number in (signal.SIGINT, signal.SIGTERM):  # both are for the deck, whose end is recorded too
+        signal.signal(number, signal.SIG_IGN)
+    os.nice(5)
+    try:
+        record(options.state, options.out)
+    except MotiondeckError as error:
+        print(f"motiondeck: the recording has ended: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

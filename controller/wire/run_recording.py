@@ -1,0 +1,148 @@
+"""Recordings: what a run was told and did, tick by tick, in a file that loses one chunk at most when its writer dies.
+
+    "MDRECORD", size and checksum of the header | header (JSON): version, description, fields | chunk | chunk | ...
+    chunk: rows, checksum | values (float64, little endian), one row a tick
+
+A chunk is written in one piece and checked when it is read: where one is cut short or damaged, the recording ends
+before it. A chunk of no rows is the proper end.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+import numpy as np
+
+from controller.rotations import Array
+from controller.wire.telemetry import named
+from motiondeck_base.errors import FileFormatError
+
+VERSION = 2
+READABLE = (1, 2)
+"""Version 1 lacks `robot_root`, `seen` and `confidence`."""
+COMMANDS = ("switch", "queue", "speed", "pause", "resume", "home", "estop", "reset", "stop", "blend")
+"""What the field `command` counts from 1; 0 is a tick without one."""
+MODES = ("playing", "home", "held", "emergency stop")
+"""What the field `mode` counts from 0."""
+
+_MAGIC = b"MDRECORD"
+_HEADER, _CHUNK = struct.Struct("<II"), struct.Struct("<II")
+_MOST_HEADER = 1 << 20
+_MOST_VALUES = 1 << 16
+
+
+class _Header(msgspec.Struct, forbid_unknown_fields=True):
+    version: int
+    description: dict[str, Any]
+    fields: dict[str, Annotated[int, msgspec.Meta(ge=0, lt=_MOST_VALUES)]]
+
+
+class RecordingWriter:
+    """Writes a recording, chunk by chunk; each is on its way to the disk when `append` returns."""
+
+    def __init__(self, path: Path, description: Mapping[str, Any], fields: Mapping[str, int]) -> None:
+        """Begins the file anew.
+
+        Raises:
+            FileFormatError: if it cannot be written.
+        """
+        self._path = path
+        header = msgspec.json.encode(_Header(VERSION, dict(description), dict(fields)))
+        try:
+            self._file = path.open("wb")
+            self._file.write(_MAGIC + _HEADER.pack(len(header), zlib.crc32(header)) + header)
+            self._file.flush()
+        except OSError as error:
+            raise FileFormatError(f"{path}: cannot be written ({error.strerror or error})") from None
+
+    def append(self, rows: Array) -> None:
+        """Adds ticks, shape (ticks, V).
+
+        Raises:
+            FileFormatError: if they cannot be written; what was written before stays readable.
+        """
+        data = np.ascontiguousarray(rows, dtype="<f8").tobytes()
+        try:
+            self._file.write(_CHUNK.pack(len(rows), zlib.crc32(data)) + data)
+            self._file.flush()
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            raise FileFormatError(f"{self._path}: cannot be written ({error.strerror or error})") from None
+
+    def close(self) -> None:
+        """Ends the recording properly; may be called twice."""
+        if not self._file.closed:
+            self.append(np.empty((0, 0)))
+            self._file.close()
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A recording in memory.
+
+    Attributes:
+        description: what was recorded: library, robot, joints, motions, rate (ticks a second), root, balance.
+        fields: each field's numbers, shape (ticks, size).
+        complete: whether it was ended properly.
+    """
+
+    description: dict[str, Any]
+    fields: dict[str, Array]
+    complete: bool
+
+    @property
+    def ticks(self) -> int:
+        """How many ticks are there."""
+        return len(next(iter(self.fields.values()))) if self.fields else 0
+
+
+def load_recording(path: Path) -> Recording:
+    """Reads all whole chunks of a recording.
+
+    Raises:
+        FileFormatError: if it cannot be read or is no recording.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be read ({error.strerror or error})") from None
+    place = len(_MAGIC) + _HEADER.size
+    if data[: len(_MAGIC)] != _MAGIC or len(data) < place:
+        raise FileFormatError(f"{path}: this is no recording; 'motiondeck play --record FILE' makes one")
+    size, checksum = _HEADER.unpack(data[len(_MAGIC) : place])
+    text = data[place : place + size]
+    if size > _MOST_HEADER or zlib.crc32(text) != checksum:
+        raise FileFormatError(f"{path}: the beginning of this recording is damaged")
+    try:
+        header = msgspec.json.decode(text, type=_Header)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        raise FileFormatError(f"{path}: the beginning of this recording is damaged ({error})") from None
+    if header.version not in READABLE:
+        known = " and ".join(map(str, READABLE))
+        raise FileFormatError(f"{path}: recording version {header.version}; this Motiondeck reads versions {known}")
+    rows, complete = _chunks(data[place + size :], sum(header.fields.values()))
+    return Recording(header.description, named(rows, header.fields), complete)
+
+
+def _chunks(data: bytes, width: int) -> tuple[Array, bool]:
+    """The rows of all whole chunks, shape (ticks, width), and whether they were ended properly."""
+    chunks = [np.empty((0, width))]
+    place = 0
+    while place + _CHUNK.size <= len(data):
+        count, checksum = _CHUNK.unpack_from(data, place)
+        place += _CHUNK.size
+        values = data[place : place + 8 * count * width]
+        if len(values) < 8 * count * width or zlib.crc32(values) != checksum:
+            break
+        if count == 0:
+            return np.concatenate(chunks), True
+        chunks.append(np.frombuffer(values, "<f8").reshape(count, width))
+        place += len(values)
+    return np.concatenate(chunks), False

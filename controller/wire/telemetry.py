@@ -1,0 +1,213 @@
+"""Telemetry: the latest states of the loop in shared memory, for readers in other processes that may look or not.
+
+A memory-mapped file holds a JSON description, then a ring of slots. The writer fills the slot after the latest one and
+then points at it; it takes no lock and knows of no reader. A slot carries its number before and behind its values and
+their checksum, so a reader that was overtaken notices and looks again: it never sees a torn state.
+
+    magic, size of the description | description, fields, writer (JSON) | latest, ended | slot 0 | slot 1 | ...
+    slot: number, values (float64), checksum, number
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+import struct
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.rotations import Array
+from motiondeck_base.errors import FileFormatError
+
+_MAGIC = b"MDTELEM1"
+_SLOTS = 8
+_MOST_SLOTS = 1 << 16
+_RETRIES = 64
+_MOST_BYTES = 1 << 26  # more than any state; a header that claims more is not ours
+
+
+class _Header(msgspec.Struct, forbid_unknown_fields=True):
+    description: dict[str, Any]
+    fields: dict[str, int]
+    writer: Annotated[int, msgspec.Meta(gt=0, lt=2**31)]  # its process id
+    slots: Annotated[int, msgspec.Meta(gt=1, le=_MOST_SLOTS)] = _SLOTS
+
+
+class _Layout:
+    """Where everything lies in the file, and views of it."""
+
+    def __init__(self, header_bytes: int, fields: Mapping[str, int], slots: int) -> None:
+        self.slots = slots
+        self.values = sum(fields.values())
+        self.control = -(-(16 + header_bytes) // 64) * 64
+        self.slot = self.control + 64
+        self.words = self.values + 3
+        self.size = self.slot + 8 * slots * self.words
+
+    def control_of(self, memory: mmap.mmap) -> NDArray[np.uint64]:
+        return np.frombuffer(memory, np.uint64, 2, self.control)
+
+    def slots_of(self, memory: mmap.mmap) -> NDArray[np.uint64]:
+        return np.frombuffer(memory, np.uint64, self.slots * self.words, self.slot).reshape(self.slots, self.words)
+
+
+def named(values: Array, fields: Mapping[str, int]) -> dict[str, Array]:
+    """Of values (..., V) those of each field, by its name: views of shape (..., size)."""
+    ends = np.cumsum([*fields.values()]).tolist()
+    return {name: values[..., end - size : end] for (name, size), end in zip(fields.items(), ends, strict=True)}
+
+
+class StateWriter:
+    """The loop's side: fill `fields` in place, then `publish`.
+
+    Attributes:
+        fields: the values that the next publish shows, each a float64 array to be written into.
+    """
+
+    def __init__(self, memory: mmap.mmap, layout: _Layout, fields: Mapping[str, int]) -> None:
+        self._control = layout.control_of(memory)
+        self._slots = layout.slots_of(memory)
+        self._values = np.zeros(layout.values)
+        self._words = self._values.view(np.uint64)
+        self._number = 0
+        self.fields = named(self._values, fields)
+
+    @classmethod
+    def create(
+        cls, path: Path, description: Mapping[str, Any], fields: Mapping[str, int], slots: int = _SLOTS
+    ) -> StateWriter:
+        """Makes the file, readable by its owner only, in place of what was there; it appears complete or not at all.
+
+        Args:
+            path: a file in a directory of the owner's; the caller removes both at the end.
+            description: anything JSON can say.
+            fields: the name of each field and how many numbers it holds.
+            slots: how many states are kept, for readers that want every one of them; at least 2.
+        """
+        header = msgspec.json.encode(_Header(dict(description), dict(fields), os.getpid(), slots))
+        layout = _Layout(len(header), fields, slots)
+        draft = path.with_name(f".{path.name}.{os.getpid()}")
+        draft.unlink(missing_ok=True)
+        handle = os.open(draft, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600)
+        try:
+            os.ftruncate(handle, layout.size)
+            memory = mmap.mmap(handle, layout.size)
+        finally:
+            os.close(handle)
+        memory[: 16 + len(header)] = _MAGIC + struct.pack("<Q", len(header)) + header
+        draft.replace(path)
+        return cls(memory, layout, fields)
+
+    def publish(self, **values: Array | float) -> None:
+        """Shows the state in `fields` to the readers, after setting those that are given; others keep their value."""
+        for name, value in values.items():
+            self.fields[name][:] = value
+        self._number += 1
+        slot = self._slots[self._number % len(self._slots)]
+        slot[0] = 0  # in the making
+        slot[1:-2] = self._words
+        slot[-2] = zlib.crc32(self._values.data)
+        slot[-1] = self._number
+        slot[0] = self._number
+        self._control[0] = self._number
+
+    def close(self) -> None:
+        """Tells the readers that nothing more will come; may be called twice."""
+        self._control[1] = 1
+
+
+class StateReader:
+    """A reader's side; it never disturbs the writer.
+
+    Attributes:
+        description: what the writer said of itself.
+        fields: the name of each field and how many numbers it holds.
+    """
+
+    def __init__(self, memory: mmap.mmap, layout: _Layout, header: _Header) -> None:
+        self.description = header.description
+        self.fields = header.fields
+        self._writer = header.writer
+        self._control = layout.control_of(memory)
+        self._slots = layout.slots_of(memory)
+
+    @classmethod
+    def open(cls, path: Path) -> StateReader:
+        """Opens what a StateWriter has made.
+
+        Raises:
+            FileFormatError: if the file cannot be opened or is something else.
+        """
+        try:
+            with path.open("rb") as file:
+                start = file.read(16)
+                length = struct.unpack("<Q", start[8:])[0] if start[:8] == _MAGIC and len(start) == 16 else _MOST_BYTES
+                if length >= _MOST_BYTES:
+                    raise FileFormatError(f"{path}: this is not the state of a motion deck")
+                header = msgspec.json.decode(file.read(length), type=_Header)
+                sizes = header.fields.values()
+                layout = _Layout(length, header.fields, header.slots)
+                if (
+                    min(sizes, default=0) < 0
+                    or layout.size > _MOST_BYTES
+                    or os.fstat(file.fileno()).st_size != layout.size
+                ):
+                    raise FileFormatError(f"{path}: this state of a motion deck is cut short or damaged")
+                memory = mmap.mmap(file.fileno(), layout.size, access=mmap.ACCESS_READ)
+        except OSError as error:
+            raise FileFormatError(f"{path}: cannot be read ({error.strerror}); is the deck running?") from error
+        except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+            raise FileFormatError(f"{path}: the description of this state is damaged ({error})") from error
+        return cls(memory, layout, header)
+
+    @property
+    def ended(self) -> bool:
+        """Whether the writer has closed the state, or its process is gone."""
+        if self._control[1]:
+            return True
+        try:
+            os.kill(self._writer, 0)  # signal 0 only asks
+        except ProcessLookupError:
+            return True
+        except OSError:
+            pass
+        return False
+
+    def read(self) -> dict[str, Array] | None:
+        """A copy of the latest state, each field an array, or None where none is to be had yet."""
+        for _ in range(_RETRIES):
+            number = int(self._control[0])
+            if number == 0:
+                return None
+            values = self._take(number)
+            if values is not None:
+                return named(values, self.fields)
+        return None
+
+    def since(self, number: int) -> tuple[int, Array]:
+        """All states after the one with a number (0 for all), oldest first, and the number of the last one.
+
+        What the writer has overwritten meanwhile is missing.
+
+        Returns:
+            The number to go on from, and the values of all fields, shape (states, V).
+        """
+        latest = int(self._control[0])
+        oldest = max(number + 1, latest - len(self._slots) + 1)
+        taken = [self._take(n) for n in range(oldest, latest + 1)]
+        rows = [values for values in taken if values is not None]
+        return latest, np.array(rows).reshape(len(rows), -1) if rows else np.empty((0, sum(self.fields.values())))
+
+    def _take(self, number: int) -> Array | None:
+        """A copy of the values of a state, or None where it is torn or overwritten."""
+        shared = self._slots[number % len(self._slots)]
+        slot = shared.copy()
+        values = slot[1:-2].view(np.float64)
+        untouched = slot[0] == slot[-1] == shared[0] == number
+        return values if untouched and slot[-2] == zlib.crc32(values.data) else None

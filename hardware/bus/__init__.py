@@ -1,0 +1,1 @@
+"""The servo bus: a port, and packets with deadlines."""

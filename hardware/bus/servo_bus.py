@@ -1,0 +1,353 @@
+"""A bus of Protocol 2.0 servos: every call has a deadline from the wire time, and one dead servo costs one servo."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from hardware.bus.port import Port, SerialPort
+from hardware.control_table.models import model_name
+from hardware.errors import NoReplyError, RefusedError
+from hardware.protocol2 import instructions
+from hardware.protocol2.frames import BROADCAST, Parser, Status, as_status
+from hardware.protocol2.instructions import FastReply
+
+
+class Identity(NamedTuple):
+    """What a ping tells about a servo."""
+
+    id: int
+    model_number: int
+    firmware: int
+    alert: bool
+
+    @property
+    def model(self) -> str:
+        """The model's name, or its number where the model is not known."""
+        return model_name(self.model_number)
+
+
+_Ask = Callable[[Sequence[int]], dict[int, Status]]
+
+
+class _Request(NamedTuple):
+    """A sync read; the same one is asked again and again.
+
+    Attributes:
+        asked: IDs, address, length, and whether for a joint reply.
+        frame: the bytes of the instruction.
+        needed: how many bytes the whole reply has.
+        patience: how long to wait for it, s.
+    """
+
+    asked: tuple[tuple[int, ...], int, int, bool]
+    frame: bytes
+    needed: int
+    patience: float
+
+
+class Bus:
+    """Servos on one port.
+
+    Calls that wait do so in poll(), until a deadline: the time the bytes need on the wire, plus `margin` for the
+    adapter (a USB latency timer may hold a reply for 16 ms) and the servos' return delay. They are repeated at most
+    `retries` times. That a servo has a hardware problem is a field of its answer (`alert`), never an exception.
+
+    For a real-time loop there are three calls that never wait: `sync_write`, `request` and `collect`. Any other call
+    gives up a request under way. Every call raises PortError when the port is gone.
+
+    Attributes:
+        port: what carries the bytes.
+        baud: bits/s, 10 of which carry a byte.
+    """
+
+    def __init__(self, port: Port, baud: int, retries: int = 2, margin: float = 0.05) -> None:
+        self.port = port
+        self.baud = baud
+        self._retries = retries
+        self._margin = margin
+        self._request: _Request | None = None  # the last one
+        self._pending: _Request | None = None  # the same, while its reply is awaited
+        self._deadline = 0.0
+        self._received = b""
+
+    @classmethod
+    def open(cls, name: str, baud: int) -> Bus:
+        """The bus on a serial device.
+
+        Raises:
+            PortError: if it cannot be opened.
+        """
+        return cls(SerialPort(name, baud), baud)
+
+    def wire_time(self, count: int) -> float:
+        """How long so many bytes take on the wire, s."""
+        return 10.0 * count / self.baud
+
+    def ping(self, id: int) -> Identity | None:
+        """Who answers at this ID; None if nobody does."""
+        status = self._ask(instructions.ping(id), id, 3)
+        if status is None or status.error:
+            return None
+        return Identity(id, status.params[0] | status.params[1] << 8, status.params[2], status.alert)
+
+    def read(self, id: int, address: int, length: int) -> Status:
+        """Reads `length` bytes of a servo's control table; they are the status' params.
+
+        Raises:
+            NoReplyError: if the servo stays silent.
+            RefusedError: if it answers with an error number.
+        """
+        return self._insist(instructions.read(id, address, length), id, length, f"read register {address}")
+
+    def write(self, id: int, address: int, data: bytes) -> Status:
+        """Writes bytes into a servo's control table and waits for its answer.
+
+        Raises:
+            NoReplyError: if the servo stays silent.
+            RefusedError: if it answers with an error number.
+        """
+        return self._insist(instructions.write(id, address, data), id, 0, f"write register {address}")
+
+    def reboot(self, id: int) -> Status:
+        """Restarts a servo, torque off; it is deaf for a moment afterwards.
+
+        Raises:
+            NoReplyError: if the servo stays silent.
+            RefusedError: if it answers with an error number.
+        """
+        return self._insist(instructions.reboot(id), id, 0, "reboot")
+
+    def sync_write(self, address: int, length: int, entries: bytes) -> bool:
+        """Writes the same registers of many servos, without an answer and without waiting.
+
+        Args:
+            address: of the first byte to write.
+            length: how many bytes each servo gets.
+            entries: ID and `length` bytes, servo after servo.
+
+        Returns:
+            False if the port would not take the bytes: nothing is written then.
+        """
+        return self.port.send(instructions.sync_write(address, length, entries))
+
+    def sync_read(self, ids: Sequence[int], address: int, length: int) -> dict[int, Status]:
+        """Reads the same registers of many servos, one status each; who stays silent is missing from the answer."""
+
+        def ask(line: Sequence[int]) -> dict[int, Status]:
+            return self._gather(instructions.sync_read(address, length, line), line, length)
+
+        return self._by_turns(ids, ask)
+
+    def fast_sync_read(self, ids: Sequence[int], address: int, length: int) -> dict[int, Status]:
+        """As `sync_read`, in one joint reply: fewer bytes, and the return delay is paid once."""
+
+        def ask(line: Sequence[int]) -> dict[int, Status]:
+            self._pending = None
+            if not self.request(line, address, length):
+                return {}
+            while True:
+                self.port.wait(self._margin)
+                if (reply := self.collect()) is not None:
+                    return reply.statuses
+
+        return self._by_turns(ids, ask)
+
+    def request(self, ids: Sequence[int], address: int, length: int, fast: bool = True) -> bool:
+        """Starts a sync read without waiting for its reply; False if one is under way or the port is full.
+
+        A fast one asks for a joint reply, which not every model gives.
+        """
+        if self._pending is not None:
+            return False
+        asked = (tuple(ids), address, length, fast)
+        request = self._request
+        if request is None or request.asked != asked:
+            request = self._request = self._plan(asked)
+        self._discard()
+        if not self.port.send(request.frame):
+            return False
+        self._pending = request
+        self._deadline = self.port.now() + request.patience
+        self._received = b""
+        return True
+
+    def collect(self) -> FastReply | None:
+        """The reply to `request` as far as it has come by its deadline; None while it may still be on its way."""
+        pending = self._pending
+        if pending is None:
+            return None
+        late = self.port.now() >= self._deadline
+        self._received += self.port.receive()
+        ids, _, length, fast = pending.asked
+        if not fast:
+            reply = _single_replies(self._received, ids, length)
+            complete = len(reply.statuses) == len(ids)
+        else:
+            reply = None
+            start = instructions.fast_reply_start(self._received) if len(self._received) >= pending.needed else -1
+            complete = start >= 0 and len(self._received) - start >= pending.needed
+        if not complete and not late:
+            return None
+        self._pending = None
+        return reply or instructions.fast_reply(self._received, ids, length)
+
+    def bulk_read(self, blocks: Sequence[tuple[int, int, int]]) -> dict[int, Status]:
+        """Reads (id, address, length) of each servo, one status each; who stays silent is missing from the answer."""
+        of = {id: (address, length) for id, address, length in blocks}
+
+        def ask(line: Sequence[int]) -> dict[int, Status]:
+            longest = max(of[id][1] for id in line)
+            frame = instructions.bulk_read((id, *of[id]) for id in line)
+            return self._gather(frame, line, longest, {id: of[id][1] for id in line})
+
+        return self._by_turns(list(of), ask)
+
+    def factory_reset(self, id: int, keep: int = instructions.RESET_BUT_ID_AND_BAUD) -> Status:
+        """Puts a servo's EEPROM back to what it was in the box; it restarts.
+
+        Raises:
+            NoReplyError: if the servo stays silent.
+            RefusedError: if it answers with an error number.
+        """
+        return self._insist(instructions.factory_reset(id, keep), id, 0, "reset")
+
+    def clear_turns(self, id: int) -> Status:
+        """Makes a servo's position one within a turn again.
+
+        Raises:
+            NoReplyError: if the servo stays silent.
+            RefusedError: if it answers with an error number: it moves, or does not know the instruction.
+        """
+        return self._insist(instructions.clear_turns(id), id, 0, "clear turns")
+
+    def backup(self, id: int, restore: bool = False) -> Status:
+        """Stores a servo's EEPROM in itself, or brings back what was stored.
+
+        Raises:
+            NoReplyError: if the servo stays silent.
+            RefusedError: if it answers with an error number: torque is on, or nothing is stored.
+        """
+        return self._insist(instructions.backup(id, restore), id, 0, "restore" if restore else "back up")
+
+    def ping_all(self) -> list[Identity]:
+        """Who answers a broadcast ping, in order of ID; waits for the slowest of 253 servos."""
+        self._pending = None
+        self.port.receive()
+        if not self.port.send(instructions.ping(BROADCAST)):
+            return []
+        # Each waits for its turn, at most its return delay of 508 us and its own 14 bytes.
+        deadline = self.port.now() + 253 * (self.wire_time(instructions.status_length(3)) + 5.08e-4) + self._margin
+        quiet = 0.1 + self._margin
+        parser, found = Parser(), {}
+        last = self.port.now()
+        while (now := self.port.now()) < min(deadline, last + quiet):
+            self.port.wait(min(deadline, last + quiet) - now)
+            for frame in parser.feed(self.port.receive()):
+                last = self.port.now()
+                status = as_status(frame)
+                if status is not None and len(status.params) == 3:
+                    number, firmware = status.params[0] | status.params[1] << 8, status.params[2]
+                    found[status.id] = Identity(status.id, number, firmware, status.alert)
+        return [found[id] for id in sorted(found)]
+
+    def close(self) -> None:
+        """Gives the port back; may be called twice."""
+        self.port.close()
+
+    def _insist(self, frame: bytes, id: int, length: int, what: str) -> Status:
+        """The status a servo answers with, or the reason why there is none."""
+        status = self._ask(frame, id, length)
+        if status is None:
+            raise NoReplyError(
+                f"id {id} on {self.port.name} does not answer ({what}). Check its power, cable, id and baud rate."
+            )
+        if status.error:
+            meaning = instructions.ERRORS.get(status.error, "unknown error")
+            raise RefusedError(f"id {id} on {self.port.name} refused to {what}: error {status.error}, {meaning}.")
+        return status
+
+    def _ask(self, frame: bytes, id: int, length: int) -> Status | None:
+        """The status of one servo, asked again if it stays silent."""
+        for _ in range(1 + self._retries):
+            status = self._gather(frame, (id,), length).get(id)
+            if status is not None:
+                return status
+        return None
+
+    def _gather(
+        self, frame: bytes, ids: Sequence[int], length: int, lengths: dict[int, int] | None = None
+    ) -> dict[int, Status]:
+        """Sends a frame and waits until all these servos have answered or the deadline is over.
+
+        An answer of another length than expected, unless it says why, is one that came too late for an earlier call.
+        """
+        self._pending = None
+        self.port.wait(0.0)  # what has arrived may still be on its way through the kernel; this waits for that
+        self._discard()
+        heard: dict[int, Status] = {}
+        if not self.port.send(frame):
+            return heard
+        count = len(frame) + len(ids) * instructions.status_length(length)
+        deadline = self.port.now() + self.wire_time(count) + self._margin
+        parser = Parser()
+        while len(heard) < len(ids) and (left := deadline - self.port.now()) > 0.0 and self.port.wait(left):
+            for answer in parser.feed(self.port.receive()):
+                status = as_status(answer)
+                if status is None or status.id not in ids:
+                    continue
+                if status.error or len(status.params) == (lengths[status.id] if lengths else length):
+                    heard[status.id] = status
+        return heard
+
+    def _discard(self) -> None:
+        """Throws away what came too late for an earlier call."""
+        self.port.receive()
+
+    def _plan(self, asked: tuple[tuple[int, ...], int, int, bool]) -> _Request:
+        """What a sync read sends and waits for."""
+        ids, address, length, fast = asked
+        ask = instructions.fast_sync_read if fast else instructions.sync_read
+        size = instructions.fast_reply_length if fast else _single_replies_length
+        frame, needed = ask(address, length, ids), size(len(ids), length)
+        return _Request(asked, frame, needed, self.wire_time(len(frame) + needed) + self._margin)
+
+    def _by_turns(self, ids: Sequence[int], ask: _Ask) -> dict[int, Status]:
+        """Asks a line of servos until each has answered or has been silent at the head of the line too often.
+
+        A servo waits for the one before it, so a silent one may hush all behind it: only the head of the line is to
+        blame for itself. It goes to the back, and after `retries` more chances it is given up.
+        """
+        heard = ask(ids) if ids else {}
+        line = deque(id for id in ids if id not in heard) if len(heard) < len(ids) else None
+        silent: dict[int, int] = {}
+        while line:
+            head = line.popleft()
+            silent[head] = silent.get(head, 0) + 1
+            if silent[head] <= self._retries:
+                line.append(head)
+            heard |= ask(tuple(line)) if line else {}
+            line = deque(id for id in line if id not in heard)
+        return heard
+
+
+def _single_replies_length(count: int, length: int) -> int:
+    return count * instructions.status_length(length)
+
+
+def _single_replies(received: bytes, ids: Sequence[int], length: int) -> FastReply:
+    """What single statuses say, in the words of a joint reply."""
+    heard = {
+        status.id: status
+        for frame in Parser().feed(received)
+        if (status := as_status(frame)) is not None
+        and status.id in ids
+        and (status.error or len(status.params) == length)
+    }
+    missing = [index for index, id in enumerate(ids) if id not in heard]
+    last = max((index for index, id in enumerate(ids) if id in heard), default=-1)
+    silent = [index for index in missing if index < last] or missing[:1]
+    if missing and silent[-1] < last and missing[-1] > last:
+        silent.append(last + 1)
+    return FastReply(heard, [], [ids[index] for index in silent], [ids[i] for i in missing if i not in silent])

@@ -1,0 +1,114 @@
+"""A rig in this process: the emulator's servos with their rules and motors, but no bytes, no wire and no clock.
+
+For fast tests of what drives a rig. Time passes in `elapse` only; a state asked for is there at once.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hardware.emulator.bus import EmulatedBus
+from hardware.rig.faults import RigFaults
+from hardware.rig.rig_file import RigConfig
+from hardware.rig.scale import Array, RigScale
+
+_POSITION_MODE = 3
+_WATCHDOG_UNIT = 0.02  # s
+
+
+class SimulatedRig:
+    """Servos that are switched on where they stand; fits `hardware.rig.interface.Rig`.
+
+    Attributes:
+        config: the rig file.
+        names: of the joints.
+        servos: the emulated servos, to look at and to harm.
+        positions, velocities, currents: last measured, shape (J,), rad, rad/s, A.
+        faults: what went wrong so far.
+    """
+
+    def __init__(self, config: RigConfig) -> None:
+        """Switches the servos on.
+
+        Raises:
+            RigError: if a model cannot be emulated.
+        """
+        self.config = config
+        self.names = config.names
+        self.servos = EmulatedBus(config)
+        self.faults = RigFaults.none(len(config.joints))
+        self._scale = RigScale(config)
+        self._now = 0.0
+        self._fed = 0.0
+        self._asked = False
+        self._goals = np.zeros(len(config.joints))
+        self.positions, self.velocities, self.currents = (np.zeros(len(config.joints)) for _ in range(3))
+        ends = np.sort([self._scale.pulses(self._scale.lower), self._scale.pulses(self._scale.upper)], axis=0)
+        for joint, device, low, high in zip(
+            config.joints, self.servos.devices, *ends.astype(int).tolist(), strict=True
+        ):
+            speed = joint.velocity * joint.gear / joint.table["profile_velocity"].si
+            for name, value in (
+                ("operating_mode", _POSITION_MODE),
+                ("min_position_limit", low),
+                ("max_position_limit", high),
+                ("profile_velocity", max(1, round(speed))),
+                ("goal_position", device["present_position"]),
+                ("torque_enable", 1),
+                ("bus_watchdog", round(config.watchdog_ms * 1e-3 / _WATCHDOG_UNIT)),
+            ):
+                register = joint.table[name]
+                device.write(register.address, register.encode(value))
+        self._measure()
+        self._goals = self.positions.copy()
+
+    def write(self, targets: Array) -> None:
+        """Gives the servos their targets (J,), rad, clipped to the limits; what is no finite number changes nothing."""
+        finite = np.isfinite(targets)
+        wanted = np.where(finite, targets, self._goals)
+        self._goals = np.clip(wanted, self._scale.lower, self._scale.upper)
+        self.faults.clipped[:] += wanted != self._goals
+        self.faults.refused[:] += ~finite
+        self._fed = self._now
+        for index, (joint, pulses) in enumerate(zip(self.config.joints, self._scale.pulses(self._goals), strict=True)):
+            register, device = joint.table["goal_position"], self.servos.devices[index]
+            if device.dead or device.write(register.address, register.encode(int(pulses))):
+                self.faults.unsent[index] += 1
+
+    def request_state(self) -> None:
+        """Asks for the state."""
+        self._asked, self._fed = True, self._now
+
+    def collect_state(self) -> bool:
+        """Takes the state; whether it was asked for."""
+        if self._asked:
+            self._measure()
+        asked, self._asked = self._asked, False
+        return asked
+
+    def elapse(self, seconds: float) -> None:
+        """Lets time pass; without a word for longer than the watchdog's time the servos stop."""
+        self._now += seconds
+        self.servos.feed(self._fed)
+        self.servos.advance(self._now)
+
+    def close(self) -> list[str]:
+        """Ends as the rig file says; the dead joints did not confirm it."""
+        for joint, device in zip(self.config.joints, self.servos.devices, strict=True):
+            off = [("bus_watchdog", 0)] + ([("torque_enable", 0)] if self.config.on_exit == "off" else [])
+            for name, value in off if not device.dead else []:
+                register = joint.table[name]
+                device.write(register.address, register.encode(value))
+        return [name for name, device in zip(self.names, self.servos.devices, strict=True) if device.dead]
+
+    def _measure(self) -> None:
+        for index, (joint, device) in enumerate(zip(self.config.joints, self.servos.devices, strict=True)):
+            if device.dead:
+                self.faults.missed[index] += 1
+                continue
+            self.faults.alert[index] += device.alert
+            self.positions[index] = (device["present_position"] - joint.zero) / joint.pulses_per_radian
+            speed = device["present_velocity"] * joint.table["present_velocity"].si
+            self.velocities[index] = speed / (joint.direction * joint.gear)
+            force = "present_current" if "present_current" in joint.table.registers else "present_load"
+            self.currents[index] = device[force] * self._scale.amperes[index]

@@ -1,0 +1,1 @@
+"""A rig: its file, its units, switching it on and off, and driving it."""

@@ -1,0 +1,287 @@
+"""A rig of Dynamixel servos as a real-time loop drives it: angles in, angles out; nothing waits and nothing raises.
+
+A tick is  collect_state, write(targets), request_state:  the answer to a request travels while the loop does other
+things, and is collected a tick later.
+
+Each servo's bus watchdog is armed by the first write, since nothing moves before, and again once a second: nobody
+answers a sync write, so one that got lost would leave a servo without it unnoticed. When the loop falls silent for
+longer, the servos stop and hold, and get no more goals until `rearm`: a rig never runs after targets that went on
+without it.
+"""
+
+from __future__ import annotations
+
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.bus.servo_bus import Bus
+from hardware.errors import MotiondeckError, PortError, with_torque
+from hardware.protocol2.instructions import FastReply
+from hardware.rig.faults import RigFaults
+from hardware.rig.rig_file import RigConfig
+from hardware.rig.scale import Array, RigScale, RigState
+from hardware.rig.switching import hold_each, hold_still, knows_fast_reads, switch_off, switch_on, tell_all
+from hardware.rig.timings import Timings
+
+WATCHDOG_UNIT = 0.02
+"""s, in which the servos count."""
+_ARM_AGAIN = 1.0  # s
+_PATIENCE = 3  # replies in a row that a servo may miss before it is asked only now and then
+_ASK_AGAIN = 50  # requests from one such question to the next
+
+
+class DynamixelRig:
+    """A rig that is switched on; arrays follow the order of the rig file's joints.
+
+    `write`, `request_state` and `collect_state` neither wait nor raise, whatever the servos do; only a port that is
+    gone raises PortError, once, and from then on they do nothing.
+
+    Attributes:
+        config: the rig file.
+        names: of the joints.
+        positions: last measured, shape (J,), rad.
+        velocities: last measured, shape (J,), rad/s.
+        currents: last measured, shape (J,), A, positive in the joint's direction.
+        temperatures: last measured, shape (J,), degC; NaN where the loop does not read them.
+        errors: last hardware error bits, shape (J,).
+        torque: whether torque was on, shape (J,); where the loop does not read it, true.
+        goals: last sent, shape (J,), rad.
+        missed_in_a_row: how many replies each joint has missed since its last one, shape (J,).
+        bus: what the servos are on.
+        gone: whether the port is gone, or the rig closed.
+        faults: what went wrong so far.
+        write_us: how long each `write` took.
+        read_us: how long each `request_state` and each `collect_state` took; never the time on the wire.
+    """
+
+    def __init__(self, config: RigConfig, bus: Bus) -> None:
+        """Switches the servos of an open bus on, each where it stands.
+
+        Raises:
+            RigError: if servos are missing, of another model, or not fit to be switched on; it names them all. Torque
+                is taken off again, the bus closed, and joints that did not confirm that are named too.
+            PortError: if the port vanishes; the same.
+        """
+        self.config = config
+        self.names = config.names
+        self.faults = RigFaults.none(len(config.joints))
+        self.write_us = Timings()
+        self.read_us = Timings()
+        self.bus = bus
+        self._scale = RigScale(config)
+        self._ids = [joint.id for joint in config.joints]
+        self._index = {id: index for index, id in enumerate(self._ids)}
+        goal = config.joints[0].table["goal_position"]
+        self._goal_block = (goal.address, goal.length)
+        self._entries = np.zeros(len(self._ids), dtype=[("id", "u1"), ("goal", "<i4")])
+        self._entries["id"] = self._ids
+        self.missed_in_a_row = np.zeros(len(self._ids), dtype=np.int64)
+        self._requests = 0
+        self._last_word = 0.0
+        self._armed = self._stopped = self.gone = self._closed = False
+        self._arm_next = self._reads_next = 0.0
+        self._held = False
+        try:
+            self.goals = switch_on(config, bus)
+            self._fast = knows_fast_reads(config, bus)
+        except MotiondeckError as error:
+            raise with_torque(error, self.close()) from error
+        except BaseException:
+            self.close()
+            raise
+        self._held = True
+        self.positions = self.goals.copy()
+        self.velocities = np.zeros(len(self._ids))
+        self.currents = np.zeros(len(self._ids))
+        self.temperatures = np.full(len(self._ids), np.nan)
+        self.errors = np.zeros(len(self._ids), dtype=np.int64)
+        self.torque = np.ones(len(self._ids), dtype=np.bool_)
+
+    @classmethod
+    def connect(cls, config: RigConfig, port: str | None = None) -> DynamixelRig:
+        """Opens the port (the rig file's own, unless another is named) and switches the rig on.
+
+        Raises:
+            RigError: as the constructor.
+            PortError: if the port cannot be opened, or vanishes.
+        """
+        return cls(config, Bus.open(port or config.port, config.baud))
+
+    def __enter__(self) -> DynamixelRig:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the bus was silent for so long that the servos' watchdogs have stopped them; see `rearm`."""
+        # One unit earlier than the servos, which count in units: rather stopped here and not there than the reverse.
+        patience = self.config.watchdog_ms * 1e-3 - WATCHDOG_UNIT
+        return self._stopped or (self._armed and self.bus.port.now() - self._last_word > patience)
+
+    def write(self, targets: Array) -> None:
+        """Sends the targets (J,), rad, as one sync write of goal positions.
+
+        Targets beyond a limit are clipped, those that are no finite number leave the joint's goal as it was; both are
+        counted.
+        """
+        if self.gone:
+            return
+        with self.write_us:
+            finite = np.isfinite(targets)
+            wanted = np.where(finite, targets, self.goals)
+            goals = np.clip(wanted, self._scale.lower, self._scale.upper)
+            self.faults.clipped[:] += wanted != goals
+            self.faults.refused[:] += ~finite
+            try:
+                sent = self._send(goals)
+            except PortError:
+                self.gone = True
+                raise
+            if sent:
+                self.goals = goals
+            else:
+                self.faults.unsent[:] += 1
+
+    def request_state(self) -> None:
+        """Asks the servos for position, velocity and current; nothing happens while an answer is under way."""
+        if self.gone:
+            return
+        with self.read_us:
+            try:
+                self._stopped = self.stopped
+                now = self.bus.port.now()
+                if now < self._reads_next:
+                    return
+                if self.bus.request(self._line(), *self._scale.state_block, self._fast):
+                    self._requests += 1
+                    self._last_word = now
+                    if self.config.read_hz:
+                        # Half a tick of grace: a loop's ticks are never quite on time.
+                        self._reads_next = now + 1.0 / self.config.read_hz - 0.5 / self.config.rate_hz
+            except PortError:
+                self.gone = True
+                raise
+
+    def collect_state(self) -> bool:
+        """Takes the answer if it has come in the meantime; whether anything new was measured."""
+        if self.gone:
+            return False
+        with self.read_us:
+            try:
+                reply = self.bus.collect()
+            except PortError:
+                self.gone = True
+                raise
+            return reply is not None and self._take(reply)
+
+    def rearm(self) -> None:
+        """Lets the servos take goals again after a watchdog stop, each starting from where it stands.
+
+        Waits for answers: not for use inside the loop.
+
+        Raises:
+            RigError: if a servo does not answer, or stands outside its limits.
+            PortError: if the port is gone.
+        """
+        self.attach(self.bus, hold_still(self.config, self.bus))
+
+    def attach(self, bus: Bus, held: Array) -> None:
+        """Goes on over this bus, on which the servos hold at these angles (J,), rad."""
+        if self._closed:
+            return
+        self.bus, self.goals = bus, held
+        self.positions = held.copy()
+        self.missed_in_a_row[:] = 0
+        self.torque[:], self.errors[:] = True, 0
+        self._stopped = self._armed = self.gone = False
+
+    def now(self) -> float:
+        """The time on the port's clock, s."""
+        return self.bus.port.now()
+
+    def close(self) -> list[str]:
+        """Ends as the rig file says: torque off, or each joint held where it is; may be called twice.
+
+        Returns:
+            The joints that did not confirm it.
+        """
+        if self._closed:
+            return []
+        self.gone = True
+        end = hold_each if self._held and self.config.on_exit == "hold" else switch_off
+        try:
+            unconfirmed = end(self.config, self.bus)
+        finally:
+            self.bus.close()
+        self._closed = True
+        return unconfirmed
+
+    def _send(self, goals: Array) -> bool:
+        """One sync write of goals, now and then after one of the watchdogs; False if the servos did not get them."""
+        self._stopped = self.stopped
+        if self._stopped:
+            return False
+        now = self.bus.port.now()
+        if not self._armed or now >= self._arm_next:
+            units = round(self.config.watchdog_ms * 1e-3 / WATCHDOG_UNIT)
+            self._armed = tell_all(self.config, self.bus, "bus_watchdog", units) or self._armed
+            self._arm_next = now + _ARM_AGAIN
+        self._entries["goal"] = self._scale.pulses(goals)
+        sent = self.bus.sync_write(*self._goal_block, self._entries.tobytes())
+        self._last_word = self.bus.port.now()
+        return sent
+
+    def _take(self, reply: FastReply) -> bool:
+        """Counts what is missing in a reply and keeps what was measured; whether anything was."""
+        for id in reply.silent:
+            self.missed_in_a_row[self._index[id]] += 1
+        for id in (*reply.silent, *reply.unheard):
+            self.faults.missed[self._index[id]] += 1
+        for id in reply.corrupt:
+            self.faults.corrupt[self._index[id]] += 1
+        heard: list[int] = []
+        blocks: list[bytes] = []
+        for id, status in reply.statuses.items():
+            index = self._index[id]
+            self.missed_in_a_row[index] = 0
+            self.faults.alert[index] += status.alert
+            if not status.error:
+                heard.append(index)
+                blocks.append(status.params)
+        if heard:
+            self._keep(np.array(heard), self._scale.state(heard, b"".join(blocks)))
+        return bool(heard)
+
+    def _keep(self, heard: NDArray[np.int64], state: RigState) -> None:
+        """Takes over what some joints measured; one that has restarted shows nothing but zeros."""
+        positions, velocities, currents, temperatures, errors, torque = state
+        if len(torque):
+            blank = ~torque & (temperatures == 0.0)
+            self.torque[heard] = torque
+            self.errors[heard] = np.where(blank, 0, errors)
+            self.temperatures[heard] = np.where(blank, self.temperatures[heard], temperatures)
+            known = ~blank
+            heard = heard[known]
+            positions, velocities, currents = positions[known], velocities[known], currents[known]
+        self.positions[heard], self.velocities[heard], self.currents[heard] = positions, velocities, currents
+
+    def _line(self) -> list[int]:
+        """Whom to ask, in which order.
+
+        A silent servo may hush all that stand behind it, so who missed a reply stands last; who missed several is asked
+        only now and then, one at a time, because waiting for it makes everybody's state older.
+        """
+        if not self.missed_in_a_row.any():
+            return self._ids
+        missed = list(zip(self._ids, self.missed_in_a_row, strict=True))
+        good = [id for id, count in missed if count == 0]
+        doubtful = [id for id, count in missed if 0 < count < _PATIENCE]
+        lost = [id for id, count in missed if count >= _PATIENCE]
+        # Each of them once in _ASK_AGAIN requests, however many they are.
+        turn, rest = divmod(self._requests, max(1, _ASK_AGAIN // max(1, len(lost))))
+        again = [lost[turn % len(lost)]] if lost and (rest == 0 or not good + doubtful) else []
+        return good + doubtful + again

@@ -1,0 +1,175 @@
+"""A rig on several ports as one: each port has its own supervised rig, and they are written and read side by side.
+
+Nothing waits, so the ports carry their bytes at the same time. Where one part stops for good, so does the whole: no
+part is given targets any more, and the watchdogs of the others stop them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import fields
+from types import TracebackType
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.errors import MotiondeckError, RigError, with_torque
+from hardware.rig.faults import RigFaults
+from hardware.rig.rig_file import RigConfig
+from hardware.rig.scale import Array
+from hardware.rig.supervised_rig import SupervisedRig
+from hardware.rig.timings import Timings
+
+
+class JoinedRig:
+    """Parts that are switched on; arrays follow the order of the rig file's joints. Fits `hardware.rig.interface.Rig`.
+
+    Attributes:
+        config: the whole rig file.
+        names: of the joints.
+        write_us, read_us: how long each `write`, and each `request_state` and `collect_state`, took.
+    """
+
+    def __init__(self, config: RigConfig, parts: Sequence[SupervisedRig]) -> None:
+        """Joins the rigs of `config.parts`, in that order."""
+        self.config = config
+        self.names = config.names
+        self.write_us, self.read_us = Timings(), Timings()
+        self._parts = [(part, np.array([self.names.index(name) for name in part.names])) for part in parts]
+        self._lost = False
+
+    def __enter__(self) -> JoinedRig:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+    @property
+    def positions(self) -> Array:
+        """Last measured, shape (J,), rad."""
+        return self._joined([part.positions for part, _ in self._parts])
+
+    @property
+    def velocities(self) -> Array:
+        """Last measured, shape (J,), rad/s."""
+        return self._joined([part.velocities for part, _ in self._parts])
+
+    @property
+    def currents(self) -> Array:
+        """Last measured, shape (J,), A."""
+        return self._joined([part.currents for part, _ in self._parts])
+
+    @property
+    def temperatures(self) -> Array:
+        """Last measured, shape (J,), degC; NaN where the loop does not read them."""
+        return self._joined([part.temperatures for part, _ in self._parts])
+
+    @property
+    def recoveries(self) -> int:
+        """How often something was mended."""
+        return sum(part.recoveries for part, _ in self._parts)
+
+    @property
+    def faults(self) -> RigFaults:
+        """What went wrong so far."""
+        joined = RigFaults.none(len(self.names))
+        for part, places in self._parts:
+            for field in fields(joined):
+                getattr(joined, field.name)[places] = getattr(part.faults, field.name)
+        return joined
+
+    def write(self, targets: Array) -> None:
+        """Sends the targets (J,), rad; see `SupervisedRig.write`.
+
+        Raises:
+            RigError: when a part has stopped for good, once.
+        """
+        with self.write_us, self._all_or_none() as parts:
+            for part, places in parts:
+                part.write(targets[places])
+
+    def request_state(self) -> None:
+        """Asks the servos for their state; see `SupervisedRig.request_state`."""
+        with self.read_us, self._all_or_none() as parts:
+            for part, _ in parts:
+                part.request_state()
+
+    def collect_state(self) -> bool:
+        """Takes the answers that have come in the meantime; whether anything new was measured."""
+        fresh = False
+        with self.read_us, self._all_or_none() as parts:
+            for part, _ in parts:
+                fresh |= part.collect_state()
+        return fresh
+
+    def close(self) -> list[str]:
+        """Ends all parts as the rig file says; the joints that did not confirm it. May be called twice."""
+        return _close_all([part for part, _ in self._parts])
+
+    @contextmanager
+    def _all_or_none(self) -> Iterator[list[tuple[SupervisedRig, NDArray[np.int64]]]]:
+        """The parts with their places; none any more once one of them has stopped."""
+        try:
+            yield [] if self._lost else self._parts
+        except RigError:
+            self._lost = True
+            raise
+
+    def _joined(self, values: list[Array]) -> Array:
+        """The values of the parts in the order of the rig file."""
+        joined = np.empty(len(self.names))
+        for (_, places), own in zip(self._parts, values, strict=True):
+            joined[places] = own
+        return joined
+
+
+def on_ports(config: RigConfig, ports: Sequence[str] = ()) -> tuple[RigConfig, ...]:
+    """The parts of a rig, on these ports instead of the rig file's own if there are any.
+
+    Raises:
+        RigError: if another number of ports is given than the rig has.
+    """
+    parts = config.parts
+    if not ports:
+        return parts
+    if len(ports) != len(parts):
+        raise RigError(f"the rig has {len(parts)} ports ({', '.join(config.ports)}), {len(ports)} were given.")
+    return tuple(msgspec.structs.replace(part, port=port) for part, port in zip(parts, ports, strict=True))
+
+
+def connect_rig(config: RigConfig, ports: Sequence[str] = ()) -> SupervisedRig | JoinedRig:
+    """Opens the ports of a rig (its file's own, unless others are given) and switches it on.
+
+    Raises:
+        RigError: as `DynamixelRig` and `on_ports`; torque is taken off again where it was on, and joints that did not
+            confirm that are named.
+        PortError: if a port cannot be opened, or vanishes; the same.
+    """
+    rigs: list[SupervisedRig] = []
+    try:
+        for part in on_ports(config, ports):
+            rigs.append(SupervisedRig.connect(part))
+    except MotiondeckError as error:
+        raise with_torque(error, _close_all(rigs)) from error
+    except BaseException:
+        _close_all(rigs)
+        raise
+    return rigs[0] if len(rigs) == 1 else JoinedRig(config, rigs)
+
+
+def _close_all(rigs: Sequence[SupervisedRig]) -> list[str]:
+    """Closes every rig, whatever becomes of the others; the joints that did not confirm it."""
+    unconfirmed: list[str] = []
+
+    def close(rig: SupervisedRig) -> None:
+        try:
+            unconfirmed.extend(rig.close())
+        except Exception:  # what went wrong is less urgent than the torque that it has left on
+            unconfirmed.extend(rig.names)
+
+    with ExitStack() as closing:
+        for rig in reversed(rigs):
+            closing.callback(close, rig)
+    return unconfirmed

@@ -1,0 +1,231 @@
+"""Rig files: which servo on which port is which joint of a robot, and what it may do."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+
+from hardware.control_table.models import MODELS
+from hardware.control_table.table import ControlTable
+from hardware.errors import RigFileError
+from hardware.rig.rig_lines import line_of
+
+# The loop reads and writes one block of addresses for all.
+_IN_ONE_BLOCK = ("torque_enable", "status_return_level", "bus_watchdog", "goal_position", "present_velocity",
+                 "present_position", "indirect_data_1")  # fmt: skip
+_NEEDED = (*_IN_ONE_BLOCK[:-1], "hardware_error_status", "shutdown", "operating_mode", "profile_velocity",
+           "profile_acceleration", "min_position_limit", "max_position_limit")  # fmt: skip
+_PROTOCOL_1 = re.compile(r"(AX|RX|DX|EX)-\d|MX-12|MX-\d+.*\(?1\.0\)?$")
+BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
+
+
+class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One servo as a joint: angle = direction * (pulses - zero) * 2 pi / (pulses_per_turn * gear).
+
+    Attributes:
+        name: of the robot's joint.
+        id: on the bus, 0 to 252.
+        model: the maker's name, as in `MODELS`.
+        direction: +1 or -1, which way the servo turns when the joint's angle grows.
+        zero: the servo's position at angle 0, pulses.
+        lower, upper: what the joint may do, rad; within the servo's one turn.
+        velocity: its limit, rad/s.
+        acceleration: its limit, rad/s^2; 0 for none.
+        current: its limit, A; 0 for the servo's own.
+        gear: turns of the horn for one turn of the joint.
+        port: of the serial adapter that its servo is on; the rig's own if empty.
+    """
+
+    name: str
+    id: Annotated[int, msgspec.Meta(ge=0, le=252)]
+    model: str
+    direction: Literal[-1, 1]
+    zero: int
+    lower: float
+    upper: float
+    velocity: Annotated[float, msgspec.Meta(gt=0)]
+    acceleration: Annotated[float, msgspec.Meta(ge=0)] = 0.0
+    current: Annotated[float, msgspec.Meta(ge=0)] = 0.0
+    gear: Annotated[float, msgspec.Meta(gt=0)] = 1.0
+    port: str = ""
+
+    def __post_init__(self) -> None:
+        if _PROTOCOL_1.match(self.model.upper()):
+            raise ValueError(
+                f"model '{self.model}' speaks Protocol 1.0, Motiondeck speaks 2.0 only. An MX-28, MX-64 or MX-106 can "
+                "be given firmware of Protocol 2.0 with the maker's wizard; AX, RX, DX and EX servos cannot"
+            )
+        if self.model not in MODELS:
+            near = MODELS.near(self.model)
+            raise ValueError(
+                f"model '{self.model}' is unknown. " + (f"Did you mean {' or '.join(near)}?" if near else "")
+            )
+        if not (math.isfinite(self.velocity) and self.lower < self.upper):
+            raise ValueError("limits must be finite numbers with lower < upper")
+        missing = [name for name in _NEEDED if name not in self.table.registers]
+        if missing or self.table["goal_position"].length != 4:
+            raise ValueError(f"model '{self.model}' cannot be a joint of a rig: its control table is of another kind")
+        if not (math.isfinite(self.acceleration) and math.isfinite(self.current) and math.isfinite(self.gear)):
+            raise ValueError("acceleration, current and gear must be finite numbers")
+        if self.current and "current_limit" not in self.table.registers:
+            raise ValueError(f"model '{self.model}' measures no current, so it takes no limit of it")
+        bottom, top = self.table.one_turn
+        low, high = sorted((self.pulses(self.lower), self.pulses(self.upper)))
+        if not (low >= bottom and high <= top):
+            raise ValueError(
+                f"limits {self.lower} to {self.upper} rad with zero {self.zero} reach from {low:.0f} to {high:.0f} "
+                f"pulses, outside the servo's one turn ({bottom} to {top})"
+            )
+
+    @property
+    def table(self) -> ControlTable:
+        """The control table of this servo's model."""
+        return MODELS[self.model]
+
+    @property
+    def hottest(self) -> float:
+        """The temperature at which the servo shuts down, degC."""
+        register = self.table.registers.get("temperature_limit")
+        return float(register.default) if register is not None and register.default else 80.0
+
+    @property
+    def pulses_per_radian(self) -> float:
+        """Pulses for one rad, negative where the servo turns the other way."""
+        return self.direction * self.gear * self.table.pulses_per_turn / (2.0 * math.pi)
+
+    def pulses(self, angle: float) -> float:
+        """The servo's position (not rounded) at a joint angle in rad."""
+        return self.zero + angle * self.pulses_per_radian
+
+
+class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A rig as its file says.
+
+    Attributes:
+        port: of the serial adapter, such as /dev/ttyUSB0, for joints that name no other.
+        baud: of the bus, bits/s.
+        rate_hz: how often targets are sent.
+        joints: in the order of every array about this rig.
+        watchdog_ms: silence on the bus after which the servos stop by themselves; 20 to 2540.
+        read_hz: how often the state is read; 0 for as often as targets are sent.
+        on_exit: what the servos do in the end: "off", or "hold" where they are.
+        on_loss: what happens when a joint is lost for good: "stop" the rig, or "go on" without it.
+        reconnect_s: for how long a port that vanished is looked for; 0 for not at all.
+    """
+
+    port: Annotated[str, msgspec.Meta(min_length=1)]
+    baud: int
+    rate_hz: Annotated[float, msgspec.Meta(gt=0, le=1000)]
+    joints: Annotated[tuple[RigJoint, ...], msgspec.Meta(min_length=1)]
+    watchdog_ms: Annotated[int, msgspec.Meta(ge=20, le=2540)] = 200
+    read_hz: Annotated[float, msgspec.Meta(ge=0)] = 0.0
+    on_exit: Literal["off", "hold"] = "off"
+    on_loss: Literal["stop", "go on"] = "stop"
+    reconnect_s: Annotated[float, msgspec.Meta(ge=0, le=3600)] = 10.0
+
+    def __post_init__(self) -> None:
+        if self.baud not in BAUD_RATES:
+            raise ValueError(f"baud {self.baud} is none of {', '.join(map(str, BAUD_RATES))}")
+        if not 0 <= self.read_hz <= self.rate_hz:
+            raise ValueError(f"read_hz {self.read_hz:g} must be from 0 to rate_hz, {self.rate_hz:g}")
+        for port in self.ports:
+            layouts = {
+                tuple(joint.table.place(name) for name in _IN_ONE_BLOCK): joint.model
+                for joint in self.joints
+                if self._port_of(joint) == port
+            }
+            if len(layouts) > 1:
+                models = " and ".join(layouts.values())
+                raise ValueError(f"{models} keep their registers in different places: give each kind a port of its own")
+            self._refuse_doubles("id", [joint.id if self._port_of(joint) == port else None for joint in self.joints])
+        self._refuse_doubles("name", [joint.name for joint in self.joints])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The joints' names, in order."""
+        return tuple(joint.name for joint in self.joints)
+
+    @property
+    def ports(self) -> tuple[str, ...]:
+        """The ports its joints are on, each once, in order."""
+        return tuple(dict.fromkeys(self._port_of(joint) for joint in self.joints))
+
+    @property
+    def parts(self) -> tuple[RigConfig, ...]:
+        """The joints of each port as a rig of one port, in the order of `ports`."""
+        parts = []
+        for port in self.ports:
+            joints = tuple(
+                msgspec.structs.replace(joint, port="") for joint in self.joints if self._port_of(joint) == port
+            )
+            parts.append(msgspec.structs.replace(self, port=port, joints=joints))
+        return tuple(parts)
+
+    def _port_of(self, joint: RigJoint) -> str:
+        return joint.port or self.port
+
+    def _refuse_doubles(self, key: str, values: Sequence[object]) -> None:
+        """Raises ValueError where two joints have the same value; None is nobody's."""
+        twice = [value for value, count in Counter(values).items() if count > 1 and value is not None]
+        if twice:
+            who = ", ".join(
+                f"joint {number} ({joint.name}, id {joint.id})"
+                for number, (joint, value) in enumerate(zip(self.joints, values, strict=True), 1)
+                if value in twice
+            )
+            raise ValueError(f"{key} {', '.join(map(str, twice))} is used more than once: {who}")
+
+
+def load_rig(path: str | Path) -> RigConfig:
+    """Reads a rig file.
+
+    Raises:
+        RigFileError: if it cannot be read, is no TOML, or says something unknown or impossible.
+    """
+    try:
+        data = Path(path).read_bytes()
+    except OSError as error:
+        raise RigFileError(f"cannot read the rig file {path}: {error.strerror}.") from error
+    try:
+        return msgspec.toml.decode(data, type=RigConfig)
+    except msgspec.ValidationError as error:
+        raise RigFileError(_explain(path, data.decode(), str(error))) from error
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise RigFileError(f"{path} is no complete TOML file: {error}") from error
+
+
+def _explain(path: str | Path, text: str, message: str) -> str:
+    """What msgspec found, with line and place in the words of the file, and the allowed keys where one is unknown."""
+    what, _, where = message.partition(" - at `$")
+    place = re.sub(r"\[(\d+)\]", lambda found: f" {int(found[1]) + 1}", where.rstrip("`").lstrip("."))
+    place = place.replace("joints ", "joint ", 1)
+    unknown = re.search(r"unknown field `(.*)`", what)
+    if unknown:
+        keys = (RigJoint if where.startswith(".joints[") else RigConfig).__struct_fields__
+        near = difflib.get_close_matches(unknown[1], keys, n=1)
+        hint = f" Did you mean {near[0]}?" if near else ""
+        what = f"unknown key '{unknown[1]}'.{hint} The keys here are {', '.join(keys)}"
+    elif what.startswith("Invalid enum value"):
+        allowed = {"on_exit": "'off' and 'hold'", "on_loss": "'stop' and 'go on'"}.get(place, "-1 and 1")
+        what = f"{what.removeprefix('Invalid enum value ')} is not allowed; {allowed} are"
+    key = unknown[1] if unknown else where.rpartition(".")[2].rstrip("`")
+    line = _line(text, where, key, what)
+    return f"{path}{f' line {line}' if line else ''}: {f'{place}: ' if place else ''}{what}."
+
+
+def _line(text: str, where: str, key: str, what: str) -> int | None:
+    """The line of what is wrong: of the key, of the joint, or of what the message itself speaks of first or last."""
+    joint = re.search(r"joints\[(\d+)\]", where)
+    if joint:
+        return line_of(text, key if not key.startswith("joints[") else "", int(joint[1]) + 1)
+    spoken_of = re.findall(r"joint (\d+) \(", what)
+    if spoken_of:
+        return line_of(text, "", int(spoken_of[-1]))
+    return line_of(text, key or what.split(" ", 1)[0])

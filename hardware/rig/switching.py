@@ -1,0 +1,304 @@
+"""Switching a rig on and off: whatever happens, torque comes on only where the joint already stands.
+
+These functions wait for each servo's answer; they are not for use inside a loop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+
+import msgspec
+import numpy as np
+
+from hardware.bus.servo_bus import Bus
+from hardware.control_table.servo_traits import TRAITS
+from hardware.errors import NoReplyError, PortError, RigError, ServoError
+from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.scale import Array, RigScale
+
+_POSITION_MODE = 3
+_ANSWER_EVERYTHING = 2
+_NEAR = 0.05  # rad that a joint may stand outside its limits when switched on: play, and the rounding of pulses
+
+_HARDWARE_ERRORS = {1: "input voltage", 4: "overheated", 8: "encoder", 16: "electrical shock", 32: "overload"}
+
+
+def switch_on(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambda: False) -> Array:
+    """Checks who is there, takes torque off, settles each servo's settings, makes its position its goal, torque on.
+
+    Args:
+        config: the rig.
+        bus: open.
+        cancelled: whether the rig is being closed meanwhile; torque does not come on then.
+
+    Returns:
+        The angles (J,), rad, at which the joints now hold.
+
+    Raises:
+        RigError: if servos are missing, of another model, shut down, or outside their limits, it names them all; or if
+            it was cancelled.
+        PortError: if the port vanishes.
+    """
+    check_identities(config, bus)
+    # A servo told to keep silent would look like one that is missing.
+    tell_all(config, bus, "status_return_level", _ANSWER_EVERYTHING)
+    try:
+        _write(config, bus, "torque_enable", [0] * len(config.joints))
+        _refuse_shut_down(config, bus)
+        _settle(config, bus, "operating_mode", [_POSITION_MODE] * len(config.joints))
+        ends = _ends(RigScale(config))
+        _settle(config, bus, "min_position_limit", [int(pulses) for pulses in ends[0]])
+        _settle(config, bus, "max_position_limit", [int(pulses) for pulses in ends[1]])
+        _limit_current(config, bus)
+        show_state(config, bus)
+        held = hold_still(config, bus)
+        if cancelled():
+            raise RigError("the rig was closed before torque was on.")
+        _write(config, bus, "torque_enable", [1] * len(config.joints))
+    except ServoError as error:
+        raise RigError(str(error)) from error
+    return held
+
+
+def show_state(config: RigConfig, bus: Bus) -> None:
+    """Points the servos' indirect cells at what the loop reads.
+
+    Raises:
+        ServoError: if a servo does not answer, or refuses.
+        PortError: if the port vanishes.
+    """
+    block = RigScale(config).block
+    if block.pointers:
+        for joint in config.joints:
+            bus.write(joint.id, block.pointer_address, block.pointers)
+
+
+def hold_still(config: RigConfig, bus: Bus) -> Array:
+    """Clears the watchdogs, limits the speed and makes each joint's position its goal, torque on or off.
+
+    Returns:
+        The goals (J,), rad.
+
+    Raises:
+        RigError: if a servo does not answer, or stands outside its limits.
+        PortError: if the port vanishes.
+    """
+    scale = RigScale(config)
+    try:
+        _write(config, bus, "bus_watchdog", [0] * len(config.joints))
+        _limit_speed(config, bus)
+        positions = _positions(config, bus, scale)
+        goals = np.clip(positions, scale.lower, scale.upper)
+        outside = [
+            f"{joint.name} stands at {angle:.2f} rad, its limits are {joint.lower} to {joint.upper}"
+            for joint, angle, goal in zip(config.joints, positions, goals, strict=True)
+            if abs(angle - goal) > _NEAR
+        ]
+        if outside:
+            raise RigError(f"{'; '.join(outside)}. Move it by hand, or correct its zero and limits in the rig file.")
+        _write(config, bus, "goal_position", [int(pulses) for pulses in scale.pulses(goals)])
+    except ServoError as error:
+        raise RigError(str(error)) from error
+    return goals
+
+
+def resume(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambda: False) -> Array:
+    """Brings a rig back that was switched on before: identities and settings verified, each joint where it stands.
+
+    A servo that has kept torque and settings just holds; one that has lost them is switched on anew (see `switch_on`).
+
+    Returns:
+        The angles (J,), rad, at which the joints now hold.
+
+    Raises:
+        RigError: as `switch_on`.
+        PortError: if the port vanishes.
+    """
+    check_identities(config, bus)
+    tell_all(config, bus, "status_return_level", _ANSWER_EVERYTHING)
+    try:
+        _refuse_shut_down(config, bus)
+        ends = _ends(RigScale(config))
+        held = zip(
+            _read(config, bus, "torque_enable"),
+            _read(config, bus, "operating_mode"),
+            _read(config, bus, "min_position_limit"),
+            _read(config, bus, "max_position_limit"),
+            strict=True,
+        )
+        lost = [
+            joint
+            for joint, is_set, low, high in zip(config.joints, held, *ends.astype(np.int64).tolist(), strict=True)
+            if is_set != (1, _POSITION_MODE, low, high)
+        ]
+        if lost:
+            switch_on(msgspec.structs.replace(config, joints=tuple(lost)), bus, cancelled)
+        show_state(config, bus)
+    except ServoError as error:
+        raise RigError(str(error)) from error
+    return hold_still(config, bus)
+
+
+def knows_fast_reads(config: RigConfig, bus: Bus) -> bool:
+    """Whether model and firmware of every servo answer fast sync reads.
+
+    Raises:
+        RigError: if a servo does not answer.
+        PortError: if the port vanishes.
+    """
+    since = [TRAITS[joint.model].fast_read if joint.model in TRAITS else None for joint in config.joints]
+    if None in since:
+        return False
+    try:
+        found = _read(config, bus, "firmware_version")
+    except ServoError as error:
+        raise RigError(str(error)) from error
+    return all(first is not None and firmware >= first for firmware, first in zip(found, since, strict=True))
+
+
+def describe_errors(bits: int) -> str:
+    """The hardware error bits in words."""
+    return ", ".join(text for bit, text in _HARDWARE_ERRORS.items() if bits & bit) or "no error"
+
+
+def switch_off(config: RigConfig, bus: Bus) -> list[str]:
+    """Takes the torque off all servos at once, then off each for itself.
+
+    Returns:
+        The joints that did not confirm it: dead ones, or all where the port is gone.
+    """
+    unconfirmed: list[str] = []
+    try:
+        tell_all(config, bus, "torque_enable", 0)
+        tell_all(config, bus, "bus_watchdog", 0)
+        for joint in config.joints:
+            try:
+                bus.write(joint.id, joint.table["torque_enable"].address, b"\0")
+            except ServoError:
+                unconfirmed.append(joint.name)
+    except PortError:
+        return list(config.names)
+    return unconfirmed
+
+
+def hold_each(config: RigConfig, bus: Bus) -> list[str]:
+    """Has each servo hold where it stands, without a watchdog; one that is silent costs the others nothing.
+
+    Returns:
+        The joints that did not confirm it: dead ones, or all where the port is gone.
+    """
+    unconfirmed: list[str] = []
+    ends = _ends(RigScale(config)).astype(np.int64).T.tolist()
+    try:
+        tell_all(config, bus, "bus_watchdog", 0)
+        for joint, (low, high) in zip(config.joints, ends, strict=True):
+            one = msgspec.structs.replace(config, joints=(joint,))
+            try:
+                _write(one, bus, "bus_watchdog", [0])
+                (present,) = _read(one, bus, "present_position")
+                _write(one, bus, "goal_position", [min(max(present, low), high)])
+            except ServoError:
+                unconfirmed.append(joint.name)
+    except PortError:
+        return list(config.names)
+    return unconfirmed
+
+
+def tell_all(config: RigConfig, bus: Bus, name: str, value: int) -> bool:
+    """Writes one value into a register of every servo, unanswered and without waiting; False if the port is full."""
+    register = config.joints[0].table[name]
+    data = register.encode(value)
+    entries = b"".join(bytes((joint.id,)) + data for joint in config.joints)
+    return bus.sync_write(register.address, register.length, entries)
+
+
+def check_identities(config: RigConfig, bus: Bus) -> None:
+    """Pings every servo of the rig file, and names all that are missing or of another model in one error."""
+    found = {joint.id: bus.ping(joint.id) for joint in config.joints}
+    missing = [joint for joint in config.joints if found[joint.id] is None]
+    if missing:
+        raise RigError(
+            f"no answer on {bus.port.name} at {bus.baud} baud from {_who(missing)}. "
+            "Check power, cables, ids and the baud rate."
+        )
+    others = [
+        f"{joint.name} (id {joint.id}) is a {identity.model}, not a {joint.model}"
+        for joint in config.joints
+        if (identity := found[joint.id]) is not None and identity.model != joint.model
+    ]
+    if others:
+        raise RigError(f"{'; '.join(others)}. Correct the model in the rig file.")
+
+
+def _refuse_shut_down(config: RigConfig, bus: Bus) -> None:
+    """Names the servos that a hardware problem has switched off."""
+    errors = zip(_read(config, bus, "shutdown"), _read(config, bus, "hardware_error_status"), strict=True)
+    down = [
+        f"{joint.name} (id {joint.id}: {describe_errors(found)})"
+        for joint, (mask, found) in zip(config.joints, errors, strict=True)
+        if mask & found
+    ]
+    if down:
+        raise RigError(f"shut down: {'; '.join(down)}. Mend the cause, then switch the servo's power off and on.")
+
+
+def _limit_speed(config: RigConfig, bus: Bus) -> None:
+    """Has each servo keep to its joint's limits by itself; a profile velocity of 0 would mean no limit."""
+    speeds = [_counts(joint, "profile_velocity", joint.velocity * joint.gear, 1) for joint in config.joints]
+    rates = [_counts(joint, "profile_acceleration", joint.acceleration * joint.gear, 0) for joint in config.joints]
+    _write(config, bus, "profile_velocity", speeds)
+    _write(config, bus, "profile_acceleration", rates)
+
+
+def _limit_current(config: RigConfig, bus: Bus) -> None:
+    """Writes the current limit where the rig file has one."""
+    for joint in config.joints:
+        if joint.current:
+            one = msgspec.structs.replace(config, joints=(joint,))
+            _settle(one, bus, "current_limit", [_counts(joint, "current_limit", joint.current, 1)])
+
+
+def _counts(joint: RigJoint, name: str, value: float, least: int) -> int:
+    """A value in SI units as what a register of the joint takes, 0 for 0."""
+    register = joint.table[name]
+    return max(least if value else 0, min(round(value / register.si), register.maximum))
+
+
+def _ends(scale: RigScale) -> Array:
+    """The lowest and the highest position of each servo, shape (2, J), pulses."""
+    return np.sort([scale.pulses(scale.lower), scale.pulses(scale.upper)], axis=0)
+
+
+def _positions(config: RigConfig, bus: Bus, scale: RigScale) -> Array:
+    """Where the joints stand, shape (J,), rad."""
+    statuses = bus.sync_read([joint.id for joint in config.joints], *scale.state_block)
+    silent = [joint for joint in config.joints if joint.id not in statuses]
+    if silent:
+        raise NoReplyError(f"no position from {_who(silent)}. Check their cables and power.")
+    blocks = b"".join(statuses[joint.id].params for joint in config.joints)
+    return scale.state(list(range(len(config.joints))), blocks).positions
+
+
+def _write(config: RigConfig, bus: Bus, name: str, values: Sequence[int]) -> None:
+    """Writes a register of every servo and waits for each answer."""
+    for joint, value in zip(config.joints, values, strict=True):
+        register = joint.table[name]
+        bus.write(joint.id, register.address, register.encode(value))
+
+
+def _read(config: RigConfig, bus: Bus, name: str) -> list[int]:
+    """A register of every servo."""
+    rows = [(joint.id, joint.table[name]) for joint in config.joints]
+    return [row.decode(bus.read(id, row.address, row.length).params) for id, row in rows]
+
+
+def _settle(config: RigConfig, bus: Bus, name: str, values: Sequence[int]) -> None:
+    """Writes an EEPROM register where it differs: its cells wear out."""
+    for joint, value, held in zip(config.joints, values, _read(config, bus, name), strict=True):
+        if value != held:
+            register = joint.table[name]
+            bus.write(joint.id, register.address, register.encode(value))
+
+
+def _who(joints: Iterable[RigJoint]) -> str:
+    return ", ".join(f"{joint.name} (id {joint.id})" for joint in joints)

@@ -1,0 +1,1 @@
+"""Tools for a rig at rest: doctor, calibration, teaching, monitor."""

@@ -1,0 +1,274 @@
+"""What is on a bus, and what is wrong with it: scanning, examining, and setting up one servo at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+
+from hardware.bus.servo_bus import Bus, Identity
+from hardware.bus.wire_time import rate_limit
+from hardware.control_table.models import MODELS
+from hardware.control_table.table import ControlTable
+from hardware.errors import NoReplyError, RigError, ServoError
+from hardware.rig.rig_file import BAUD_RATES, RigConfig, RigJoint
+from hardware.rig.scale import RigScale
+from hardware.rig.switching import describe_errors
+
+_USB_SERIAL = Path("/sys/bus/usb-serial/devices")
+_LIKELY = (57600, 1_000_000, 4_000_000, 2_000_000, 3_000_000, 115_200, 9600)
+_SLOW_ANSWER = 20e-6  # s of return delay that nobody minds
+_CLOSE_TO_HOT = 12.0  # degC
+
+
+class Found(NamedTuple):
+    """A servo that answered a scan."""
+
+    baud: int
+    identity: Identity
+
+
+class Servo(msgspec.Struct, frozen=True):
+    """What a servo of the rig says of itself.
+
+    Attributes:
+        name: of its joint.
+        id: on the bus.
+        model: the maker's name.
+        firmware: version.
+        torque: whether torque is on.
+        errors: hardware errors in words; "" for none.
+        position: rad.
+        temperature: degC.
+        voltage: V.
+        return_delay_us: how long it waits before it answers.
+    """
+
+    name: str
+    id: int
+    model: str
+    firmware: int
+    torque: bool
+    errors: str
+    position: float
+    temperature: float
+    voltage: float
+    return_delay_us: int
+
+
+class Report(msgspec.Struct, frozen=True):
+    """What an examination found.
+
+    Attributes:
+        port: that was examined.
+        baud: bits/s.
+        latency_ms: of the USB adapter's timer; None where there is none to read.
+        rate_hz: asked for by the rig file.
+        possible_hz: that the wire allows as it is now.
+        servos: that answered.
+        problems: each with its remedy.
+    """
+
+    port: str
+    baud: int
+    latency_ms: int | None
+    rate_hz: float
+    possible_hz: float
+    servos: list[Servo]
+    problems: list[str]
+
+
+def scan(open_bus: Callable[[int], Bus], bauds: Iterable[int] = _LIKELY) -> list[Found]:
+    """Who answers a broadcast ping at each baud rate; the likely rates first.
+
+    Raises:
+        PortError: if the port cannot be opened, or vanishes.
+    """
+    found: list[Found] = []
+    for baud in bauds:
+        bus = open_bus(baud)
+        try:
+            found += [Found(baud, identity) for identity in bus.ping_all()]
+        finally:
+            bus.close()
+    return found
+
+
+def latency_timer(port: str) -> int | None:
+    """The latency timer of a USB adapter, ms; None where the system has none for this port."""
+    try:
+        return int(_latency_file(port).read_text())
+    except (OSError, ValueError):
+        return None
+
+
+def shorten_latency(port: str) -> str:
+    """Sets the latency timer of a USB adapter to 1 ms; what was done, or what to do for it, in words.
+
+    The adapter forgets it when it is unplugged.
+    """
+    before, file = latency_timer(port), _latency_file(port)
+    if before is None:
+        return f"{port} has no latency timer that could be set"
+    if before <= 1:
+        return f"the latency timer of {port} is 1 ms already"
+    try:
+        file.write_text("1")
+    except OSError as error:
+        return f"the latency timer of {port} stays {before} ms ({error.strerror}): echo 1 | sudo tee {file}"
+    return f"the latency timer of {port} was {before} ms and is {latency_timer(port)} ms now, until it is unplugged"
+
+
+def _latency_file(port: str) -> Path:
+    return _USB_SERIAL / Path(port).resolve().name / "latency_timer"
+
+
+def examine(config: RigConfig, bus: Bus) -> Report:
+    """Asks every servo of a rig how it is and says what would go wrong; moves nothing.
+
+    Raises:
+        PortError: if the port vanishes.
+    """
+    problems: list[str] = []
+    servos: list[Servo] = []
+    for joint in config.joints:
+        identity = bus.ping(joint.id)
+        who = f"{joint.name} (id {joint.id})"
+        if identity is None:
+            problems.append(
+                f"{who} does not answer at {bus.baud} baud: check power, cable, id; try motiondeck rig scan"
+            )
+        elif identity.model != joint.model:
+            problems.append(f"{who} is a {identity.model}, not a {joint.model}: correct the rig file")
+        else:
+            try:
+                servos.append(servo := _ask(joint, identity, bus))
+            except ServoError as error:
+                problems.append(str(error))
+                continue
+            problems += _complaints(servo, joint, who)
+    latency = latency_timer(bus.port.name)
+    if latency is not None and latency > 1:
+        problems.append(
+            f"the USB adapter holds answers for up to {latency} ms: motiondeck rig doctor --fix sets 1, or: "
+            f"echo 1 | sudo tee {_latency_file(bus.port.name)}"
+        )
+    slowest = max((servo.return_delay_us for servo in servos), default=0) * 1e-6
+    length = RigScale(config).block.length
+    possible = rate_limit(len(config.joints), bus.baud, length, True, slowest, (latency or 0) * 1e-3)
+    wanted = max(config.rate_hz, config.read_hz)
+    if possible < wanted:
+        problems.append(
+            f"the wire allows {possible:.0f} Hz, the rig file wants {wanted:g}: raise baud, or lower rate_hz"
+        )
+    return Report(bus.port.name, bus.baud, latency, config.rate_hz, possible, servos, problems)
+
+
+def shorten_return_delays(config: RigConfig, bus: Bus) -> list[str]:
+    """Sets the return delay of every servo that answers to 0; torque must be off there.
+
+    Returns:
+        The joints whose servo did not take it.
+
+    Raises:
+        PortError: if the port vanishes.
+    """
+    refused: list[str] = []
+    for joint in config.joints:
+        register = joint.table["return_delay_time"]
+        try:
+            if bus.read(joint.id, register.address, 1).params != b"\0":
+                bus.write(joint.id, register.address, b"\0")
+        except ServoError:
+            refused.append(joint.name)
+    return refused
+
+
+def set_up(open_bus: Callable[[int], Bus], id: int, baud: int) -> tuple[Found, Identity]:
+    """Gives the only servo on a bus its ID and baud rate, and a return delay of 0; verifies that it answers there.
+
+    Returns:
+        What it was, and what it is now.
+
+    Raises:
+        RigError: if there is no servo, or more than one, or its model is not known.
+        RefusedError: if it does not take a value.
+        NoReplyError: if it does not answer afterwards.
+        PortError: if the port cannot be opened, or vanishes.
+    """
+    found = scan(open_bus)
+    if not found:
+        raise RigError(
+            "no servo answers at any baud rate. Check power, cable and adapter; "
+            "servos that speak Protocol 1.0 (AX, RX, older MX firmware) are not heard."
+        )
+    if len(found) > 1:
+        who = ", ".join(f"id {one.identity.id} at {one.baud}" for one in found)
+        raise RigError(f"{len(found)} servos answer ({who}). Connect the one to set up alone.")
+    before = found[0]
+    if before.identity.model not in MODELS:
+        raise RigError(f"the servo is a {before.identity.model}, whose control table is not known.")
+    table = MODELS[before.identity.model]
+    bus = open_bus(before.baud)
+    try:
+        _put(bus, before.identity.id, table, "torque_enable", 0)
+        _put(bus, before.identity.id, table, "return_delay_time", 0)
+        if id != before.identity.id:
+            _put(bus, before.identity.id, table, "id", id)
+        if baud != before.baud:
+            _put(bus, id, table, "baud_rate", BAUD_RATES.index(baud))
+    finally:
+        bus.close()
+    bus = open_bus(baud)
+    try:
+        after = bus.ping(id)
+    finally:
+        bus.close()
+    if after is None:
+        raise NoReplyError(f"the servo does not answer as id {id} at {baud} baud. Try motiondeck rig scan.")
+    return before, after
+
+
+def _put(bus: Bus, id: int, table: ControlTable, name: str, value: int) -> None:
+    register = table[name]
+    bus.write(id, register.address, register.encode(value))
+
+
+def _ask(joint: RigJoint, identity: Identity, bus: Bus) -> Servo:
+    """Reads what a report says of one servo."""
+
+    def value(name: str) -> int:
+        register = joint.table[name]
+        return register.decode(bus.read(joint.id, register.address, register.length).params)
+
+    return Servo(
+        name=joint.name,
+        id=joint.id,
+        model=identity.model,
+        firmware=identity.firmware,
+        torque=value("torque_enable") != 0,
+        errors=describe_errors(bits) if (bits := value("hardware_error_status")) else "",
+        position=(value("present_position") - joint.zero) / joint.pulses_per_radian,
+        temperature=float(value("present_temperature")),
+        voltage=value("present_input_voltage") / 10.0,
+        return_delay_us=2 * value("return_delay_time"),
+    )
+
+
+def _complaints(servo: Servo, joint: RigJoint, who: str) -> list[str]:
+    """What is wrong with one servo."""
+    said: list[str] = []
+    if servo.errors:
+        said.append(f"{who} reports {servo.errors}: mend the cause, then switch its power off and on")
+    if not joint.lower - 0.05 <= servo.position <= joint.upper + 0.05:
+        said.append(
+            f"{who} stands at {servo.position:.2f} rad, its limits are {joint.lower} to {joint.upper}: "
+            "move it by hand, or motiondeck rig calibrate"
+        )
+    if servo.temperature > joint.hottest - _CLOSE_TO_HOT:
+        said.append(f"{who} has {servo.temperature:.0f} degC and shuts down at {joint.hottest:.0f}: let it cool")
+    if servo.return_delay_us * 1e-6 > _SLOW_ANSWER:
+        said.append(f"{who} waits {servo.return_delay_us} us before it answers: motiondeck rig doctor --fix sets 0")
+    return said

@@ -1,0 +1,149 @@
+"""Teaching a rig by hand: torque off, the joints' angles written down while somebody moves them, and made fit to play.
+
+With torque off a servo counts its position through whole turns, so a joint that passes its own zero is followed; it is
+counted from the turn in which it was found, which is the one it keeps when torque comes on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from hardware.bus.servo_bus import Bus
+from hardware.errors import RigError
+from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.scale import Array
+from hardware.rig.switching import check_identities, switch_off
+
+_SILENT = 0.5  # s without an answer from one servo
+_SMOOTHED_OVER = 0.21  # s, by a cubic: a hand's tremor and the counts' steps go, what a joint can follow stays
+_STILL = 0.1  # rad/s
+_KEPT = 0.2  # s before the first and after the last movement
+
+
+class Moment(NamedTuple):
+    """What one look at the joints gave.
+
+    Attributes:
+        time: s since the first look.
+        angles: shape (J,), rad; NaN where a servo did not answer.
+    """
+
+    time: float
+    angles: Array
+
+
+def loosen(config: RigConfig, bus: Bus) -> None:
+    """Takes the torque off every servo.
+
+    Raises:
+        RigError: if one is missing or of another model, or does not confirm it; it is named.
+        PortError: if the port vanishes.
+    """
+    check_identities(config, bus)
+    unconfirmed = switch_off(config, bus)
+    if unconfirmed:
+        raise RigError(f"torque may still be on: {', '.join(unconfirmed)}. Check their cables.")
+
+
+def watch_hands(
+    config: RigConfig, parts: Sequence[tuple[RigConfig, Bus]], sleep: Callable[[float], None]
+) -> Iterator[Moment]:
+    """The joints' angles, `rate_hz` times a second, for as long as they are asked for.
+
+    Args:
+        config: the rig, its torque off.
+        parts: the joints of each port, and its bus.
+        sleep: how to wait for the next look, s.
+
+    Raises:
+        RigError: if a servo is silent for half a second; it is named.
+        PortError: if the port vanishes.
+    """
+    clock = parts[0][1].port
+    turns: dict[str, int] = {}
+    start = due = clock.now()
+    heard = dict.fromkeys(config.names, start)
+    while True:
+        now = clock.now()
+        angles = np.full(len(config.joints), np.nan)
+        for part, bus in parts:
+            for joint, pulses in _positions(part, bus):
+                turns.setdefault(joint.name, _turns(joint, pulses))
+                angle = (pulses - turns[joint.name] - joint.zero) / joint.pulses_per_radian
+                angles[config.names.index(joint.name)] = angle
+                heard[joint.name] = now
+        silent = [f"{joint.name} (id {joint.id})" for joint in config.joints if now - heard[joint.name] > _SILENT]
+        if silent:
+            raise RigError(f"{', '.join(silent)} does not answer any more. Check the cable, then teach again.")
+        yield Moment(now - start, angles)
+        due = max(due + 1.0 / config.rate_hz, clock.now())
+        sleep(max(0.0, due - clock.now()))
+
+
+def taught(moments: Sequence[Moment], rate: float, trim: bool = True) -> Array:
+    """What was written down as angles at a steady rate (Hz), shape (T, J), rad: gaps closed, smoothed, ends cut off.
+
+    Args:
+        moments: in order.
+        rate: of the result.
+        trim: whether the time before the first movement and after the last one is left out.
+
+    Raises:
+        RigError: if there are too few moments, a joint was never heard, or nothing moved.
+    """
+    times = np.array([moment.time for moment in moments])
+    seen = np.array([moment.angles for moment in moments])
+    window = round(_SMOOTHED_OVER * rate) | 1
+    if len(moments) < 2 or times[-1] * rate < max(window, 5):
+        raise RigError("that was too short to learn anything from. Move the joints for some seconds.")
+    grid = np.arange(int(times[-1] * rate) + 1) / rate
+    angles = np.empty((len(grid), seen.shape[1]))
+    for joint, values in enumerate(seen.T):
+        known = np.isfinite(values)
+        if not known.any():
+            raise RigError(f"joint {joint + 1} of the rig was never heard. Check its cable.")
+        angles[:, joint] = np.interp(grid, times[known], values[known])
+    if window >= 5:
+        angles = np.asarray(savgol_filter(angles, window, 3, axis=0), dtype=np.float64)
+    if not trim:
+        return angles
+    moving = np.flatnonzero((np.abs(np.gradient(angles, 1.0 / rate, axis=0)) > _STILL).any(axis=1))
+    if len(moving) == 0:
+        raise RigError("no joint was moved. Is the torque off, and the right joint in your hand?")
+    kept = round(_KEPT * rate)
+    return angles[max(0, moving[0] - kept) : moving[-1] + 1 + kept]
+
+
+def beyond_limits(config: RigConfig, angles: Array, rate: float) -> list[str]:
+    """What in some angles (T, J), rad, at a rate in Hz, the rig may not do again; each in words, naming the joint."""
+    said: list[str] = []
+    speeds = np.abs(np.gradient(angles, 1.0 / rate, axis=0)).max(axis=0)
+    for joint, values, speed in zip(config.joints, angles.T, speeds, strict=True):
+        low, high = float(values.min()), float(values.max())
+        if low < joint.lower or high > joint.upper:
+            said.append(
+                f"{joint.name} went from {low:.2f} to {high:.2f} rad, it may {joint.lower:g} to {joint.upper:g}"
+            )
+        if speed > joint.velocity:
+            said.append(f"{joint.name} was moved at {speed:.1f} rad/s, it may {joint.velocity:g}")
+    return said
+
+
+def _positions(part: RigConfig, bus: Bus) -> Iterator[tuple[RigJoint, int]]:
+    """The joints that answer, and where their servos stand, pulses."""
+    register = part.joints[0].table["present_position"]
+    statuses = bus.sync_read([joint.id for joint in part.joints], register.address, register.length)
+    for joint in part.joints:
+        status = statuses.get(joint.id)
+        if status is not None and not status.error:
+            yield joint, register.decode(status.params)
+
+
+def _turns(joint: RigJoint, pulses: int) -> int:
+    """The pulses of the whole turns that a position is away from the servo's one turn."""
+    turn = joint.table.pulses_per_turn
+    return (pulses - joint.table.one_turn[0]) // turn * turn

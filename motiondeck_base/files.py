@@ -1,0 +1,101 @@
+"""Opening a file that a user names: its bytes or its lines, or one clear line on why not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from motiondeck_base.errors import FileFormatError
+
+LARGEST = 256 * 2**20  # bytes; CMU's files need that much for three quarters of an hour
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One line of a text file, split into words, with its place for error messages.
+
+    Attributes:
+        path: the file, as the user named it.
+        number: of the line, from 1.
+        words: what stands there, comments removed.
+    """
+
+    path: str | Path
+    number: int
+    words: list[str]
+
+    def error(self, problem: str) -> FileFormatError:
+        """The error that names this place."""
+        return FileFormatError(f"{self.path} line {self.number}: {problem}")
+
+    def numbers(self, count: int) -> list[float]:
+        """The `count` finite numbers after the first word (FileFormatError if they are not there)."""
+        found = self.words[1 : 1 + count]
+        if len(found) < count:
+            raise self.error(f"expected {count} number{'s' * (count > 1)} after '{self.words[0]}', found {len(found)}.")
+        return [self.number_from(word) for word in found]
+
+    def number_from(self, word: str) -> float:
+        """A word of this line as a finite number (FileFormatError if it is none)."""
+        value = as_float(word)
+        if value is None or not math.isfinite(value):
+            raise self.error(f"expected a number, found '{shortened(word)}'.")
+        return value
+
+
+def as_float(word: str) -> float | None:
+    """The number that a word writes, or None; Python's digit groups (1_000) are not numbers in any motion file."""
+    try:
+        return None if "_" in word else float(word)
+    except ValueError:
+        return None
+
+
+def shortened(word: str) -> str:
+    """A word from a file, fit to stand in a message."""
+    printable = word if word.isprintable() else ascii(word)[1:-1]
+    return printable if len(printable) <= 40 else printable[:37] + "..."
+
+
+def listed(names: Iterable[str]) -> str:
+    """The first few of some names, for a message."""
+    every = [shortened(name) for name in names]
+    return ", ".join(every[:8]) + (", ..." if len(every) > 8 else "")
+
+
+def read_bytes(path: str | Path, largest: int = LARGEST) -> bytes:
+    """The content of a file.
+
+    Raises:
+        FileFormatError: if it cannot be opened, is empty, or is larger than `largest` bytes.
+    """
+    try:
+        with Path(path).open("rb") as file:
+            content = file.read(largest + 1)
+    except (OSError, ValueError) as error:  # ValueError: a name with a zero byte in it
+        reason = getattr(error, "strerror", None) or str(error)
+        raise FileFormatError(f"{path}: cannot be read ({reason}). Check the name and the permissions.") from error
+    if not content:
+        raise FileFormatError(f"{path}: the file is empty. Fetch it again.")
+    if len(content) > largest:
+        raise FileFormatError(
+            f"{path}: larger than {largest // 2**20} MiB, which no such file is. Is it the right one?"
+        )
+    return content
+
+
+def read_lines(path: str | Path, largest: int = LARGEST) -> list[str]:
+    """The lines of a text file with any line ends, without them.
+
+    Comments may be in any 8-bit alphabet, so every byte is taken as one character.
+
+    Raises:
+        FileFormatError: as `read_bytes`, or if the file is not text.
+    """
+    content = read_bytes(path, largest)
+    if b"\0" in content:
+        raise FileFormatError(f"{path}: this is not a text file. Is it the right one?")
+    # Not str.splitlines: it would also split at bytes that are letters or dots in other alphabets.
+    return content.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n").split("\n")

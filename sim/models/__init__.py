@@ -1,0 +1,1 @@
+"""Robot models: files, joints, skin, feet, motors, scenery, and the mannequin."""

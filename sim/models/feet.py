@@ -1,0 +1,101 @@
+"""Feet: where the flat soles of a robot are, found from its shape in the rest pose, whatever its bodies are called."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from controller.rotations import Array, cross
+from sim.models.surface import reach
+
+# A foot turns about a joint less than this share of the robot's height above the ground, and reaches down to the ground
+# but for this share: the ankle of a person is at 0.04, that of a small humanoid at 0.09, knees are at 0.27.
+ANKLE = 0.15
+GROUND = 0.03
+
+_BOX, _MESH = int(mujoco.mjtGeom.mjGEOM_BOX), int(mujoco.mjtGeom.mjGEOM_MESH)
+
+
+@dataclass(frozen=True)
+class Foot:
+    """One foot, in the frame of its body.
+
+    Attributes:
+        body: its name.
+        axes: columns ahead, left and up of the flat sole, shape (3, 3).
+        corners: of the rectangle that it stands on, shape (4, 3), m, in order around it.
+        round: whether it is made of rounded solids only, which touch a floor in a few points along its middle.
+    """
+
+    body: str
+    axes: Array
+    corners: Array
+    round: bool
+
+    @property
+    def sole(self) -> Array:
+        """The middle of the sole, shape (3,), m."""
+        return self.corners.mean(axis=0)
+
+
+def find_feet(model: mujoco.MjModel, qpos: Array) -> tuple[Foot, ...]:
+    """The feet of a robot that stands upright at qpos (nq,); none where nothing resembles a foot."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(model, data)
+    down = np.array([0.0, 0.0, -1.0])
+    lowest = np.full(model.nbody, np.inf)
+    top = -np.inf
+    for geom in range(model.ngeom):
+        body = int(model.geom_bodyid[geom])
+        if model.body_weldid[body] == 0:
+            continue
+        axes, z = data.geom_xmat[geom].reshape(3, 3), float(data.geom_xpos[geom, 2])
+        lowest[body] = min(lowest[body], z - float(reach(model, geom, down @ axes)))
+        top = max(top, z + float(reach(model, geom, -down @ axes)))
+    ground = float(lowest.min())
+    height = top - ground
+    found: list[int] = []
+    for body in range(1, model.nbody):
+        near = lowest[body] < ground + GROUND * height and data.xpos[body, 2] < ground + ANKLE * height
+        if near and int(model.body_parentid[body]) not in found:
+            found.append(body)
+    return tuple(_foot(model, data, body) for body in found)
+
+
+def _foot(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> Foot:
+    """The foot that a body is: its sole lies across the axis of its broadest solid that is nearest to the vertical."""
+    geoms = np.flatnonzero(model.geom_bodyid == body)
+    in_body = data.xmat[body].reshape(3, 3)
+
+    def footprint(geom: int) -> tuple[float, Array]:
+        axes = in_body.T @ data.geom_xmat[geom].reshape(3, 3)
+        upright = np.abs(in_body[2] @ axes)
+        up = int(np.argmax(upright))
+        spans = np.array([float(reach(model, geom, np.eye(3)[axis])) for axis in range(3)])
+        # A ball has no axis of its own: it cannot say which way is up.
+        return float(np.delete(spans, up).prod()) * (1.0 if np.ptp(spans) > 1e-6 else 0.0), axes[:, up]
+
+    up: Array = max((footprint(int(geom)) for geom in geoms), key=lambda pair: pair[0])[1]
+    up = up if in_body[2] @ up > 0.0 else -up
+    forward = in_body.T @ np.array([1.0, 0.0, 0.0])
+    ahead = forward - (forward @ up) * up
+    ahead /= np.linalg.norm(ahead)
+    left = cross(up, ahead)
+    axes = np.stack([ahead, left, up], axis=1)
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for geom in geoms:
+        own = in_body.T @ data.geom_xmat[geom].reshape(3, 3)
+        centre = axes.T @ (in_body.T @ (data.geom_xpos[geom] - data.xpos[body]))
+        span = reach(model, int(geom), axes.T @ own)
+        low, high = np.minimum(low, centre - reach(model, int(geom), -(axes.T @ own))), np.maximum(high, centre + span)
+    (back, right, bottom), (front, left_side, _) = low, high
+    ring = ((back, right), (front, right), (front, left_side), (back, left_side))
+    rectangle = np.array([[x, y, bottom] for x, y in ring], dtype=np.float64)
+    flat = np.isin(model.geom_type[geoms], (_BOX, _MESH)).any()
+    return Foot(model.body(body).name, axes, rectangle @ axes.T, not flat)

@@ -1,0 +1,122 @@
+"""Layout: where the coordinates of a robot's joints live in MuJoCo's qpos and qvel.
+
+A robot's joints are those its actuators drive, in the actuators' order. A hinge has one coordinate, its angle; a ball
+joint has three, the components of its rotation vector, driven by three actuators in a row.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.rotations import Array, dot, from_rotation_vector, to_rotation_vector
+from motiondeck_base.errors import FileFormatError
+from sim.models.model_file import followers
+
+# How many coordinates, and so servos, a joint has; slides are of no use to a motion of rotations.
+_COORDINATES = {int(mujoco.mjtJoint.mjJNT_HINGE): 1, int(mujoco.mjtJoint.mjJNT_BALL): 3}
+
+
+@dataclass(frozen=True)
+class Layout:
+    """J coordinates in nq numbers, of which the first seven are the free root's position and quaternion.
+
+    Attributes:
+        joints: the names of the coordinates, length J.
+        hinge: which coordinates are hinge angles, shape (H,).
+        hinge_qpos: where they live, shape (H,).
+        ball: which coordinates are rotation vectors, shape (N, 3).
+        ball_qpos: where their quaternions live, shape (N, 4).
+        followers: where joints live that follow another one, where that one lives, and the polynomial that they follow.
+    """
+
+    joints: tuple[str, ...]
+    hinge: NDArray[np.int64]
+    hinge_qpos: NDArray[np.int64]
+    ball: NDArray[np.int64]
+    ball_qpos: NDArray[np.int64]
+    followers: tuple[tuple[int, int, Array], ...] = ()
+
+    @classmethod
+    def of(cls, model: mujoco.MjModel) -> Layout:
+        """Reads the layout of a model.
+
+        Raises:
+            FileFormatError: if the first joint is not a free one, an actuator drives no joint or a sliding one, or a
+                ball joint has not three actuators in a row; it names the culprit.
+        """
+        name = model.names[: model.names.index(b"\0")].decode()
+        if model.njnt == 0 or model.jnt_type[0] != mujoco.mjtJoint.mjJNT_FREE:
+            raise FileFormatError(f"robot '{name}': its first joint is not a free joint")
+        hinge, hinge_qpos, ball, ball_qpos = [], [], [], []
+        index = 0
+        while index < model.nu:
+            servo, joint = model.actuator(index).name, int(model.actuator_trnid[index, 0])
+            if model.actuator_trntype[index] != mujoco.mjtTrn.mjTRN_JOINT or model.jnt_type[joint] not in _COORDINATES:
+                raise FileFormatError(f"robot '{name}': actuator '{servo}' drives no hinge and no ball joint")
+            count = _COORDINATES[model.jnt_type[joint]]
+            row = slice(index, index + count)
+            if count == 1:
+                hinge.append(index)
+                hinge_qpos.append(model.jnt_qposadr[joint])
+            elif np.array_equal(model.actuator_gear[row, :3], np.eye(3)) and np.all(
+                model.actuator_trnid[row, 0] == joint
+            ):
+                ball.append(index + np.arange(3))
+                ball_qpos.append(model.jnt_qposadr[joint] + np.arange(4))
+            else:
+                raise FileFormatError(f"robot '{name}': ball joint of '{servo}' has not x, y, z servos in a row")
+            index += count
+        return cls(
+            tuple(model.actuator(index).name for index in range(model.nu)),
+            np.array(hinge, dtype=np.int64),
+            np.array(hinge_qpos, dtype=np.int64),
+            np.array(ball, dtype=np.int64).reshape(-1, 3),
+            np.array(ball_qpos, dtype=np.int64).reshape(-1, 4),
+            tuple(
+                (int(model.jnt_qposadr[follower]), int(model.jnt_qposadr[leader]), curve[::-1])
+                for follower, (leader, curve) in followers(model).items()
+            ),
+        )
+
+    def place(self, targets: Array, qpos: Array) -> None:
+        """Writes joint coordinates (J,) into qpos (nq,); the root is left alone."""
+        if len(self.hinge):
+            qpos[self.hinge_qpos] = targets[self.hinge]
+        if len(self.ball):
+            qpos[self.ball_qpos] = from_rotation_vector(targets[self.ball])
+        for follower, leader, curve in self.followers:
+            qpos[follower] = np.polyval(curve, qpos[leader])
+
+    def read(self, qpos: Array, near: Array, out: Array) -> None:
+        """Reads joint coordinates into out (J,).
+
+        A rotation has many rotation vectors, whole turns apart; each joint gives the one closest to near (J,).
+        """
+        if len(self.hinge):
+            out[self.hinge] = qpos[self.hinge_qpos]
+        if len(self.ball):
+            out[self.ball] = nearest_turn(to_rotation_vector(qpos[self.ball_qpos]), near[self.ball])
+
+
+def nearest_turn(vector: Array, near: Array) -> Array:
+    """Rotation vectors (N, 3) of |angle| <= pi, lengthened or turned round by whole turns to come closest to near.
+
+    It keeps a joint that turns past a half turn from jumping to the other side.
+    """
+    if np.abs(near - vector).max(initial=0.0) < 1.0:
+        return vector  # less than a half turn away, as nearly always: nothing comes closer
+    angle = np.sqrt(dot(vector, vector))
+    turning = angle > 1e-9
+    axis = vector / np.where(turning, angle, 1.0)[:, None]
+    # Along the axis, near reads (near . axis); the turn that comes closest to it is the one to take.
+    turns = np.rint((dot(near, axis) - angle) / (2.0 * np.pi))
+    if not turns.any():
+        return vector
+    return vector + (2.0 * np.pi * turns)[:, None] * axis

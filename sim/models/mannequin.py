@@ -1,0 +1,169 @@
+"""The mannequin: a MuJoCo humanoid built from any skeleton, so that every motion of that skeleton plays back exactly.
+
+Each bone is a body that hangs from the end of its parent by a ball joint, and in the rest pose every body's axes are
+the world's: the ball joint's quaternion is then the bone's rotation seen from its parent.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from controller.mocap.anatomy import Anatomy, Part, anatomy
+from controller.mocap.skeleton import ROOT, Skeleton
+from controller.rotations import Array, from_matrix
+from sim.models.mannequin_solids import Solid, flesh, limb_inertia, masses, pelvis
+from sim.models.overlaps import near_bodies
+from sim.models.scenery import add_gantry, add_lamp, set_stage
+
+ROOT_BODY = "(root)"  # no bone is called that
+
+# How far a bone may turn away from the rest pose (arms out), rad: wider than people are, for recordings are noisy.
+REACH: dict[Part, float] = {
+    "trunk": 1.4,
+    "neck": 1.4,
+    "head": 1.5,
+    "hip": 0.8,
+    "thigh": 2.8,
+    "shank": 2.8,
+    "foot": 1.8,
+    "clavicle": 1.7,
+    "upper arm": 2.8,
+    "forearm": 3.0,
+    "hand": 2.4,
+    "other": 3.0,
+}
+
+# Every servo is tuned to the same closed loop, critically damped, whatever it carries: kp = I w^2 and kv = 2 kp / w,
+# with I the most that its joint has to move about any axis in the rest pose.
+SERVO_BANDWIDTH = 60.0
+# The inertia of a servo's own rotor, as a geared motor shows it, grows with its strength: on its own it would swing at
+# this rate, rad/s. It is what keeps a chain of stiff joints, and a light foot on the floor, stable at this timestep.
+ROTOR_RATE = 200.0
+# A light bone at the end of a limb is flung about by the limb: kp is also what lets it lag by at most FLUNG[1] (rad)
+# when its joint is accelerated by FLUNG[0] (m/s^2, a heel strike while running) ...
+FLUNG = (100.0, 0.05)
+# ... and a leg that stands has the rest of the body to hold: kp is also STANCE times weight times height of the hips.
+STANCE = 2.0
+GRAVITY = 9.81
+
+# Bits of the solids that bodies touch one another with, and of those that only the floor of a free root touches.
+SELF, OTHERS = 1, 2
+# Flesh gives: time constant, s, and damping ratio of a contact.
+SOFT = (0.04, 1.0)
+
+COLOURS = {
+    "body": (0.90, 0.89, 0.86),
+    "dark": (0.20, 0.23, 0.28),
+    "left": (0.91, 0.63, 0.42),
+    "right": (0.38, 0.59, 0.75),
+    "middle": (0.90, 0.89, 0.86),
+}
+
+
+def build_mannequin(skeleton: Skeleton) -> mujoco.MjSpec:
+    """The humanoid of a skeleton on its stage: a free root on a gantry, one body and one ball joint a bone.
+
+    Bodies and joints bear the bones' names; each joint has three position actuators ("lkne.x", "lkne.y", "lkne.z")
+    on the components of its rotation vector. Bodies collide with one another but for neighbours and those that overlap
+    in the rest pose; nothing collides with the floor: the gantry carries the robot.
+    """
+    parts = anatomy(skeleton)
+    mass = masses(skeleton, parts)
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    spec.modelname = f"mannequin of {skeleton.name}"
+    for tone, (r, g, b) in COLOURS.items():
+        spec.add_material(name=tone, rgba=[r, g, b, 1.0], specular=0.25, shininess=0.35)
+
+    height = max(skeleton.leg_length, 0.3)
+    set_stage(spec, height)
+    root = spec.worldbody.add_body(name=ROOT_BODY, pos=[0.0, 0.0, height])
+    root.add_freejoint(name=ROOT_BODY)
+    _dress(root, pelvis(skeleton, parts), mass[0], "middle")
+    bodies = {ROOT: root}
+    for bone, name in enumerate(skeleton.bones):
+        parent = int(skeleton.parent[bone])
+        start = np.zeros(3) if parent == ROOT else skeleton.rest_direction[parent] * skeleton.length[parent]
+        body = bodies[parent].add_body(name=name, pos=start)
+        body.add_joint(
+            name=name,
+            type=mujoco.mjtJoint.mjJNT_BALL,
+            limited=True,
+            range=[0.0, REACH[parts.part[bone]]],
+        )
+        body.add_site(name=name, pos=skeleton.rest_direction[bone] * skeleton.length[bone], size=[0.005] * 3, group=4)
+        _dress(body, flesh(skeleton, parts, bone), mass[bone + 1], parts.side[bone])
+        spread = limb_inertia(skeleton, parts, bone, mass[bone + 1])
+        if spread is not None:
+            body.explicitinertial = True
+            body.mass, body.ipos, body.inertia = mass[bone + 1], spread.centre, spread.moments
+            body.iquat = from_matrix(spread.axes)
+        bodies[bone] = body
+    _add_servos(spec, skeleton, parts, height)
+    for a, b in sorted(near_bodies(model := spec.compile(), model.qpos0)):
+        spec.add_exclude(bodyname1=model.body(a).name, bodyname2=model.body(b).name)
+    add_lamp(root, height)
+    add_gantry(spec, root)
+    return spec
+
+
+def _felt_inertia(model: mujoco.MjModel) -> Array:
+    """The diagonal of the mass matrix in the initial pose, shape (nv,): what each degree of freedom has to move."""
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    diagonal = np.empty(model.nv)
+    moved, unit = np.empty(model.nv), np.zeros(model.nv)
+    for dof in range(model.nv):
+        unit[:] = 0.0
+        unit[dof] = 1.0
+        mujoco.mj_mulM(model, data, moved, unit)
+        diagonal[dof] = moved[dof]
+    return diagonal
+
+
+def _dress(body: mujoco.MjsBody, solids: list[Solid], mass: float, side: str) -> None:
+    volume = sum(solid.volume for solid in solids)
+    # One capsule along a limb is as good as all its solids, and found in a tenth of the time.
+    long = [solid.shape == "capsule" and bool(solid.size[2] > 2.0 * solid.size[0]) for solid in solids]
+    touching = long if any(long) else [solid.tone != "dark" for solid in solids]
+    for solid, touches in zip(solids, touching, strict=True):
+        ellipsoid = solid.shape == "ellipsoid"
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_ELLIPSOID if ellipsoid else mujoco.mjtGeom.mjGEOM_CAPSULE,
+            pos=solid.centre,
+            quat=from_matrix(solid.axes),
+            size=solid.size if ellipsoid else [solid.size[0], max(float(solid.size[2]), 1e-4), 0.0],
+            mass=mass * solid.volume / volume,
+            material=side if solid.tone == "limb" else solid.tone,
+            contype=SELF if touches else OTHERS,
+            conaffinity=SELF if touches else 0,
+            condim=1,  # flesh slides on flesh; a floor brings its own friction
+            solref=SOFT,
+        )
+
+
+def _add_servos(spec: mujoco.MjSpec, skeleton: Skeleton, parts: Anatomy, height: float) -> None:
+    model = spec.compile()
+    inertia = _felt_inertia(model)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    standing = STANCE * float(model.body_mass.sum()) * GRAVITY * height
+    for bone, name in enumerate(skeleton.bones):
+        first, body = model.joint(name).dofadr[0], model.body(name).id
+        felt = inertia[first : first + 3].max()
+        # How far the middle of all that hangs from the joint is away from it, times its mass.
+        moment = model.body_subtreemass[body] * np.linalg.norm(data.subtree_com[body] - data.xpos[body])
+        needs = [felt * SERVO_BANDWIDTH**2, moment * FLUNG[0] / FLUNG[1]]
+        if parts.part[bone] in ("shank", "foot") and parts.first(parts.part[bone], parts.side[bone]) == bone:
+            needs.append(standing)
+        kp = max(needs)
+        spec.joint(name).armature = kp / ROTOR_RATE**2
+        for axis in range(3):
+            servo = spec.add_actuator(name=f"{name}.{'xyz'[axis]}", trntype=mujoco.mjtTrn.mjTRN_JOINT, target=name)
+            servo.gear[:] = 0.0
+            servo.gear[axis] = 1.0
+            servo.set_to_position(kp=kp, kv=2.0 * kp / SERVO_BANDWIDTH)

@@ -1,0 +1,170 @@
+"""Model files: any robot's MJCF or URDF, made ready to be played on.
+
+Whatever the file brings, the robot ends up with a free root, one position servo for each joint that is played, named
+as the joint, and none of the file's own floor, sky and lamps: the stage brings those.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.polynomial import Polynomial
+
+from motiondeck_base.errors import FileFormatError
+from sim.models.surface import Surface
+
+ROOT_JOINT = "(root)"
+LAST_SHOWN_GROUP = 2
+
+# A joint without a position servo of its own gets one of this bandwidth, rad/s, critically damped.
+SERVO_BANDWIDTH = 30.0
+
+
+def read_model(path: Path) -> mujoco.MjSpec:
+    """The robot in an MJCF or URDF file, in the void, its root free and its joints driven by position servos.
+
+    Played are the hinges that have an actuator, or all of them where the file has no actuators; a joint that an
+    equality constraint couples to another follows that one instead.
+
+    Raises:
+        FileFormatError: if MuJoCo refuses the file, there is no body or no solid in it, or its base turns on a joint.
+    """
+    if not path.is_file():
+        raise FileFormatError(f"{path}: there is no such model file")
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+        _clear_stage(spec)
+        spec.compiler.fusestatic = False
+        # The model may be saved elsewhere; its meshes stay where they are.
+        folder = path.resolve().parent
+        spec.meshdir, spec.texturedir = str(folder / spec.meshdir), str(folder / spec.texturedir)
+        _free_root(path, spec)
+        model = spec.compile()
+        if not len(Surface.of(model).body):
+            raise FileFormatError(
+                f"{path}: no body of it has a solid that tells how far it reaches; give its feet and limbs geoms "
+                "(in a URDF <collision> shapes: MuJoCo leaves <visual> ones out)"
+            )
+        _servos(path, spec, model)
+        if model.ngeom and np.all(model.geom_group > LAST_SHOWN_GROUP):
+            # Only solids for collisions are left of it: better to see these than nothing.
+            for geom in spec.geoms:
+                geom.group = 0
+        spec.compile()
+    except ValueError as error:
+        raise FileFormatError(f"{path}: MuJoCo refuses it: {' '.join(str(error).split())}") from error
+    return spec
+
+
+def followers(model: mujoco.MjModel) -> dict[int, tuple[int, np.ndarray]]:
+    """The joints that an active equality constraint couples to another one, or holds where they are.
+
+    Returns:
+        joint -> (leader, the five coefficients of its position as a polynomial of the leader's); a joint that is held
+        leads itself, by a constant.
+    """
+    coupled = {}
+    for equality in np.flatnonzero((model.eq_type == mujoco.mjtEq.mjEQ_JOINT) & (model.eq_active0 != 0)):
+        follower, leader = int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])
+        # MuJoCo's positions count from qpos0 here: y - y0 = p(x - x0).
+        curve, start = model.eq_data[equality, :5], model.qpos0[model.jnt_qposadr[follower]]
+        polynomial = np.zeros(5)
+        if leader < 0:
+            leader, polynomial[0] = follower, start + curve[0]
+        else:
+            moved = Polynomial(curve)(Polynomial([-model.qpos0[model.jnt_qposadr[leader]], 1.0])).coef
+            polynomial[: len(moved)] = moved
+            polynomial[0] += start
+        coupled[follower] = (leader, polynomial)
+    return coupled
+
+
+def _clear_stage(spec: mujoco.MjSpec) -> None:
+    """Takes away what stands or shines beside the robot."""
+    for thing in [*spec.worldbody.geoms, *spec.worldbody.lights]:
+        spec.delete(thing)
+    for texture in [*spec.textures]:
+        if texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX:
+            spec.delete(texture)
+    # Keyframes, sensors and pairs of solids may be about what is taken away; nothing here looks at them.
+    for thing in [*spec.keys, *spec.sensors, *spec.pairs]:
+        spec.delete(thing)
+
+
+def _free_root(path: Path, spec: mujoco.MjSpec) -> None:
+    bodies = [body for body in spec.worldbody.bodies if not body.mocap]
+    if not bodies:
+        raise FileFormatError(f"{path}: there is no body in it")
+    for body in bodies:
+        free = [joint for joint in body.joints if joint.type == mujoco.mjtJoint.mjJNT_FREE]
+        if free:
+            root, joint = body, free[0]
+            break
+    else:
+        root = max(bodies, key=lambda body: len(body.find_all("body")))
+        if root.joints:
+            raise FileFormatError(
+                f"{path}: body '{root.name}' hangs from the world by joint '{root.joints[0].name}'. "
+                "Put a body without joints, or with a free joint, above it."
+            )
+        joint = root.add_freejoint()
+    joint.name = joint.name or ROOT_JOINT
+    root.name = root.name or ROOT_JOINT
+    for body in bodies:
+        if body is not root:
+            # A ball or a table that came along would stand in front of the free root's seven numbers.
+            spec.delete(body)
+
+
+def _servos(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
+    """Replaces whatever actuators there are by one position servo a played joint."""
+    hinge = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
+    driven: dict[int, int] = {}
+    for actuator in range(model.nu):
+        joint = int(model.actuator_trnid[actuator, 0])
+        if model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_JOINT and hinge[joint]:
+            driven.setdefault(joint, actuator)
+    coupled = followers(model)
+    played = [joint for joint in (driven or np.flatnonzero(hinge)) if joint not in coupled]
+    if not played:
+        raise FileFormatError(f"{path}: it has no hinge joint that could be moved")
+    old = [*spec.actuators]
+    for joint in played:
+        name = model.joint(int(joint)).name
+        if not name:
+            body = model.body(int(model.jnt_bodyid[joint])).name
+            raise FileFormatError(f"{path}: a joint of body '{body}' has no name; give it one")
+        servo = spec.add_actuator(trntype=mujoco.mjtTrn.mjTRN_JOINT, target=name)
+        kp, kv, force = _gains(model, int(joint), driven.get(int(joint)))
+        servo.set_to_position(kp=kp, kv=kv)
+        if np.isfinite(force):
+            servo.forcelimited, servo.forcerange = True, [-force, force]
+    new = spec.actuators[len(old) :]
+    for actuator in old:
+        spec.delete(actuator)
+    for servo, joint in zip(new, played, strict=True):
+        servo.name = model.joint(int(joint)).name
+
+
+def _gains(model: mujoco.MjModel, joint: int, actuator: int | None) -> tuple[float, float, float]:
+    """Stiffness, damping and greatest torque of a joint's servo: the file's own where it has a position servo."""
+    force = float("inf")
+    if model.jnt_actfrclimited[joint]:
+        force = float(np.abs(model.jnt_actfrcrange[joint]).max())
+    if actuator is not None:
+        gear = abs(float(model.actuator_gear[actuator, 0]))
+        if model.actuator_forcelimited[actuator]:
+            force = gear * float(np.abs(model.actuator_forcerange[actuator]).max())
+        bias = model.actuator_biasprm[actuator]
+        gain = float(model.actuator_gainprm[actuator, 0])
+        if bias[1] < 0.0 < gain:
+            return gain * gear**2, -float(bias[2]) * gear**2, force
+        if model.actuator_ctrllimited[actuator]:
+            force = min(force, gear * gain * float(np.abs(model.actuator_ctrlrange[actuator]).max()))
+    felt = float(model.dof_M0[model.jnt_dofadr[joint]])
+    return felt * SERVO_BANDWIDTH**2, 2.0 * felt * SERVO_BANDWIDTH, force

@@ -1,0 +1,1 @@
+"""Simulated servos and masses: playback, balance, loads, preflight."""

@@ -1,0 +1,242 @@
+"""Balance: a motion on the spot with both feet kept where they are and the centre of mass above them.
+
+Each tick makes one damped least-squares step on a robot of its own, from where the last one left it:
+
+    min over dv of   |W_f (J_f dv - e_f)|^2 + |W_c (J_c dv - e_c)|^2 + |W_q (dv - e_q)|^2
+
+with e_f what the soles are off their places on the floor, e_c what the centre of mass is off its goal, and e_q what
+root and joints are off what is played: the legs give way, the rest plays on. The goal of the centre of mass:
+
+    c = middle of the support - K (xi - xi planned),      xi = com + velocity / omega,      omega^2 = g / height
+
+xi is the capture point (Pratt et al. 2006), as it is on the simulated robot. Held by servos this is the ankle
+strategy: ankles push the centre of mass back. Where xi comes near the border of the support ankles cannot push any
+harder, and the hips bend towards it (the hip strategy): while the trunk is being turned the floor pushes back.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from controller.rotations import Array, about, conjugate, from_matrix, multiply, rotate, to_rotation_vector, yaw
+from motiondeck_base.errors import MotiondeckError
+from sim.physics.physics_model import feet_of
+from sim.physics.support_polygon import convex_hull, margin
+from sim.robots.robot import Robot
+
+# Weights of one metre or one radian off.
+FOOT, CENTRE, HEIGHT, LEAN, LEG, REST = 100.0, 60.0, 2.0, 3.0, 0.3, 3.0
+# The ankle strategy's gain, and the share of the support that the goal may be moved by.
+ANKLE_GAIN, ANKLE_REACH = 1.0, 0.8
+# The hip strategy: rad for each metre (of a leg one metre long) nearer to the border than HIP_FROM of the support.
+HIP_GAIN, HIP_FROM, HIP_MOST = 4.0, 0.5, 0.6
+# Feet stand at least so far apart sideways and at most so far one ahead of the other, in shares of the height of the
+# root, and turned from the heading by at most so much, rad: nobody keeps his balance on a line.
+STANCE_WIDTH, STANCE_LENGTH, STANCE_TURN = 0.30, 0.25, 0.6
+# A heel that lands shakes the velocity: the capture point is followed with this time constant, s.
+SMOOTHING = 0.03
+STARTING_STEPS = 60
+
+
+class Balance:
+    """Bends what is played so that a free robot stays on its feet.
+
+    Args:
+        robot: whose motion it is.
+        model: the robot with a free root on a solid floor.
+        dt: between two targets, s.
+
+    Raises:
+        MotiondeckError: if the robot has not two feet.
+    """
+
+    def __init__(self, robot: Robot, model: mujoco.MjModel, dt: float) -> None:
+        feet = feet_of(robot)
+        if len(feet) != 2:
+            raise MotiondeckError(f"robot '{robot.name}' has {len(feet)} feet; only one that stands on two can balance")
+        self._robot, self._model, self._dt = robot, model, dt
+        self._plan = mujoco.MjData(model)
+        self._feet = feet
+        self._bodies = [model.body(foot.body).id for foot in feet]
+        self._weight = self._weights()
+        self._most = self._fastest() * dt
+        self._goal = np.empty(model.nq)
+        self._error = np.empty(model.nv)
+        self._jacobian = np.empty((14, model.nv))
+
+    def start(self, data: mujoco.MjData) -> None:
+        """Plants the feet below where they are in data, and puts the robot there in a stance that balances."""
+        model, plan = self._model, self._plan
+        self._heading: float | None = None
+        plan.qpos[:] = data.qpos
+        mujoco.mj_kinematics(model, plan)
+        self._plant()
+        corners = self._corners(plan, planted=True)
+        self._middle = np.mean([corners[:4].mean(axis=0), corners[4:].mean(axis=0)], axis=0)
+        self._support = convex_hull(corners)
+        self._half = margin(self._support, self._middle)
+        self._planned = self._middle.copy()
+        self._smooth = np.zeros(2)
+        goal = data.qpos.copy()
+        for _ in range(STARTING_STEPS):
+            self._step(goal, self._middle, np.inf)
+        data.qpos[:] = plan.qpos
+        self._lift = float(plan.qpos[2])
+        self._first_height: float | None = None
+
+    def adjust(self, data: mujoco.MjData, goal: Array, heading: float) -> None:
+        """Bends a goal (nq,) to one that balances, given the robot's state and the heading of what is played, rad."""
+        if self._heading is None:
+            self._heading, self._first_height = heading, float(goal[2])
+        wanted = goal.copy()
+        assert self._first_height is not None
+        wanted[2] = self._lift + goal[2] - self._first_height
+        off = self._off(data)
+        wanted[3:7] = multiply(self._hips(off), multiply(yaw(self._heading - heading), goal[3:7]))
+        ankles = -ANKLE_GAIN * off
+        far = float(np.hypot(*ankles))
+        ankles *= min(1.0, ANKLE_REACH * self._half / max(far, 1e-9))
+        self._step(wanted, self._middle + ankles, 1.0)
+        goal[:] = self._plan.qpos
+
+    def _plant(self) -> None:
+        """Chooses where the feet stay: on the floor below where they are, within what can be stood on."""
+        plan = self._plan
+        facing = _azimuth(_turned(plan.qpos[3:7]))
+        ahead = np.array([np.cos(facing), np.sin(facing)])
+        left = np.array([-ahead[1], ahead[0]])
+        at, turn = [], []
+        for foot, body in zip(self._feet, self._bodies, strict=True):
+            axes = plan.xmat[body].reshape(3, 3)
+            at.append((plan.xpos[body] + axes @ foot.sole)[:2])
+            own = _azimuth(axes @ foot.axes[:, 0]) - facing
+            turn.append(facing + np.clip(np.arctan2(np.sin(own), np.cos(own)), -STANCE_TURN, STANCE_TURN))
+        middle, apart = 0.5 * (at[0] + at[1]), 0.5 * (at[0] - at[1])
+        height = float(plan.qpos[2])
+        side = 1.0 if self._is_left(0) else -1.0
+        wide = side * max(side * float(apart @ left), 0.5 * STANCE_WIDTH * height)
+        long = float(np.clip(apart @ ahead, -0.5 * STANCE_LENGTH * height, 0.5 * STANCE_LENGTH * height))
+        apart = long * ahead + wide * left
+        self._place = [np.array([*(middle + apart), 0.0]), np.array([*(middle - apart), 0.0])]
+        self._flat = [
+            multiply(yaw(angle), from_matrix(foot.axes.T)) for angle, foot in zip(turn, self._feet, strict=True)
+        ]
+
+    def _is_left(self, foot: int) -> bool:
+        """Whether a foot is the one on the left in the rest pose."""
+        rest = mujoco.MjData(self._model)
+        self._robot.layout.place(self._robot.rest, rest.qpos)
+        mujoco.mj_kinematics(self._model, rest)
+        return bool(rest.xpos[self._bodies[foot], 1] > rest.xpos[self._bodies[1 - foot], 1])
+
+    def _off(self, data: mujoco.MjData) -> Array:
+        """How far the capture point is from the planned centre, seen from the feet, shape (2,), m."""
+        mujoco.mj_subtreeVel(self._model, data)
+        root = int(self._model.jnt_bodyid[0])
+        com, velocity = data.subtree_com[root], data.subtree_linvel[root]
+        here = self._corners(data)
+        middle = 0.5 * (here[:4].mean(axis=0) + here[4:].mean(axis=0))
+        self._omega = np.sqrt(9.81 / max(float(com[2]), 0.05))
+        off = com[:2] + velocity[:2] / self._omega - middle
+        # Feet slip a little with every blow, and the robot may have turned by now.
+        (x, y), (u, v) = here[4:].mean(axis=0) - here[:4].mean(axis=0), self._place[1][:2] - self._place[0][:2]
+        turn = np.arctan2(x * v - y * u, x * u + y * v)
+        cos, sin = np.cos(turn), np.sin(turn)
+        now = np.array([cos * off[0] - sin * off[1], sin * off[0] + cos * off[1]])
+        self._smooth += (1.0 - np.exp(-self._dt / SMOOTHING)) * (now - self._smooth)
+        return self._smooth
+
+    def _hips(self, off: Array) -> Array:
+        """The turn of the root, a quaternion, by which the hips help where ankles are at their end."""
+        far = float(np.hypot(*off))
+        beyond = max(far - HIP_FROM * self._half, 0.0)
+        leg = 9.81 / self._omega**2
+        angle = min(HIP_GAIN * beyond / leg, HIP_MOST)
+        if angle == 0.0:
+            return np.array([1.0, 0.0, 0.0, 0.0])
+        return about(np.array([-off[1], off[0], 0.0]) / far, angle)
+
+    def _step(self, goal: Array, centre: Array, pace: float) -> None:
+        model, plan = self._model, self._plan
+        mujoco.mj_kinematics(model, plan)
+        mujoco.mj_comPos(model, plan)
+        root = int(model.jnt_bodyid[0])
+        jacobian, off = self._jacobian, np.empty(14)
+        weight = np.empty(14)
+        for k, (foot, body) in enumerate(zip(self._feet, self._bodies, strict=True)):
+            rows = slice(6 * k, 6 * k + 3), slice(6 * k + 3, 6 * k + 6)
+            sole = plan.xpos[body] + plan.xmat[body].reshape(3, 3) @ foot.sole
+            mujoco.mj_jac(model, plan, jacobian[rows[0]], jacobian[rows[1]], sole, body)
+            off[rows[0]] = self._place[k] - sole
+            off[rows[1]] = to_rotation_vector(multiply(self._flat[k], conjugate(plan.xquat[body])))
+            weight[rows[0]], weight[rows[1]] = FOOT, 0.3 * FOOT
+        com = np.empty((3, model.nv))
+        mujoco.mj_jacSubtreeCom(model, plan, com, root)
+        jacobian[12:] = com[:2]
+        off[12:] = centre - plan.subtree_com[root, :2]
+        weight[12:] = CENTRE
+        mujoco.mj_differentiatePos(model, self._error, 1.0, plan.qpos, goal)
+        square = np.square(self._weight)
+        weighted = jacobian * np.square(weight)[:, None]
+        matrix = jacobian.T @ weighted
+        matrix[np.diag_indices_from(matrix)] += square + 1e-6
+        step = np.linalg.solve(matrix, square * self._error + weighted.T @ off)
+        most = self._most * pace
+        mujoco.mj_integratePos(model, plan.qpos, np.clip(step, -most, most), 1.0)
+        self._within_limits()
+
+    def _within_limits(self) -> None:
+        layout, limits, qpos = self._robot.layout, self._robot.limits, self._plan.qpos
+        if len(layout.hinge):
+            at = layout.hinge_qpos
+            qpos[at] = np.clip(qpos[at], limits.lower[layout.hinge], limits.upper[layout.hinge])
+
+    def _corners(self, data: mujoco.MjData, planted: bool = False) -> Array:
+        """The corners of both soles on the floor, shape (8, 2), m."""
+        found = []
+        for k, (foot, body) in enumerate(zip(self._feet, self._bodies, strict=True)):
+            if planted:
+                matrix = np.empty(9)
+                mujoco.mju_quat2Mat(matrix, self._flat[k])
+                found.append(self._place[k] + (foot.corners - foot.sole) @ matrix.reshape(3, 3).T)
+            else:
+                found.append(data.xpos[body] + foot.corners @ data.xmat[body].reshape(3, 3).T)
+        return np.concatenate(found)[:, :2]
+
+    def _weights(self) -> Array:
+        """What it costs each degree of freedom not to go as it is played, shape (nv,)."""
+        model = self._model
+        weight = np.full(model.nv, REST)
+        weight[:6] = (0.0, 0.0, HEIGHT, LEAN, LEAN, LEAN)
+        for body in self._bodies:
+            while model.body_parentid[body] != 0:
+                first, count = model.body_dofadr[body], model.body_dofnum[body]
+                weight[first : first + count] = LEG
+                body = int(model.body_parentid[body])
+        return weight
+
+    def _fastest(self) -> Array:
+        """The speed limit of each degree of freedom, shape (nv,)."""
+        model, layout, limit = self._model, self._robot.layout, self._robot.limits.velocity
+        most = np.full(model.nv, np.inf)
+        joint = model.actuator_trnid[:, 0]
+        for index in layout.hinge:
+            most[model.jnt_dofadr[joint[index]]] = limit[index]
+        for row in layout.ball:
+            first = model.jnt_dofadr[joint[row[0]]]
+            most[first : first + 3] = limit[row]
+        return most
+
+
+def _turned(rotation: Array) -> Array:
+    """Where a body turned by a quaternion faces, shape (3,)."""
+    return rotate(rotation, np.array([1.0, 0.0, 0.0]))
+
+
+def _azimuth(direction: Array) -> float:
+    """Which way a direction (3,) points, about z from x, rad."""
+    return float(np.arctan2(direction[1], direction[0]))

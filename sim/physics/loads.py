@@ -1,0 +1,213 @@
+"""Loads: what a take asks of a robot's body and its servos, by inverse dynamics, without simulating it.
+
+At a tempo s all velocities are s times and all accelerations s^2 times those of the take, so one pass gives the joint
+torques of every tempo:
+
+    tau(s) = gravity + s damping + s^2 inertia + sign(velocity) friction
+
+With a free root what holds the body up comes from the floor: forces within their friction cones on those corners of the
+soles that are lowest, which come closest to the force and moment that the root would else have to be held with.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from controller.rotations import Array
+from sim.models.feet import Foot
+from sim.models.surface import LowestPoint, Surface
+from sim.physics.physics_model import feet_of
+from sim.physics.played_motions import DT, Take
+from sim.physics.support_polygon import convex_hull, margin
+from sim.retargeting.footing import below
+from sim.robots.robot import Robot
+from sim.robots.self_collision import SelfCollision
+
+# A sole corner less than this share of the root's height above the lowest one of the moment is pushed by the ground: on
+# a real floor a robot settles onto its soles. What it keeps its balance on must be nearer to the floor: soles that are
+# tilted by more roll over their edges (fitted on every other motion of thesis15).
+CONTACT, STANDS = 0.06, 0.03
+_FRICTION = 0.7
+_CONE = np.array([[_FRICTION, 0.0, 1.0], [-_FRICTION, 0.0, 1.0], [0.0, _FRICTION, 1.0], [0.0, -_FRICTION, 1.0]])
+# It slides if a corner so near to the floor moves: a foot that swings through is higher, and one that rolls is still.
+TOUCHES = 0.008
+# What it costs to share out forces unevenly, against what it costs to leave the root unsupported.
+_EVENLY = 1e-3
+
+
+@dataclass(frozen=True)
+class Loads:
+    """What T samples of a take ask of J joints at its own tempo.
+
+    Attributes:
+        velocity: of the joints, shape (T, J), rad/s.
+        gravity, damping, inertia, friction: joint torques, shape (T, J), N m.
+        collision: how deep bodies are in one another, shape (T,), m, and which ones at worst.
+        lowest: height of the lowest point, shape (T,), m.
+        slide: how fast what touches the ground of the soles moves along it, shape (T,), m/s.
+        support: the polygon that the robot stands on in each sample, length T.
+        lies: whether something else than its feet is on the ground, shape (T,).
+        com: of the centre of mass along the ground and its height, shape (T, 3), m.
+        com_velocity: along the ground, shape (T, 2), m/s.
+    """
+
+    velocity: Array
+    gravity: Array
+    damping: Array
+    inertia: Array
+    friction: Array
+    collision: Array
+    colliding: str
+    lowest: Array
+    slide: Array
+    support: tuple[Array, ...]
+    lies: NDArray[np.bool_]
+    com: Array
+    com_velocity: Array
+
+    def torque(self, tempo: float = 1.0) -> Array:
+        """The joint torques at a tempo, shape (T, J), N m."""
+        drag = np.sign(self.velocity) * self.friction
+        return self.gravity + tempo * self.damping + tempo**2 * self.inertia + drag
+
+    def balance(self, tempo: float = 1.0) -> Array:
+        """How far inside the support the capture point is at a tempo, shape (T,), m; -inf for a robot without feet."""
+        omega = np.sqrt(9.81 / np.maximum(self.com[:, 2], 1e-3))
+        capture = self.com[:, :2] + tempo * self.com_velocity / omega[:, None]
+        return np.array([margin(hull, point) for hull, point in zip(self.support, capture, strict=True)])
+
+
+def loads_of(robot: Robot, take: Take, *, free: bool, collisions: SelfCollision) -> Loads:
+    """Goes through a take once.
+
+    Args:
+        robot: who plays it.
+        take: what is played.
+        free: whether the floor has to carry the robot, or a gantry does.
+        collisions: finds what runs into what.
+    """
+    model, data = robot.model, mujoco.MjData(robot.model)
+    qpos, qvel, qacc = _motion(robot, take)
+    count, feet = len(qpos), feet_of(robot)
+    dof, lowest_point, surface = _actuated(robot), LowestPoint(model), Surface.of(model)
+    soles = [body for foot in feet for body in below(model, model.body(foot.body).id)]
+    rest = surface.part(np.setdiff1d(surface.body, soles))
+    near = TOUCHES * float(model.body(int(model.jnt_bodyid[0])).pos[2])
+    gravity, inertia = np.empty((2, count, len(dof)))
+    depth, lowest, slide = np.zeros(count), np.empty(count), np.zeros(count)
+    lies = np.zeros(count, dtype=bool)
+    com, support, worst = np.empty((count, 3)), [], ("", 0.0)
+    before: tuple[NDArray[np.bool_], Array] | None = None
+    flags = model.opt.disableflags
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT.value
+    try:
+        for k in range(count):
+            data.qpos[:] = qpos[k]
+            torque = np.empty((2, model.nv))
+            for which, (v, a) in enumerate(((0.0 * qvel[k], 0.0 * qacc[k]), (qvel[k], qacc[k]))):
+                data.qvel[:], data.qacc[:] = v, a
+                mujoco.mj_inverse(model, data)
+                torque[which] = data.qfrc_inverse
+            corners, jacobians = _corners(model, data, feet)
+            on = _on_the_ground(corners, robot, CONTACT)
+            damping = model.dof_damping * qvel[k]
+            if free and on.any():
+                torque = np.stack([_carried_by_the_floor(one, jacobians[on]) for one in torque])
+            gravity[k], inertia[k] = torque[0, dof], (torque[1] - torque[0] - damping)[dof]
+            com[k] = data.subtree_com[int(model.jnt_bodyid[0])]
+            lowest[k] = lowest_point(data)
+            heights = rest.positions(data)[:, 2] - rest.radius
+            lies[k] = bool(np.any(heights < lowest[k] + near))
+            support.append(convex_hull(corners[_on_the_ground(corners, robot, STANDS), :2]))
+            touches = _on_the_ground(corners, robot, TOUCHES)
+            if before is not None:
+                both = touches & before[0]
+                moved = np.hypot(*(corners[both, :2] - before[1][both, :2]).T) / DT
+                slide[k] = float(moved.max(initial=0.0))
+            before = touches, corners
+            depth[k], pair = collisions(qpos[k])
+            if depth[k] > worst[1]:
+                worst = pair, depth[k]
+    finally:
+        model.opt.disableflags = flags
+    return Loads(
+        velocity=qvel[:, dof],
+        gravity=gravity,
+        damping=(model.dof_damping * qvel)[:, dof],
+        inertia=inertia,
+        friction=np.broadcast_to(model.dof_frictionloss[dof], (count, len(dof))),
+        collision=depth,
+        colliding=worst[0],
+        lowest=lowest,
+        slide=slide,
+        support=tuple(support),
+        lies=lies,
+        com=com,
+        com_velocity=_rate(com[:, :2]),
+    )
+
+
+def _motion(robot: Robot, take: Take) -> tuple[Array, Array, Array]:
+    """Positions (T, nq), velocities and accelerations (T, nv) of a take as it is played within the joints' range."""
+    model, count = robot.model, len(take.targets)
+    qpos = np.empty((count, model.nq))
+    if robot.footing is not None:
+        robot.footing.reset(DT)
+    for k, pose in enumerate(take.poses):
+        robot.place(np.clip(take.targets[k], robot.limits.lower, robot.limits.upper), pose, qpos[k])
+    qvel, step = np.empty((count, model.nv)), np.empty(model.nv)
+    for k in range(count):
+        first, last = max(k - 1, 0), min(k + 1, count - 1)
+        mujoco.mj_differentiatePos(model, step, (last - first) * DT, qpos[first], qpos[last])
+        qvel[k] = step
+    return qpos, qvel, _rate(qvel)
+
+
+def _rate(values: Array) -> Array:
+    """The rate of change of (T, n) samples."""
+    rate: Array = np.gradient(values, DT, axis=0)  # pyright: ignore[reportAssignmentType]
+    return rate
+
+
+def _actuated(robot: Robot) -> NDArray[np.intp]:
+    """The degree of freedom of each actuator."""
+    model, layout = robot.model, robot.layout
+    first = model.jnt_dofadr[model.actuator_trnid[:, 0]].astype(np.intp)
+    for row in layout.ball:
+        first[row] += np.arange(3)
+    return first
+
+
+def _corners(model: mujoco.MjModel, data: mujoco.MjData, feet: tuple[Foot, ...]) -> tuple[Array, Array]:
+    """Where the corners of the soles are (C, 3), and how they move with the joints (C, 3, nv)."""
+    points, jacobians = np.empty((4 * len(feet), 3)), np.empty((4 * len(feet), 3, model.nv))
+    for k, foot in enumerate(feet):
+        body = model.body(foot.body).id
+        points[4 * k : 4 * k + 4] = data.xpos[body] + foot.corners @ data.xmat[body].reshape(3, 3).T
+        for corner in range(4 * k, 4 * k + 4):
+            mujoco.mj_jac(model, data, jacobians[corner], None, points[corner], body)
+    return points, jacobians
+
+
+def _on_the_ground(corners: Array, robot: Robot, share: float) -> NDArray[np.bool_]:
+    """Which corners (C, 3) are within a share of the root's height of the lowest one."""
+    if len(corners) == 0:
+        return np.zeros(0, dtype=bool)
+    near = share * float(robot.model.body(int(robot.model.jnt_bodyid[0])).pos[2])
+    return corners[:, 2] < corners[:, 2].min() + near
+
+
+def _carried_by_the_floor(torque: Array, jacobians: Array) -> Array:
+    """Generalised forces (nv,) with the root's share taken over by forces on the corners (C, 3, nv) that touch."""
+    ways = np.einsum("gx,cxv->cgv", _CONE, jacobians).reshape(-1, jacobians.shape[-1])
+    matrix = np.concatenate([ways[:, :6].T, _EVENLY * np.eye(len(ways))])
+    forces, _ = nnls(matrix, np.concatenate([torque[:6], np.zeros(len(ways))]))
+    return torque - forces @ ways

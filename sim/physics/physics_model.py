@@ -1,0 +1,82 @@
+"""The model that physics runs on: a robot's own, held by a gantry, fixed where it stands, or free on the floor."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+import mujoco
+
+from controller.rotations import from_matrix
+from motiondeck_base.errors import MotiondeckError
+from sim.models.feet import Foot, find_feet
+from sim.models.scenery import FLOOR, GANTRY
+from sim.robots.robot import Robot
+
+ROOTS = ("gantry", "fixed", "free")
+
+# One bit of its own, so that what a model says of contacts between its bodies stays as it is.
+_FLOOR_BIT = 1 << 20
+# Rubber on wood. The second and third figure are MuJoCo's torsional and rolling friction, m.
+FRICTION = (1.0, 0.005, 0.0001)
+# The sole under a foot of rounded solids is this thick, m, and drawn in a group that is not shown.
+_SOLE = 0.004
+_HIDDEN = 4
+# Contacts take more rounds than a robot that hangs in the air.
+_ITERATIONS = 60
+
+
+def feet_of(robot: Robot) -> tuple[Foot, ...]:
+    """The feet of a robot, found where it stands in its rest pose."""
+    data = mujoco.MjData(robot.model)
+    robot.layout.place(robot.rest, data.qpos)
+    return find_feet(robot.model, data.qpos)
+
+
+def physics_model(robot: Robot, root: str = "gantry") -> mujoco.MjModel:
+    """A model of its own to simulate a robot on.
+
+    Under a free root the floor is solid: the bodies that the robot's model lets collide stand on it, or where it lets
+    none, all of them. A foot of rounded solids gets a flat sole, as wide and long as they are.
+
+    Args:
+        robot: whose; it is not changed.
+        root: whether a gantry carries its root along, holds it where it is, or lets it go.
+
+    Raises:
+        MotiondeckError: for another root.
+    """
+    if root not in ROOTS:
+        raise MotiondeckError(f"root '{root}': choose gantry (carried along), fixed (held in place) or free")
+    spec = robot.spec.copy()
+    spec.equality(GANTRY).active = root != "free"
+    if root == "free":
+        _make_solid(spec, robot)
+    return spec.compile()
+
+
+def _make_solid(spec: mujoco.MjSpec, robot: Robot) -> None:
+    spec.option.iterations = _ITERATIONS
+    model = robot.model
+    # Read from the compiled model: in the spec a geom may have it from its class.
+    touching = {geom for geom in range(model.ngeom) if model.geom_contype[geom] or model.geom_conaffinity[geom]}
+    for geom in spec.geoms:
+        if geom.name == FLOOR:
+            geom.contype, geom.conaffinity, geom.friction = _FLOOR_BIT, 0, FRICTION
+        elif not touching or geom.id in touching:
+            geom.conaffinity = int(model.geom_conaffinity[geom.id]) | _FLOOR_BIT
+            geom.friction = FRICTION
+    for foot in feet_of(robot):
+        if foot.round:
+            along, across = (foot.corners[1] - foot.corners[0]), (foot.corners[3] - foot.corners[0])
+            spec.body(foot.body).add_geom(
+                type=mujoco.mjtGeom.mjGEOM_BOX,
+                size=[0.5 * float((along @ along) ** 0.5), 0.5 * float((across @ across) ** 0.5), _SOLE],
+                pos=foot.sole + _SOLE * foot.axes[:, 2],
+                quat=from_matrix(foot.axes),
+                mass=0.0,
+                contype=0,
+                conaffinity=_FLOOR_BIT,
+                friction=FRICTION,
+                group=_HIDDEN,
+            )

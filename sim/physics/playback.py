@@ -1,0 +1,256 @@
+"""Playback: outputs that show joint targets on a MuJoCo robot, either exactly or through its servos and its masses."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import mujoco
+import numpy as np
+
+from controller.mocap.posture import Pose
+from controller.rotations import Array, rotate
+from motiondeck_base.errors import MotiondeckError
+from sim.models.surface import LowestPoint
+from sim.physics.balance import Balance
+from sim.physics.physics_model import physics_model
+from sim.physics.simulated_servos import Servos
+from sim.robots.robot import Robot
+
+# MuJoCo starts afresh by itself when its state breaks, and leaves a note.
+_BROKEN = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+
+
+# A robot has fallen when its root is lower than this share of the height at which it is played, or when it leans over
+# by so much more than it is played, rad.
+FALLEN_HEIGHT = 0.6
+FALLEN_TILT = 1.0
+
+
+class KinematicPlayback:
+    """Puts the robot exactly where it is told to be.
+
+    Attributes:
+        name: "kinematics".
+        data: MuJoCo's state, with the position of every body.
+        placed: where the root was meant to be with the last write, position and quaternion, shape (7,), m.
+    """
+
+    name = "kinematics"
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        self.data = mujoco.MjData(robot.model)
+        robot.layout.place(robot.rest, self.data.qpos)
+        mujoco.mj_kinematics(robot.model, self.data)
+        self._measured = robot.rest.copy()
+        self._writes = 0
+        self.placed = self.data.qpos[:7].copy()
+
+    @property
+    def qpos(self) -> Array:
+        """Where the robot is, shape (nq,): MuJoCo's own array, so copy what you keep."""
+        return self.data.qpos
+
+    def write(self, targets: Array, pose: Pose) -> None:
+        """Places the joints at targets (J,), rad, and the root where the pose has it."""
+        self._robot.place(targets, pose, self.data.qpos)
+        mujoco.mj_kinematics(self._robot.model, self.data)
+        self.placed[:] = self.data.qpos[:7]
+        self._measured[:] = targets
+        self._writes += 1
+
+    def measured(self) -> Array:
+        """The joint positions (J,), rad: what was written last."""
+        return self._measured
+
+    def report(self) -> Mapping[str, object]:
+        """What it is and how often it was written to."""
+        return {"kind": "kinematics", "robot": self._robot.name, "joints": len(self._measured), "writes": self._writes}
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+
+
+class PhysicsPlayback:
+    """Drives the robot's servos towards the targets, with its root on a gantry, fixed, or free on a solid floor.
+
+    A servo pushes with  kp (target - position) + kv (rate of target - velocity): the rate is fed forward, or a motion
+    would trail by kv / kp. On a ball joint "target - position" is the rotation from the one to the other. Where the
+    robot's servos are known they push no harder than their torque-speed line and their current allow.
+
+    Attributes:
+        name: "physics".
+        data: MuJoCo's state.
+        model: what it is the state of; the playback's own.
+        placed: where the root was meant to be with the last write, position and quaternion, shape (7,), m.
+        fell_s: when a free robot fell, s since the first write; None as long as it stands.
+    """
+
+    name = "physics"
+
+    def __init__(self, robot: Robot, dt: float, root: str = "gantry", balance: bool = False) -> None:
+        """Rests the robot.
+
+        Args:
+            robot: whom to drive.
+            dt: how much time passes with each write, s; rounded to whole steps of the simulation.
+            root: whether a gantry carries its root along, holds it where it is, or lets it go.
+            balance: whether a free robot keeps its feet where they are and its centre of mass above them.
+
+        Raises:
+            MotiondeckError: for another root, or to balance what is not free or has no two feet.
+        """
+        self._robot, self._root = robot, root
+        self.model = model = physics_model(robot, root)
+        self.data = mujoco.MjData(model)
+        self._warnings = [self.data.warning[kind] for kind in _BROKEN]
+        self._steps = max(1, round(dt / model.opt.timestep))
+        self._dt = self._steps * model.opt.timestep
+        if balance and root != "free":
+            raise MotiondeckError(f"a robot whose root is {root} need not balance: give --root free with --balance")
+        self._balance = Balance(robot, model, self._dt) if balance else None
+        self._servos = Servos(robot.servo, model, self._dt) if robot.servo is not None else None
+        # Position servos: force = gain * ctrl + bias . (1, length, velocity), with gain = kp and bias[2] = -kv.
+        gain = model.actuator_gainprm[:, 0]
+        self._lead = -model.actuator_biasprm[:, 2] / np.where(gain > 0.0, gain, 1.0)
+        # Which degree of freedom an actuator drives: of a ball joint each of the three in a row has its own.
+        self._dof = model.jnt_dofadr[model.actuator_trnid[:, 0]].astype(np.int64)
+        self._dof[robot.layout.ball] += np.arange(3)
+        self._goal = np.empty(model.nq)
+        self._goal_before = np.empty(model.nq)
+        self.placed = np.empty(7)
+        self._straight = model.qpos0.copy()
+        robot.layout.place(np.zeros(model.nu), self._straight)
+        self._turned, self._error, self._ahead = np.empty(model.nv), np.empty(model.nv), np.empty(model.nu)
+        self._measured = robot.rest.copy()
+        self._started = False
+        self._writes = self._faults = 0
+        self.fell_s: float | None = None
+        self._square_sum, self._worst = 0.0, 0.0
+        robot.layout.place(robot.rest, self.data.qpos)
+        self.placed[:] = self.data.qpos[:7]
+        mujoco.mj_forward(model, self.data)
+        # Left alone, MuJoCo writes each warning to a file in the working directory: not from inside a loop.
+        mujoco.set_mju_user_warning(lambda _: None)
+
+    @property
+    def qpos(self) -> Array:
+        """Where the robot is, shape (nq,): MuJoCo's own array, so copy what you keep."""
+        return self.data.qpos
+
+    def write(self, targets: Array, pose: Pose) -> None:
+        """Advances the simulation by dt towards targets (J,), rad, and the root of the pose.
+
+        The first write puts the robot in place. A state that is no longer finite is put in place anew and counted.
+        """
+        robot, data = self._robot, self.data
+        self._goal, self._goal_before = self._goal_before, self._goal
+        robot.place(targets, pose, self._goal)
+        if not self._started:
+            self._put_in_place()
+        if self._root == "gantry":
+            data.mocap_pos[0] = self._goal[:3]
+            data.mocap_quat[0] = self._goal[3:7]
+        self.placed[:] = self._goal[:7]
+        if self._balance is not None:
+            self._balance.adjust(data, self._goal, float(pose.heading))
+        if self._servos is not None:
+            self._goal[:] = self._servos.delayed(self._goal)
+        self._aim()
+        for _ in range(self._steps):
+            self._command()
+            if self._servos is not None:
+                self._servos.limit(data)
+            mujoco.mj_step(self.model, data)
+            if self._servos is not None:
+                self._servos.note(data)
+        if not np.isfinite(data.qpos).all() or any(warning.number for warning in self._warnings):
+            self._faults += 1
+            robot.place(targets, pose, self._goal)
+            self._put_in_place()
+        robot.layout.read(data.qpos, near=targets, out=self._measured)
+        self._count(targets)
+        if self._root == "free" and self.fell_s is None and has_fallen(data.qpos, self.placed):
+            self.fell_s = self._writes * self._dt
+
+    def measured(self) -> Array:
+        """The joint positions (J,), rad, in the simulation."""
+        return self._measured
+
+    def push(self, force: Array) -> None:
+        """Pushes the root with a force (3,), N, in the world, from now on until told otherwise."""
+        root = int(self.model.jnt_bodyid[0])
+        self.data.xfrc_applied[root, :3] = force
+
+    def report(self) -> Mapping[str, object]:
+        """How closely the servos followed: root mean square over joints and time, and the worst joint at any time."""
+        samples = max(self._writes, 1) * len(self._measured)
+        said: dict[str, object] = {
+            "kind": "physics",
+            "robot": self._robot.name,
+            "root": self._root,
+            "joints": len(self._measured),
+            "writes": self._writes,
+            "timestep_s": self.model.opt.timestep,
+            "tracking_rmse_rad": float(np.sqrt(self._square_sum / samples)),
+            "tracking_worst_rad": self._worst,
+            "faults": self._faults,
+        }
+        if self._root == "free":
+            said |= {"balance": self._balance is not None, "fell_s": self.fell_s}
+        if self._servos is not None:
+            said["servos"] = self._servos.report()
+        return said
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+
+    def _aim(self) -> None:
+        """What the servos of hinges are told in all steps of a write, and those of ball joints besides their error."""
+        layout, ahead = self._robot.layout, self._ahead
+        mujoco.mj_differentiatePos(self.model, self._turned, self._dt, self._goal_before, self._goal)
+        ahead[:] = self._lead * self._turned[self._dof]
+        ahead[layout.hinge] += self._goal[layout.hinge_qpos]
+
+    def _command(self) -> None:
+        ctrl, balls = self.data.ctrl, self._robot.layout.ball
+        ctrl[:] = self._ahead
+        if len(balls):
+            # MuJoCo takes from what it is told the rotation vector that the joint has; what is left shall be the error.
+            mujoco.mj_differentiatePos(self.model, self._turned, 1.0, self._straight, self.data.qpos)
+            mujoco.mj_differentiatePos(self.model, self._error, 1.0, self.data.qpos, self._goal)
+            ctrl[balls] += (self._turned + self._error)[self._dof[balls]]
+
+    def _put_in_place(self) -> None:
+        """Starts afresh at the goal, at rest; a free robot with its lowest point on the floor."""
+        mujoco.mj_resetData(self.model, self.data)
+        self.data.qpos[:] = self._goal
+        mujoco.mj_kinematics(self.model, self.data)
+        if self._root == "free":
+            self.data.qpos[2] -= LowestPoint(self.model)(self.data)
+        if self._root == "fixed":
+            self.data.mocap_pos[0] = self._goal[:3]
+            self.data.mocap_quat[0] = self._goal[3:7]
+        if self._balance is not None:
+            self._balance.start(self.data)
+        self._goal_before[:] = self.data.qpos
+        if self._servos is not None:
+            self._servos.start()
+        self._started = True
+        mujoco.mj_forward(self.model, self.data)
+
+    def _count(self, targets: Array) -> None:
+        error = targets - self._measured
+        self._writes += 1
+        self._square_sum += float(error @ error)
+        self._worst = max(self._worst, float(np.abs(error).max()))
+
+
+def has_fallen(qpos: Array, played: Array) -> bool:
+    """Whether a root at qpos (>= 7,) is too low or leans over too far, seen from the played one (>= 7,)."""
+    upright = rotate(np.stack([qpos[3:7], played[3:7]]), np.array([0.0, 0.0, 1.0]))[:, 2]
+    lean, played_lean = np.arccos(np.clip(upright, -1.0, 1.0))
+    return bool(qpos[2] < FALLEN_HEIGHT * played[2] or lean > played_lean + FALLEN_TILT)

@@ -1,0 +1,69 @@
+"""A robot's body as what an emulated rig turns: the servos give torques, MuJoCo says where the joints go.
+
+So a load, a stall or a fall is felt by the servos: as current, heat, and an angle that is not the goal. Fits
+`hardware.emulator.plant.JointPlant`.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from controller.rotations import Array
+from motiondeck_base.errors import MotiondeckError, UnknownNameError
+from sim.physics.physics_model import physics_model
+from sim.robots.robot import Robot
+
+_LONGEST_STEP = 0.002  # s
+
+
+class RigPlant:
+    """A robot that nothing drives but torques at some of its hinges; it starts with them at 0.
+
+    Attributes:
+        model, data: MuJoCo's, to look at and to push.
+    """
+
+    def __init__(self, robot: Robot, joints: Sequence[str], root: str = "fixed") -> None:
+        """Takes a robot's body.
+
+        Args:
+            robot: whose.
+            joints: the hinges that the rig drives, in its order; others swing freely.
+            root: "fixed" in place, or "free" to fall.
+
+        Raises:
+            UnknownNameError: if the robot lacks a joint.
+            MotiondeckError: if one is no hinge, or for another root.
+        """
+        self.model = model = physics_model(robot, root)
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
+        self.data = mujoco.MjData(model)
+        layout = robot.layout
+        hinges = dict(zip(layout.hinge.tolist(), layout.hinge_qpos.tolist(), strict=True))
+        places, velocities = [], []
+        for name in joints:
+            if name not in layout.joints:
+                raise UnknownNameError.among("joint of this robot", name, layout.joints)
+            index = layout.joints.index(name)
+            if index not in hinges:
+                raise MotiondeckError(f"joint {name} of {robot.name} is no hinge, so no servo can drive it")
+            places.append(hinges[index])
+            velocities.append(int(model.jnt_dofadr[model.actuator_trnid[index, 0]]))
+        self._places, self._velocities = np.array(places), np.array(velocities)
+        self.data.qpos[self._places] = 0.0
+        mujoco.mj_forward(model, self.data)
+
+    def advance(self, torques: Array, seconds: float) -> tuple[Array, Array]:
+        """Lets time pass under torques (J,), N·m; angles (J,), rad, and velocities (J,), rad/s, then."""
+        self.data.qfrc_applied[self._velocities] = torques
+        steps = int(np.ceil(seconds / _LONGEST_STEP - 1e-9))
+        if steps:
+            self.model.opt.timestep = seconds / steps
+            mujoco.mj_step(self.model, self.data, steps)
+        return self.data.qpos[self._places], self.data.qvel[self._velocities]

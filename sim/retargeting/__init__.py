@@ -1,0 +1,1 @@
+"""Poses of a human carried onto the joints of a robot."""

@@ -1,0 +1,96 @@
+"""Limbs: where the limbs of a human point, as the trunk sees them: all that a robot with limbs is posed by.
+
+Arms and head are seen from the chest, legs from the pelvis (the root), the chest from the pelvis: a robot without a
+waist then still holds its arms to its own trunk as the human does.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from controller.mocap.anatomy import Part, Side, anatomy
+from controller.mocap.posture import Pose
+from controller.mocap.skeleton import ROOT, Skeleton
+from controller.rotations import Array
+from motiondeck_base.errors import FileFormatError
+
+# The rows of what a view returns; the last four are axes of head and chest.
+LIMBS = (
+    "r_upper_arm",
+    "r_forearm",
+    "l_upper_arm",
+    "l_forearm",
+    "r_thigh",
+    "r_shank",
+    "r_foot",
+    "l_thigh",
+    "l_shank",
+    "l_foot",
+    "head_ahead",
+    "head_left",
+    "chest_ahead",
+    "chest_left",
+)
+AHEAD, LEFT = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+
+# conj(p) q = (left multiplication by conj(p)) q: where each entry of that 4 x 4 matrix sits in p, and its sign.
+ENTRY = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]])
+SIGN = np.array([[1.0, 1.0, 1.0, 1.0], [-1.0, 1.0, 1.0, -1.0], [-1.0, -1.0, 1.0, 1.0], [-1.0, 1.0, -1.0, 1.0]])
+
+
+class LimbView:
+    """Sees the limbs of one skeleton.
+
+    Attributes:
+        length: of the limbs, shape (14,), m; 1 for the axes of head and chest.
+
+    Raises:
+        FileFormatError: if the skeleton lacks a limb; it names the limb.
+    """
+
+    def __init__(self, skeleton: Skeleton) -> None:
+        parts = anatomy(skeleton)
+
+        def bone(part: Part, side: Side) -> int:
+            found = parts.first(part, side)
+            if found is None:
+                raise FileFormatError(f"skeleton '{skeleton.name}' has no {side} {part}; the robot needs one")
+            return found
+
+        shoulder = parts.first("clavicle", "right")
+        chest = int(skeleton.parent[bone("upper arm", "right") if shoulder is None else shoulder])
+        arms = [bone(part, side) for side in ("right", "left") for part in ("upper arm", "forearm")]
+        legs = [bone(part, side) for side in ("right", "left") for part in ("thigh", "shank", "foot")]
+        head = parts.first("head")
+        bones = [*arms, *legs, *([chest if head is None else head] * 2), chest, chest]
+        seen_from = [chest] * len(arms) + [ROOT] * len(legs) + [chest, chest, ROOT, ROOT]
+        vector = [*skeleton.rest_direction[[*arms, *legs]], AHEAD, LEFT, AHEAD, LEFT]
+        self.length = np.concatenate([skeleton.length[[*arms, *legs]], np.ones(4)])
+        # Where the entries of the quaternions, and of their matrices, are in a pose's rotations laid out flat.
+        self._quaternions = (4 * (np.array(bones) + 1)[:, None] + np.arange(4))[:, :, None]
+        self._entries = 4 * (np.array(seen_from) + 1)[:, None, None] + ENTRY
+        self._turn = np.stack([_turning(v) for v in vector])
+
+    def __call__(self, pose: Pose) -> Array:
+        """The unit vectors of LIMBS, shape (14, 3)."""
+        flat = pose.rotation.ravel()
+        q = np.matmul(flat.take(self._entries) * SIGN, flat.take(self._quaternions))
+        products = np.matmul(q, q.transpose(0, 2, 1)).reshape(len(q), 1, 16)
+        return np.matmul(products, self._turn)[:, 0]
+
+
+def up_of(pose: Pose) -> tuple[float, float, float]:
+    """The vertical as the root sees it."""
+    w, x, y, z = pose.rotation[0].tolist()
+    return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
+
+
+def _turning(v: Array) -> Array:
+    """The matrix that turns the 16 products q_i q_j of a quaternion into the vector q v q*, shape (16, 3)."""
+
+    def turned(q: Array) -> Array:
+        w, u = q[0], q[1:]
+        return (w * w - u @ u) * v + 2.0 * (u @ v) * u + 2.0 * w * np.cross(u, v)
+
+    e = np.eye(4)
+    return np.array([0.5 * (turned(e[i] + e[j]) - turned(e[i]) - turned(e[j])) for i in range(4) for j in range(4)])

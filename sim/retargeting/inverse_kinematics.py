@@ -1,0 +1,213 @@
+"""Inverse kinematics: joint angles at which a robot's limbs lie as a human's do, by a small quadratic programme a tick.
+
+Each limb is a vector v_k(q) between two points of the robot, and has a goal g_k: the human's direction at the robot's
+own length, so that what a human can do is in reach of a robot with as many joints. One step solves
+
+    min over dq   sum_k w_k^2 |g_k - v_k - J_k dq|^2 + p |q + dq - rest|^2 + d |dq|^2
+    such that     lower <= q + dq <= upper,   |q + dq - q_before| <= velocity * dt
+
+(Gauss-Newton, damped; the inequalities as in Kanoun et al. 2011) with the solver DAQP (Arnström et al. 2022). Steps
+start from the last answer and no joint goes faster than it may, so the answer never jumps to another branch.
+"""
+
+from __future__ import annotations
+
+from math import cos, sin, sqrt
+
+import daqp
+import numpy as np
+
+from controller.deck.interfaces import JointLimits
+from controller.mocap.posture import Pose
+from controller.mocap.rest_pose import FOOT_SLOPE
+from controller.mocap.skeleton import Skeleton
+from controller.rotations import Array
+from sim.retargeting.human_limbs import LIMBS, LimbView, up_of
+from sim.retargeting.robot_limbs import SIDES, RobotLimbs
+
+# How much a vector counts that is as long as a leg.
+WEIGHT = {"leg": 4.0, "thigh": 1.0, "arm": 3.0, "upper_arm": 1.5, "foot": 2.0, "head": 1.5, "chest": 3.0}
+WEIGHT |= {"upper_arm_start": 2.0, "thigh_start": 2.0}
+# What it costs a joint to be 1 rad away from rest, or to move by 1 rad in a step.
+POSTURE = 3e-4
+DAMPING = 3e-3
+
+# A tick takes one step, and another one if a joint went this far in the first, rad.
+FAR, STEPS = 0.1, 2
+FIRST_STEPS, FIRST_REACH = 60, 0.3  # on the way to the first pose: at most so many, each joint by at most so much, rad
+SETTLED = 1e-4  # rad
+
+
+class InverseKinematics:
+    """Carries the poses of one skeleton to the joints of one robot, as a retargeter.
+
+    Attributes:
+        solver: what does it.
+    """
+
+    def __init__(self, skeleton: Skeleton, limbs: RobotLimbs, limits: JointLimits, rest: Array, dt: float) -> None:
+        """As for the solver, for a skeleton; FileFormatError if it lacks a limb."""
+        self._view = LimbView(skeleton)
+        self.solver = LimbSolver(limbs, self._view.length, limits, rest, dt)
+
+    def reset(self) -> None:
+        """Forgets the last pose."""
+        self.solver.reset()
+
+    def __call__(self, pose: Pose) -> Array:
+        """Targets (N,), rad, within the robot's range and pace."""
+        return self.solver(self._view(pose), np.array(up_of(pose)))
+
+
+class LimbSolver:
+    """Finds the joint angles of one robot for limbs that point this way and that.
+
+    Attributes:
+        names: the goals, length K.
+    """
+
+    def __init__(self, limbs: RobotLimbs, human: Array, limits: JointLimits, rest: Array, dt: float) -> None:
+        """Prepares the goals.
+
+        Args:
+            limbs: those of the robot.
+            human: lengths of the human's, shape (14,), m.
+            limits: of the robot's N joints.
+            rest: where the joints go that no goal needs, shape (N,), rad.
+            dt: seconds from one pose to the next; bounds how far a joint may go meanwhile.
+        """
+        self._goals = Goals(limbs, human)
+        self._limbs, self._limits, self._rest = limbs, limits, rest
+        self._step = limits.velocity * dt
+        self.names = limbs.vectors.names
+        kinds = [name.split("_", 1)[1] if name[1] == "_" else name for name in self.names]
+        kinds = [kind.removesuffix("_ahead").removesuffix("_left") for kind in kinds]
+        longest = max(limbs.reach.values())
+        self._weight = np.array([WEIGHT[kind] for kind in kinds])[:, None] / longest
+        self._no_rows = np.zeros((0, len(rest)))
+        self._any_sense = np.zeros(len(rest), dtype=np.int32)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets the last pose: the next one is reached from rest, however far it is, before it is answered."""
+        self._q = np.clip(self._rest, self._limits.lower, self._limits.upper)
+        self._started = False
+        self._missed = np.zeros(len(self.names))
+        self._count, self._square, self._worst = 0, np.zeros(len(self.names)), np.zeros(len(self.names))
+
+    def __call__(self, directions: Array, up: Array) -> Array:
+        """Targets (N,), rad, for limbs that point in the directions (14, 3) and a vertical (3,), seen from the root."""
+        lower, upper = self._limits.lower, self._limits.upper
+        goals = self._goals(directions, up)
+        if not self._started:
+            self._started = True
+            for _ in range(FIRST_STEPS):
+                low, high = np.maximum(lower - self._q, -FIRST_REACH), np.minimum(upper - self._q, FIRST_REACH)
+                if self._advance(goals, low, high) < SETTLED:
+                    break
+        else:
+            lowest = np.maximum(lower, self._q - self._step)
+            highest = np.minimum(upper, self._q + self._step)
+            for _ in range(STEPS):
+                if self._advance(goals, lowest - self._q, highest - self._q) < FAR:
+                    break
+        self._count += 1
+        self._square += self._missed
+        np.maximum(self._worst, self._missed, out=self._worst)
+        return self._q
+
+    def shortfall(self) -> dict[str, dict[str, float]]:
+        """How far the goals were missed since the last reset: root mean square and worst, m, by the goal's name."""
+        rms = np.sqrt(self._square / max(self._count, 1))
+        return {
+            name: {"rms_m": float(rms[k]), "worst_m": float(np.sqrt(self._worst[k]))}
+            for k, name in enumerate(self.names)
+        }
+
+    def _advance(self, goals: Array, low: Array, high: Array) -> float:
+        """One step of at least low and at most high (N,), rad; returns how far the joint went that went farthest."""
+        limbs = self._limbs
+        limbs.place(self._q)
+        positions = limbs.positions()
+        goals = self._goals.seen_from_root(goals, limbs.chest_rotation())
+        miss = (self._weight * (goals - (positions[1] - positions[0]))).ravel()
+        jacobian = (self._weight[:, :, None] * limbs.jacobian(positions)).reshape(len(miss), -1)
+        hessian = jacobian.T @ jacobian
+        hessian.flat[:: len(self._q) + 1] += POSTURE + DAMPING
+        slope = POSTURE * (self._q - self._rest) - miss @ jacobian
+        step, _, flag, _ = daqp.solve(hessian, slope, self._no_rows, high, np.minimum(low, high), self._any_sense)
+        if flag < 1:
+            # It is a strictly convex problem with bounds that never cross, so this is a number gone wrong: hold.
+            step = np.zeros_like(self._q)
+        step = np.minimum(np.maximum(step, low), high)
+        self._q = self._q + step
+        left = (miss - jacobian @ step).reshape(-1, 3) / self._weight
+        self._missed = np.einsum("ij,ij->i", left, left)
+        return float(np.abs(step).max())
+
+
+class Goals:
+    """What the vectors of a robot should be for the limbs of a human."""
+
+    def __init__(self, limbs: RobotLimbs, human: Array) -> None:
+        """Args: the robot's limbs, and the lengths of the human's (14,), m."""
+        vectors = limbs.vectors
+        names = vectors.names
+        self._mix = np.zeros((len(names), len(LIMBS)))
+        for k, name in enumerate(names):
+            side, part = name[0], name[2:]
+            if part in ("leg", "arm"):
+                pair = ("thigh", "shank") if part == "leg" else ("upper_arm", "forearm")
+                rows = [LIMBS.index(f"{side}_{bone}") for bone in pair]
+                self._mix[k, rows] = limbs.reach[name] * human[rows] / human[rows].sum()
+            elif name in LIMBS:
+                self._mix[k, LIMBS.index(name)] = vectors.length[k]
+        self._with_chest = np.array(
+            [k for k, name in enumerate(names) if "arm" in name or name.startswith("head")], int
+        )
+        self._feet = [
+            (names.index(f"{side}_foot_ahead"), *(LIMBS.index(f"{side}_{part}") for part in ("thigh", "shank", "foot")))
+            for side in SIDES
+            if f"{side}_foot_ahead" in names
+        ]
+        self._length = vectors.length
+        starts = np.array([name.endswith("_start") for name in names])
+        self._held = np.where(starts[:, None], vectors.rest, 0.0)
+
+    def __call__(self, directions: Array, up: Array) -> Array:
+        """The goals (K, 3), m, for directions (14, 3) and the vertical (3,); arms and head as the chest sees them."""
+        goals = self._held + self._mix @ directions
+        for k, thigh, shank, foot in self._feet:
+            goals[k], goals[k + 1] = self._length[k] * sole(directions[thigh], directions[shank], directions[foot], up)
+        return goals
+
+    def seen_from_root(self, goals: Array, chest: Array) -> Array:
+        """The goals (K, 3) of a robot whose chest is turned by (3, 3)."""
+        turned = goals.copy()
+        turned[self._with_chest] = goals[self._with_chest] @ chest.T
+        return turned
+
+
+def sole(thigh: Array, shank: Array, foot: Array, up: Array) -> Array:
+    """The axes of the sole, ahead and left, shape (2, 3), for directions of the leg and the vertical (3,).
+
+    Sideways the sole is kept level as far as the leg stands, and follows the leg as it lies.
+    """
+    tx, ty, tz = thigh.tolist()
+    sx, sy, sz = shank.tolist()
+    fx, fy, fz = foot.tolist()
+    ux, uy, uz = up.tolist()
+    # Two planes tell which way a leg faces: that of the bent knee and that of the foot; both contain the shank.
+    upright = max(-(sx * ux + sy * uy + sz * uz), 0.0) ** 2
+    ax, ay, az = 2.0 * tx + fx, 2.0 * ty + fy, 2.0 * tz + fz
+    lying = 1.0 - upright + 1e-6
+    lx = upright * (uy * fz - uz * fy) + lying * (ay * sz - az * sy)
+    ly = upright * (uz * fx - ux * fz) + lying * (az * sx - ax * sz)
+    lz = upright * (ux * fy - uy * fx) + lying * (ax * sy - ay * sx)
+    along = lx * fx + ly * fy + lz * fz
+    lx, ly, lz = lx - along * fx, ly - along * fy, lz - along * fz
+    length = sqrt(lx * lx + ly * ly + lz * lz)
+    lx, ly, lz = (lx / length, ly / length, lz / length) if length > 1e-6 else (0.0, 1.0, 0.0)
+    above = (fy * lz - fz * ly, fz * lx - fx * lz, fx * ly - fy * lx)
+    c, s = cos(FOOT_SLOPE), sin(FOOT_SLOPE)
+    return np.array([[c * fx + s * above[0], c * fy + s * above[1], c * fz + s * above[2]], [lx, ly, lz]])

@@ -1,0 +1,297 @@
+"""A robot's limbs as vectors between points of its bodies, and how they turn with its joints.
+
+Thigh, whole leg, upper arm and whole arm are such vectors, and so are the axes of feet, head and chest. They are seen
+from the pelvis: the root stands upright at the origin and faces x.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.rotations import Array, conjugate, rotate
+from motiondeck_base.errors import FileFormatError, UnknownNameError
+from sim.models.model_file import followers
+from sim.models.surface import Surface
+from sim.retargeting.human_limbs import AHEAD, LEFT
+
+SIDES = ("r", "l")
+PARTS = (
+    "pelvis",
+    "chest",
+    "head",
+    *(f"{side}_{part}" for side in SIDES for part in ("upper_arm", "forearm", "hand", "thigh", "shank", "foot")),
+)
+ASIDE = 0.5  # a knee's axis is across its limb if it has less than this share of it
+CARRIED = 0.5  # lengths of the limb above the knee or elbow
+STEEPEST_SOLE = 0.5  # rad: what slopes more than this at rest is no sole
+
+
+@dataclass(frozen=True)
+class Vectors:
+    """K vectors, each from a point of one body to a point of another (or the same).
+
+    Attributes:
+        names: what each is, such as "r_leg", length K.
+        rest: what each is when every joint is at zero, shape (K, 3), m.
+        body: of start and end, shape (2, K).
+        point: start and end in the frames of these bodies, shape (2, K, 3), m.
+        length: shape (K,), m.
+    """
+
+    names: tuple[str, ...]
+    body: NDArray[np.int64]
+    point: Array
+    rest: Array
+    length: Array
+
+
+class RobotLimbs:
+    """The limbs of one robot.
+
+    Attributes:
+        vectors: its limbs.
+        hinges: the names of the hinges that move them, length N: those that are played, in the order of `joints`.
+        reach: length of the legs and arms when stretched, by name ("r_leg"), m.
+    """
+
+    def __init__(
+        self, path: Path, model: mujoco.MjModel, parts: Mapping[str, str], root_rotation: Array, joints: tuple[str, ...]
+    ) -> None:
+        """Finds the limbs.
+
+        Args:
+            path: the robot file, for errors.
+            model: the robot.
+            parts: part to body, as `match` gives them.
+            root_rotation: of the root body while the robot stands upright and faces x, shape (4,).
+            joints: the hinges that are played.
+
+        Raises:
+            UnknownNameError: if there is no such part or body.
+            FileFormatError: if a limb has no joint where it needs one.
+        """
+        self._path, self._model = path, model
+        self._data = mujoco.MjData(model)
+        self._parts = {part: self._body(part, body) for part, body in parts.items()}
+        for part in ("pelvis", "r_thigh", "r_shank", "l_thigh", "l_shank"):
+            if part not in self._parts:
+                raise FileFormatError(f"{path}: parts.{part} is missing: name the body that is its {part}")
+        self._parts.setdefault("chest", self._parts["pelvis"])
+        self._data.qpos[:] = model.qpos0
+        self._data.qpos[:3] = 0.0
+        self._data.qpos[3:7] = root_rotation
+        for joint, (leader, curve) in followers(model).items():
+            if leader == joint:
+                self._data.qpos[model.jnt_qposadr[joint]] = curve[0]
+        mujoco.mj_kinematics(model, self._data)
+        self._surface = Surface.of(model)
+        self.reach: dict[str, float] = {}
+        waist = set(self._joints_above(self._parts["chest"])) - set(self._joints_above(self._parts["pelvis"]))
+        self._axes = [part for part in ("head", "chest") if part in self._parts and (part == "head" or waist)]
+        self.vectors = self._find()
+
+        index = [model.joint(name).id for name in joints]
+        self._joint = np.array(index, np.int64)
+        self._qpos = model.jnt_qposadr[self._joint]
+        moves = np.zeros((model.nbody, len(index)), dtype=bool)
+        for body in range(1, model.nbody):
+            moves[body] = np.isin(self._joint, self._joints_above(body))
+        self._followers = [
+            (index.index(leader), joint, curve)
+            for joint, (leader, curve) in followers(model).items()
+            if leader in index
+        ]
+        self._moves = moves[self.vectors.body].astype(np.float64)[:, :, None, :]
+        self._difference = self._moves[1] - self._moves[0]
+        self._cross = np.zeros((3, len(index), 3))
+        self._follower_moves = [
+            np.array([[joint in self._joints_above(int(b)) for b in row] for row in self.vectors.body], dtype=float)
+            for _, joint, _ in self._followers
+        ]
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """MuJoCo's state at the last `place`."""
+        return self._data
+
+    def place(self, q: Array) -> None:
+        """Puts the hinges at q (N,), rad."""
+        self._data.qpos[self._qpos] = q
+        for leader, joint, curve in self._followers:
+            self._data.qpos[self._model.jnt_qposadr[joint]] = np.polyval(curve[::-1], q[leader])
+        mujoco.mj_kinematics(self._model, self._data)
+
+    def chest_rotation(self) -> Array:
+        """The rotation of the chest since the robot stood straight, shape (3, 3)."""
+        return self._data.xmat[self._parts["chest"]].reshape(3, 3) @ self._chest_at_rest.T
+
+    def positions(self) -> Array:
+        """Where the vectors start and end, shape (2, K, 3), m."""
+        body = self.vectors.body
+        rotation = self._data.xmat[body].reshape(*body.shape, 3, 3)
+        return self._data.xpos[body] + np.matmul(rotation, self.vectors.point[..., None])[..., 0]
+
+    def jacobian(self, positions: Array) -> Array:
+        """How the vectors turn with the joints, shape (K, 3, N), m/rad."""
+        axis, anchor = self._data.xaxis[self._joint], self._data.xanchor[self._joint]
+        start, end = positions
+        # a x p = S_a p for each axis a. A joint moves each end of a vector that hangs below it by a x (end - anchor).
+        cross, count = self._cross, len(axis)
+        cross[1, :, 0], cross[2, :, 0] = axis[:, 2], -axis[:, 1]
+        cross[0, :, 1], cross[2, :, 1] = -axis[:, 2], axis[:, 0]
+        cross[0, :, 2], cross[1, :, 2] = axis[:, 1], -axis[:, 0]
+        swept = (positions.reshape(-1, 3) @ cross.reshape(-1, 3).T).reshape(2, len(end), 3, count)
+        turn = self._moves[1] * swept[1]
+        turn -= self._moves[0] * swept[0]
+        turn -= self._difference * np.einsum("cnk,nk->cn", cross, anchor)
+        for (leader, joint, curve), moves in zip(self._followers, self._follower_moves, strict=True):
+            q = self._data.qpos[self._qpos[leader]]
+            slope = np.polyval(np.polyder(curve[::-1]), q)
+            own = self._data.xaxis[joint], self._data.xanchor[joint]
+            lever = moves[1][:, None] * (end - own[1]) - moves[0][:, None] * (start - own[1])
+            turn[:, :, leader] += slope * np.cross(own[0], lever)
+        return turn
+
+    def _find(self) -> Vectors:
+        names: list[str] = []
+        ends: list[tuple[int, int]] = []
+        points: list[tuple[Array, Array]] = []
+
+        def add(name: str, start: tuple[int, Array], end: tuple[int, Array]) -> None:
+            names.append(name)
+            ends.append((start[0], end[0]))
+            points.append((self._local(*start), self._local(*end)))
+
+        leg = 0.0
+        for side in SIDES:
+            leg = max(leg, self._limb(add, side, "thigh", "shank", "foot", "leg"))
+            if f"{side}_upper_arm" in self._parts and f"{side}_forearm" in self._parts:
+                self._limb(add, side, "upper_arm", "forearm", "hand", "arm")
+        # An axis counts as much as a limb as long as its vector.
+        size = 0.3 * leg
+        for side in SIDES:
+            if f"{side}_foot" in self._parts:
+                foot = self._parts[f"{side}_foot"]
+                for name, axis in zip(("ahead", "left"), self._sole(side), strict=True):
+                    at = self._data.xpos[foot]
+                    add(f"{side}_foot_{name}", (foot, at), (foot, at + size * axis))
+        for part in self._axes:
+            body = self._parts[part]
+            for name, axis in (("ahead", AHEAD), ("left", LEFT)):
+                at = self._data.xpos[body]
+                add(f"{part}_{name}", (body, at), (body, at + size * axis))
+        self._chest_at_rest = self._data.xmat[self._parts["chest"]].reshape(3, 3).copy()
+        body, point = np.array(ends, np.int64).T.copy(), np.array(points).transpose(1, 0, 2).copy()
+        world = self._data.xpos[body] + rotate(self._data.xquat[body], point)
+        rest = world[1] - world[0]
+        return Vectors(tuple(names), body, point, rest, np.linalg.norm(rest, axis=1))
+
+    def _limb(self, add, side: str, first: str, second: str, third: str, whole: str) -> float:
+        """Adds a limb's upper part and the limb as a whole; returns its length when stretched."""
+        upper, lower = self._parts[f"{side}_{first}"], self._parts[f"{side}_{second}"]
+        end = self._parts.get(f"{side}_{third}")
+        start = self._joint_of(upper, None)[:2]
+        knee_body, knee_at, axis = self._joint_of(lower, upper)
+        # How far servos are set aside along the axis of the knee is no matter of where the limb points.
+        aside = float((start[1] - knee_at) @ axis)
+        if abs(aside) > ASIDE * np.linalg.norm(start[1] - knee_at):
+            axis, aside = np.zeros(3), 0.0  # it turns about the limb itself
+        knee = knee_body, knee_at + aside * axis
+        tip_body, tip_at = lower, self._tip(lower, knee[1]) if end is None else knee[1]
+        if end is not None:
+            moved, tip_at, _ = self._joint_of(end, lower)
+            tip_body = int(self._model.body_parentid[moved])
+        tip = tip_body, tip_at - ((tip_at - knee[1]) @ axis) * axis
+        add(f"{side}_{first}", start, knee)
+        add(f"{side}_{whole}", start, tip)
+        # Where a joint far from it carries the beginning of the limb along (a clavicle's), that is to stay where it is.
+        base = self._parts["chest" if whole == "arm" else "pelvis"]
+        between = set(self._joints_above(upper)) - set(self._joints_above(base))
+        far = CARRIED * float(np.linalg.norm(knee[1] - start[1]))
+        if any(np.linalg.norm(self._data.xanchor[joint] - start[1]) > far for joint in between):
+            add(f"{side}_{first}_start", (base, self._data.xpos[base]), start)
+        reach = float(np.linalg.norm(knee[1] - start[1]) + np.linalg.norm(tip[1] - knee[1]))
+        self.reach[f"{side}_{whole}"] = reach
+        return reach
+
+    def _joint_of(self, body: int, above: int | None) -> tuple[int, Array, Array]:
+        """The first hinge on the way to a body from the one above (or its own last one): its body, place and axis."""
+        way = [body]
+        while above is not None and (parent := int(self._model.body_parentid[way[0]])) not in (above, 0):
+            way.insert(0, parent)
+        for on_way in way:
+            hinges = [j for j in np.flatnonzero(self._model.jnt_bodyid == on_way) if self._model.jnt_type[j] == 3]
+            if hinges:
+                # A joint's place belongs to both of its bodies; a shoulder's hinges meet at the last one.
+                hinge = hinges[-1 if above is None else 0]
+                return on_way, self._data.xanchor[hinge].copy(), self._data.xaxis[hinge].copy()
+        name = self._model.body(body).name
+        raise FileFormatError(f"{self._path}: parts: there is no hinge joint at body '{name}'; name the body it moves")
+
+    def _tip(self, body: int, start: Array) -> Array:
+        """The end of a limb without a hand: the point of its surface farthest from the joint."""
+        mine = self._surface.part(np.array(self._below(body)))
+        points = mine.positions(self._data)
+        if not len(points):
+            raise FileFormatError(
+                f"{self._path}: parts: body '{self._model.body(body).name}' has no solids that tell where it ends"
+            )
+        direction = points.mean(axis=0) - start
+        direction /= max(float(np.linalg.norm(direction)), 1e-9)
+        return start + float(((points - start) @ direction).max()) * direction
+
+    def _sole(self, side: str) -> tuple[Array, Array]:
+        """Which way a foot points and which way is left for it, both level when it stands flat, at rest."""
+        shank, foot = self._parts[f"{side}_shank"], self._parts[f"{side}_foot"]
+        ankle = self._joint_of(foot, shank)[1]
+        up = self._joint_of(shank, self._parts[f"{side}_thigh"])[1] - ankle
+        up /= max(float(np.linalg.norm(up)), 1e-9)
+        ahead = AHEAD - (AHEAD @ up) * up
+        ahead /= np.linalg.norm(ahead)
+        left = np.cross(up, ahead)
+        mine = self._surface.part(np.array(self._below(foot)))
+        points = mine.positions(self._data) - ankle
+        if len(points):
+            along, height = points @ ahead, points @ up - mine.radius
+            front = along > 0.5 * (along.min() + along.max())
+            if front.any() and (~front).any():
+                toe, heel = np.argmin(np.where(front, height, np.inf)), np.argmin(np.where(front, np.inf, height))
+                slope = float(np.arctan2(height[toe] - height[heel], along[toe] - along[heel]))
+                if abs(slope) < STEEPEST_SOLE:
+                    ahead = np.cos(slope) * ahead + np.sin(slope) * up
+        return ahead, left
+
+    def _local(self, body: int, point: Array) -> Array:
+        return rotate(conjugate(self._data.xquat[body]), point - self._data.xpos[body])
+
+    def _joints_above(self, body: int) -> list[int]:
+        """The joints between the root and a body, those of the body included."""
+        found: list[int] = []
+        while body:
+            found += [int(j) for j in np.flatnonzero(self._model.jnt_bodyid == body)]
+            body = int(self._model.body_parentid[body])
+        return found
+
+    def _below(self, body: int) -> list[int]:
+        below = [body]
+        for other in range(body + 1, self._model.nbody):
+            if int(self._model.body_parentid[other]) in below:
+                below.append(other)
+        return below
+
+    def _body(self, part: str, body: str) -> int:
+        if part not in PARTS:
+            raise UnknownNameError(f"{self._path}: parts: {UnknownNameError.among('part', part, PARTS)}")
+        names = [self._model.body(index).name for index in range(1, self._model.nbody)]
+        if body not in names:
+            raise UnknownNameError(f"{self._path}: parts.{part}: {UnknownNameError.among('body', body, names)}")
+        return names.index(body) + 1

@@ -1,0 +1,301 @@
+"""Calibration: a first robot file for any MJCF or URDF, found from the model alone.
+
+The tree is matched to the parts of a body; inverse kinematics of a human who stands with hanging arms gives the rest
+pose and how high the root stands. If the robot's joints turn its limbs as those of the angle solver do, up to sign and
+zero, that solver fits it too: this is measured by turning each joint a little, and then checked in other poses.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from controller.deck.interfaces import JointLimits
+from controller.mocap.rest_pose import FOOT_SLOPE
+from controller.rotations import Array
+from sim.models.joint_layout import Layout
+from sim.models.model_file import read_model
+from sim.models.robot_file import Angle
+from sim.models.surface import LowestPoint
+from sim.models.urdf_speeds import urdf_speeds
+from sim.retargeting.human_limbs import LIMBS
+from sim.retargeting.inverse_kinematics import LimbSolver
+from sim.retargeting.retarget import SERVO_HUMANOID_JOINTS, LimbAngles
+from sim.retargeting.robot_limbs import SIDES, RobotLimbs
+from sim.robots.body_matching import match
+
+# What a model does not say: rad/s, rad/s^2, rad/s^3. A robot half as tall moves its limbs 1.4 times as fast.
+VELOCITY, ACCELERATION, JERK = 10.0, 300.0, 15000.0
+
+# A joint turns as an angle does if it turns it by one within this, and no other joint turns it by more than that; in
+# other poses the angle may be off by so much, rad.
+SLOPE_ERROR, ANGLE_ERROR = 0.1, 0.06
+PROBE, SPREAD, POSES = 0.02, 0.3, 24
+
+_UNPLAYED = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_BALL))
+_CLOSING = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What was found out about a robot.
+
+    Attributes:
+        name: what it is called: its model file's name.
+        model: the model file.
+        parts: body part to body.
+        root_rotation: of its root body when it faces x, shape (4,).
+        root_height: of the root above the floor when it stands, m.
+        joints: its J joints.
+        rest: their positions when it stands with hanging arms, shape (J,), rad.
+        unlimited: joints whose range the model does not give.
+        speeds: how fast each joint may turn of which the model says it, rad/s.
+        unplayed: joints that slide or turn as a ball does: nothing moves them.
+        open_chains: how many constraints close a chain of bodies; they hold in physics only.
+        angles: the angle solver's joints, where they fit.
+        missed: how far its limbs point from those of a standing human at best, rad, by limb.
+    """
+
+    name: str
+    model: Path
+    parts: dict[str, str]
+    root_rotation: Array
+    root_height: float
+    joints: tuple[str, ...]
+    rest: Array
+    unlimited: tuple[str, ...]
+    speeds: dict[str, float]
+    unplayed: tuple[str, ...]
+    open_chains: int
+    angles: dict[str, Angle]
+    missed: dict[str, float]
+
+    def to_toml(self, folder: Path) -> str:
+        """The robot file, to be kept in a folder: its model is named from there where it lies below."""
+        model = self.model
+        if model.is_relative_to(folder.resolve()):
+            model = model.relative_to(folder.resolve())
+        turned = ", ".join(f"{component:.6g}" for component in self.root_rotation + 0.0)
+        lines = [
+            f"# {self.name}: written by `motiondeck robot calibrate`. Mend what it got wrong; `robot check` tells.",
+            f"name = {_quoted(self.name)}",
+            'kind = "humanoid"',
+            f"model = {_quoted(str(model))}",
+            "",
+            "# How poses are carried onto it: ik (inverse kinematics), or angles where there is a table [angles].",
+            'solver = "ik"',
+            "",
+            "# Height of the root above the floor when the robot stands, m: scales the path of the human's root.",
+            f"root_height = {self.root_height:g}",
+            "# Quaternion (w, x, y, z) of the root body when the robot stands upright and faces x.",
+            f"root_rotation = [{turned}]",
+            "",
+            "# What a joint may do at most: rad/s, rad/s^2, rad/s^3. Mend what the model does not say.",
+            "# A joint of its own: [limits.joints.NAME] velocity = ..., lower = ..., upper = ...",
+            "[limits]",
+            f"velocity = {VELOCITY}",
+            f"acceleration = {ACCELERATION}",
+            f"jerk = {JERK}",
+        ]
+        if self.unlimited:
+            lines += ["", "# lower, upper: where the model gives no range, half a turn either way is a guess."]
+        for joint in self.joints:
+            own = [f"velocity = {self.speeds[joint]!r}"] if joint in self.speeds else []
+            own += ["lower = -3.1416", "upper = 3.1416"] if joint in self.unlimited else []
+            if own:
+                lines += [f"[limits.joints.{_key(joint)}]", *own]
+        lines += ["", "# Which body of the model moves with which part of a body."]
+        lines += ["[parts]", *(f"{part} = {_quoted(body)}" for part, body in sorted(self.parts.items()))]
+        lines += ["", "# Where the joints rest, rad; those not named rest at zero.", "[rest]"]
+        lines += [
+            f"{_key(joint)} = {q!r}" for joint, q in zip(self.joints, self.rest.tolist(), strict=True) if abs(q) > 1e-3
+        ]
+        if self.angles:
+            lines += [
+                "",
+                "# Which joint turns like which angle of the angle solver: joint = zero + sign * angle.",
+                "[angles]",
+            ]
+            lines += [
+                f"{name} = {{ joint = {_quoted(angle.joint)}, sign = {angle.sign}, zero = {angle.zero:g} }}"
+                for name, angle in self.angles.items()
+            ]
+        return "\n".join(lines) + "\n"
+
+
+def calibrate(path: Path) -> Calibration:
+    """Calibrates the robot in a model file.
+
+    Raises:
+        FileFormatError: if the model cannot be used or its legs are not found.
+    """
+    model = read_model(path).compile()
+    layout = Layout.of(model)
+    found = match(path, model)
+    limbs = RobotLimbs(path, model, found.parts, found.root_rotation, layout.joints)
+    joint = [model.joint(name).id for name in layout.joints]
+    limited = model.jnt_limited[joint].astype(bool)
+    lower = np.where(limited, model.jnt_range[joint, 0], -np.pi)
+    upper = np.where(limited, model.jnt_range[joint, 1], np.pi)
+    count = len(joint)
+    speeds = {name: speed for name, speed in urdf_speeds(path).items() if name in layout.joints}
+    velocity = np.array([speeds.get(name, VELOCITY) for name in layout.joints])
+    limits = JointLimits(lower, upper, velocity, np.full(count, ACCELERATION), np.full(count, JERK))
+
+    stand = standing()
+    solve = LimbSolver(limbs, np.ones(len(LIMBS)), limits, np.clip(np.zeros(count), lower, upper), 1.0)
+    up = np.array([0.0, 0.0, 1.0])
+    rest = np.round(solve(stand, up), 3)
+    rest = np.clip(rest, lower, upper)
+    limbs.place(rest)
+    height = -LowestPoint(model)(limbs.data)
+    there = limb_directions(limbs)
+    missed = {
+        name: float(np.arccos(np.clip(there[row] @ stand[row], -1.0, 1.0)))
+        for row, name in enumerate(LIMBS)
+        if there[row].any()
+    }
+    return Calibration(
+        name=path.stem,
+        model=path.resolve(),
+        parts=found.parts,
+        root_rotation=found.root_rotation,
+        root_height=round(height, 4),
+        joints=layout.joints,
+        rest=rest,
+        unlimited=tuple(name for name, has in zip(layout.joints, limited, strict=True) if not has),
+        speeds=speeds,
+        unplayed=tuple(model.joint(j).name for j in np.flatnonzero(np.isin(model.jnt_type, _UNPLAYED)).tolist()),
+        open_chains=int(np.isin(model.eq_type[model.eq_active0 != 0], _CLOSING).sum()),
+        angles=fitting_angles(limbs, layout.joints, rest, lower, upper),
+        missed=missed,
+    )
+
+
+def standing() -> Array:
+    """The limbs of a human who stands with hanging arms, shape (14, 3)."""
+    out, bent, knee = 0.12, 0.25, 0.08
+    directions = {"head_ahead": (1, 0, 0), "head_left": (0, 1, 0), "chest_ahead": (1, 0, 0), "chest_left": (0, 1, 0)}
+    for side, left in zip(SIDES, (-1.0, 1.0), strict=True):
+        directions |= {
+            f"{side}_upper_arm": (0.0, left * np.sin(out), -np.cos(out)),
+            f"{side}_forearm": (np.sin(bent), left * np.sin(out) * np.cos(bent), -np.cos(out) * np.cos(bent)),
+            f"{side}_thigh": (np.sin(knee), 0.0, -np.cos(knee)),
+            f"{side}_shank": (-np.sin(knee), 0.0, -np.cos(knee)),
+            f"{side}_foot": (np.cos(FOOT_SLOPE), 0.0, -np.sin(FOOT_SLOPE)),
+        }
+    return np.array([directions[name] for name in LIMBS])
+
+
+def limb_directions(limbs: RobotLimbs) -> Array:
+    """Where a robot's limbs point, as LimbView says it of a human's, shape (14, 3); zero for those it does not have."""
+    start, end = limbs.positions()
+    vector = dict(zip(limbs.vectors.names, end - start, strict=True))
+    chest = limbs.chest_rotation()
+    found: dict[str, Array] = {}
+    for side in SIDES:
+        for whole, first, second in (("leg", "thigh", "shank"), ("arm", "upper_arm", "forearm")):
+            if f"{side}_{whole}" in vector:
+                frame = chest if whole == "arm" else np.eye(3)
+                found[f"{side}_{first}"] = vector[f"{side}_{first}"] @ frame
+                found[f"{side}_{second}"] = (vector[f"{side}_{whole}"] - vector[f"{side}_{first}"]) @ frame
+        if f"{side}_foot_ahead" in vector:
+            ahead, left = vector[f"{side}_foot_ahead"], vector[f"{side}_foot_left"]
+            above = np.cross(ahead, left) / np.linalg.norm(left)
+            found[f"{side}_foot"] = np.cos(FOOT_SLOPE) * ahead - np.sin(FOOT_SLOPE) * above
+    for axis in ("head_ahead", "head_left"):
+        if axis in vector:
+            found[axis] = vector[axis] @ chest
+    found |= {"chest_ahead": chest[:, 0], "chest_left": chest[:, 1]}
+    directions = np.array([found.get(name, np.zeros(3)) for name in LIMBS])
+    return directions / np.maximum(np.linalg.norm(directions, axis=1), 1e-9)[:, None]
+
+
+def fitting_angles(
+    limbs: RobotLimbs, joints: tuple[str, ...], rest: Array, lower: Array, upper: Array
+) -> dict[str, Angle]:
+    """Which of the angle solver's joints are joints of a robot; empty if its legs, or the arms it has, do not fit."""
+    free = np.full(len(SERVO_HUMANOID_JOINTS), 4.0 * np.pi)
+    up = (0.0, 0.0, 1.0)
+
+    def angles_at(q: Array) -> Array:
+        limbs.place(q)
+        return np.array(LimbAngles(-free, free)(limb_directions(limbs), up))
+
+    here = angles_at(rest)
+    slope = np.empty((len(here), len(rest)))
+    for joint in range(len(rest)):
+        step = np.zeros(len(rest))
+        step[joint] = PROBE
+        slope[:, joint] = (angles_at(rest + step) - angles_at(rest - step)) / (2.0 * PROBE)
+    # What rolls a sole also turns where the foot points a little, which says nothing of the other angles.
+    found = _ankle_rolls(limbs, joints, rest)
+    rolls = [joint for joint, _ in found.values()]
+    slope[:, rolls] = 0.0
+    for row, name in enumerate(SERVO_HUMANOID_JOINTS):
+        if name in found or "ankle_roll" in name:
+            continue
+        joint = int(np.argmax(np.abs(slope[row])))
+        others = np.delete(slope[row], joint)
+        if abs(abs(slope[row, joint]) - 1.0) < SLOPE_ERROR and np.abs(others).max() < SLOPE_ERROR:
+            found[name] = (joint, int(np.sign(slope[row, joint])))
+
+    random = np.random.default_rng(0)
+    for _ in range(POSES):
+        q = np.clip(rest + random.uniform(-SPREAD, SPREAD, len(rest)), lower, upper)
+        q[rolls] = rest[rolls]
+        change = angles_at(q) - here
+        for name in [*found]:
+            joint, sign = found[name]
+            off = change[SERVO_HUMANOID_JOINTS.index(name)] - sign * (q[joint] - rest[joint])
+            if "ankle_roll" not in name and abs(off) > ANGLE_ERROR:
+                del found[name]
+    has = {"r_shoulder": "r_arm", "r_elbow": "r_arm", "l_shoulder": "l_arm", "l_elbow": "l_arm"}
+    needed = [
+        name
+        for name in SERVO_HUMANOID_JOINTS
+        if not name.startswith("head")
+        and has.get(name.removesuffix("_pitch").removesuffix("_roll"), "r_leg") in limbs.vectors.names
+    ]
+    if any(name not in found for name in needed):
+        return {}
+    return {
+        name: Angle(joints[joint], 1 if sign > 0 else -1, round(float(rest[joint] - sign * here[row]), 4) + 0.0)
+        for row, name in enumerate(SERVO_HUMANOID_JOINTS)
+        if name in found
+        for joint, sign in [found[name]]
+    }
+
+
+def _ankle_rolls(limbs: RobotLimbs, joints: tuple[str, ...], rest: Array) -> dict[str, tuple[int, int]]:
+    """The joints that roll the soles: nothing that a human's foot shows tells them, so their axes do."""
+    limbs.place(rest)
+    turn = limbs.jacobian(limbs.positions())
+    found = {}
+    for side in SIDES:
+        if f"{side}_foot_left" in limbs.vectors.names:
+            sole, leg = (limbs.vectors.names.index(f"{side}_{name}") for name in ("foot_left", "leg"))
+            lift = turn[sole, 2] / limbs.vectors.length[sole]
+            lift[np.abs(turn[leg]).max(axis=0) > 1e-9] = 0.0  # it moves the foot and not the leg
+            joint = int(np.argmax(np.abs(lift)))
+            if abs(lift[joint]) > 1.0 - SLOPE_ERROR:
+                found[f"{side}_ankle_roll"] = (joint, int(np.sign(lift[joint])))
+    return found
+
+
+def _quoted(text: str) -> str:
+    """A TOML string: JSON's are."""
+    return json.dumps(text, ensure_ascii=False)
+
+
+def _key(name: str) -> str:
+    """A TOML key."""
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _quoted(name)

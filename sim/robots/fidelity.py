@@ -1,0 +1,217 @@
+"""Fidelity: how well a robot does what the human did, measured on what was carried over.
+
+Nothing here looks at how it was carried over: the measures are of the joint positions alone, with the robot's own
+kinematics.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.loop.safety_envelope import SafetyEnvelope
+from controller.mocap.anatomy import Side, anatomy
+from controller.mocap.clip import Clip
+from controller.mocap.posture import Pose
+from controller.rotations import Array
+from sim.models.surface import LowestPoint, Surface
+from sim.retargeting.footing import below
+from sim.retargeting.human_limbs import LIMBS, LimbView
+from sim.retargeting.inverse_kinematics import InverseKinematics
+from sim.retargeting.retarget import ServoHumanoidRetargeter
+from sim.retargeting.robot_limbs import RobotLimbs
+from sim.robots.robot import Robot
+
+ENDS = {"leg": ("thigh", "shank"), "arm": ("upper_arm", "forearm")}
+# Something is on the floor if it is this close to it, in lengths of the leg; a human's foot stands if its ball is
+# slower than this, in lengths of the leg a second.
+STANDS, STILL = 0.01, 0.15
+# A joint jumps if it goes this far in one frame although no limb of the human turns by a tenth of that, rad.
+JUMP = 0.5
+ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class Carried:
+    """A clip on a robot: T frames of J joints.
+
+    Attributes:
+        wanted: what the retargeter gave, clipped to the joints' ranges, shape (T, J), rad.
+        played: what the safety envelope made of it, shape (T, J), rad.
+        qpos: the robot as it plays, shape (T, nq).
+        limbs: where the human's limbs pointed, shape (T, 14, 3).
+        altered: share of the joint targets that the envelope had to change.
+    """
+
+    wanted: Array
+    played: Array
+    qpos: Array
+    limbs: Array
+    altered: float
+
+
+def carry(clip: Clip, robot: Robot) -> Carried:
+    """Carries a clip onto a robot frame by frame, as `play` does: retargeter, safety envelope, footing."""
+    view = LimbView(clip.skeleton)
+    limits = robot.limits
+    envelope = SafetyEnvelope(limits, 1.0 / clip.rate)
+    wanted, played, qpos, limbs = [], [], [], []
+    state = np.zeros(robot.model.nq)
+    for frame in range(len(clip)):
+        pose = Pose(clip.root_position[frame], np.zeros(()), clip.rotation[frame])
+        targets = np.clip(robot.retarget(pose), limits.lower, limits.upper)
+        if frame == 0:
+            envelope.start(targets)
+        safe = envelope(targets)
+        robot.place(safe, pose, state)
+        wanted.append(targets.copy())
+        played.append(safe.copy())
+        qpos.append(state.copy())
+        limbs.append(view(pose))
+    altered = float(envelope.changed.sum()) / max(len(clip) * len(robot.joints), 1)
+    return Carried(np.array(wanted), np.array(played), np.array(qpos), np.array(limbs), altered)
+
+
+def joint_measures(clip: Clip, robot: Robot, carried: Carried) -> dict[str, float]:
+    """What must be zero, and how fast the joints go.
+
+    Returns:
+        `bad`: numbers that are not finite; `beyond`: targets outside a joint's range; `too_fast`: steps faster than a
+        joint may go; `jumps`; `speed`: the highest share of a joint's own limit; `altered` as in `Carried`.
+    """
+    limits, played = robot.limits, carried.played
+    finite = bool(np.isfinite(played).all() and np.isfinite(carried.qpos).all())
+    step = np.abs(np.diff(played, axis=0)) * clip.rate / limits.velocity if len(played) > 1 else np.zeros((1, 1))
+    wanted = np.abs(np.diff(carried.wanted, axis=0)).max(axis=1) if len(played) > 1 else np.zeros(1)
+    turned = np.linalg.norm(np.diff(carried.limbs, axis=0), axis=-1).max(axis=1) if len(played) > 1 else np.zeros(1)
+    if robot.footing is None and len(played) > 1:
+        # A mannequin also plays what the limbs do not show, such as a hand or a bone that rolls.
+        cosine = np.abs(np.einsum("tij,tij->ti", clip.rotation[1:], clip.rotation[:-1])).min(axis=1)
+        turned = np.maximum(turned, 2.0 * np.arccos(np.minimum(cosine, 1.0)))
+    return {
+        "bad": 0.0 if finite else 1.0,
+        "beyond": float(((played < limits.lower - ROUNDING) | (played > limits.upper + ROUNDING)).sum()),
+        "too_fast": float((step > 1.0 + 1e-6).sum()),
+        "jumps": float(((wanted > JUMP) & (turned < 0.1 * JUMP)).sum()),
+        "speed": float(step.max()),
+        "altered": carried.altered,
+    }
+
+
+def shortfall(robot: Robot) -> dict[str, float]:
+    """What the robot could not reach of all poses since its retargeter was last reset.
+
+    Returns:
+        For inverse kinematics `short_rms` and `short_worst`: how far its goals were missed, over goals and frames, m;
+        for the angle solver `past_range`: how many of its goals lay outside their joint's range. Else nothing.
+    """
+    if isinstance(robot.retarget, ServoHumanoidRetargeter):
+        return {"past_range": float(robot.retarget.beyond)}
+    if not isinstance(robot.retarget, InverseKinematics):
+        return {}
+    missed = robot.retarget.solver.shortfall().values()
+    return {
+        "short_rms": float(np.sqrt(np.mean([goal["rms_m"] ** 2 for goal in missed]))),
+        "short_worst": max(goal["worst_m"] for goal in missed),
+    }
+
+
+def limb_errors(clip: Clip, robot: Robot, limbs: RobotLimbs, carried: Carried) -> dict[str, float]:
+    """How far knees, ankles, elbows and wrists are from where the human's would be on the robot's own limbs.
+
+    Seen from hip and shoulder, so that it is the posture that counts, on what the retargeter wanted.
+
+    Returns:
+        Root mean square over frames and both sides, m: `knee`, `ankle`, `elbow`, `wrist`.
+    """
+    names, length = limbs.vectors.names, LimbView(clip.skeleton).length
+    square: dict[str, list[Array]] = {"knee": [], "ankle": [], "elbow": [], "wrist": []}
+    for q, directions in zip(carried.wanted, carried.limbs, strict=True):
+        limbs.place(q)
+        start, end = limbs.positions()
+        vector, chest = end - start, limbs.chest_rotation()
+        for side in "rl":
+            for whole, (first, second) in ENDS.items():
+                if f"{side}_{whole}" not in names:
+                    continue
+                rows = [LIMBS.index(f"{side}_{first}"), LIMBS.index(f"{side}_{second}")]
+                frame = chest if whole == "arm" else np.eye(3)
+                middle, far = names.index(f"{side}_{first}"), names.index(f"{side}_{whole}")
+                goal = limbs.vectors.length[middle] * directions[rows[0]]
+                square["knee" if whole == "leg" else "elbow"].append(vector[middle] - frame @ goal)
+                share = length[rows] / length[rows].sum()
+                goal = limbs.reach[f"{side}_{whole}"] * (share @ directions[rows])
+                square["ankle" if whole == "leg" else "wrist"].append(vector[far] - frame @ goal)
+    return {
+        name: float(np.sqrt(np.mean(np.sum(np.square(miss), axis=1)))) for name, miss in square.items() if len(miss)
+    }
+
+
+def floor_measures(clip: Clip, robot: Robot, qpos: Array, feet: dict[str, int]) -> dict[str, float]:
+    """How the soles stand.
+
+    Args:
+        clip: what is done.
+        robot: who does it.
+        qpos: the robot in each frame, shape (T, nq).
+        feet: the bodies of its feet, "r" and "l", each with all that hangs from it counting as one sole.
+
+    Returns:
+        `slide`: mean speed along the floor of the lowest point of a sole while the human's foot stands, m/s; `sunk`:
+        the deepest any point was in the floor, m; `floating`: share of frames in which nothing was on the floor.
+    """
+    model = robot.model
+    data, surface, lowest_point = mujoco.MjData(model), Surface.of(model), LowestPoint(model)
+    soles = {side: np.flatnonzero(np.isin(surface.body, below(model, foot))) for side, foot in feet.items()}
+    stands = standing_feet(clip)
+    near = STANDS * robot.path_scale * clip.skeleton.leg_length
+    speeds: list[float] = []
+    sunk, floating = 0.0, 0
+    before: Array | None = None
+    for frame, q in enumerate(qpos):
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        points = surface.positions(data)
+        heights = points[:, 2] - surface.radius
+        low = lowest_point(data)
+        sunk = max(sunk, -low)
+        floating += low > near
+        for side, sole in soles.items():
+            if before is not None and len(sole) and stands[side][frame]:
+                lowest = sole[np.argmin(heights[sole])]
+                speeds.append(float(np.linalg.norm(points[lowest, :2] - before[lowest, :2])) * clip.rate)
+        before = points
+    return {
+        "slide": float(np.mean(speeds)) if speeds else 0.0,
+        "sunk": sunk,
+        "floating": floating / max(len(qpos), 1),
+    }
+
+
+def standing_feet(clip: Clip) -> dict[str, NDArray[np.bool_]]:
+    """When the human's right and left foot stand: their ball hardly moves, shape (T,) each."""
+    parts = anatomy(clip.skeleton)
+    found = {}
+    sides: tuple[tuple[str, Side], ...] = (("r", "right"), ("l", "left"))
+    for side, name in sides:
+        foot = parts.first("foot", name)
+        if foot is None:
+            found[side] = np.zeros(len(clip), dtype=bool)
+            continue
+        ball = clip.joints()[:, foot + 1]
+        speed = np.linalg.norm(np.gradient(ball, axis=0), axis=1) * clip.rate if len(clip) > 1 else np.zeros(1)
+        found[side] = speed < STILL * clip.skeleton.leg_length
+    return found
+
+
+def scaled_path(clip: Clip, robot: Robot, qpos: Array) -> Array:
+    """The same joints with the root on the human's own path, to scale: what footing is compared with, shape (T, nq)."""
+    plain = qpos.copy()
+    plain[:, :3] = robot.path_scale * clip.root_position
+    return plain

@@ -1,0 +1,202 @@
+"""A robot: its MuJoCo model, its joints and their limits, and the way poses are carried onto it."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from controller.deck.interfaces import JointLimits, PlacedPose, Retargeter
+from controller.mocap.encodings.joint_angles import JointBody, JointRetargeter
+from controller.mocap.posture import Pose
+from controller.mocap.skeleton import Skeleton
+from controller.rotations import Array
+from motiondeck_base.errors import FileFormatError, UnknownNameError
+from motiondeck_base.files import listed
+from sim.models.joint_layout import Layout
+from sim.models.mannequin import build_mannequin
+from sim.models.model_file import read_model
+from sim.models.robot_file import RobotFile, Solver, read_robot_file
+from sim.models.scenery import add_gantry, add_lamp, set_stage
+from sim.models.servo_motor import Servo
+from sim.retargeting.footing import Footing
+from sim.retargeting.retarget import MannequinRetargeter, ServoHumanoidRetargeter
+from sim.retargeting.robot_limbs import RobotLimbs
+
+# How often a robot is posed where nobody says, s.
+DT = 0.005
+
+
+@dataclass(frozen=True)
+class Robot:
+    """One robot, ready to be played on.
+
+    Attributes:
+        name: what it is called.
+        spec: the model as it can still be changed and saved; save with `spec.to_file(path)`.
+        model: the same, compiled.
+        layout: where each joint lives in qpos.
+        limits: what each of its J joints may do at most.
+        rest: joint positions to start from and return to, shape (J,), rad.
+        retarget: carries poses to joint targets.
+        path_scale: its size over that of the skeleton; scales the path of the root.
+        servo: what each of its servos can do, where that is known.
+        footing: finds its root's place; none for a mannequin, whose root goes where the human's goes.
+    """
+
+    name: str
+    spec: mujoco.MjSpec
+    model: mujoco.MjModel
+    layout: Layout
+    limits: JointLimits
+    rest: Array
+    retarget: Retargeter
+    path_scale: float
+    servo: Servo | None = None
+    footing: Footing | None = None
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The names of its J joint coordinates."""
+        return self.layout.joints
+
+    def place(self, targets: Array, pose: Pose, qpos: Array) -> None:
+        """Writes targets (J,), rad, and the root that fits them and a pose, or goes with it, into qpos (nq,)."""
+        self.layout.place(targets, qpos)
+        if isinstance(pose, PlacedPose):
+            qpos[:7] = pose.robot_root
+        elif self.footing is not None:
+            self.footing.place(pose, qpos)
+        else:
+            qpos[:3] = pose.root_position
+            qpos[:3] *= self.path_scale
+            qpos[3:7] = pose.rotation[0]
+
+
+def load_robot(path: Path, skeleton: Skeleton, solver: Solver | None = None, dt: float = DT) -> Robot:
+    """Loads a robot file and fits the robot to the skeleton whose poses it will play.
+
+    Args:
+        path: the robot file.
+        skeleton: whose poses will come.
+        solver: how they are carried onto a humanoid, in place of what its file says.
+        dt: seconds from one pose to the next.
+
+    Raises:
+        FileFormatError: if the robot file or its model cannot be used, or the skeleton lacks what the robot needs.
+        UnknownNameError: if the file has a part, a body or a joint that does not exist.
+    """
+    path = Path(path)
+    file = read_robot_file(path)
+    if file.kind == "mannequin" and isinstance(skeleton, JointBody):
+        raise FileFormatError(
+            f"{path}: these motions were taught on the joints {listed(skeleton.bones)}, which a mannequin has not. "
+            "Give the robot that has them with --robot, or play them on the rig alone: motiondeck rig play."
+        )
+    spec = build_mannequin(skeleton) if file.kind == "mannequin" else _load_spec(path, file)
+    model = spec.compile()
+    layout = Layout.of(model)
+    limits = _limits(path, file, model, layout)
+    rest = _by_joint(path, layout, "rest", file.rest, np.clip(0.0, limits.lower, limits.upper))
+    outside = (rest < limits.lower) | (rest > limits.upper)
+    if outside.any():
+        joint = int(np.argmax(outside))
+        raise FileFormatError(
+            f"{path}: rest.{layout.joints[joint]} is {rest[joint]}, "
+            f"outside {limits.lower[joint]:.2f} to {limits.upper[joint]:.2f} rad"
+        )
+    if file.kind == "mannequin":
+        return Robot(file.name, spec, model, layout, limits, rest, MannequinRetargeter(skeleton), 1.0, file.servo)
+    scale = file.root_height / skeleton.leg_length if file.root_height and skeleton.leg_length > 0.0 else 1.0
+    if isinstance(skeleton, JointBody):
+        taught = JointRetargeter(skeleton, layout.joints, rest)
+        return Robot(file.name, spec, model, layout, limits, rest, taught, scale, file.servo)
+    retarget = _retargeter(path, file, solver or file.solver, skeleton, model, layout, limits, rest, dt)
+    feet = [model.body(file.parts[foot]).id for foot in ("r_foot", "l_foot") if foot in file.parts]
+    footing = Footing(skeleton, model, feet, np.array(file.root_rotation), scale, dt)
+    return Robot(file.name, spec, model, layout, limits, rest, retarget, scale, file.servo, footing)
+
+
+def _retargeter(
+    path: Path,
+    file: RobotFile,
+    solver: Solver,
+    skeleton: Skeleton,
+    model: mujoco.MjModel,
+    layout: Layout,
+    limits: JointLimits,
+    rest: Array,
+    dt: float,
+) -> Retargeter:
+    parts = file.parts
+    if solver == "angles":
+        if parts:
+            RobotLimbs(path, model, parts, np.array(file.root_rotation), layout.joints)
+        try:
+            return ServoHumanoidRetargeter(skeleton, layout.joints, limits.lower, limits.upper, file.angles, rest)
+        except UnknownNameError as error:
+            raise UnknownNameError(f"{path}: {error}") from None
+    from sim.retargeting.inverse_kinematics import InverseKinematics
+
+    if not parts:
+        raise FileFormatError(f"{path}: solver 'ik' needs a table [parts]: `motiondeck robot calibrate` writes one")
+    limbs = RobotLimbs(path, model, parts, np.array(file.root_rotation), layout.joints)
+    return InverseKinematics(skeleton, limbs, limits, rest, dt)
+
+
+def _load_spec(path: Path, file: RobotFile) -> mujoco.MjSpec:
+    model_path = path.parent / Path(str(file.model)).expanduser()
+    spec = read_model(model_path)
+    root = next(body for body in spec.worldbody.bodies if body.joints)
+    height = file.root_height or max(float(root.pos[2]), 0.05)
+    root.pos = [0.0, 0.0, height]
+    root.quat = list(file.root_rotation)
+    try:
+        set_stage(spec, height)
+        add_lamp(root, height)
+        add_gantry(spec, root)
+        spec.compile()
+    except ValueError as error:
+        raise FileFormatError(f"{model_path}: MuJoCo refuses it: {' '.join(str(error).split())}") from error
+    return spec
+
+
+def _limits(path: Path, file: RobotFile, model: mujoco.MjModel, layout: Layout) -> JointLimits:
+    lower, upper = _positions(model, layout)
+    count = len(layout.joints)
+    table = {"lower": lower, "upper": upper}
+    for key in ("velocity", "acceleration", "jerk"):
+        table[key] = np.full(count, getattr(file.limits, key))
+    for key, values in table.items():
+        own = {name: value for name, joint in file.limits.joints.items() if (value := getattr(joint, key)) is not None}
+        _by_joint(path, layout, "limits.joints", own, values)
+    if np.any(table["lower"] >= table["upper"]):
+        joint = layout.joints[int(np.argmax(table["lower"] >= table["upper"]))]
+        raise FileFormatError(f"{path}: limits.joints.{joint}: lower must be less than upper")
+    return JointLimits(**table)
+
+
+def _positions(model: mujoco.MjModel, layout: Layout) -> tuple[Array, Array]:
+    """The range of each joint in the model, or half a turn; a ball joint may turn equally far in every direction."""
+    joint = model.actuator_trnid[:, 0]
+    limited = model.jnt_limited[joint].astype(bool)
+    reach = model.jnt_range[joint]
+    lower = np.where(limited, reach[:, 0], -np.pi)
+    upper = np.where(limited, reach[:, 1], np.pi)
+    balls = layout.ball.ravel()
+    lower[balls] = -upper[balls]
+    return lower, upper
+
+
+def _by_joint(path: Path, layout: Layout, place: str, own: dict[str, float], values: Array) -> Array:
+    """Fills in what a table of the robot file says of single joints."""
+    for name, value in own.items():
+        if name not in layout.joints:
+            raise UnknownNameError(f"{path}: {place}: {UnknownNameError.among('joint', name, layout.joints)}")
+        values[layout.joints.index(name)] = value
+    return values

@@ -1,0 +1,74 @@
+"""The ghost: the translucent human whose motion a robot plays, over it or beside it on the page."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from controller.mocap.skeleton import Skeleton
+from controller.rotations import Array, conjugate, multiply
+from sim.models.mannequin import ROOT_BODY, build_mannequin
+from sim.view.puppet import Puppet
+
+OPACITY = 0.4
+WAYS = ("off", "over the robot", "beside it")
+
+
+def draw_ghost(skeleton: Skeleton, scale: float, file: Path) -> dict[str, Any]:
+    """Writes the model of a human of the robot's size, translucent, and says what `Ghost` has to know of it."""
+    spec = build_mannequin(replace(skeleton, length=skeleton.length * scale))
+    for material in spec.materials:
+        material.rgba[3] = OPACITY
+    spec.compile()
+    spec.to_file(str(file))
+    return {"file": str(file), "bones": list(skeleton.bones), "parent": skeleton.parent.tolist(), "scale": scale}
+
+
+class Ghost:
+    """Turns published poses into the coordinates of that model, and shows them."""
+
+    def __init__(self, puppet: Puppet, model: mujoco.MjModel, about: Mapping[str, Any], aside: float) -> None:
+        """Looks at what `draw_ghost` has said.
+
+        Args:
+            puppet: on the page.
+            model: of the human.
+            about: what was said.
+            aside: how far to the left of the robot it is beside it, m.
+        """
+        bones: Sequence[str] = about["bones"]
+        self._puppet, self._scale, self._aside = puppet, float(about["scale"]), aside
+        self._parent = np.array(about["parent"]) + 1
+        joints = [int(model.body(bone).jntadr[0]) for bone in bones]
+        self._turns = model.jnt_qposadr[joints][:, None] + np.arange(4)
+        self._root = int(model.jnt_qposadr[model.body(ROOT_BODY).jntadr[0]])
+        self._qpos = model.qpos0.copy()
+
+    def show(self, way: str, root: Array, turn: Array, beneath: Array, centre: Array) -> None:
+        """Draws the human in one of WAYS.
+
+        Args:
+            way: where.
+            root: the height of the human's root is root[2], m.
+            turn: rotations of root and bones in the world, shape (4 (1 + B),).
+            beneath: where the robot's root is, shape (2,), m: there the human is, too, whatever its path was.
+            centre: from where it is seen, shape (2,), m.
+        """
+        if way == WAYS[0]:
+            self._puppet.hide()
+            return
+        turns = turn.reshape(-1, 4)
+        aside = np.array([0.0, self._aside if way == WAYS[2] else 0.0])
+        self._qpos[self._root : self._root + 2] = beneath + aside
+        self._qpos[self._root + 2] = self._scale * root[2]
+        self._qpos[self._root + 3 : self._root + 7] = turns[0]
+        self._qpos[self._turns] = multiply(conjugate(turns[self._parent]), turns[1:])
+        self._puppet.show(self._qpos, centre)

@@ -1,0 +1,90 @@
+"""A viser page that stays on this machine: bound to loopback, opened only by itself, never shared.
+
+viser can publish a page on the internet through a tunnel, and does so whenever a client asks; it also takes commands
+from any web page that happens to be open in the same browser. Neither may happen to the panel of a robot.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import logging
+import os
+import socket
+from collections.abc import Iterator
+
+import viser
+import viser._messages
+import websockets.asyncio.server
+
+from motiondeck_base.errors import MotiondeckError
+
+LOOPBACK = "127.0.0.1"
+
+
+class PortError(MotiondeckError):
+    """A port that the page cannot have."""
+
+
+class PrivatePage(viser.ViserServer):
+    """A viser server that listens on 127.0.0.1 alone and refuses every request to share it.
+
+    Args:
+        port: where to listen; that port or none.
+        label: what the panel is headed.
+
+    Raises:
+        PortError: if the port is taken or not allowed.
+    """
+
+    def __init__(self, port: int, label: str) -> None:
+        _check_free(port)
+        os.environ.pop("_VISER_PORT_OVERRIDE", None)
+        # Whoever knocks and goes away again is not worth a traceback in the deck's terminal.
+        logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
+        with _own_pages_only(port):
+            super().__init__(host=LOOPBACK, port=port, label=label, verbose=False)
+        if self.get_port() != port:
+            # viser moves on to the next free port when it loses a race for this one.
+            self.stop()
+            raise PortError(_taken(port))
+        self.gui.configure_theme(show_share_button=False, show_logo=False)
+        # Three locks on one door: no button, no handler for the message a crafted client could send, no method to call.
+        for request in (viser._messages.ShareUrlRequest, viser._messages.ShareUrlDisconnect):
+            self._websock_server.unregister_handler(request)
+
+    def request_share_url(self, verbose: bool = True) -> None:
+        """Refuses: the panel of a robot is not published."""
+
+    @property
+    def address(self) -> str:
+        """What to type into the browser."""
+        return f"http://{LOOPBACK}:{self.get_port()}"
+
+
+def _check_free(port: int) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((LOOPBACK, port))
+        except (OSError, OverflowError) as error:
+            raise PortError(_taken(port)) from error
+
+
+def _taken(port: int) -> str:
+    return f"port {port} on {LOOPBACK} is in use or not allowed. Choose another with --port."
+
+
+@contextlib.contextmanager
+def _own_pages_only(port: int) -> Iterator[None]:
+    """Makes a server started within refuse websockets that were not opened by its own page.
+
+    A browser lets any page open a websocket to any address, but says truthfully which page it was.
+    """
+    serve = websockets.asyncio.server.serve
+    pages = [f"http://{host}:{port}" for host in (LOOPBACK, "localhost")]
+    websockets.asyncio.server.serve = functools.partial(serve, origins=pages)  # pyright: ignore
+    try:
+        yield
+    finally:
+        websockets.asyncio.server.serve = serve  # pyright: ignore

@@ -1,0 +1,91 @@
+"""A puppet: the solids of one model on a page, with their shadow on the floor."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.rotations import Array
+from sim.view.private_page import PrivatePage
+from sim.view.solids import batches, poses
+
+SHADOW = (58, 66, 78)
+
+
+class Puppet:
+    """One robot or one human on a page.
+
+    Attributes:
+        data: MuJoCo's state of what was shown last.
+    """
+
+    def __init__(self, page: PrivatePage, model: mujoco.MjModel, height: float, name: str = "") -> None:
+        """Puts it on the page in its initial pose.
+
+        Args:
+            page: where it is drawn.
+            model: of it.
+            height: of the robot that the scene is made for, m.
+            name: tells it from others.
+        """
+        self._model, self._visible = model, True
+        self.data = mujoco.MjData(model)
+        self._batches = batches(model)
+        self._handles = {}
+        mujoco.mj_kinematics(model, self.data)
+        for shape, batch in self._batches.items():
+            position, orientation = poses(model, self.data, batch)
+            # The same solids, flattened, are their own shadow: there is no shadow map for a slow computer to filter.
+            looks = (
+                ("robot", _linear(batch.colour), 1.0, 0.0, None if batch.opacity == 1.0 else batch.opacity),
+                ("shadow", SHADOW, 1e-3, 0.002 * height, None if batch.opacity == 1.0 else 0.5 * batch.opacity),
+            )
+            self._handles[shape] = [
+                page.scene.add_batched_meshes_simple(
+                    f"/{look}{name}/{shape}",
+                    *batch.mesh,
+                    batched_wxyzs=orientation,
+                    batched_positions=position,
+                    batched_scales=batch.scale,
+                    batched_colors=colour,
+                    flat_shading=not batch.smooth,
+                    lod="off",
+                    cast_shadow=False,
+                    receive_shadow=False,
+                    scale=(1.0, 1.0, thickness),
+                    position=(0.0, 0.0, lift),
+                    opacity=opacity,
+                )
+                for look, colour, thickness, lift, opacity in looks
+            ]
+
+    def show(self, qpos: Array, centre: Array) -> None:
+        """Draws it at qpos (nq,), as seen by someone at the centre (2,), m."""
+        self.data.qpos[:] = qpos
+        mujoco.mj_kinematics(self._model, self.data)
+        self._set_visible(True)
+        for shape, batch in self._batches.items():
+            position, orientation = poses(self._model, self.data, batch)
+            position[:, :2] -= centre
+            for handle in self._handles[shape]:
+                handle.batched_positions = position.astype(np.float32)
+                handle.batched_wxyzs = orientation.astype(np.float32)
+
+    def hide(self) -> None:
+        """Takes it off the page until it is shown again."""
+        self._set_visible(False)
+
+    def _set_visible(self, visible: bool) -> None:
+        if visible != self._visible:
+            self._visible = visible
+            for handle in (handle for handles in self._handles.values() for handle in handles):
+                handle.visible = visible
+
+
+def _linear(colour: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Colours as a screen shows them turned into light, which is what the page takes the colours of copies for."""
+    return np.round(255.0 * (colour / 255.0) ** 2.2).astype(np.uint8)

@@ -1,0 +1,135 @@
+"""The view in the browser: the robot as it moves, a button for each motion, and how the loop is doing.
+
+Runs as a process of its own (`python -m sim.view.viewer`), reads the latest state from shared memory and sends
+commands over loopback, so that nothing it does can hold up the loop.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import shutil
+import sys
+import time
+from pathlib import Path
+
+# The page draws; this process needs no OpenGL, and starts sooner without.
+os.environ.setdefault("MUJOCO_GL", "disable")
+
+import mujoco
+import numpy as np
+
+from controller.wire.command_socket import CommandClient
+from controller.wire.telemetry import StateReader
+from motiondeck_base.errors import FileFormatError, MotiondeckError
+from sim.view.ghost import Ghost
+from sim.view.live_footprints import LiveSteps
+from sim.view.panel import Panel
+from sim.view.private_page import PrivatePage
+from sim.view.puppet import Puppet
+from sim.view.scene import Follower, Scene
+
+PICTURES_PER_SECOND = 30.0
+HEALTH_PER_SECOND = 4.0
+BESIDE = 0.75  # of the robot's height: so far aside a follower, or the human, is drawn
+LONGEST_WAIT = 60.0  # s for a deck that is starting
+
+
+def view(state: Path, command_port: int, port: int) -> None:
+    """Shows a deck until it ends or the process that started this one is gone; waits for its state file to appear.
+
+    Raises:
+        MotiondeckError: if there is no such deck, or the port is taken.
+    """
+    parent = os.getppid()
+    # The deck starts this process first and loads its robot meanwhile, so that the page is there sooner.
+    latest_start = time.monotonic() + LONGEST_WAIT
+    while not state.exists() and os.getppid() == parent and time.monotonic() < latest_start:
+        time.sleep(0.01)
+    reader = StateReader.open(state)
+    description = reader.description
+    motions = [str(motion) for motion in description["motions"]]
+    joints = [str(joint) for joint in description.get("joints", ())]
+    model = _model(str(description["model_file"]))
+    page = PrivatePage(port, label=f"Motiondeck · {description['robot']}")
+    scene = Scene(page, model)
+    files = [str(file) for file in description.get("followers", ())]
+    followers = [Puppet(page, _model(file), scene.height, f" {k}") for k, file in enumerate(files)]
+    ghost = None
+    if about := description.get("human"):
+        human = _model(str(about["file"]))
+        # Followers stand to the right of the robot, on the side that the panel does not cover.
+        aside = (BESIDE if followers else -BESIDE) * scene.height
+        ghost = Ghost(Puppet(page, human, scene.height, " human"), human, about, aside)
+    steps = LiveSteps(page, model, np.array(description.get("rest", model.qpos0)), scene.height)
+    panel = Panel(page, motions, joints, CommandClient(command_port), has_human=ghost is not None)
+    follower = Follower()
+    centre = np.zeros(2)
+    last_picture = last_health = 0.0
+    last_tick = -1.0
+    try:
+        while not reader.ended and os.getppid() == parent:
+            now = time.monotonic()
+            latest = reader.read()
+            if latest is not None and latest["tick"][0] != last_tick and np.isfinite(latest["qpos"]).all():
+                last_tick = latest["tick"][0]
+                dt = min(now - last_picture, 0.1)
+                if panel.follows:
+                    centre = follower.follow(latest["qpos"][:2], dt)
+                scene.show(latest["qpos"], centre)
+                with page.atomic():
+                    beside = np.array([0.0, -BESIDE * scene.height])
+                    for k, other in enumerate(followers):
+                        qpos = latest[f"qpos {k}"]
+                        qpos[:2] = latest["qpos"][:2] + (k + 1) * beside
+                        other.show(qpos, centre)
+                    if ghost is not None:
+                        human_at = latest["qpos"][:2]
+                        ghost.show(panel.human, latest["human_root"], latest["human_turn"], human_at, centre)
+                    steps.show(scene.data, centre, dt, visible=panel.marks_steps)
+                last_picture = now
+                if now - last_health >= 1.0 / HEALTH_PER_SECOND:
+                    panel.show(latest)
+                    last_health = now
+            time.sleep(max(0.0, now + 1.0 / PICTURES_PER_SECOND - time.monotonic()))
+    finally:
+        page.stop()
+        if os.getppid() != parent and state.parent.name.startswith("motiondeck-"):
+            # A deck that was killed could not tidy up after itself.
+            shutil.rmtree(state.parent, ignore_errors=True)
+
+
+def _model(file: str) -> mujoco.MjModel:
+    try:
+        return mujoco.MjModel.from_xml_path(file)
+    except ValueError as error:
+        raise FileFormatError(f"{file}: MuJoCo refuses it: {error}") from error
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command line of the view's process; returns its exit code."""
+    parser = argparse.ArgumentParser(
+        prog="python -m sim.view.viewer", description="Shows a running deck in the browser."
+    )
+    parser.add_argument("--state", type=Path, required=True, help="the deck's shared state file")
+    parser.add_argument("--command-port", type=int, required=True, help="where the deck takes commands, on loopback")
+    parser.add_argument("--port", type=int, required=True, help="where to serve the page, on loopback")
+    options = parser.parse_args(arguments)
+    try:
+        # viser announces itself on standard output, which belongs to the deck that started this process.
+        with Path(os.devnull).open("w") as nowhere, contextlib.redirect_stdout(nowhere):
+            view(options.state, options.command_port, options.port)
+    except MotiondeckError as error:
+        print(f"motiondeck: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return 0
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,62 @@
+import mmap
+
+import numpy as np
+import pytest
+
+import synthetic
+from benchmarks.deck.memory_growth import growth, memory_kb
+from benchmarks.deck.soak_run import soak
+from controller.deck.interfaces import JointLimits
+from controller.loop.safety_envelope import SafetyEnvelope
+
+JOINTS = 9 * 4
+LIMITS = JointLimits(*(np.full(JOINTS, x) for x in (-1.1, 1.1, 8.0, 80.0, 4000.0)))
+
+
+@pytest.fixture(scope="module")
+def library():
+    return synthetic.small_library()
+
+
+def directions(pose):
+    return pose.rotation.ravel()
+
+
+def test_a_minute_of_commands_faults_and_floods_breaks_nothing(library):
+    report = soak(library, directions, LIMITS, seconds=60.0, rate=100.0)
+    assert report.passed
+    assert report.ticks > 6000
+    assert (report.commands, report.answered) == (report.ticks // 50, report.ticks // 50)
+    assert report.flood > 1000
+    assert report.faults["deck"] > 5
+    assert report.faults["outputs"] > 30
+    assert report.faults["telemetry"] > 5
+    assert (report.outside, report.restless) == (0, 0)
+
+
+def test_the_same_seed_soaks_alike(library):
+    first, second = (soak(library, directions, LIMITS, seconds=5.0, rate=100.0, seed=3) for _ in range(2))
+    assert (first.ticks, first.faults, first.commands) == (second.ticks, second.faults, second.commands)
+
+
+def test_a_soak_notices_an_envelope_that_lets_things_pass(library, monkeypatch):
+    monkeypatch.setattr(SafetyEnvelope, "__call__", lambda self, targets: targets)
+    assert not soak(library, directions, LIMITS, seconds=5.0, rate=100.0).passed
+
+
+def test_a_leak_grows_in_every_stretch_and_a_step_of_the_allocator_in_one():
+    seconds = np.arange(0.0, 900.0, 10.0)
+    noise = np.random.default_rng(0).normal(size=len(seconds))
+    leak = growth(list(zip(seconds, 100_000.0 + 2.0 * seconds + noise, strict=True)))
+    assert 0.0 < leak.low < leak.mean < leak.high
+    assert leak.mean == pytest.approx(7200.0, rel=0.01)
+    step = growth(list(zip(seconds, 100_000.0 + 1024.0 * (seconds > 400.0), strict=True)))
+    assert step.low < 0.0 < step.mean
+    assert growth([(0.0, 1.0), (10.0, 2.0)]).mean == 0.0
+
+
+def test_the_memory_in_use_is_told_in_kb():
+    before = memory_kb()
+    with mmap.mmap(-1, 64 * 2**20) as taken:  # fresh from the system; an array might get what others gave back
+        taken.write(b"1" * len(taken))
+        assert memory_kb() - before == pytest.approx(len(taken) / 1024.0, rel=0.2)

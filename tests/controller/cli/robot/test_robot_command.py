@@ -1,0 +1,115 @@
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from controller.cli.main import app
+from controller.mocap.clip import Clip
+from controller.mocap.formats.writing import write_clip
+from motiondeck_base.errors import MotiondeckError, UnknownNameError
+from simulated_bodies import bent_pose, human, smooth_poses
+from small_robots import humanoid
+
+
+def run(*arguments):
+    result = CliRunner().invoke(app, ["robot", *map(str, arguments)])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """A folder with a model, its robot file and a recording."""
+    folder = tmp_path_factory.mktemp("robot")
+    (folder / "small.xml").write_text(humanoid())
+    run("calibrate", folder / "small.xml", "--out", folder / "small.toml")
+    poses = smooth_poses(human(), np.random.default_rng(1), 40, reach=0.6)
+    clip = Clip(
+        "swing", human(), 60.0, *(np.array([getattr(p, k) for p in poses]) for k in ("root_position", "rotation"))
+    )
+    write_clip(clip, folder / "swing.bvh")
+    return folder
+
+
+def test_the_shipped_robots_are_listed():
+    assert [robot["name"] for robot in json.loads(run("list", "--json").stdout)["robots"]] == ["mannequin", "servo20"]
+
+
+def test_a_robot_is_shown_with_its_joints_and_parts():
+    said = json.loads(run("show", "servo20", "--json").stdout)
+    assert len(said["joints"]) == 20
+    assert said["parts"]["l_foot"] == "l_foot"
+    assert "left knee" not in run("show", "mannequin").stdout
+
+
+def test_calibrate_says_what_it_found_and_replaces_nothing_unasked(files):
+    out = files / "again.toml"
+    said = json.loads(run("calibrate", files / "small.xml", "--out", out, "--json").stdout)
+    assert said["solvers"] == ["ik", "angles"]
+    assert said["parts"]["r_shank"] == "right_shank"
+    with pytest.raises(MotiondeckError, match="is there already"):
+        run("calibrate", files / "small.xml", "--out", out)
+    assert run("calibrate", files / "small.xml", "--out", out, "--force").exit_code == 0
+
+
+def test_calibrate_says_what_it_does_not_play(tmp_path):
+    text = humanoid().replace('<joint name="left_elbow"', '<joint name="left_elbow" type="slide"')
+    chain = '<equality><connect body1="left_sole" body2="right_sole" anchor="0 0 0"/></equality>'
+    (tmp_path / "odd.xml").write_text(text.replace("</mujoco>", f"{chain}</mujoco>"))
+    said = run("calibrate", tmp_path / "odd.xml", "--out", tmp_path / "odd.toml").stdout
+    assert "not played, for only hinges are: left_elbow" in said
+    assert "1 constraints (connect, weld) close chains" in said
+    assert "how fast 17 joints may turn" in said
+
+
+@pytest.mark.parametrize("solver", ["ik", "angles"])
+def test_check_measures_each_recording(files, solver):
+    result = run("check", files / "small.toml", files / "swing.bvh", "--solver", solver, "--json")
+    assert result.exit_code == 0
+    (row,) = json.loads(result.stdout)["recordings"]
+    assert row["frames"] == 40
+    assert row["bad"] == row["beyond"] == row["too_fast"] == row["jumps"] == 0
+    assert row["sunk"] < 1e-6
+    assert 0.0 <= row["knee"] < 0.05
+    if solver == "ik":
+        assert 0.0 < row["short_rms"] < row["short_worst"] < 0.1
+    else:
+        assert row["past_range"] >= 0
+
+
+def test_what_cannot_be_reached_is_shown(files):
+    clip = Clip(
+        "ahead", human(), 60.0, np.zeros((9, 3)), np.array([bent_pose(human(), rank=(0, -1.0, 0)).rotation] * 9)
+    )
+    write_clip(clip, files / "ahead.bvh")  # a knee that bends forward
+    rows = [
+        json.loads(run("check", files / "small.toml", files / "ahead.bvh", "--solver", solver, "--json").stdout)
+        for solver in ("ik", "angles")
+    ]
+    assert rows[0]["recordings"][0]["short_worst"] > 0.02
+    assert rows[1]["recordings"][0]["past_range"] >= 9
+    (files / "ahead.bvh").unlink()
+
+
+def test_check_finds_recordings_in_folders_and_goes_past_what_it_cannot_read(files):
+    (files / "torn.bvh").write_text("HIERARCHY\n")
+    result = run("check", files / "small.toml", files, "--seconds", "0.2")
+    assert result.exit_code == 1
+    assert "1 recordings" in result.stdout
+    assert "not read" in result.stdout
+
+
+def test_help_says_what_it_means():
+    assert "[parts]" in run("calibrate", "--help").stdout
+    assert "default" not in run("check", "--help").stdout
+
+
+def test_what_is_not_there_is_said(files, tmp_path):
+    with pytest.raises(MotiondeckError, match="no recordings"):
+        run("check", "servo20", tmp_path)
+    with pytest.raises(UnknownNameError, match="unknown solver 'magic'"):
+        run("check", "servo20", files, "--solver", "magic")
+    with pytest.raises(MotiondeckError, match="no such model file"):
+        run("calibrate", tmp_path / "nobody.xml")

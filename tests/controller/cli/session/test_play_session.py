@@ -1,0 +1,83 @@
+"""A whole session in this process: two robots from one run, and signals that come while it is still opening."""
+
+import os
+import signal
+
+import pytest
+
+import synthetic
+from controller.cli.session.robot_on_deck import Cast
+from controller.cli.session.session import Session, Settings
+from controller.deck.deck import Deck
+from controller.loop.clock import VirtualClock
+from motiondeck_base.shipped import find
+
+
+@pytest.fixture(scope="module")
+def library():
+    return synthetic.small_library()
+
+
+def settings(**changes):
+    usual = {
+        "robot": Cast(find("robot", "mannequin", ".toml")),
+        "rate": 100.0,
+        "physics": False,
+        "realtime": False,
+        "command_port": 0,
+        "page_port": None,
+        "terminal": False,
+        "seconds": 0.5,
+    }
+    return Settings(**usual | changes)
+
+
+def test_a_second_robot_mirrors_the_first(library):
+    chosen = settings(follow=Cast(find("robot", "mannequin", ".toml")))
+    with Session(
+        library, lambda retarget: Deck(library, retarget, "march"), [], chosen, VirtualClock(100.0)
+    ) as session:
+        first, second = (body.stage for body in session.bodies)
+        report = session.run()
+    assert [output["name"] for output in report["outputs"]] == ["kinematics", "follower kinematics"]
+    assert report["outputs"][0]["writes"] == report["outputs"][1]["writes"] == report["ticks"]
+    assert first.qpos.tolist() == second.qpos.tolist()
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_while_the_run_is_opening_ends_it_before_anything_moves(library, number):
+    def deck(retarget):
+        os.kill(os.getpid(), number)
+        return Deck(library, retarget, "march")
+
+    before = signal.getsignal(number)
+    with Session(library, deck, [], settings(), VirtualClock(100.0)) as session:
+        report = session.run()
+    assert (report["reason"], report["ticks"]) == (f"{number.name} received", 0)
+    assert report["outputs"][0]["writes"] == 0
+    assert signal.getsignal(number) is before
+
+
+def test_a_second_signal_while_opening_ends_it_at_once(library):
+    def deck(retarget):
+        os.kill(os.getpid(), signal.SIGTERM)
+        os.kill(os.getpid(), signal.SIGTERM)
+        raise AssertionError("never reached")
+
+    with pytest.raises(KeyboardInterrupt), Session(library, deck, [], settings(), VirtualClock(100.0)):
+        pass
+
+
+def test_the_loop_gets_its_core_and_what_it_started_the_others(library):
+    before = os.sched_getaffinity(0)
+    core = min(before)
+
+    def deck(retarget):
+        assert os.sched_getaffinity(0) == (before - {core} or before)
+        return Deck(library, retarget, "march")
+
+    chosen = settings(core=core, seconds=0.1)
+    with Session(library, deck, [], chosen, VirtualClock(100.0)) as session:
+        report = session.run()
+    assert report["permissions"] == {f"core {core} (CPU affinity)": True}
+    assert os.sched_getaffinity(0) == before

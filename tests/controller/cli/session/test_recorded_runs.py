@@ -1,0 +1,185 @@
+"""Recording a run, replaying and plotting it, as its users do it."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import synthetic
+from controller.cli.pictures.clip_scene import act_of_recording
+from controller.deck.recorded_deck import RecordedDeck
+from controller.library.motion_library import load_library, save_library
+from controller.wire.run_recording import COMMANDS, MODES, load_recording
+from motiondeck_base.shipped import find
+from sim.physics.playback import KinematicPlayback
+from sim.robots.robot import load_robot
+
+TIMELINE = """
+motion = "march"
+[[commands]]
+at = 0.3
+say = "queue wave"
+[[commands]]
+at = 0.4
+say = "speed 1.5"
+[[commands]]
+at = 1.8
+say = "estop"
+[[commands]]
+at = 1.9
+say = "bow"
+[[commands]]
+at = 2.4
+say = "reset"
+[[commands]]
+at = 2.5
+say = "resume"
+"""
+
+
+def motiondeck(*arguments):
+    return subprocess.run(
+        [sys.executable, "-m", "controller.cli.main", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        stdin=subprocess.DEVNULL,
+        check=False,
+    )
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("recorded")
+    save_library(synthetic.small_library(), folder / "small.safetensors")
+    (folder / "show.toml").write_text(TIMELINE)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def run(folder):
+    done = motiondeck(
+        *("play", "--library", folder / "small.safetensors", "--headless", "--command-port", "0", "--seconds", "3"),
+        *("--rate", "100", "--script", folder / "show.toml", "--record", folder / "show.rec", "--json"),
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_every_tick_is_recorded_with_its_commands(run, folder):
+    recording = load_recording(folder / "show.rec")
+    fields = recording.fields
+    assert recording.complete
+    assert fields["tick"][:, 0].tolist() == list(range(run["ticks"]))
+    given = [COMMANDS[int(n) - 1] for n in fields["command"][:, 0] if n]
+    assert given == ["queue", "speed", "estop", "switch", "reset", "resume"]
+    assert run["refused"] == [{"at": 1.9, "reason": "the emergency stop is on; release it with: reset"}]
+    assert [MODES[int(m)] for m in np.unique(fields["mode"])] == ["playing", "held", "emergency stop"]
+    halted = fields["targets"][fields["mode"][:, 0] == MODES.index("emergency stop")]
+    assert np.array_equal(halted[-1], halted[-5])
+    assert np.isfinite(fields["measured"][5:]).all()
+
+
+def test_a_recording_is_replayed(run, folder):
+    done = motiondeck(
+        *("replay", folder / "show.rec", "--library", folder / "small.safetensors", "--headless", "--kinematic"),
+        *("--command-port", "0", "--json"),
+    )
+    assert done.returncode == 0, done.stderr
+    report = json.loads(done.stdout)
+    assert report["reason"] == "replayed to the end"
+    assert sum(report["limited"].values()) < 0.25 * report["ticks"]  # of 24 targets a tick
+
+
+@pytest.fixture(scope="module")
+def servo_run(folder):
+    """A run of a robot that is placed by its feet, with what its joints looked like."""
+    done = motiondeck(
+        *("play", "walk", "--robot", "servo20", "--headless", "--kinematic", "--command-port", "0", "--seconds", "1.5"),
+        *("--rate", "100", "--record", folder / "servo.rec", "--recognize", "--json"),
+    )
+    assert done.returncode == 0, done.stderr
+    return load_recording(folder / "servo.rec")
+
+
+def test_a_robot_that_is_placed_by_its_feet_is_replayed_where_it_was(servo_run):
+    library = load_library(find("library", "thesis15", ".safetensors"))
+    root = servo_run.fields["robot_root"]
+    assert np.allclose(np.linalg.norm(root[:, 3:], axis=1), 1.0)
+    # On its own steps it comes less far, and its height is its own.
+    walked, path = np.ptp(root[:, 0]), np.ptp(servo_run.fields["root_position"][:, 0])
+    assert 0.0 < walked < path
+    robot = load_robot(find("robot", "servo20", ".toml"), library.skeleton)
+    stage, deck = KinematicPlayback(robot), RecordedDeck(servo_run)
+    for tick in range(1, servo_run.ticks):
+        stage.write(*deck.update(0.01))
+        assert stage.qpos[:7] == pytest.approx(root[tick], abs=1e-9)
+    act = act_of_recording(servo_run, robot)
+    assert act.qpos[-1, :3] == pytest.approx(root[(len(act.qpos) - 1) * 2, :3])
+    assert act.stands.shape[1] == 2
+
+
+def test_what_was_recognized_is_recorded(servo_run):
+    seen, confidence = servo_run.fields["seen"][:, 0], servo_run.fields["confidence"][:, 0]
+    motions = servo_run.description["motions"]
+    assert motions.index("walk") in seen
+    assert set(seen) <= {-1.0, *range(len(motions))}
+    assert ((confidence >= 0.0) & (confidence < 1.0)).all()
+
+
+def test_a_recording_is_plotted(run, folder):
+    pytest.importorskip("matplotlib")
+    done = motiondeck("plot", folder / "show.rec", "--out", folder / "show.png")
+    assert done.returncode == 0, done.stderr
+    assert (folder / "show.png").read_bytes()[:4] == b"\x89PNG"
+    assert "6 commands" in done.stdout
+    figures = json.loads(motiondeck("plot", folder / "show.rec", "--json").stdout)
+    assert (figures["ticks"], figures["lost_ticks"], figures["refused"]) == (run["ticks"], 0, 1)
+
+
+def test_a_run_that_is_killed_leaves_what_it_did(folder):
+    out = folder / "killed.rec"
+    deck = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "controller.cli.main", "play", "--library", str(folder / "small.safetensors")),
+            *("--headless", "--command-port", "0", "--rate", "100", "--record", str(out)),
+        ],
+        stdin=subprocess.DEVNULL,
+    )
+    try:
+        deadline = time.monotonic() + 30.0
+        while not out.exists() or out.stat().st_size < 20_000:
+            assert time.monotonic() < deadline, "nothing is recorded"
+            time.sleep(0.05)
+        os.kill(deck.pid, signal.SIGKILL)
+        deck.wait()
+        while not load_recording(out).complete:
+            assert time.monotonic() < deadline, "the recorder does not notice that the deck is gone"
+            time.sleep(0.05)
+    finally:
+        deck.kill()
+        deck.wait()
+    ticks = load_recording(out).fields["tick"][:, 0]
+    assert ticks.tolist() == list(range(len(ticks)))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("replay", "none.rec"), "none.rec: cannot be read"),
+        (("plot", "pyproject.toml"), "this is no recording"),
+        (("play", "--headless", "--record", "none/x.rec", "--command-port", "0"), "none/x.rec: cannot be written"),
+        (("play", "--video", "x.mp4", "--record", "x.rec"), "no ticks to record"),
+        (("play", "--script", "none.toml"), "none.toml: cannot be read"),
+    ],
+)
+def test_a_mistake_ends_in_one_line(arguments, says):
+    done = motiondeck(*arguments)
+    assert done.returncode == 1
+    assert says in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1

@@ -1,0 +1,220 @@
+import os
+import pty
+import select
+import subprocess
+import sys
+import threading
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from controller.cli.session.terminal import describe, listen_to, parse_command
+from controller.wire.command_socket import (
+    Accepted,
+    Blend,
+    CommandClient,
+    CommandError,
+    CommandServer,
+    EmergencyStop,
+    Home,
+    Pause,
+    Queue,
+    Refused,
+    Reset,
+    Resume,
+    SetSpeed,
+    Settled,
+    State,
+    Status,
+    Stop,
+    Switch,
+)
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("waltz", Switch("waltz")),
+        ("switch waltz", Switch("waltz")),
+        ("switch pause", Switch("pause")),
+        ("switch waltz direct", Switch("waltz", direct=True)),
+        ("queue waltz", Queue("waltz")),
+        ("blend walk jog 0.3", Blend("walk", "jog", 0.3)),
+        ("speed 1.5", SetSpeed(1.5)),
+        ("speed 1.5 4", SetSpeed(1.5, over=4.0)),
+        ("home", Home()),
+        ("estop", EmergencyStop()),
+        ("reset", Reset()),
+        ("pause", Pause()),
+        ("resume", Resume()),
+        ("status", Status()),
+        ("stop", Stop()),
+        ("quit", Stop()),
+    ],
+)
+def test_words_become_messages(line, message):
+    assert parse_command(line.split()) == message
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("", "is no command. Commands: MOTION, switch MOTION, queue MOTION, blend A B SHARE, speed FACTOR, pause"),
+        ("dance the waltz", "'dance the waltz' is no command"),
+        ("switch", "switch takes one argument"),
+        ("switch walk jog", "switch takes one argument"),
+        ("queue", "queue takes one argument"),
+        ("blend walk jog", "blend takes two motions and a share"),
+        ("blend walk jog much", "not 'much'"),
+        ("blend walk jog 1.2", "from 0 to 1"),
+        ("speed", "speed takes one argument"),
+        ("speed 1 soon", "not 'soon'"),
+        ("speed 1 100", "0 to 60 s"),
+        ("speed fast", "from 0.1 to 3, not 'fast'"),
+        ("speed 9", "from 0.1 to 3"),
+        ("speed nan", "from 0.1 to 3"),
+        ("pause now", "pause takes no argument"),
+        ("x" * 101, "1 to 100 characters"),
+    ],
+)
+def test_other_words_are_refused_with_what_may_be_said(line, said):
+    with pytest.raises(CommandError, match=said.replace(".", r"\.")):
+        parse_command(line.split())
+
+
+@given(st.lists(st.text(max_size=10), max_size=4))
+def test_any_words_are_a_message_or_a_command_error(words):
+    try:
+        message = parse_command(words)
+    except CommandError:
+        return
+    assert isinstance(message, Switch | Blend | SetSpeed | Pause | Resume | Status | Stop)
+
+
+def test_replies_are_told_in_one_line():
+    assert describe(Accepted(1)) == "accepted"
+    assert describe(Accepted(1, "bow", ["standup"])) == "accepted, after bow, by way of standup"
+    assert describe(State("jog", ["jog"], 1.0, True, False, 1, ["bow"], "home")) == (
+        "home; playing jog, paused; next: bow; motions: jog"
+    )
+    assert describe(Refused("there is no jig", 1)) == "refused: there is no jig"
+    assert describe(Settled("jog", 0.333, 1)) == "settled on jog after 0.33 s"
+    assert describe(State("jog", ["jog", "walk"], 1.0, False, True, 1)) == (
+        "switching to jog, at speed 1.00; motions: jog, walk"
+    )
+    assert describe(State("jog", ["jog"], 1.0, True, False, 1)) == "playing jog, paused; motions: jog"
+
+
+class Answering:
+    """A server that accepts everything in a thread, and lets switches settle at once, until it hears its last word."""
+
+    def __init__(self, last=None):
+        self.server = CommandServer(0)
+        self.heard = []
+        self._last = last
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._serve)
+
+    def _serve(self):
+        while not self._stop.wait(0.002) and self._last not in self.heard:
+            for message, sender in self.server.poll():
+                self.heard.append(type(message))
+                self.server.reply(sender, Accepted(message.id))
+                if isinstance(message, Switch):
+                    self.server.reply(sender, Settled(message.to, 0.5, message.id))
+        self.server.close()
+
+    def __enter__(self):
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_):
+        self._stop.set()
+        self._thread.join()
+
+
+def terminal(port, lines):
+    return subprocess.run(
+        [sys.executable, "-m", "controller.cli.session.terminal", "--command-port", str(port)],
+        input=lines,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_lines_from_a_pipe_are_carried_out_one_after_the_other():
+    with Answering() as deck:
+        done = terminal(deck.server.port, "jog\n\nspeed 2\nspeed 20\nhelp\nquit\n")
+    assert (done.returncode, done.stderr) == (0, "")
+    told = done.stdout.splitlines()
+    assert told[:3] == ["accepted", "settled on jog after 0.50 s", "accepted"]
+    assert "from 0.1 to 3" in told[3]
+    assert told[4].startswith("MOTION ")
+    assert told[-1] == "accepted"
+    assert deck.heard == [Switch, SetSpeed, Stop]
+
+
+def test_with_no_deck_it_says_so_and_fails():
+    server = CommandServer(0)
+    server.close()
+    done = terminal(server.port, "jog\n")
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == f"motiondeck: no deck is running on port {server.port}; start one with: motiondeck play\n"
+
+
+PROMPT = "\x1b[?25h"  # the cursor shown again, after the prompt was drawn
+
+
+class Typist:
+    """A person at a terminal of their own: types, and waits for what appears."""
+
+    def __init__(self, port):
+        self.hand, far = pty.openpty()
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "controller.cli.session.terminal", "--command-port", str(port)],
+            stdin=far,
+            stdout=far,
+            stderr=far,
+            env={**os.environ, "TERM": "xterm", "PROMPT_TOOLKIT_NO_CPR": "1"},
+            start_new_session=True,
+        )
+        os.close(far)
+        self.seen = ""
+
+    def wait_for(self, text):
+        while text not in self.seen:
+            assert select.select([self.hand], [], [], 30.0)[0], f"'{text}' never appeared in: {self.seen}"
+            self.seen += os.read(self.hand, 4096).decode(errors="replace")
+        self.seen = self.seen.split(text, 1)[1]
+
+    def type(self, text):
+        os.write(self.hand, text.encode())
+
+
+def test_a_person_switches_by_name_and_the_prompt_ends_with_the_deck():
+    with Answering(last=Stop) as deck:
+        person = Typist(deck.server.port)
+        person.wait_for("Type a motion's name")
+        person.wait_for(PROMPT)
+        person.type("jog\r")
+        person.wait_for("accepted")
+        person.wait_for("settled on jog after 0.50 s")
+        person.wait_for(PROMPT)
+        person.type("\x03")
+        person.wait_for("The deck has ended.")
+        assert person.process.wait(30.0) == 0
+        os.close(person.hand)
+    assert (deck.heard[0], deck.heard[-1], Switch in deck.heard) == (Status, Stop, True)
+
+
+def test_listening_ends_when_the_deck_goes_away(capsys, monkeypatch):
+    monkeypatch.setattr("controller.cli.session.terminal._HEARTBEAT", 0.01)
+    with Answering(last=Status) as deck:
+        client = CommandClient(deck.server.port)
+        client.post(Pause())
+        listen_to(client, lambda: False)
+        client.close()
+    assert capsys.readouterr().out.splitlines() == ["accepted", "The deck has ended."]
+    assert deck.heard == [Pause, Status]

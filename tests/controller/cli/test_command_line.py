@@ -1,0 +1,183 @@
+"""The program as its users run it: a process, its output and its exit code."""
+
+import json
+import subprocess
+import sys
+import time
+
+import pytest
+
+import synthetic
+from controller.library.motion_library import save_library
+
+
+def motiondeck(*arguments, timeout=60, **options):
+    return subprocess.run(
+        [sys.executable, "-m", "controller.cli.main", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=timeout,
+        stdin=subprocess.DEVNULL,
+        check=False,
+        **options,
+    )
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory):
+    path = tmp_path_factory.mktemp("library") / "small.safetensors"
+    save_library(synthetic.small_library(), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def report(library):
+    """A short headless run with switches."""
+    run = motiondeck(
+        *("play", "--library", library, "--headless", "--command-port", "0", "--seconds", "3"),
+        *("--script", "march 1, wave 1, march", "--json"),
+    )
+    assert run.returncode == 0, run.stderr
+    return json.loads(run.stdout)
+
+
+def test_a_headless_run_reports_in_one_json_object(report):
+    assert {"rate_hz", "ticks", "overruns", "lateness_us", "work_us", "switches", "outputs"} <= report.keys()
+    for durations in (report["lateness_us"], report["work_us"]):
+        assert {"p50", "p99", "p999", "max"} <= durations.keys()
+    assert report["outputs"][0]["faults"] == 0
+
+
+def test_each_switch_of_the_script_is_on_record(report):
+    assert [switch["to"] for switch in report["switches"]] == ["wave", "march"]
+    for switch, at in zip(report["switches"], (1.0, 2.0), strict=True):
+        assert switch["commanded_s"] == pytest.approx(at, abs=0.02)
+        assert 0.0 < switch["first_change_s"] - switch["commanded_s"] < 0.02
+
+
+def test_without_json_a_few_words_are_said(library):
+    run = motiondeck("play", "--library", library, "--headless", "--command-port", "0", "--seconds", "0.3")
+    assert run.returncode == 0
+    assert "played to the end" in run.stdout
+    assert "ticks at" in run.stdout
+
+
+def test_an_emulated_rig_is_streamed_to_and_answers():
+    run = motiondeck(
+        *("play", "box1", "--headless", "--command-port", "0", "--seconds", "2"),
+        *("--rig", "emulated", "--robot", "servo20", "--json"),
+    )
+    assert run.returncode == 0, run.stderr
+    rig = json.loads(run.stdout)["rig"]
+    assert (rig["joints"], rig["hz"]) == (20, 100.0)
+    assert {"write_us", "read_us", "faults"} <= rig.keys()
+    assert 0.0 < rig["tracking_rmse_rad"] < 0.3
+
+
+def test_a_running_deck_takes_commands_and_stops(library, tmp_path):
+    port = "47913"
+    deck = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "controller.cli.main", "play", "--library", str(library)),
+            *("--headless", "--command-port", port, "--json"),
+        ],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        deadline = time.monotonic() + 30
+        while motiondeck("send", "status", "--command-port", port).returncode:
+            assert time.monotonic() < deadline, "the deck did not come up"
+        settled = motiondeck("send", "switch", "wave", "--wait", "--command-port", port)
+        assert settled.returncode == 0
+        assert "settled on wave" in settled.stdout
+        refused = motiondeck("send", "switch", "wafe", "--command-port", port)
+        assert refused.returncode == 1
+        assert "Did you mean wave" in refused.stdout
+        taken = motiondeck("play", "--library", library, "--headless", "--command-port", port)
+        assert taken.returncode == 1
+        assert "another deck is running" in taken.stderr
+        state = json.loads(motiondeck("send", "status", "--json", "--command-port", port).stdout)
+        assert state["motion"] == "wave"
+        assert motiondeck("send", "stop", "--command-port", port).returncode == 0
+        out, _ = deck.communicate(timeout=20)
+        assert [switch["to"] for switch in json.loads(out)["switches"]] == ["wave"]
+        assert deck.returncode == 0
+    finally:
+        deck.kill()
+        deck.wait()
+    gone = motiondeck("send", "status", "--command-port", port)
+    assert gone.returncode == 1
+    assert "no deck is running" in gone.stderr
+
+
+def test_a_library_is_shown(library):
+    shown = motiondeck("library", "show", library)
+    assert shown.returncode == 0
+    assert "march" in shown.stdout
+    assert [m["name"] for m in json.loads(motiondeck("library", "show", library, "--json").stdout)["motions"]] == [
+        "march",
+        "wave",
+        "bow",
+    ]
+
+
+def test_the_shipped_library_is_found_by_name():
+    said = json.loads(motiondeck("library", "show", "thesis15", "--json").stdout)
+    assert len(said["motions"]) == 15
+    assert "NSF EIA-0196217" in said["acknowledgement"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("play", "wlak", "--headless"), "unknown motion 'wlak'. Did you mean walk"),
+        (("play", "--library", "thesis16", "--headless"), "unknown library 'thesis16'. Did you mean thesis15"),
+        (("play", "--library", "none.safetensors", "--headless"), "none.safetensors: there is no such file"),
+        (("play", "--robot", "servo2", "--headless"), "unknown robot 'servo2'. Did you mean servo20"),
+        (("play", "--rig", "emulated", "--headless"), "--rig emulated --robot servo20"),
+        (("play", "--script", "walk 1, jgo", "--headless"), "part 2: unknown motion 'jgo'"),
+        (("play", "walk", "--script", "jog", "--headless"), "not both"),
+        (("play", "--seconds", "-1", "--headless"), "--seconds -1"),
+        (("play", "--rate", "0", "--headless", "--command-port", "0"), "cannot run at 0"),
+        (("play", "--video", "walk.avi", "--seconds", "1"), "walk.avi"),
+        (("library", "show", "pyproject.toml"), "unknown library 'pyproject.toml'"),
+        (("fit", "none.toml", "--data", ".", "--out", "x.safetensors"), "none.toml: cannot be read"),
+        (("send", "speed", "fast"), "speed takes a number"),
+    ],
+)
+def test_a_mistake_ends_in_one_clear_line(arguments, says):
+    run = motiondeck(*arguments)
+    assert run.returncode == 1
+    assert says in run.stderr
+    assert run.stderr.startswith("motiondeck: ")
+    assert len(run.stderr.strip().splitlines()) == 1
+    assert run.stdout == ""
+
+
+def test_debug_shows_where_a_mistake_was_noticed():
+    run = motiondeck("--debug", "play", "wlak", "--headless")
+    assert run.returncode != 0
+    assert "Traceback" in run.stderr
+
+
+def test_a_page_port_in_use_is_named(library):
+    import socket
+
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        run = motiondeck("play", "--library", library, "--port", port, "--command-port", "0", "--seconds", "1")
+    assert run.returncode == 1
+    assert f"port {port} for the page cannot be used" in run.stderr
+
+
+def test_a_fit_that_fails_leaves_nothing(tmp_path):
+    recipe = tmp_path / "r.toml"
+    recipe.write_text('name = "x"\nnetwrok = 3\n')
+    run = motiondeck("fit", recipe, "--data", tmp_path, "--out", tmp_path / "x.safetensors")
+    assert run.returncode == 1
+    assert "unknown key 'netwrok'" in run.stderr
+    assert list(tmp_path.iterdir()) == [recipe]

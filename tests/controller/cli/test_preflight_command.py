@@ -1,0 +1,109 @@
+"""`motiondeck preflight` as its users run it."""
+
+import json
+from dataclasses import replace
+
+import pytest
+from typer.testing import CliRunner
+
+import synthetic
+from controller.cli.main import app
+from controller.library.motion_library import save_library
+from simulated_bodies import human
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory):
+    path = tmp_path_factory.mktemp("library") / "small.safetensors"
+    save_library(synthetic.small_library(), path)
+    return path
+
+
+def preflight(*arguments):
+    return CliRunner().invoke(app, ["preflight", *map(str, arguments)], env={"COLUMNS": "220"})
+
+
+def test_every_motion_and_every_switch_is_judged_and_the_exit_code_says_so(library, tmp_path):
+    picture = tmp_path / "preflight.png"
+    run = preflight(library, "--robot", "mannequin", "--json", "--plot", picture)
+    said = json.loads(run.stdout)
+    assert run.exit_code == (0 if said["ok"] else 1)
+    assert [motion["name"] for motion in said["motions"]] == ["march", "wave", "bow"]
+    pairs = {f"{a} > {b}" for a in ("march", "wave", "bow") for b in ("march", "wave", "bow") if a != b}
+    assert {switch["name"] for switch in said["switches"]} == pairs
+    checks = {finding["check"] for finding in said["motions"][0]["findings"]}
+    assert {"speed", "held back", "torque", "self-collision", "foot slide", "into the ground"} <= checks
+    assert "physics: off target" in checks
+    assert picture.stat().st_size > 5_000
+
+
+def test_the_table_names_what_is_wrong_and_the_tempo_that_passes(library):
+    run = preflight(library, "--robot", "mannequin", "--motions-only", "--root", "free")
+    assert run.exit_code == 1
+    assert "passes at" in run.stdout
+    assert "off balance" in run.stdout
+    assert "march: physics: stands" in run.stdout
+    limited, informing = run.stdout.split("for information")
+    assert "self-collision" in limited
+    assert "foot slide" in informing.split("march: physics")[0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (("--speed", "9"), "--speed 9 is not between"),
+        (("--balance",), "give --root free with --balance"),
+        (("--root", "string"), "root 'string': choose gantry"),
+        (("--plot", "/nowhere/at/all.png"), "no such folder"),
+        (("--plot", "picture.xyz"), "pictures end in .png"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(library, arguments, complaint):
+    run = preflight(library, *arguments, "--robot", "mannequin")
+    assert run.exit_code == 1
+    assert complaint in str(run.exception)
+
+
+def test_what_has_no_feet_has_no_margin():
+    import numpy as np
+
+    from motiondeck_base.shipped import find
+    from sim.physics.loads import loads_of
+    from sim.physics.played_motions import Take
+    from sim.physics.preflight import Preflight
+    from sim.robots.robot import load_robot
+    from sim.robots.self_collision import SelfCollision
+    from simulated_bodies import bent_pose
+
+    body = load_robot(find("robot", "servo20", ".toml"), human())
+    take = Take("still", True, np.tile(body.rest, (3, 1)), (bent_pose(human()),) * 3)
+    loads = loads_of(body, take, free=False, collisions=SelfCollision(body))
+    loads = replace(loads, support=(np.zeros((0, 2)),) * 3)
+    found = Preflight(body, body.limits).standing(loads, 1.0)
+    assert np.isfinite([finding.value for finding in found]).all()
+    assert "balance margin" not in {finding.check for finding in found}
+
+
+def test_currents_that_cannot_be_judged_are_mentioned(tmp_path, capsys):
+    from controller.cli.preflight import _on_rig
+    from motiondeck_base.shipped import find
+    from sim.robots.robot import load_robot
+
+    body = load_robot(find("robot", "servo20", ".toml"), human())
+    rig = tmp_path / "rig.toml"
+    rig.write_text(find("rig", "servo20", ".toml").read_text().replace("id = 1, ", "id = 1, current = 1.0,"))
+    _on_rig(replace(body, servo=None), str(rig))
+    assert "current limits" in capsys.readouterr().err
+
+
+def test_a_rig_narrows_what_is_allowed():
+    from controller.cli.preflight import _on_rig
+    from motiondeck_base.shipped import find
+    from sim.robots.robot import load_robot
+
+    body = load_robot(find("robot", "servo20", ".toml"), human())
+    on_rig, limits = _on_rig(body, "servo20")
+    assert (limits.velocity <= body.limits.velocity).all()
+    assert limits.velocity.max() == 4.7
+    assert on_rig.servo is not None
+    assert on_rig.servo.hottest == 80.0

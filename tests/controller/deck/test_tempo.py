@@ -1,0 +1,57 @@
+"""Tempo: what is commanded is followed smoothly, and a pause is a standstill whatever is commanded meanwhile."""
+
+import pytest
+
+from controller.deck.tempo import Tempo
+from motiondeck_base.errors import MotiondeckError
+
+
+def after(tempo, seconds, dt=0.01):
+    for _ in range(round(seconds / dt)):
+        tempo.advance(dt)
+    return tempo.speed
+
+
+def test_a_change_takes_the_time_it_is_given():
+    tempo = Tempo()
+    tempo.command(2.0, 4.0)
+    assert after(tempo, 2.0) == pytest.approx(1.5)
+    assert after(tempo, 2.5) == 2.0
+
+
+@pytest.mark.parametrize("meanwhile", [(1.0, 10.0), (2.0, 30.0), (0.5, 0.0)])
+def test_a_speed_commanded_while_it_comes_to_a_pause_does_not_hold_the_pause_up(meanwhile):
+    tempo = Tempo()
+    tempo.pause()
+    after(tempo, 0.1)
+    tempo.command(*meanwhile)
+    assert after(tempo, 0.4) == 0.0
+    assert tempo.commanded == meanwhile[0]
+
+
+def test_a_ramp_commanded_in_a_pause_begins_after_it():
+    tempo = Tempo()
+    tempo.pause()
+    after(tempo, 1.0)
+    tempo.command(2.0, 4.0)
+    assert after(tempo, 1.0) == 0.0
+    tempo.resume()
+    assert after(tempo, 2.0) == pytest.approx(1.0)
+
+
+def test_a_pause_forgets_how_slowly_a_tempo_was_to_change():
+    tempo = Tempo()
+    tempo.command(2.0, 30.0)
+    after(tempo, 1.0)
+    tempo.pause()
+    after(tempo, 1.0)
+    tempo.resume()
+    assert after(tempo, 1.0) == 2.0
+
+
+@pytest.mark.parametrize(("factor", "over"), [(0.05, 0.0), (3.5, 0.0), (float("nan"), 0.0), (1.0, -1.0)])
+def test_a_tempo_out_of_range_is_refused(factor, over):
+    tempo = Tempo()
+    with pytest.raises(MotiondeckError, match="speed"):
+        tempo.command(factor, over)
+    assert tempo.commanded == 1.0

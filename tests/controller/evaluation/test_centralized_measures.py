@@ -1,0 +1,97 @@
+"""Centralized networks are measured as reservoirs are: what they were taught, what disturbs them, what they cost."""
+
+import msgspec
+import numpy as np
+import pytest
+
+import synthetic
+from benchmarks.papers import training_cost as cost
+from controller.evaluation.sweep import sweep, train_subjects
+from controller.evaluation.tables import cost_table
+from controller.evaluation.training_error import training_error
+from controller.measures.run_batch import batch_of
+from controller.training.centralized.centralized_training import CentralizedRecipe
+from controller.training.fit import Syllabus
+from controller.training.recipe import LibraryRecipe, MotionRecipe
+
+LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}
+RECIPE = LibraryRecipe(
+    name="small",
+    network=CentralizedRecipe(satellites=16, iterations=15),
+    motions=[MotionRecipe(name=name, file="") for name in synthetic.MOTIONS],
+    body="",
+    licence="",
+)
+
+
+@pytest.fixture(scope="module")
+def syllabus():
+    return Syllabus(synthetic.small_encoding(), synthetic.RATE, synthetic.references(), LOOPS, {})
+
+
+@pytest.fixture(scope="module")
+def subject(syllabus):
+    return train_subjects(RECIPE, syllabus, [0])[0]
+
+
+@pytest.mark.parametrize("motion", list(synthetic.MOTIONS))
+def test_a_batch_plays_what_the_network_plays(subject, motion):
+    network = subject.network
+    network.cue(motion, 0)
+    frame = np.empty(network.channels)
+    batch = batch_of(network, motion, 3)
+    for _ in range(250):
+        network.advance(frame)
+        frames = batch.advance()
+    assert np.allclose(frames, frame, atol=1e-5)
+    batch.cue(np.array([1]), np.array([5]))
+    network.cue(motion, 5)
+    network.advance(frame)
+    assert np.allclose(batch.advance()[1], frame, atol=1e-5)
+    assert not batch.astray().any()
+
+
+def test_the_player_and_the_batch_recover_alike(subject):
+    """A push on the centers: the amplitude is back in the next step, the phases at the end of the round."""
+    network = subject.network
+    push = np.array([3.0, -1.0, 0.5, 2.0], dtype=np.float32)
+    batch = batch_of(network, "march", 1)
+    batch.displace(push[None])
+    network.cue("march", 0)
+    network._voice.centers += push[::2] + 1j * push[1::2]
+    frame, calm = np.empty(network.channels), []
+    for _ in range(2 * round(network.part("march").seconds * network.rate) + 1):
+        network.advance(frame)
+        played = batch.advance()[0]
+        assert np.allclose(played, frame, atol=1e-5)
+        calm.append(played)
+    assert not np.allclose(calm[0], network.part("march").at(np.array([1 / network.rate]))[0], atol=0.05)
+    assert np.allclose(calm[-1], network.part("march").at(np.array([1 / network.rate]))[0], atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["robustness", "stability"])
+def test_loops_come_back_from_every_disturbance(subject, syllabus, kind):
+    counts = sweep(kind, [subject], syllabus, 5)
+    assert [(one.motion, one.intrinsic) for one in counts if one.loop] == [("march", 0), ("wave", 0)]
+    assert all(one.guarded is not None for one in counts)
+
+
+def test_training_errors(syllabus):
+    found = training_error(RECIPE, syllabus, 0)
+    assert 0.0 < found.nrmse_readout < 0.1
+    assert 0.0 < found.mabs_readout < 10.0
+    assert found.mabs_weights is None
+
+
+def test_costs_grow_with_satellites_frames_and_motions(syllabus, monkeypatch):
+    monkeypatch.setattr(cost, "SATELLITES", (4, 16))
+    monkeypatch.setattr(cost, "SHARES", (0.5, 1.0))
+    quick = msgspec.structs.replace(RECIPE, network=CentralizedRecipe(satellites=16, iterations=1))
+    found = cost.costs(quick, syllabus, 0)
+    assert [one.varied for one in found] == ["N", "N", "T", "T", "P", "P"]
+    assert [one.neurons for one in found[:2]] == [3 * (4 + 2), 3 * (16 + 2)]
+    assert found[2].frames < found[3].frames
+    assert found[4].motions < found[5].motions
+    stored = cost.exponent(found, "P", "motions", "stored_mb")
+    assert stored == pytest.approx(1.0, abs=0.4)
+    assert not [row for row in cost_table("c", found, [], bounds=False).rows if "thesis" in str(row["network"])]

@@ -1,0 +1,66 @@
+"""The thesis's networks are trained from its recipes and come out as it says."""
+
+import numpy as np
+import pytest
+
+from benchmarks.papers.thesis import NOISE_CHANNELS, THESIS, noisy_targets
+from controller.evaluation.tables import training_table
+from controller.evaluation.training_error import training_error
+from controller.training.fit import prepare
+from controller.training.recipe import read_recipe
+from motiondeck_base.errors import FileFormatError
+from motiondeck_base.shipped import shipped_configs
+
+PAPER = shipped_configs() / "libraries" / "paper"
+
+
+def paper(name):
+    return read_recipe(PAPER / f"{name}.toml")
+
+
+@pytest.mark.parametrize("name", list(THESIS))
+def test_every_network_of_the_thesis_has_its_recipe(name):
+    recipe = paper(name)
+    assert recipe.name == name
+    assert recipe.as_recorded
+    assert len(recipe.motions) == 15
+    assert set(THESIS[name].robustness) <= {motion.name for motion in recipe.motions}
+
+
+def test_training_errors_are_the_thesis_s_to_5_percent(mocap_data):
+    name = "conceptor-4.3"
+    recipe = paper(name)
+    error = training_error(recipe, prepare(recipe, mocap_data), 0, mocap_data)
+    for figure, value in THESIS[name].accuracy.items():
+        assert getattr(error, figure) == pytest.approx(value, rel=0.05), figure
+    table = training_table(name, [error], [{}], THESIS[name].accuracy, [])
+    assert [row["network"] for row in table.rows] == ["seed 0", "mean", "thesis", "off by %"]
+
+
+def test_recordings_are_taken_as_they_are(mocap_data):
+    recipe = paper("conceptor-4.1")
+    syllabus = prepare(recipe, mocap_data)
+    assert {name: len(part) for name, part in syllabus.before.items()} == dict.fromkeys(syllabus.frames, 50)
+    assert len(syllabus.frames["waltz"]) == 850
+    lessons, normalisation = syllabus.lessons()
+    everything = np.concatenate([np.concatenate([lesson.before, lesson.frames]) for lesson in lessons])
+    varies = normalisation.scaling > 0.0
+    assert np.allclose(everything.min(0)[varies], -1.0)
+    assert np.allclose(everything.max(0)[varies], 1.0)
+
+
+def test_the_noise_of_two_channels_is_blown_up_and_nothing_else_changed(mocap_data):
+    recipe = paper("conceptor-4.1")
+    lessons, _ = prepare(recipe, mocap_data).lessons()
+    targets = noisy_targets(lessons, [mocap_data / motion.file for motion in recipe.motions])
+    rest = np.setdiff1d(np.arange(61), NOISE_CHANNELS)
+    for lesson, target in zip(lessons, targets, strict=True):
+        assert np.array_equal(target[:, rest], lesson.frames[:, rest])
+        assert not lesson.frames[:, NOISE_CHANNELS].any()
+    assert np.abs(np.concatenate(targets)[:, NOISE_CHANNELS]).max() <= 1.0
+    assert np.concatenate(targets)[:, NOISE_CHANNELS].std() > 0.05
+
+
+def test_recordings_of_another_kind_have_no_such_noise(tmp_path):
+    with pytest.raises(FileFormatError, match="cannot be read"):
+        noisy_targets([], [tmp_path / "no.mat"])

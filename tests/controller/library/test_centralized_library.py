@@ -1,0 +1,179 @@
+"""Centralized networks in library files: they come back as they were, or are refused, and the deck plays them."""
+
+import msgspec
+import numpy as np
+import pytest
+from safetensors.numpy import save_file
+
+import synthetic
+from controller.deck.deck import Deck
+from controller.deck.frame_player import FramePlayer
+from controller.library.motion_library import MotionLibrary, load_library, save_library
+from controller.measures.motion_matching import joint_features
+from controller.measures.self_test import Judge, self_test
+from controller.networks.centralized_frames import CentralizedNetwork
+from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network
+from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
+from motiondeck_base.shipped import find
+
+RECIPE = CentralizedRecipe(satellites=16, iterations=30)
+
+
+@pytest.fixture(scope="module")
+def library():
+    taught, normalisation = synthetic.lessons()
+    network = train_centralized_network(taught, normalisation, RECIPE, synthetic.RATE, 0)
+    plain = synthetic.small_library()
+    return MotionLibrary(msgspec.structs.replace(plain.info, network="centralized"), network, plain.encoding)
+
+
+def played(network, motion, frames=200):
+    network.cue(motion, 3)
+    out = np.empty((frames, network.channels))
+    for frame in out:
+        network.advance(frame)
+    return out
+
+
+def test_every_motion_passes_the_self_test(library):
+    frames = synthetic.references()
+    judge = Judge(library.encoding, frames, {name: name != "bow" for name in frames})
+    for name, verdict in self_test(library.network, judge).items():
+        assert verdict.passed, f"{name}: {verdict.reason}"
+        assert verdict.error_mm < 20.0
+
+
+def test_a_library_comes_back_as_it_was(library, tmp_path):
+    save_library(library, tmp_path / "small.safetensors")
+    loaded = load_library(tmp_path / "small.safetensors")
+    assert isinstance(loaded.network, CentralizedNetwork)
+    for motion in library.network.motions:
+        assert np.array_equal(played(loaded.network, motion), played(library.network, motion))
+        assert np.array_equal(loaded.network.anchors(motion), library.network.anchors(motion))
+
+
+def test_anchors_are_the_frames_that_are_played_from_them(library):
+    network = library.network.twin()
+    for motion in network.motions:
+        anchors = network.anchors(motion)
+        for anchor in (0, 7, len(anchors) - 2):
+            network.cue(motion, anchor)
+            out = np.empty(network.channels)
+            network.advance(out)
+            network.advance(out)
+            assert np.allclose(out, anchors[anchor + 1], atol=1e-9)
+
+
+def test_a_player_goes_back_to_a_snapshot_bit_by_bit(library):
+    player = FramePlayer(library.network.twin(), synthetic.RATE)
+    player.cue("wave", 0.4)
+    before = player.snapshot()
+    first = [player.step(0.007).copy() for _ in range(100)]
+    player.restore(before)
+    assert np.array_equal([player.step(0.007).copy() for _ in range(100)], first)
+
+
+def test_a_network_goes_over_by_itself_and_repeats_that_from_a_snapshot(library):
+    network = library.network.twin()
+    network.cue("march", 5)
+    out = np.empty((150, network.channels))
+    for frame in out[:20]:
+        network.advance(frame)
+    entry = network.cross("wave", len(network.anchors("wave")))
+    assert network.crossing
+    before = network.snapshot()
+    for frame in out[20:]:
+        network.advance(frame)
+    assert not network.crossing
+    steady = max(np.abs(np.diff(played(library.network.twin(), name), axis=0)).max() for name in ("march", "wave"))
+    assert np.abs(np.diff(out, axis=0)).max() < 2.0 * steady
+    arrived = network.part("wave").at(np.array([(2 * entry + 130) / network.rate]))
+    assert np.allclose(out[-1], arrived[0])
+    network.restore(before)
+    again = np.empty_like(out[20:])
+    for frame in again:
+        network.advance(frame)
+    assert np.array_equal(again, out[20:])
+
+
+def test_a_switch_in_the_middle_of_a_switch_does_not_jump(library):
+    deck = Deck(library, lambda pose: pose.rotation, "march", direct=True)
+    rotations = []
+
+    def run(ticks):
+        for _ in range(ticks):
+            deck.update(0.005)
+            rotations.append(deck.posture.rotation)
+
+    run(100)
+    own = np.abs(np.diff(np.array(rotations), axis=0)).max()
+    deck.switch("wave")
+    run(40)
+    assert not deck.settled
+    deck.switch("march")
+    run(400)
+    assert deck.settled
+    assert deck.playing == "march"
+    assert np.abs(np.diff(np.array(rotations), axis=0)).max() < 3.0 * own
+
+
+def test_the_deck_plays_and_switches_it(library):
+    deck = Deck(library, lambda pose: pose.rotation.ravel().copy(), "march")
+    for to in ("wave", "bow", "march"):
+        deck.switch(to)
+        for _ in range(500):
+            deck.update(0.005)
+        assert deck.settled
+        assert deck.motion == to
+    assert deck.pose.root_position[0] > 0.5
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "words"),
+    [
+        ("motion/wave/weights", lambda a: a[:, :3], "shape"),
+        ("motion/wave/frequency", lambda a: a * np.nan, "not finite"),
+        ("motion/wave/frequency", lambda a: a * 1.01, "'wave'.*does not close"),
+        ("motion/wave/frequency", lambda a: -a, "'wave'.*center 0"),
+        ("motion/wave/sharpness", lambda a: -a, "'wave'.*satellite 0"),
+        ("motion/wave/places", None, "'motion/wave/places' is missing"),
+        ("motion/wave/phase", lambda a: a.astype(np.float32), "expected float64"),
+    ],
+)
+def test_a_damaged_library_is_refused_by_its_place(library, tmp_path, name, change, words):
+    arrays = {
+        f"motion/{motion}/{field}": np.ascontiguousarray(getattr(library.network[motion], field))
+        for motion in library.network.motions
+        for field in ("frequency", "phase", "places", "sharpness", "weights", "rest")
+    }
+    if change is None:
+        del arrays[name]
+    else:
+        arrays[name] = np.ascontiguousarray(change(arrays[name]))
+    header = {"motiondeck": msgspec.json.encode(library.info).decode()}
+    save_file(arrays, tmp_path / "damaged.safetensors", metadata=header)
+    with pytest.raises(FileFormatError, match=words):
+        load_library(tmp_path / "damaged.safetensors")
+
+
+def test_what_needs_a_reservoir_says_so(library):
+    with pytest.raises(MotiondeckError, match="for reservoirs only"):
+        _ = library.reservoir
+    assert synthetic.small_library().reservoir.motions == library.network.motions
+    with pytest.raises(UnknownNameError, match="wave"):
+        library.network.cue("wafe", 0)
+    with pytest.raises(MotiondeckError, match="needs motions"):
+        CentralizedNetwork({}, 120.0)
+
+
+def test_the_shipped_library_is_small_sound_and_never_leaves_its_range():
+    path = find("library", "cmu86", ".safetensors")
+    assert path.stat().st_size < 2e6
+    library = load_library(path)
+    assert all(motion.passed for motion in library.info.motions)
+    for motion in library.network.motions:
+        known = joint_features(library.encoding, library.network.anchors(motion))
+        run = joint_features(library.encoding, played(library.network.twin(), motion, 5000))
+        room = 0.1 * np.ptp(known, axis=0) + 1.0
+        assert (run <= known.max(0) + room).all()
+        assert (run >= known.min(0) - room).all()

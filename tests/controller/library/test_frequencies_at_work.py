@@ -1,0 +1,105 @@
+"""What frequencies are good for: finding like motions, expecting what comes, and restyling."""
+
+from itertools import pairwise
+
+import msgspec
+import numpy as np
+import pytest
+
+import synthetic
+from controller.library.anticipation import Anticipator, foresight
+from controller.library.motion_index import load_index, save_index
+from controller.library.motion_library import MotionLibrary, load_library, save_library
+from controller.library.motion_signature import part_weights, signature
+from controller.library.restyling import restyled
+from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network
+from controller.training.centralized.model_search import score_models
+from motiondeck_base.errors import MotiondeckError, UnknownNameError
+
+ENCODING = synthetic.small_encoding()
+
+
+@pytest.fixture(scope="module")
+def library():
+    taught, normalisation = synthetic.lessons()
+    recipe = CentralizedRecipe(satellites=16, iterations=20)
+    network = train_centralized_network(taught, normalisation, recipe, synthetic.RATE, 0)
+    plain = synthetic.small_library()
+    return MotionLibrary(msgspec.structs.replace(plain.info, network="centralized"), network, plain.encoding)
+
+
+def test_a_signature_tells_how_fast_and_how_far_each_part_moves():
+    slow = signature(ENCODING, np.tile(synthetic.march(120), (4, 1)), synthetic.RATE).reshape(3, 3)
+    fast = signature(ENCODING, np.tile(synthetic.march(60), (8, 1)), synthetic.RATE).reshape(3, 3)
+    # One step a second, found on a grid whose neighbours lie a twentieth apart.
+    assert slow[0, 0] == pytest.approx(2 * np.pi, rel=0.06)
+    assert np.allclose(fast[:2, :2] / slow[:2, :2], 2.0, rtol=0.15)
+    assert np.allclose(fast[:2, 2], slow[:2, 2], rtol=0.05)
+    still = signature(ENCODING, np.tile(synthetic.march()[:1], (120, 1)), synthetic.RATE)
+    assert np.isfinite(still).all()
+    assert (still > 0).all()
+    with pytest.raises(MotiondeckError, match="too short"):
+        signature(ENCODING, synthetic.march()[:10], synthetic.RATE)
+
+
+def test_weights_of_parts():
+    assert part_weights({"arms": 0.0}).tolist() == [1, 1, 1, 0, 0, 0, 1, 1, 1]
+    with pytest.raises(MotiondeckError, match="no part 'tail'"):
+        part_weights({"tail": 1.0})
+
+
+def test_an_index_comes_back_from_its_file(tmp_path):
+    numbers = np.random.default_rng(0).uniform(0.1, 9, (3, 9))
+    save_index(["a", "b", "c"], numbers, tmp_path / "some.index")
+    names, back = load_index(tmp_path / "some.index")
+    assert names == ["a", "b", "c"]
+    assert np.array_equal(back, numbers)
+    (tmp_path / "bad.index").write_bytes(b"nothing")
+    with pytest.raises(MotiondeckError, match=r"bad\.index"):
+        load_index(tmp_path / "bad.index")
+
+
+def test_what_is_known_is_expected_better_than_standing_still(library):
+    seen = np.tile(synthetic.march(), (5, 1))
+    rows = foresight(Anticipator(library), seen, synthetic.RATE)
+    assert [row.ahead_s for row in rows] == pytest.approx([0.1, 0.2, 0.3, 0.4, 0.5])
+    assert rows[-1].network < 0.3 * rows[-1].hold
+    assert rows[-1].network < 0.1 * rows[-1].velocity
+    with pytest.raises(MotiondeckError, match="too short"):
+        foresight(Anticipator(library), seen[:60], synthetic.RATE)
+    with pytest.raises(MotiondeckError, match="centralized one"):
+        Anticipator(synthetic.small_library())
+
+
+def test_a_motion_takes_on_the_frequencies_of_another(library, tmp_path):
+    styled, outside = restyled(library, "march", "wave")
+    info = styled.info.motions[-1]
+    assert info.name == "march-like-wave"
+    assert not info.passed
+    assert info.frames == 120
+    assert outside >= 0.0
+    part = styled.network.part(info.name)
+    assert np.allclose(part.frequency, library.network.part("wave").frequency)
+    assert np.array_equal(part.weights, library.network.part("march").weights)
+    save_library(styled, tmp_path / "styled.safetensors")
+    assert load_library(tmp_path / "styled.safetensors").network.motions == styled.network.motions
+    with pytest.raises(MotiondeckError, match="already"):
+        restyled(styled, "march", "wave")
+    with pytest.raises(UnknownNameError, match="wave"):
+        restyled(library, "march", "wvae")
+    with pytest.raises(MotiondeckError, match="no centralized network"):
+        restyled(synthetic.small_library(), "march", "wave")
+
+
+def test_the_criterion_prefers_the_sizes_that_a_motion_needs():
+    rng = np.random.default_rng(0)
+    t = 2 * np.pi * np.arange(240) / 240
+    simple = np.stack([np.sin(t), np.cos(t), np.sin(2 * t)], axis=-1) @ rng.normal(size=(3, 10))
+    noisy = simple + 0.02 * rng.normal(size=simple.shape)
+    scored = score_models(noisy, 120.0, loop=True, centers=(1, 2), satellites=(4, 9, 25))
+    assert scored[0].satellites < 25
+    assert min(scored, key=lambda one: one.error).satellites == 25
+    assert scored[0].error < 0.05
+    assert all(a.aicc <= b.aicc for a, b in pairwise(scored))
+    with pytest.raises(MotiondeckError, match="too few"):
+        score_models(noisy[:8], 120.0, loop=True)

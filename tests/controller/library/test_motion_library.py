@@ -1,0 +1,217 @@
+import json
+import shutil
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from safetensors import safe_open
+from safetensors.numpy import save_file
+
+import synthetic
+from controller.library.motion_library import MotionLibrary, load_library, save_library
+from controller.training.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
+from motiondeck_base.errors import FileFormatError, MotiondeckError
+
+
+@pytest.fixture(scope="module")
+def library():
+    return synthetic.small_library()
+
+
+@pytest.fixture(scope="module")
+def saved(library, tmp_path_factory):
+    path = tmp_path_factory.mktemp("library") / "small.safetensors"
+    save_library(library, path)
+    return path
+
+
+def contents(path):
+    with safe_open(path, framework="numpy") as file:
+        return {name: file.get_tensor(name) for name in file.keys()}, dict(file.metadata())  # noqa: SIM118
+
+
+def rewritten(saved, tmp_path, change):
+    """A copy of a library after `change(arrays, header)`."""
+    arrays, metadata = contents(saved)
+    header = json.loads(metadata["motiondeck"])
+    change(arrays, header)
+    path = tmp_path / "changed.safetensors"
+    save_file(arrays, path, metadata={"motiondeck": json.dumps(header)})
+    return path
+
+
+def played(library, motion, frames=60):
+    network = library.network.twin()
+    network.cue(motion, 0)
+    out = np.empty((frames, network.channels))
+    for frame in out:
+        network.advance(frame)
+    return out
+
+
+def test_a_library_plays_the_same_after_saving_and_loading(library, saved):
+    loaded = load_library(saved)
+    assert loaded.info == library.info
+    for motion in library.network.motions:
+        assert np.array_equal(played(loaded, motion), played(library, motion))
+
+
+def test_an_echo_state_library_survives_too(library, tmp_path):
+    taught, normalisation = synthetic.lessons()
+    network = train_echo_state(taught, normalisation, EchoStateRecipe(neurons=120), seed=0)
+    info = msgspec.structs.replace(library.info, network="echo-state", leak=0.6)
+    path = tmp_path / "echo.safetensors"
+    save_library(MotionLibrary(info, network, library.encoding), path)
+    loaded = load_library(path)
+    assert np.array_equal(played(loaded, "wave"), played(MotionLibrary(info, network, library.encoding), "wave"))
+
+
+def test_nothing_is_left_beside_a_library(saved):
+    assert [path.name for path in saved.parent.iterdir()] == ["small.safetensors"]
+
+
+def test_a_folder_that_is_not_there_is_named(library, tmp_path):
+    with pytest.raises(FileFormatError, match="cannot be written"):
+        save_library(library, tmp_path / "nowhere" / "x.safetensors")
+
+
+def test_two_libraries_from_one_file_do_not_share_their_state(saved):
+    library = load_library(saved)
+    first, second = library.network.twin(), library.network.twin()
+    first.cue("march", 0)
+    second.cue("march", 0)
+    out = np.empty((2, first.channels))
+    for _ in range(5):
+        first.advance(out[0])
+    first.cue("march", 0)
+    first.advance(out[0])
+    second.advance(out[1])
+    assert np.array_equal(*out)
+
+
+def nan_in(arrays, header):
+    arrays["motion/march/bias"][3] = np.nan
+
+
+def wrong_shape(arrays, header):
+    arrays["motion/wave/project"] = arrays["motion/wave/project"][:, :-1].copy()
+
+
+def wrong_type(arrays, header):
+    arrays["motion/wave/rest"] = arrays["motion/wave/rest"].astype(np.float64)
+
+
+def missing(arrays, header):
+    del arrays["motion/bow/readout"]
+
+
+def surplus(arrays, header):
+    arrays["motion/extra/bias"] = np.zeros(3, dtype=np.float32)
+
+
+def future(arrays, header):
+    header["version"] = 99
+
+
+def unknown_key(arrays, header):
+    header["motons"] = []
+
+
+def bad_tree(arrays, header):
+    header["skeleton"]["parent"][0] = 5
+
+
+def no_hip(arrays, header):
+    header["skeleton"]["right_hip"] = "hip"
+
+
+def twice(arrays, header):
+    header["motions"][1]["name"] = "march"
+
+
+def no_rate(arrays, header):
+    header["rate"] = 0.0
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (nan_in, r"motion/march/bias.*not finite"),
+        (wrong_shape, r"motion/wave/project.*expected float32 of shape \(30, 300\)"),
+        (wrong_type, r"motion/wave/rest.*float64"),
+        (missing, r"motion/bow/readout.*missing"),
+        (surplus, r"motion/extra/bias.*nothing needs"),
+        (future, r"format version 99"),
+        (unknown_key, r"unknown key 'motons'.*Did you mean 'motions'"),
+        (bad_tree, r"bone 'rhip' does not follow its parent"),
+        (no_hip, r"hip bone 'hip'"),
+        (twice, r"names no motion, or one twice"),
+        (no_rate, r"rate 0.0"),
+    ],
+)
+def test_what_is_wrong_with_a_library_is_named(saved, tmp_path, change, says):
+    path = rewritten(saved, tmp_path, change)
+    with pytest.raises(FileFormatError, match=says) as caught:
+        load_library(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_other_files_are_refused(tmp_path):
+    other = tmp_path / "other.safetensors"
+    save_file({"a": np.zeros(3)}, other)
+    with pytest.raises(FileFormatError, match="not a motion library"):
+        load_library(other)
+    other.write_bytes(b"")
+    with pytest.raises(FileFormatError, match="not a safetensors file"):
+        load_library(other)
+    with pytest.raises(FileFormatError, match="no such file"):
+        load_library(tmp_path / "none.safetensors")
+    with pytest.raises(FileFormatError, match="no such file"):
+        load_library(tmp_path)
+
+
+@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.data())
+def test_mangled_bytes_never_do_worse_than_an_error(saved, tmp_path, data):
+    content = bytearray(saved.read_bytes())
+    header = 8 + int.from_bytes(content[:8], "little")
+    for _ in range(data.draw(st.integers(1, 6))):
+        place = data.draw(st.integers(0, header - 1) | st.integers(0, len(content) - 1))
+        content[place] = data.draw(st.integers(0, 255))
+    if data.draw(st.booleans()):
+        del content[data.draw(st.integers(0, len(content))) :]
+    path = tmp_path / "mangled.safetensors"
+    path.write_bytes(content)
+    try:
+        library = load_library(path)
+    except MotiondeckError:
+        return
+    for motion in library.network.motions:
+        library.network.cue(motion, 0)
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.binary(max_size=400))
+def test_random_bytes_are_refused(tmp_path, content):
+    path = tmp_path / "random.safetensors"
+    path.write_bytes(content)
+    with pytest.raises(MotiondeckError):
+        load_library(path)
+
+
+def test_a_library_is_never_half_written(library, saved, tmp_path, monkeypatch):
+    path = tmp_path / "kept.safetensors"
+    shutil.copy(saved, path)
+    before = path.read_bytes()
+
+    def breaks(*_args, **_kwargs):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("controller.arrays_file.save_file", breaks)
+    with pytest.raises(FileFormatError, match="No space left"):
+        save_library(library, path)
+    assert path.read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["kept.safetensors"]

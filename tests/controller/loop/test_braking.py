@@ -1,0 +1,70 @@
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from controller.loop.braking import braked, held_back, longest_run, released, stopping_run
+
+rates = st.floats(-4.0, 0.0).map(lambda exponent: 10.0**exponent)
+
+
+@given(st.floats(-10.0, 10.0), rates)
+def test_holding_back_undoes_releasing(h, j):
+    assert np.isclose(held_back(released(h, j), j), h, rtol=1e-9, atol=j * 1e-6)
+
+
+def test_an_acceleration_let_go_adds_up_to_what_is_released():
+    # 0.7 + 0.5 + 0.3 + 0.1
+    assert np.isclose(released(0.7, 0.2), 1.6)
+    assert np.isclose(released(-0.7, 0.2), -1.6)
+
+
+@st.composite
+def states(draw):
+    """(v, a, most, j) of a joint that stops within a few hundred ticks."""
+    j = draw(rates)
+    most = j * draw(st.floats(0.2, 60.0))
+    a = most * draw(st.one_of(st.sampled_from([-1.0, 0.0, 1.0]), st.floats(-1.0, 1.0)))
+    v = most * draw(st.one_of(st.just(0.0), st.floats(-100.0, 100.0)))
+    return v, a, most, j
+
+
+def walk_to_rest(v, a, most, j):
+    """The positions and accelerations on the way to rest, one tick after the other."""
+    position, positions, accelerations = 0.0, [0.0], [float(a)]
+    while abs(v) > 1e-12 * most or abs(a) > 1e-12 * most:
+        a = braked(v, a, most, j)
+        v = v + a
+        position += v
+        positions.append(float(position))
+        accelerations.append(float(a))
+        assert len(positions) < 2000, "it never comes to rest"
+    return np.array(positions), np.array(accelerations)
+
+
+@given(states())
+def test_the_closed_sums_are_those_of_the_walk_itself(state):
+    positions, _ = walk_to_rest(*state)
+    run = stopping_run(*state)
+    tolerance = 1e-7 * (np.ptp(positions) + state[3])
+    assert abs(run.rise - positions.max()) < tolerance
+    assert abs(run.fall - positions.min()) < tolerance
+    assert abs(run.rest - positions[-1]) < tolerance
+
+
+@given(states())
+def test_braking_obeys_acceleration_and_jerk(state):
+    _, _, most, j = state
+    _, accelerations = walk_to_rest(*state)
+    assert np.abs(accelerations).max() <= most * (1.0 + 1e-12)
+    assert np.abs(np.diff(accelerations)).max(initial=0.0) <= j * (1.0 + 1e-9)
+
+
+@given(states())
+def test_no_run_is_longer_than_the_bound(state):
+    run = stopping_run(*state)
+    assert max(run.rise, -run.fall) <= longest_run(*map(np.abs, state))
+
+
+def test_a_joint_at_rest_stays_where_it_is():
+    assert not any(stopping_run(0.0, 0.0, 1.0, 1.0))
+    assert braked(0.0, 0.0, 1.0, 1.0) == 0.0

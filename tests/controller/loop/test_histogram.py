@@ -1,0 +1,48 @@
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from controller.loop.histogram import DurationHistogram
+
+durations = st.lists(st.integers(0, 2**40), min_size=1, max_size=200)
+
+
+def counted(values):
+    histogram = DurationHistogram()
+    for value in values:
+        histogram.add(value)
+    return histogram
+
+
+@given(durations, st.floats(0.0, 1.0))
+def test_a_percentile_errs_by_a_64th_at_most(values, share):
+    exact = np.sort(values)[max(int(np.ceil(share * len(values))), 1) - 1] / 1000.0
+    assert abs(counted(values).percentile(share) - exact) <= exact / 64.0 + 1e-9
+
+
+@given(durations, durations)
+def test_merging_is_counting_everything_in_one(first, second):
+    merged = counted(first)
+    merged.merge(counted(second))
+    together = counted(first + second)
+    assert merged.percentiles() == together.percentiles()
+    assert (merged.count, merged.longest) == (together.count, together.longest)
+
+
+def test_the_maximum_is_exact():
+    assert counted([1_234_567, 5]).percentiles().max == 1234.567
+
+
+def test_what_is_negative_counts_as_zero_and_what_is_endless_as_the_longest():
+    histogram = counted([-5, 2**60])
+    assert histogram.percentile(0.5) == 0.0
+    assert histogram.count == 2
+    assert histogram.longest == 2**60
+
+
+def test_nothing_counted_says_zero_and_clearing_forgets():
+    histogram = counted([10_000] * 3)
+    histogram.clear()
+    assert histogram.percentiles() == DurationHistogram().percentiles()
+    assert histogram.percentile(0.99) == 0.0
+    assert histogram.count == 0

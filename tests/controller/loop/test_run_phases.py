@@ -1,0 +1,247 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from controller.deck.interfaces import JointLimits
+from controller.loop.run_phases import Source, course
+from controller.loop.safety_envelope import SafetyEnvelope
+from controller.loop.stop_requests import HaltedError, StopRequest
+from controller.mocap.posture import Pose
+
+JOINTS, DT = 3, 0.005
+POSE = Pose(np.zeros(3), np.array(0.0), np.array([[1.0, 0.0, 0.0, 0.0]]))
+LIMITS = JointLimits(*(np.full(JOINTS, x) for x in (-2.0, 2.0, 6.0, 60.0, 2000.0)))
+REST = np.array([0.5, -0.5, 1.9])
+
+
+class Wild:
+    """A deck that waves, jumps, leaves the limits and says nonsense, as its seed has it."""
+
+    def __init__(self, seed, fault_after=math.inf):
+        self.rng = np.random.default_rng(seed)
+        self.tick, self.fault_after = 0, fault_after
+        self.centre = np.zeros(JOINTS)
+
+    def update(self, dt):
+        self.tick += 1
+        if self.tick > self.fault_after:
+            raise RuntimeError("no idea")
+        if self.rng.random() < 0.02:
+            self.centre = self.rng.uniform(-3.0, 3.0, JOINTS)
+        targets = self.centre + np.sin(np.arange(1, JOINTS + 1) * self.tick * dt * 3.0)
+        if self.rng.random() < 0.02:
+            targets[self.rng.integers(JOINTS)] = self.rng.choice([np.nan, np.inf, -1e9])
+        return targets, POSE
+
+
+class Run:
+    """A course that is stepped by hand; `written` is all it gave."""
+
+    def __init__(self, deck, rest=REST, seconds=math.inf):
+        self.stop = StopRequest()
+        self.envelope = SafetyEnvelope(LIMITS, DT)
+        self.steps = course(Source(deck, DT), [], self.envelope, self.stop, seconds, rest)
+        self.written = []
+
+    def tick(self, count=1):
+        for _ in range(count):
+            targets = next(self.steps, None)
+            if targets is None:
+                return False
+            self.written.append(targets.copy())
+        return True
+
+    def finish(self):
+        while self.tick():
+            assert len(self.written) < 20_000, "it never ends"
+
+    def settle(self):
+        """Ticks until the joints stand still."""
+        for _ in range(2000):
+            self.tick()
+            if self.envelope.at_rest:
+                return
+        raise AssertionError("the joints never come to rest")
+
+
+def assert_safe(written):
+    written = np.array(written)
+    assert np.isfinite(written).all()
+    assert (written >= LIMITS.lower).all()
+    assert (written <= LIMITS.upper).all()
+    for order, limit in ((1, 6.0), (2, 60.0), (3, 2000.0)):
+        assert np.abs(np.diff(written, n=order, axis=0)).max(initial=0.0) <= limit * DT**order * (1.0 + 1e-6)
+
+
+def carry_out(stop, command):
+    try:
+        {"halt": stop.halt, "reset": stop.reset, "home": stop.go_home, "play": stop.play}[command]()
+    except HaltedError:
+        assert stop.emergency or command == "reset"
+
+
+COMMANDS = st.lists(
+    st.tuples(st.integers(0, 150), st.sampled_from(["halt", "reset", "home", "play"])), min_size=1, max_size=8
+)
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 1000), COMMANDS, st.booleans())
+def test_whatever_is_commanded_every_target_is_safe_and_the_run_ends(seed, commands, failing):
+    run = Run(Wild(seed, 150 if failing else math.inf))
+    for ticks, command in commands:
+        run.tick(ticks)
+        carry_out(run.stop, command)
+    run.tick(20)
+    run.stop.ask("enough")
+    run.finish()
+    assert_safe(run.written)
+    assert np.array_equal(run.written[-1], run.written[-2]) or len(run.written) < 3
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 1000), COMMANDS, st.integers(0, 100), st.integers(1001, 2000))
+def test_the_emergency_stop_wins_within_one_tick(seed, commands, ticks, other_seed):
+    """From its very tick on nothing that the deck says matters, and the joints brake as hard as they may."""
+    runs = []
+    for deck_changes in (False, True):
+        deck = Wild(seed)
+        run = Run(deck)
+        for count, command in commands:
+            run.tick(count)
+            carry_out(run.stop, command)
+        run.tick(ticks + 1)
+        run.stop.halt()
+        if deck_changes:
+            deck.rng = np.random.default_rng(other_seed)
+        begin = len(run.written)
+        expected = SafetyEnvelope(LIMITS, DT)
+        for name in ("_p", "_v", "_a"):
+            setattr(expected, name, getattr(run.envelope, name).copy())
+        run.tick(1)
+        assert np.array_equal(run.written[-1], expected.brake())
+        run.settle()
+        place = run.written[-1]
+        for command in ("play", "home"):
+            carry_out(run.stop, command)
+        run.tick(50)
+        assert np.array_equal(run.written[-1], place)
+        assert_safe(run.written)
+        runs.append(run.written[begin:])
+    assert np.array_equal(*runs)
+
+
+def test_the_emergency_stop_stops_soon():
+    run = Run(Wild(3))
+    run.tick(400)
+    run.stop.halt()
+    begin = len(run.written)
+    run.settle()
+    # 6 rad/s at 60 rad/s^2 is 0.1 s; turning the acceleration round takes 0.06 s and letting it go 0.03 s
+    assert len(run.written) - begin <= 0.19 / DT
+
+
+def test_after_a_reset_nothing_moves_until_it_is_told_to_and_then_slowly():
+    run = Run(Wild(5))
+    run.tick(300)
+    run.stop.halt()
+    with pytest.raises(HaltedError, match="still braking"):
+        run.stop.reset()
+    run.settle()
+    run.tick(2)
+    run.stop.reset()
+    place = run.written[-1]
+    run.tick(50)
+    assert np.array_equal(run.written[-1], place)
+    run.stop.play()
+    begin = len(run.written)
+    run.tick(50)
+    assert np.abs(np.diff(run.written[begin:], axis=0)).max() < 2.0 * DT
+    run.tick(600)
+    assert not np.array_equal(run.written[-1], place)
+    assert_safe(run.written)
+
+
+def test_home_is_the_rest_pose_and_the_play_goes_on_from_there():
+    run = Run(Wild(7))
+    run.tick(300)
+    run.stop.go_home()
+    run.tick(1500)
+    assert np.allclose(run.written[-1], REST, atol=1e-9)
+    assert np.array_equal(run.written[-1], run.written[-100])
+    run.stop.play()
+    run.tick(1500)
+    assert not np.allclose(run.written[-1], REST, atol=1e-3)
+    assert_safe(run.written)
+
+
+def test_with_no_rest_pose_home_is_where_the_joints_stop():
+    run = Run(Wild(7), rest=None)
+    run.tick(300)
+    run.stop.go_home()
+    run.tick(100)
+    assert np.array_equal(run.written[-1], run.written[-50])
+
+
+def test_at_home_the_time_goes_on():
+    run = Run(Wild(7), seconds=10.0)
+    run.stop.go_home()
+    run.finish()
+    assert run.stop.reason == "played to the end"
+    assert len(run.written) >= 10.0 / DT
+
+
+def test_an_end_during_the_emergency_stop_leaves_the_joints_where_they_are():
+    run = Run(Wild(9))
+    run.tick(300)
+    run.stop.halt()
+    run.settle()
+    place = run.written[-1]
+    run.stop.ask("enough")
+    run.finish()
+    assert np.array_equal(run.written[-1], place)
+
+
+def test_an_emergency_stop_on_the_last_way_home_ends_the_run_there():
+    run = Run(Wild(9))
+    run.tick(300)
+    run.stop.ask("enough")
+    run.tick(60)
+    run.stop.halt()
+    begin = len(run.written)
+    run.finish()
+    assert len(run.written) - begin < 40
+    assert not np.allclose(run.written[-1], REST, atol=1e-3)
+    assert_safe(run.written)
+
+
+def test_a_deck_that_keeps_failing_at_home_ends_the_run():
+    run = Run(Wild(9, fault_after=200))
+    run.tick(100)
+    run.stop.go_home()
+    run.finish()
+    assert "no idea" in run.stop.reason
+    assert np.allclose(run.written[-1], REST, atol=1e-9)
+
+
+def test_pressed_again_the_emergency_stop_can_still_be_reset():
+    run = Run(Wild(9))
+    run.tick(300)
+    run.stop.halt()
+    run.settle()
+    run.tick(2)
+    run.stop.reset()
+    run.stop.halt()
+    run.tick(2)
+    run.stop.halt()
+    run.tick(2)
+    run.stop.reset()
+    assert run.stop.mode == "held"
+
+
+def test_where_nothing_is_latched_there_is_nothing_to_reset():
+    with pytest.raises(HaltedError, match="nothing to reset"):
+        StopRequest().reset()

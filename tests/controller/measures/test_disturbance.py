@@ -1,0 +1,158 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import synthetic
+from controller.evaluation.sweep import Subject, sweep
+from controller.evaluation.tables import failure_table
+from controller.measures.disturbance import STEPS, Watched, disturbed
+from controller.measures.intervals import wilson
+from controller.measures.run_batch import batch_of
+from controller.measures.self_test import Judge, self_test
+from controller.networks.guard import Guard, beat, spread
+from controller.training.fit import Syllabus
+from controller.training.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
+from controller.training.stress_test import stress_test
+
+LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}
+SMALL_ECHO = EchoStateRecipe(neurons=200, washout=60)
+
+
+@pytest.fixture(scope="module")
+def conceptors():
+    return synthetic.small_network()
+
+
+@pytest.fixture(scope="module")
+def echo():
+    lessons, normalisation = synthetic.lessons()
+    return train_echo_state(lessons, normalisation, SMALL_ECHO, 0)
+
+
+@pytest.fixture(scope="module")
+def syllabus():
+    return Syllabus(synthetic.small_encoding(), synthetic.RATE, synthetic.references(), LOOPS, {})
+
+
+@pytest.mark.parametrize("kind", ["conceptors", "echo"])
+@pytest.mark.parametrize("motion", list(synthetic.MOTIONS))
+def test_a_batch_plays_what_the_network_plays(kind, motion, request):
+    network = request.getfixturevalue(kind)
+    network.cue(motion, 0)
+    frame = np.empty(network.channels)
+    batch = batch_of(network, motion, 3)
+    for _ in range(60):
+        network.advance(frame)
+        frames = batch.advance()
+    assert np.allclose(frames, frame, atol=2e-3)
+    assert not batch.astray().any()
+
+
+@pytest.mark.parametrize("kind", ["conceptors", "echo"])
+def test_runs_of_a_batch_do_not_touch_each_other(kind, request):
+    network = request.getfixturevalue(kind)
+    calm, shaken = batch_of(network, "march", 2), batch_of(network, "march", 2)
+    noise = np.zeros((2, network.neurons), dtype=np.float32)
+    noise[1] = 3.0
+    shaken.displace(noise)
+    for _ in range(5):
+        first, second = calm.advance(), shaken.advance()
+    assert np.allclose(first[0], second[0], atol=1e-5)
+    assert not np.allclose(first[1], second[1], atol=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["conceptors", "echo"])
+def test_a_cued_run_goes_on_from_its_anchor(kind, request):
+    network = request.getfixturevalue(kind)
+    batch = batch_of(network, "wave", 2)
+    batch.displace(np.full((2, network.neurons), 50.0, dtype=np.float32))
+    batch.cue(np.array([1]), np.array([4]))
+    network.cue("wave", 4)
+    frame = np.empty(network.channels)
+    network.advance(frame)
+    assert np.allclose(batch.advance()[1], frame, atol=1e-4)
+
+
+def test_noise_beyond_what_neurons_can_be_counts_as_astray(conceptors, echo):
+    batch = batch_of(echo, "march", 2)
+    batch.displace(np.array([[0.0], [50.0]], dtype=np.float32) * np.ones((1, echo.neurons), dtype=np.float32))
+    assert batch.astray().tolist() == [False, True]
+    weights = np.eye(conceptors.neurons, dtype=np.float32)
+    batch = batch_of(conceptors, "march", 1, weights)
+    batch.displace(np.full((1, conceptors.neurons), 50.0, dtype=np.float32))
+    assert batch.astray().all()
+
+
+@pytest.mark.parametrize("kind", ["robustness", "stability"])
+def test_the_same_seed_gives_the_same_runs(conceptors, kind):
+    first, second = (disturbed(kind, batch_of(conceptors, "march", 2), 2, np.random.default_rng(5)) for _ in range(2))
+    assert first.shape == (2, STEPS, conceptors.channels)
+    assert np.array_equal(first, second)
+    assert not np.array_equal(first[0], first[1])
+
+
+def test_a_guarded_run_is_what_a_guard_plays(conceptors):
+    frames, scale = len(synthetic.bow()), spread(conceptors)
+    watched = Watched(beat(conceptors, "bow", scale, frames, loop=False), scale, conceptors.anchors("bow")[0])
+    (run,) = disturbed("robustness", batch_of(conceptors, "bow", 1), 1, np.random.default_rng(0), watched)
+    lengths = {name: len(taught) for name, taught in synthetic.references().items()}
+    guard = Guard(conceptors.twin(), lengths, LOOPS)
+    out = np.empty((STEPS, conceptors.channels))
+    guard.cue("bow", 0)
+    for frame in out:
+        guard.advance(frame)
+    assert np.allclose(run[-1], out[-1], atol=0.05)
+
+
+def test_a_sweep_counts_by_motion_and_seed(conceptors, syllabus):
+    ticks = []
+    counts = sweep(
+        "stability", [Subject(3, 3, conceptors)], syllabus, 4, motions=["march", "bow"], tick=lambda: ticks.append(1)
+    )
+    assert [(count.motion, count.loop, count.seed, count.runs) for count in counts] == [
+        ("march", True, 3, 4),
+        ("bow", False, 3, 4),
+    ]
+    assert len(ticks) == 2
+    assert counts[0].intrinsic == 0
+    assert all(count.guarded is not None and count.guarded <= count.intrinsic for count in counts)
+    table = failure_table("t", counts, {}, [])
+    assert [row["motion"] for row in table.rows] == ["march", "bow", "all loops", "everything"]
+    assert table.rows[-1]["runs"] == 8
+
+
+def test_the_thesis_stands_beside_ours_with_its_average(conceptors, syllabus):
+    counts = sweep("robustness", [Subject(0, 0, conceptors)], syllabus, 2, motions=["march", "wave"], guarded=False)
+    rows = failure_table("t", counts, {"march": 0.1, "wave": 0.3}, []).rows
+    assert [row["thesis %"] for row in rows] == [10.0, 30.0, 20.0]
+    assert rows[-1]["motion"] == "average"
+    assert "guarded %" not in rows[0]
+
+
+def test_a_loop_that_does_not_survive_noise_fails_the_stress_test(conceptors, syllabus, monkeypatch):
+    judge = Judge(syllabus.encoding, syllabus.frames, LOOPS)
+    free = self_test(conceptors, judge)
+    assert stress_test(conceptors, free, judge, 0) == free
+
+    def dying(kind, batch, runs, rng):
+        return np.zeros((runs, STEPS, conceptors.channels), dtype=np.float32) + conceptors.anchors("march")[0]
+
+    monkeypatch.setattr("controller.training.stress_test.disturbed", dying)
+    verdicts = stress_test(conceptors, free, judge, 0)
+    assert verdicts["march"].reason == "fails 5 of 5 times when started from noise"
+    assert verdicts["bow"].passed
+
+
+@given(st.integers(1, 500).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))
+def test_wilson_surrounds_the_rate(seen):
+    failures, runs = seen
+    low, high = wilson(failures, runs)
+    assert 0.0 <= low <= failures / runs <= high <= 1.0
+    assert high - low > 0.0
+
+
+def test_wilson_is_that_of_the_books():
+    assert wilson(0, 100) == pytest.approx((0.0, 0.0370), abs=1e-4)
+    assert wilson(10, 100) == pytest.approx((0.0552, 0.1744), abs=1e-4)
+    assert wilson(0, 0) == (0.0, 1.0)

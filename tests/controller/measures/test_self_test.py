@@ -1,0 +1,105 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import synthetic
+from controller.measures.motion_matching import Matcher, joint_features, rising_length, windows
+from controller.measures.self_test import Judge, judge, self_test
+
+NAMES = list(synthetic.MOTIONS)
+
+
+@pytest.fixture(scope="module")
+def features():
+    encoding = synthetic.small_encoding()
+    return [joint_features(encoding, make()) for make in synthetic.MOTIONS.values()]
+
+
+@pytest.fixture(scope="module")
+def matcher(features):
+    return Matcher(features, [name != "bow" for name in NAMES])
+
+
+def test_a_trained_network_passes():
+    judge = Judge(synthetic.small_encoding(), synthetic.references(), {name: name != "bow" for name in NAMES})
+    verdicts = self_test(synthetic.small_network(), judge)
+    assert [name for name, verdict in verdicts.items() if not verdict.passed] == []
+    assert max(verdict.error_mm for verdict in verdicts.values()) < 30.0
+
+
+class Tape:
+    """Plays given frames round and round."""
+
+    def __init__(self, frames):
+        self.motions, self.channels, self._frames = ("both",), frames.shape[1], frames
+
+    def cue(self, motion, anchor):
+        self._n = anchor
+
+    def advance(self, out):
+        out[:] = self._frames[self._n % len(self._frames)]
+        self._n += 1
+
+
+def test_a_loop_that_takes_a_short_cut_fails():
+    """It swings its arms to the left and then to the right; between the two it comes near to itself."""
+    t = 2 * np.pi * np.arange(240) / 120
+    side = np.where(np.arange(240) < 120, 1.0, -1.0) * (1.0 - np.cos(t))
+    arms = synthetic.swing(0.5 * side, 0), synthetic.swing(0.5 * side, 1)
+    legs = synthetic.swing(0.1 * side, 1), synthetic.swing(0.1 * side, 1)
+    both = synthetic.frames_of(0.8 + 0 * t, 0 * t, 0 * t, legs, arms)
+    judge = Judge(synthetic.small_encoding(), {"both": both}, {"both": True})
+    assert self_test(Tape(both), judge)["both"].passed
+    verdict = self_test(Tape(both[:120]), judge)["both"]
+    assert not verdict.passed
+    assert "of the motion only" in verdict.reason
+
+
+def test_a_frozen_loop_fails(features, matcher):
+    frozen = np.repeat(features[0][:1], 300, axis=0)
+    assert not judge(frozen, matcher, 0, features[0], loop=True).passed
+
+
+def test_another_motion_fails(features, matcher):
+    verdict = judge(np.tile(features[1], (4, 1)), matcher, 0, features[0], loop=True)
+    assert not verdict.passed
+    assert "looks like" in verdict.reason
+
+
+def test_the_motion_itself_passes_at_another_tempo(features, matcher):
+    slower = np.repeat(np.tile(features[0], (3, 1)), 2, axis=0)
+    slower = 0.5 * (slower[1:] + slower[:-1])
+    assert judge(slower, matcher, 0, features[0], loop=True).passed
+
+
+def test_a_motion_that_never_starts_fails(features, matcher):
+    verdict = judge(np.repeat(features[2][:1], 600, axis=0), matcher, 2, features[2], loop=False)
+    assert not verdict.passed
+    assert "went through" in verdict.reason
+
+
+def test_a_motion_that_does_not_hold_its_end_fails(features, matcher):
+    run = np.concatenate([features[2], features[2][::-1]])
+    verdict = judge(run, matcher, 2, features[2], loop=False)
+    assert not verdict.passed
+    assert "holds" in verdict.reason
+
+
+def test_a_run_that_is_not_finite_fails(features, matcher):
+    run = np.tile(features[0], (3, 1))
+    run[-1, 0] = np.nan
+    assert judge(run, matcher, 0, features[0], loop=True).reason == "the network ran away"
+
+
+@given(st.lists(st.integers(0, 30), max_size=25))
+def test_rising_length_is_that_of_the_longest_rising_subsequence(places):
+    lengths = []
+    for i, place in enumerate(places):
+        lengths.append(1 + max((lengths[j] for j in range(i) if places[j] < place), default=0))
+    assert rising_length(np.array(places, dtype=np.int64)) == max(lengths, default=0)
+
+
+@given(st.integers(1, 80))
+def test_a_wrapped_window_starts_at_every_fourth_frame(count):
+    assert len(windows(np.zeros((count, 3)), wrap=True)) == count // 4 + 1

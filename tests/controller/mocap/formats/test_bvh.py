@@ -1,0 +1,157 @@
+"""The BVH reader puts every joint where the file has it, whatever its exporter's zero pose, axes and units."""
+
+import re
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from controller.mocap.anatomy import anatomy
+from controller.mocap.formats.bvh import read_bvh
+from controller.mocap.formats.reading import read_clip
+from motiondeck_base.errors import FileFormatError
+from recordings import BVH
+
+
+def write(folder, text, name="bow.bvh"):
+    (folder / name).write_text(text)
+    return folder / name
+
+
+def joints_by_scipy(text):
+    """Where each joint of a BVH is, by name, in its axes and unit: the format once more, in another way."""
+    hierarchy, motion = text.split("MOTION")
+    rows = np.array([line.split() for line in motion.strip().splitlines()[2:]], dtype=float)
+    place, turn, above, column = {}, {}, [], 0
+    words = iter(re.findall(r"\S+", hierarchy))
+    name = None
+    for word in words:
+        if word in ("ROOT", "JOINT"):
+            name = next(words)
+        elif word == "End":
+            next(words)
+            name = f"{above[-1]} end"
+        elif word == "{":
+            above.append(name)
+        elif word == "}":
+            above.pop()
+        elif word == "OFFSET":
+            offset = np.tile([float(next(words)) for _ in range(3)], (len(rows), 1))
+            parent = above[-2] if len(above) > 1 else None
+            turn[name] = turn.get(parent, Rotation.identity(len(rows)))
+            place[name] = offset if parent is None else place[parent] + turn[parent].apply(offset)
+        elif word == "CHANNELS":
+            order, angles = "", []
+            for _ in range(int(next(words))):
+                channel = next(words)
+                if channel.endswith("rotation"):
+                    order += channel[0]
+                    angles.append(rows[:, column])
+                elif parent is None:
+                    place[name][:, "XYZ".index(channel[0])] = rows[:, column]
+                column += 1
+            if order:
+                turn[name] = turn[name] * Rotation.from_euler(
+                    order, np.array(angles).T.reshape(len(rows), -1), degrees=True
+                )
+    return place
+
+
+def test_each_joint_turns_in_its_own_order_of_channels(tmp_path):
+    clip, file = read_bvh(write(tmp_path, BVH)), joints_by_scipy(BVH)
+    ours = dict(zip(clip.skeleton.bones, np.moveaxis(clip.joints()[:, 1:], 1, 0), strict=True))
+    ends = {
+        "Hips-LeftUpLeg": "LeftUpLeg",
+        "LeftUpLeg": "LeftLeg",
+        "LeftLeg": "LeftFoot",
+        "LeftFoot": "LeftFoot end",
+        "RightLeg": "RightFoot",
+        "RightFoot": "RightFoot end",
+        "Spine": "Neck",
+        "Neck": "Neck end",
+        "LeftForeArm": "LeftForeArm end",
+        "RightForeArm": "RightForeArm end",
+    }
+    for bone, end in ends.items():
+        np.testing.assert_allclose(ours[bone], 0.01 * file[end][:, [2, 0, 1]], atol=1e-12, err_msg=bone)
+
+
+def test_what_a_file_says_and_what_it_leaves_open(tmp_path):
+    clip = read_clip(write(tmp_path, BVH))
+    assert (clip.name, clip.rate, len(clip)) == ("bow", 120.0, 2)
+    assert clip.skeleton.leg_length == pytest.approx(0.88)  # its centimetres were found out
+    assert read_bvh(tmp_path / "bow.bvh", unit=0.02).skeleton.leg_length == pytest.approx(1.76)
+    parts = anatomy(clip.skeleton)
+    assert clip.skeleton.bones[parts.first("shank", "right")] == "RightLeg"
+    assert clip.skeleton.bones[parts.first("upper arm", "left")] == "LeftArm"
+    assert clip.skeleton.bones[parts.first("head")] == "Neck"
+    assert len(clip.skeleton) == 14  # three children of the spine begin in one place: one bone leads there
+
+
+def test_a_file_with_z_up_gives_the_same_clip(tmp_path):
+    def cyclic(found):
+        x, y, z = found.group(2).split()
+        return f"{found.group(1)} {z} {x} {y}"
+
+    offsets = re.sub(r"(OFFSET) (\S+ \S+ \S+)", cyclic, BVH)
+    axes = re.sub(r"\b([XYZ])(position|rotation)", lambda f: "YZX"["XYZ".index(f.group(1))] + f.group(2), offsets)
+    upright, lying = read_bvh(write(tmp_path, BVH)), read_bvh(write(tmp_path, axes, "z.bvh"))
+    np.testing.assert_allclose(lying.joints(), upright.joints(), atol=1e-12)
+    np.testing.assert_allclose(lying.skeleton.rest_direction, upright.skeleton.rest_direction, atol=1e-12)
+
+
+def test_joints_of_the_same_place_make_no_bone_and_a_reference_above_the_body_none_either(tmp_path):
+    reference = BVH.replace("ROOT Hips\n{\n  OFFSET 0 0 0\n", "ROOT Reference\n{\n  OFFSET 0 0 0\n", 1)
+    reference = reference.replace("  JOINT LeftUpLeg", "JOINT Hips {\n OFFSET 0 4 0\n CHANNELS 0\n  JOINT LeftUpLeg", 1)
+    reference = reference.replace("}\nMOTION", "}\n}\nMOTION")
+    plain, carried = read_bvh(write(tmp_path, BVH)), read_bvh(write(tmp_path, reference, "carried.bvh"))
+    assert carried.skeleton.bones == plain.skeleton.bones
+    up = Rotation.from_euler("ZYX", [10, 20, 30], degrees=True).apply([0, 0.04, 0])
+    np.testing.assert_allclose((carried.joints() - plain.joints())[0, :, [1, 2, 0]].T, np.tile(up, (15, 1)), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("file", "unit", "off"),
+    [
+        ("cgspeed-3dsmax_cmu_131_01", 0.0254 / 0.45, 1e-9),
+        ("cgspeed-motionbuilder_cmu_12_01", 0.0254 / 0.45, 1e-9),
+        ("iclone_cmu_02_03", 0.01, 5e-6),  # some of its joints lie a micrometre beside their neighbours
+    ],
+)
+def test_exporters_files_are_read_to_the_last_joint(mocap_data, file, unit, off):
+    path = mocap_data / "bvh" / f"{file}.bvh"
+    clip = read_clip(path)
+    theirs = unit * np.stack(list(joints_by_scipy(path.read_text()).values()), axis=1)[..., [2, 0, 1]]
+    ours = clip.joints()
+    nearest = np.linalg.norm(ours[0][:, None] - theirs[0][None], axis=-1).argmin(axis=1)
+    assert np.linalg.norm(ours - theirs[:, nearest], axis=-1).max() < off
+    parts = anatomy(clip.skeleton)
+    for part in ("thigh", "shank", "foot", "upper arm", "forearm", "hand"):
+        assert parts.first(part, "left") is not None
+        assert parts.first(part, "right") is not None
+    assert 0.8 < clip.skeleton.leg_length < 1.1
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        (("MOTION", ""), "no MOTION"),
+        (("Frames: 2", "Frames: 3"), "line 72: 3 frames of 37 channels are announced, but 74 numbers follow"),
+        (("Frame Time: .0083333", "Frame Time: 0"), "line 73: a frame time of 0 s"),
+        (("Frame Time: .0083333", ""), "'Frame Time:' is missing"),
+        (("88 2 10", "88 two 10"), "line 74: expected a number, found 'two'"),
+        (("CHANNELS 3 Xrotation", "CHANNELS 2 Xrotation"), "line 9: 2 channels are announced, but 3"),
+        (("CHANNELS 3 Xrotation", "CHANNELS 3 Wrotation"), "line 9: 'wrotation' is no channel"),
+        (("OFFSET 10 0 0", "OFFSET 10 0"), "line 8: expected 3 numbers"),
+        (("    OFFSET 10 0 0\n", ""), "line 18: joint 'LeftUpLeg' has no OFFSET"),
+        (("JOINT LeftLeg", "ROOT LeftLeg"), "line 10: expected one ROOT"),
+        (("JOINT LeftLeg", "JOINT"), "line 10: JOINT has no name"),
+        (("JOINT LeftLeg", "JOIN LeftLeg"), "line 10: 'JOIN' cannot stand here"),
+        (("  }\n}\nMOTION", "  }\nMOTION"), "not closed"),
+    ],
+)
+def test_a_mistake_is_named_with_its_line(tmp_path, change, problem):
+    assert change[0] in BVH
+    with pytest.raises(FileFormatError, match=re.escape(problem)) as caught:
+        read_bvh(write(tmp_path, BVH.replace(*change, 1)))
+    assert "bow.bvh" in str(caught.value)

@@ -1,0 +1,97 @@
+"""Borders are found where a motion changes, and crossed without a jump."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from controller.mocap.formats.reading import read_clip
+from controller.mocap.segmentation import (
+    body_features,
+    borders_between,
+    by_hand,
+    by_labels,
+    cross_fade,
+    find_segments,
+)
+from controller.recognition.segmentation.border_score import BorderScore, score_borders
+from controller.recognition.segmentation.labels import read_labels
+from motiondeck_base.errors import FileFormatError
+
+
+@given(st.lists(st.integers(-5, 60), max_size=6))
+def test_segments_by_hand_cover_everything_once(borders):
+    if borders == sorted(set(borders)) and all(0 < border < 50 for border in borders):
+        segments = by_hand(borders, 50)
+        assert [i for first, end in segments for i in range(first, end)] == list(range(50))
+    else:
+        with pytest.raises(FileFormatError, match="must rise"):
+            by_hand(borders, 50)
+
+
+def test_labels_become_segments():
+    assert by_labels(np.array([0, 0, 1, 1, 1, 0])) == ((0, 2), (2, 5), (5, 6))
+
+
+def three_motions(seed, ends, columns=24):
+    """Motions that each live in a plane of their own."""
+    rng = np.random.default_rng(seed)
+    pieces, first = [], 0
+    for end in ends:
+        t = np.arange(first, end) / 120.0
+        latent = np.sin(np.multiply.outer(t, rng.uniform(3, 9, 3)) + rng.uniform(0, 6, 3))
+        pieces.append(latent @ rng.normal(size=(3, columns)))
+        first = end
+    return np.concatenate(pieces) + 0.01 * rng.normal(size=(ends[-1], columns))
+
+
+@settings(max_examples=10)
+@given(st.integers(0, 50), st.integers(20, 40), st.integers(20, 40), st.booleans())
+def test_borders_are_found_where_the_plane_changes(seed, one, two, told):
+    ends = [12 * one, 12 * (one + two), 12 * (one + two + 30)]
+    segments = find_segments(three_motions(seed, ends), 120.0, 3 if told else None)
+    assert len(segments) == 3
+    assert np.abs(np.array([end for _, end in segments]) - ends).max() <= 12
+
+
+def test_what_is_too_short_is_refused():
+    with pytest.raises(FileFormatError, match=r"2.5 s cannot be cut into 3"):
+        find_segments(np.random.default_rng(0).normal(size=(300, 6)), 120.0, 3)
+    with pytest.raises(FileFormatError, match="into 0"):
+        find_segments(np.zeros((500, 6)), 120.0, 0)
+    with pytest.raises(FileFormatError, match=r"0\.2 s"):
+        find_segments(np.zeros((20, 6)), 120.0)
+
+
+def test_a_recorded_sequence_is_cut_where_people_cut_it(mocap_data):
+    clip = read_clip(mocap_data / "cmu/86/86_01.amc")
+    marked = read_labels(mocap_data / "cmu/86/labels/barbic_01_ground_truth.txt").borders
+    features = body_features(clip)
+    assert score_borders(borders_between(find_segments(features, clip.rate, 7)), marked) == BorderScore(6, 6, 6)
+    assert score_borders(borders_between(find_segments(features, clip.rate)), marked).f1 >= 0.8
+
+
+def test_features_do_not_see_where_a_body_stands_or_faces(mocap_data):
+    clip = read_clip(mocap_data / "cmu/86/86_01.amc")
+    features = body_features(clip)
+    # Root and its height aside, nothing is further from the root than a body is tall.
+    assert np.abs(features[:, 3 : features.shape[1] // 2]).max() < 2.5
+
+
+@given(st.integers(0, 12), st.integers(1, 4))
+def test_pieces_of_one_curve_join_to_that_curve(overlap, count):
+    curve = np.sin(np.arange(400) / 20.0)[:, None] * np.array([1.0, 2.0])
+    borders = np.linspace(0, 400, count + 1).astype(int)
+    pieces = [curve[max(0, first - overlap) : min(400, end + overlap)] for first, end in pairwise(borders)]
+    assert np.allclose(cross_fade(pieces, overlap), curve)
+
+
+def test_pieces_that_differ_join_smoothly_and_short_ones_are_refused():
+    joined = cross_fade([np.zeros((60, 1)), np.ones((60, 1))], 12)
+    assert len(joined) == 96
+    assert (np.diff(joined[:, 0]) >= 0).all()
+    assert np.abs(np.diff(joined[:, 0])).max() < 0.1
+    with pytest.raises(FileFormatError, match="piece 1"):
+        cross_fade([np.zeros((60, 1)), np.ones((20, 1)), np.zeros((60, 1))], 12)

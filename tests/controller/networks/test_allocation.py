@@ -1,0 +1,83 @@
+"""A step makes no array: what is made in a real-time loop has to be taken away in it, too."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+
+import synthetic
+from controller.networks.centralized import CentralizedGenerator
+from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network
+from controller.training.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
+from controller.training.reservoirs.random_feature_training import RandomFeatureRecipe, train_random_features
+
+# Views and numbers are Python objects of some ten bytes; the smallest array here, a frame, has 28 x 8.
+NO_ARRAY = 150
+
+
+def echo_state(**changes):
+    return train_echo_state(*synthetic.lessons(), EchoStateRecipe(neurons=150, washout=60, drives=1, **changes), 0)
+
+
+def random_features():
+    recipe = RandomFeatureRecipe(neurons=150, features=120, features_each=60, drives=1)
+    return train_random_features(*synthetic.lessons(), recipe, 0)
+
+
+def centralized(satellites):
+    recipe = CentralizedRecipe(centers=1, satellites=satellites, iterations=2)
+    return train_centralized_network(*synthetic.lessons(), recipe, synthetic.RATE, 0)
+
+
+NETWORKS = {
+    "conceptor": synthetic.small_network,
+    "echo-state": echo_state,
+    "echo-state of the thesis": lambda: echo_state(clipped=False),
+    "random-feature": random_features,
+}
+
+
+def most_made(step):
+    """The most bytes that a step has beyond what there was before it, and what 200 steps leave behind."""
+    step()
+    tracemalloc.start()
+    try:
+        step()
+        began, most = tracemalloc.get_traced_memory()[0], 0
+        for _ in range(200):
+            before = tracemalloc.get_traced_memory()[0]
+            tracemalloc.reset_peak()
+            step()
+            most = max(most, tracemalloc.get_traced_memory()[1] - before)
+        return most, tracemalloc.get_traced_memory()[0] - began
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("kind", list(NETWORKS))
+def test_a_step_makes_no_array(kind):
+    network = NETWORKS[kind]()
+    network.cue("wave", 0)
+    out = np.empty(network.channels)
+    most, left = most_made(lambda: network.advance(out))
+    assert most < NO_ARRAY
+    assert left < NO_ARRAY
+
+
+def test_a_centralized_step_makes_no_array():
+    # numpy goes through complex numbers with an iterator of about 1 kB, which it takes away again; whatever else a step
+    # made would grow with the satellites.
+    most = []
+    for satellites in (20, 200):
+        network = centralized(satellites)
+        network.cue("wave", 0)
+        out = np.empty(network.channels)
+        generator = CentralizedGenerator({name: network.part(name) for name in network.motions})
+        generator.cue("wave")
+        made = [
+            most_made(step) for step in (lambda net=network, o=out: net.advance(o), lambda g=generator: g.step(0.003))
+        ]
+        assert max(left for _, left in made) < NO_ARRAY
+        most.append(max(peak for peak, _ in made))
+    assert most[1] - most[0] < NO_ARRAY
+    assert most[1] < 1500

@@ -1,0 +1,66 @@
+import numpy as np
+import pytest
+
+import synthetic
+from controller.training.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
+from motiondeck_base.errors import UnknownNameError
+
+
+@pytest.fixture(scope="module")
+def network():
+    taught, normalisation = synthetic.lessons()
+    return train_echo_state(
+        taught,
+        normalisation,
+        EchoStateRecipe(neurons=300, washout=60, ridge=0.01, state_noise=0.005, teacher_noise=0.005),
+        seed=1,
+    )
+
+
+def run(network, frames):
+    out = np.empty((frames, network.channels))
+    for frame in out:
+        network.advance(frame)
+    return out
+
+
+@pytest.mark.parametrize("name", ["march", "wave"])
+def test_a_loop_runs_free_and_stays_on_its_motion(network, name):
+    taught = synthetic.MOTIONS[name]()
+    network.cue(name, 0)
+    played = run(network, len(taught) * 4)[-len(taught) :]
+    error = min(np.abs(np.roll(taught, shift, axis=0) - played).mean() for shift in range(len(taught)))
+    assert error < 0.03
+
+
+def test_an_impossible_state_does_not_make_it_run_away(network):
+    network.cue("march", 0)
+    motion, x, y = network.snapshot()
+    network.restore((motion, x + np.random.default_rng(0).uniform(-50, 50, x.shape).astype(np.float32), y))
+    played = run(network, 96 * 6)
+    reach = np.max([np.abs(make()).max(0) for make in synthetic.MOTIONS.values()], axis=0)
+    assert (np.abs(played) <= 1.2 * reach + 0.1).all()
+
+
+def test_two_runs_from_one_snapshot_are_identical(network):
+    network.cue("wave", 2)
+    run(network, 30)
+    kept = network.snapshot()
+    first = run(network, 50)
+    network.restore(kept)
+    assert np.array_equal(first, run(network, 50))
+
+
+def test_the_same_seed_gives_the_same_bytes():
+    first, second, other = (
+        train_echo_state(*synthetic.lessons(), EchoStateRecipe(neurons=60, washout=60, drives=1), seed)
+        for seed in (4, 4, 5)
+    )
+    assert first.weights.tobytes() == second.weights.tobytes()
+    assert first["bow"].readout.tobytes() == second["bow"].readout.tobytes()
+    assert first["bow"].readout.tobytes() != other["bow"].readout.tobytes()
+
+
+def test_an_unknown_motion_is_refused(network):
+    with pytest.raises(UnknownNameError, match="wave"):
+        network.cue("wav", 0)

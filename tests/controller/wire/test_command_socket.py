@@ -1,0 +1,513 @@
+import socket
+import threading
+import time
+from contextlib import closing
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from controller.deck.interfaces import JointLimits
+from controller.loop.clock import VirtualClock
+from controller.loop.command_desk import CommandDesk
+from controller.loop.loop import run
+from controller.loop.safety_envelope import SafetyEnvelope
+from controller.loop.stop_requests import StopRequest
+from controller.mocap.posture import Pose
+from controller.wire.command_socket import (
+    Accepted,
+    CommandClient,
+    CommandServer,
+    EmergencyStop,
+    Home,
+    Message,
+    Pause,
+    Queue,
+    Refused,
+    Reply,
+    Reset,
+    Resume,
+    SetSpeed,
+    Settled,
+    SocketError,
+    State,
+    Status,
+    Stop,
+    Switch,
+)
+from controller.wire.messages import CommandError, encode, read_message, read_reply
+from motiondeck_base.errors import UnknownNameError
+
+
+@dataclass
+class Progress:
+    commanded_s: float
+    settled_s: float | None = None
+    after: str = ""
+    via: tuple[str, ...] = ()
+    overtaken: bool = False
+    fell_back: str = ""
+
+
+@dataclass
+class TinyDeck:
+    """A deck whose switches settle after 3 updates, unless another comes before."""
+
+    motions: tuple[str, ...] = ("walk", "jog", "waltz")
+    motion: str = "walk"
+    speed: float = 1.0
+    blend: tuple[str, float] | None = None
+    fell_back: str = ""
+    paused: bool = False
+    time: float = 0.0
+    under_way: Progress | None = None
+    queue: list[str] = field(default_factory=list)
+    ramp: float = 0.0
+
+    @property
+    def settled(self):
+        return self.under_way is None
+
+    def switch(self, to, *, direct=False):
+        if to not in self.motions:
+            raise UnknownNameError.among("motion", to, self.motions)
+        if self.under_way:
+            self.under_way.overtaken = True
+        self.motion, self.under_way = to, Progress(self.time, via=() if direct else ("stairs",))
+        return self.under_way
+
+    def enqueue(self, to):
+        self.queue.append(to)
+        return Progress(self.time)
+
+    def set_speed(self, factor, over=0.0):
+        self.speed, self.ramp = factor, over
+
+    def pause(self):
+        self.paused = True
+
+    def resume(self):
+        self.paused = False
+
+    def update(self, dt):
+        self.time += dt
+        if self.under_way and self.time - self.under_way.commanded_s > 2.5 * dt:
+            self.under_way.settled_s, self.under_way = self.time, None
+        return np.zeros(1), Pose(np.zeros(3), np.array(0.0), np.array([[1.0, 0.0, 0.0, 0.0]]))
+
+
+class Stage:
+    """A deck, its desk and a client, brought forward tick by tick."""
+
+    def __init__(self):
+        self.deck, self.server, self.stop = TinyDeck(), CommandServer(0), StopRequest()
+        self.desk = CommandDesk(self.deck, [self.server])
+        self.client = CommandClient(self.server.port)
+
+    def tick(self):
+        self.desk(self.stop)
+        self.deck.update(0.01)
+
+    def ask(self, message):
+        number = self.client.post(message)
+        self.tick()
+        while (reply := self.client.receive(1.0)) is not None:
+            if reply.id == number:
+                return reply
+            self.client._settled[reply.id] = reply
+        raise AssertionError("there is no answer")
+
+    def send_raw(self, *datagrams):
+        """Throws bytes at the server from a socket of its own, and returns the answers."""
+        with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as thrower:
+            thrower.settimeout(0.0)
+            for data in datagrams:
+                thrower.sendto(data, ("127.0.0.1", self.server.port))
+            self.tick()
+            replies = []
+            while True:
+                try:
+                    replies.append(read_reply(thrower.recv(65536)))
+                except BlockingIOError:
+                    return replies
+
+
+@pytest.fixture
+def stage():
+    stage = Stage()
+    with closing(stage.server), closing(stage.client):
+        yield stage
+
+
+def test_every_command_does_what_it_says(stage):
+    assert isinstance(stage.ask(SetSpeed(1.5)), Accepted)
+    assert isinstance(stage.ask(Pause()), Accepted)
+    reply = stage.ask(Status())
+    assert reply == State("walk", ["walk", "jog", "waltz"], 1.5, True, False, reply.id)
+    assert isinstance(stage.ask(Resume()), Accepted)
+    assert not stage.deck.paused
+    assert not stage.stop
+    assert isinstance(stage.ask(Stop()), Accepted)
+    assert stage.stop.reason == "stopped on command"
+
+
+def test_a_switch_says_its_way_and_queueing_and_tempo_arrive(stage):
+    assert stage.ask(Switch("jog")).via == ["stairs"]
+    assert stage.ask(Switch("jog", direct=True)).via == []
+    assert isinstance(stage.ask(Queue("waltz")), Accepted)
+    assert isinstance(stage.ask(SetSpeed(2.0, over=3.0)), Accepted)
+    assert (stage.deck.speed, stage.deck.ramp) == (2.0, 3.0)
+    assert stage.ask(Status()).queue == ["waltz"]
+
+
+def test_the_emergency_stop_is_latched_until_reset(stage):
+    refused = stage.ask(Reset())
+    assert isinstance(refused, Refused)
+    assert "nothing to reset" in refused.reason
+    assert isinstance(stage.ask(EmergencyStop()), Accepted)
+    assert stage.ask(Status()).mode == "emergency stop"
+    assert stage.deck.paused
+    for message in (Switch("jog"), Queue("jog"), SetSpeed(2.0), Pause(), Resume(), Home()):
+        refused = stage.ask(message)
+        assert isinstance(refused, Refused)
+        assert "release it with: reset" in refused.reason
+    assert stage.deck.motion == "walk"
+    assert "still braking" in stage.ask(Reset()).reason
+    stage.stop.halted = True
+    assert isinstance(stage.ask(Reset()), Accepted)
+    assert (stage.ask(Status()).mode, stage.deck.paused) == ("held", True)
+    assert isinstance(stage.ask(Resume()), Accepted)
+    assert (stage.ask(Status()).mode, stage.deck.paused) == ("playing", False)
+
+
+def test_from_home_a_motion_goes_on(stage):
+    assert isinstance(stage.ask(Home()), Accepted)
+    assert (stage.ask(Status()).mode, stage.deck.paused) == ("home", True)
+    assert isinstance(stage.ask(Switch("jog")), Accepted)
+    assert (stage.ask(Status()).mode, stage.deck.paused) == ("playing", False)
+
+
+def test_an_emergency_stop_behind_a_flood_is_carried_out_in_the_same_tick(stage):
+    with closing(CommandClient(stage.server.port)) as flooder:
+        for _ in range(150):
+            flooder.post(Resume())
+        flooder.post(EmergencyStop())
+        stage.tick()
+    assert stage.stop.emergency
+
+
+def test_a_stop_works_while_the_emergency_stop_is_on(stage):
+    stage.ask(EmergencyStop())
+    assert isinstance(stage.ask(Stop()), Accepted)
+    assert stage.stop.reason == "stopped on command"
+
+
+def test_a_client_that_never_reads_its_answers_holds_up_nobody(stage):
+    with closing(CommandClient(stage.server.port)) as deaf:
+        for _ in range(60):
+            for _ in range(50):
+                deaf.post(Status())  # the answers are more than its socket can hold
+            stage.tick()
+        assert isinstance(stage.ask(Status()), State)
+        assert stage.ask(Switch("jog")).id
+
+
+def test_a_client_that_has_gone_before_its_switch_settled_does_no_harm(stage):
+    with closing(CommandClient(stage.server.port)) as gone:
+        gone.post(Switch("jog"))
+        stage.tick()
+    for _ in range(5):
+        stage.tick()
+    assert stage.deck.settled
+    assert isinstance(stage.ask(Status()), State)
+
+
+def test_the_state_says_what_the_joints_look_like_and_how_surely(stage):
+    looks = iter([None, ("jog", 0.75)])
+    stage.desk = CommandDesk(stage.deck, [stage.server], seen=lambda: next(looks))
+    assert [stage.ask(Status()).seen for _ in range(2)] == [None, ("jog", 0.75)]
+
+
+def test_a_blend_that_fell_back_is_answered_with_why_and_the_state_says_it_too(stage):
+    accepted = stage.ask(Switch("jog"))
+    why = "walk with 0.50 of jog turns over, fell back to walk"
+    stage.deck.under_way.fell_back = stage.deck.fell_back = why
+    stage.tick()
+    assert stage.client.wait_settled(accepted.id, 1.0) == Refused(why, accepted.id)
+    assert stage.ask(Status()).fell_back == why
+
+
+def test_a_note_is_taken_of_each_command(stage):
+    noted = []
+    stage.desk = CommandDesk(stage.deck, [stage.server], lambda message, reply: noted.append((message, reply)))
+    stage.ask(Pause())
+    stage.ask(Switch("wlak"))
+    assert [(type(message), type(reply)) for message, reply in noted] == [(Pause, Accepted), (Switch, Refused)]
+
+
+def test_a_switch_is_answered_again_when_it_has_settled(stage):
+    accepted = stage.ask(Switch("jog"))
+    for _ in range(5):
+        stage.tick()
+    assert stage.client.wait_settled(accepted.id, 1.0) == Settled("jog", pytest.approx(0.03), accepted.id)
+
+
+def test_a_switch_overtaken_by_another_is_said_to_be(stage):
+    first, second = stage.ask(Switch("jog")), stage.ask(Switch("waltz"))
+    for _ in range(5):
+        stage.tick()
+    assert stage.client.wait_settled(second.id, 1.0).to == "waltz"
+    overtaken = stage.client.wait_settled(first.id, 1.0)
+    assert isinstance(overtaken, Refused)
+    assert "overtaken" in overtaken.reason
+
+
+def test_waiting_for_a_switch_that_does_not_settle_ends(stage):
+    assert stage.client.wait_settled(stage.ask(Switch("jog")).id, 0.01) is None
+
+
+def test_what_the_deck_refuses_is_refused_with_its_reason(stage):
+    reply = stage.ask(Switch("walz"))
+    assert isinstance(reply, Refused)
+    assert "waltz" in reply.reason
+
+
+@pytest.mark.parametrize("factor", [0.05, 3.5, -1.0])
+def test_a_speed_out_of_range_is_refused_and_says_the_range(stage, factor):
+    reply = stage.ask(SetSpeed(factor))
+    assert isinstance(reply, Refused)
+    assert "from 0.1 to 3" in reply.reason
+    assert stage.deck.speed == 1.0
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        (b"", "no command"),
+        (b'{"type":"dance"}', "switch MOTION, queue MOTION, blend A B SHARE"),
+        (b'{"type":"switch"}', "to"),
+        (b'{"type":"switch","to":""}', "1 to 100 characters"),
+        (b'{"type":"switch","to":"' + b"a" * 101 + b'"}', "1 to 100 characters"),
+        (b'{"type":"speed","factor":"fast"}', "float"),
+        (b'{"type":"speed","factor":1e999}', "no command"),
+        (b'{"type":"speed","factor":1,"over":-1}', "0 to 60 s"),
+        (b'{"type":"queue","to":""}', "1 to 100 characters"),
+        (b'{"type":"pause","for":3}', "for"),
+        (b'{"type":"pause","id":-1}', "id"),
+        (b'{"type":"pause","id":99999999999999999999999}', "no command"),
+        (b"[" * 2000, "no command"),
+        (b"x" * 3000, "too long"),
+    ],
+)
+def test_nonsense_is_refused_with_what_would_have_been_right(stage, data, said):
+    (reply,) = stage.send_raw(data)
+    assert isinstance(reply, Refused)
+    assert said in reply.reason
+    assert stage.server.traffic.malformed == 1
+
+
+def test_a_refusal_carries_the_number_of_what_it_refuses(stage):
+    assert [reply.id for reply in stage.send_raw(b'{"type":"dance","id":12}', b'{"id":"x"}')] == [12, 0]
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    st.lists(
+        st.one_of(
+            st.binary(max_size=200),
+            st.builds(
+                lambda message, place, byte: message[:place] + bytes([byte]) + message[place + 1 :],
+                st.sampled_from([encode(Switch("jog", 3)), encode(SetSpeed(1.5, 2**40)), encode(Status())]),
+                st.integers(0, 40),
+                st.integers(0, 255),
+            ),
+            st.recursive(st.none() | st.integers() | st.text(max_size=5), lambda x: st.lists(x, max_size=3)).map(
+                lambda value: repr(value).encode()
+            ),
+        ),
+        max_size=20,
+    )
+)
+def test_whatever_bytes_arrive_nothing_raises_and_the_next_command_works(datagrams):
+    stage = Stage()
+    with closing(stage.server), closing(stage.client):
+        stage.send_raw(*datagrams)
+        traffic = stage.server.traffic
+        assert traffic.commands + traffic.malformed + traffic.flooded == len(datagrams)
+        assert isinstance(stage.ask(Status()), State)
+
+
+@given(st.binary(max_size=300))
+def test_reading_bytes_gives_a_message_or_a_command_error(data):
+    for read, kinds in ((read_message, Message), (read_reply, Reply)):
+        try:
+            assert isinstance(read(data), kinds)
+        except CommandError:
+            continue
+
+
+@given(st.text(min_size=1, max_size=100), st.integers(0, 2**53 - 1))
+def test_messages_survive_the_wire(name, number):
+    try:
+        data = encode(Switch(name, number))
+    except UnicodeEncodeError:
+        return
+    assert read_message(data) == Switch(name, number)
+
+
+def test_a_flood_from_one_client_leaves_room_for_another(stage):
+    with closing(CommandClient(stage.server.port)) as flooder:
+        for _ in range(50):
+            flooder.post(Switch("jog"))
+        assert isinstance(stage.ask(Pause()), Accepted)
+        assert (stage.server.traffic.commands, stage.server.traffic.flooded) == (9, 42)
+        replies = [flooder.receive(0.1) for _ in range(16)]
+    assert [type(reply) for reply in replies] == [Accepted] * 8 + [Refused] * 8
+
+
+def test_one_poll_takes_a_bounded_number(stage):
+    stage.client.post(Pause())
+    stage.client.post(Pause())
+    stage.client.post(Resume())
+    assert [message.id for message, _ in stage.server.poll(limit=2)] == [1, 2]
+    assert [message.id for message, _ in stage.server.poll(limit=2)] == [3]
+    assert list(stage.server.poll()) == []
+
+
+def test_a_flood_does_not_cost_the_loop_a_tick(stage):
+    limits = JointLimits(*(np.array([x]) for x in (-1.0, 1.0, 1.0, 10.0, 100.0)))
+    data = [encode(Status(3)), b"nonsense", b"{" * 5000]
+    clock = VirtualClock(200.0)
+    with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as flooder:
+
+        def commands(stop):
+            for _ in range(20):
+                for datagram in data:
+                    flooder.sendto(datagram, ("127.0.0.1", stage.server.port))
+            stage.desk(stop)
+
+        report = run(stage.deck, [], clock, SafetyEnvelope(limits, clock.period), seconds=1.0, commands=commands)
+    assert (report.ticks, report.faults) == (200, {"deck": 0, "commands": 0, "telemetry": 0})
+    assert stage.server.traffic.malformed > 1000
+
+
+def test_answering_nobody_does_no_harm(stage):
+    with closing(CommandClient(stage.server.port)) as gone:
+        gone.post(Switch("jog"))
+    for _ in range(10):
+        stage.tick()
+    assert isinstance(stage.ask(Status()), State)
+
+
+def test_a_port_in_use_is_said_in_one_line(stage):
+    said = f"port {stage.server.port} on 127.0.0.1 cannot be used.*another deck"
+    with pytest.raises(SocketError, match=said) as caught:
+        CommandServer(stage.server.port)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("port", [-1, 70_000])
+def test_a_port_that_cannot_be_is_refused(port):
+    with pytest.raises(SocketError, match=str(port)):
+        CommandServer(port)
+    with pytest.raises(SocketError, match=str(port)):
+        CommandClient(port)
+
+
+def test_the_server_listens_on_this_machine_only(stage):
+    assert stage.server._socket.getsockname()[0] == "127.0.0.1"
+
+
+def test_with_no_deck_running_the_client_says_how_to_start_one():
+    server = CommandServer(0)
+    server.close()
+    with closing(CommandClient(server.port)) as client:
+        for _ in range(2):
+            with pytest.raises(SocketError, match=f"no deck is running on port {server.port}.*motiondeck play"):
+                client.request(Status(), timeout_s=0.5)
+
+
+def test_a_deck_that_does_not_answer_is_none(stage):
+    with pytest.raises(SocketError, match="no deck is running"):
+        stage.client.request(Status(), timeout_s=0.01)
+
+
+def test_a_client_waits_for_its_own_answer(stage):
+    stage.client.post(Switch("jog"))
+    stage.client.post(Pause())
+    for _ in range(5):
+        stage.tick()
+    finished = threading.Event()
+
+    def serve():
+        while not finished.is_set():
+            stage.tick()
+            finished.wait(0.002)
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    try:
+        reply = stage.client.request(Status(), timeout_s=5.0)
+        assert isinstance(reply, State)
+        assert (reply.id, reply.motion, reply.paused) == (3, "jog", True)
+        assert stage.client.wait_settled(1, 5.0).to == "jog"
+    finally:
+        finished.set()
+        thread.join()
+
+
+TOKEN = b"0123456789abcdef"
+
+
+@pytest.fixture
+def remote():
+    """A server that asks for a token, and a client that has it."""
+    with (
+        closing(CommandServer(0, "0.0.0.0", TOKEN)) as server,
+        closing(CommandClient(server.port, token=TOKEN)) as client,
+    ):
+        yield server, client
+
+
+def arrived(server):
+    """The commands that have come, after a moment for the datagrams."""
+    for _ in range(100):
+        if found := list(server.poll()):
+            return found
+        time.sleep(0.001)
+    return []
+
+
+def test_who_has_the_token_is_heard_and_answered_under_seal(remote):
+    server, client = remote
+    number = client.post(Switch("walk"))
+    ((message, sender),) = arrived(server)
+    assert message == Switch("walk", number)
+    server.reply(sender, Accepted(number))
+    assert client.receive(1.0) == Accepted(number)
+
+
+@pytest.mark.parametrize("token", [None, b"fedcba9876543210"])
+def test_without_the_token_nobody_is_heard_nor_answered(remote, token):
+    server, _ = remote
+    with closing(CommandClient(server.port, token=token)) as stranger:
+        stranger.post(EmergencyStop())
+        assert arrived(server) == []
+        assert server.traffic.malformed == 1
+        assert stranger.receive(0.01) is None
+
+
+def test_another_interface_is_not_listened_on_without_a_token():
+    with pytest.raises(SocketError, match="token only"):
+        CommandServer(0, "0.0.0.0")
+
+
+def test_a_deck_with_another_token_is_not_believed(remote):
+    server, _ = remote
+    with closing(CommandClient(server.port, token=b"fedcba9876543210")) as client:
+        client.post(Status())
+        server.reply(client._socket.getsockname(), Accepted(1))
+        with pytest.raises(SocketError, match="another token"):
+            client.receive(1.0)

@@ -1,0 +1,231 @@
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from controller.deck.interfaces import PlacedPose
+from controller.deck.recorded_deck import RecordedDeck
+from controller.wire.recorder import main, record
+from controller.wire.run_recording import Recording, RecordingWriter, load_recording
+from controller.wire.telemetry import StateReader, StateWriter
+from motiondeck_base.errors import FileFormatError, MotiondeckError
+
+FIELDS = {"tick": 1, "targets": 2}
+DESCRIPTION = {"motions": ["walk", "jog"], "rate": 100.0}
+
+
+def rows(first, count):
+    ticks = np.arange(first, first + count, dtype=float)
+    return np.stack([ticks, 2 * ticks, -ticks], axis=1)
+
+
+def write(path, chunks, *, close=True):
+    writer = RecordingWriter(path, DESCRIPTION, FIELDS)
+    first = 0
+    for count in chunks:
+        writer.append(rows(first, count))
+        first += count
+    if close:
+        writer.close()
+        writer.close()
+    return writer
+
+
+def test_what_is_written_is_read(tmp_path):
+    write(tmp_path / "r", [3, 5])
+    recording = load_recording(tmp_path / "r")
+    assert (recording.description, recording.ticks, recording.complete) == (DESCRIPTION, 8, True)
+    assert np.array_equal(recording.fields["targets"], rows(0, 8)[:, 1:])
+
+
+def test_each_chunk_can_be_read_as_soon_as_it_is_written(tmp_path):
+    writer = write(tmp_path / "r", [3], close=False)
+    recording = load_recording(tmp_path / "r")
+    assert (recording.ticks, recording.complete) == (3, False)
+    writer.close()
+
+
+@given(st.lists(st.integers(1, 5), max_size=5), st.data())
+def test_cut_anywhere_a_recording_loses_one_chunk_at_most(tmp_path, chunks, data):
+    path = tmp_path / "r"
+    write(path, chunks)
+    whole = path.read_bytes()
+    header = len(whole) - 8 * (len(chunks) + 1) - 24 * sum(chunks)
+    cut = data.draw(st.integers(header, len(whole)))
+    path.write_bytes(whole[:cut])
+    recording = load_recording(path)
+    ends = header + np.cumsum([0, *(8 + 24 * count for count in chunks)])
+    kept = int(np.sum(np.array(chunks, dtype=int)[: np.searchsorted(ends, cut, side="right") - 1]))
+    assert recording.ticks == kept
+    assert np.array_equal(recording.fields["tick"][:, 0], np.arange(kept))
+    assert recording.complete == (cut == len(whole))
+
+
+@given(st.data())
+def test_a_damaged_byte_is_noticed(tmp_path, data):
+    path = tmp_path / "r"
+    write(path, [2, 2])
+    whole = bytearray(path.read_bytes())
+    place = data.draw(st.integers(0, len(whole) - 9))
+    whole[place] ^= data.draw(st.integers(1, 255))
+    path.write_bytes(whole)
+    try:
+        recording = load_recording(path)
+    except FileFormatError:
+        return
+    assert np.array_equal(recording.fields["tick"][:, 0], np.arange(recording.ticks))
+    assert not recording.complete
+
+
+@given(st.binary(max_size=80))
+def test_any_file_is_a_recording_or_refused(tmp_path, data):
+    for content in (data, b"MDRECORD" + data):
+        (tmp_path / "r").write_bytes(content)
+        with pytest.raises(FileFormatError, match="recording"):
+            load_recording(tmp_path / "r")
+
+
+def test_what_cannot_be_opened_is_said(tmp_path):
+    with pytest.raises(FileFormatError, match="none: cannot be read"):
+        load_recording(tmp_path / "none")
+    with pytest.raises(FileFormatError, match="cannot be written"):
+        RecordingWriter(tmp_path / "none" / "r", DESCRIPTION, FIELDS)
+
+
+def test_another_version_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("controller.wire.run_recording.VERSION", 3)
+    write(tmp_path / "r", [1])
+    monkeypatch.undo()
+    with pytest.raises(FileFormatError, match="version 3; this Motiondeck reads versions 1 and 2"):
+        load_recording(tmp_path / "r")
+
+
+def test_version_1_is_still_read(tmp_path, monkeypatch):
+    monkeypatch.setattr("controller.wire.run_recording.VERSION", 1)
+    write(tmp_path / "r", [1])
+    monkeypatch.undo()
+    assert load_recording(tmp_path / "r").ticks == 1
+
+
+def test_readers_can_have_every_state_that_is_still_there(tmp_path):
+    writer = StateWriter.create(tmp_path / "s", {}, {"x": 1}, slots=16)
+    reader = StateReader.open(tmp_path / "s")
+    assert reader.since(0)[1].shape == (0, 1)
+    for value in range(1, 11):
+        writer.publish(x=value)
+    number, values = reader.since(0)
+    assert (number, values[:, 0].tolist()) == (10, list(range(1, 11)))
+    for value in range(11, 41):
+        writer.publish(x=value)
+    number, values = reader.since(number)
+    assert (number, values[:, 0].tolist()) == (40, list(range(25, 41)))
+    assert reader.since(number)[1].shape == (0, 1)
+
+
+def test_the_recorder_records_all_that_is_left_when_the_deck_ends(tmp_path):
+    writer = StateWriter.create(tmp_path / "s", DESCRIPTION, FIELDS, slots=100)
+    for row in rows(0, 50):
+        writer.publish(tick=row[0], targets=row[1:])
+    writer.close()
+    record(tmp_path / "s", tmp_path / "r")
+    recording = load_recording(tmp_path / "r")
+    assert (recording.ticks, recording.complete) == (50, True)
+
+
+DYING_DECK = """
+import os, signal, sys, time
+from pathlib import Path
+from controller.wire.telemetry import StateWriter
+writer = StateWriter.create(Path(sys.argv[1]), {"motions": [], "rate": 100.0}, {"tick": 1, "targets": 2}, slots=1000)
+for tick in range(200):
+    writer.publish(tick=tick)
+sys.stdin.readline()
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_a_deck_that_is_killed_leaves_a_whole_recording(tmp_path):
+    state, out = tmp_path / "s", tmp_path / "r"
+    deck = subprocess.Popen([sys.executable, "-c", DYING_DECK, str(state)], stdin=subprocess.PIPE)
+    while not state.exists():
+        time.sleep(0.02)
+    recorder = subprocess.Popen(
+        [sys.executable, "-m", "controller.wire.recorder", "--state", str(state), "--out", str(out)]
+    )
+    while not out.exists():
+        time.sleep(0.02)
+    deck.communicate(b"\n")
+    assert recorder.wait(30.0) == 0
+    recording = load_recording(out)
+    assert (recording.ticks, recording.complete) == (200, True)
+
+
+def test_without_a_deck_the_recorder_says_so(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("controller.wire.recorder.signal.signal", lambda *_: None)
+    monkeypatch.setattr("controller.wire.recorder.os.nice", lambda _: 0)
+    assert main(["--state", str(tmp_path / "none"), "--out", str(tmp_path / "r")]) == 1
+    assert "is the deck running" in capsys.readouterr().err
+
+
+def recorded(ticks=101):
+    time_s = np.arange(ticks) / 100.0
+    turn = np.stack([np.cos(time_s), 0 * time_s, 0 * time_s, np.sin(time_s)], axis=1)
+    turn[::2] *= -1.0  # the same rotations
+    fields = {
+        "targets": np.stack([time_s, -time_s], axis=1),
+        "motion": (time_s[:, None] >= 0.5).astype(float),
+        "root_position": np.stack([time_s, 0 * time_s, 1 + 0 * time_s], axis=1),
+        "heading": np.angle(np.exp(1j * 8.0 * time_s))[:, None],
+        "root_rotation": turn,
+    }
+    return Recording(DESCRIPTION, fields, True)
+
+
+@pytest.mark.parametrize("dt", [0.01, 0.003])
+def test_a_recorded_deck_plays_what_was_recorded_at_any_rate(dt):
+    deck = RecordedDeck(recorded())
+    for tick in range(1, int(0.99 / dt)):
+        targets, pose = deck.update(dt)
+        assert targets == pytest.approx([tick * dt, -tick * dt])
+        assert pose.root_position[0] == pytest.approx(tick * dt)
+        assert pose.heading == pytest.approx(8.0 * tick * dt)
+        assert abs(pose.rotation[0, 0]) == pytest.approx(np.cos(tick * dt), abs=1e-4)
+        assert deck.motion == deck.playing == ("jog" if tick * dt >= 0.5 else "walk")
+    assert not deck.over
+    targets = [deck.update(dt)[0] for _ in range(10)][-1]
+    assert deck.over
+    assert targets == pytest.approx([1.0, -1.0])
+
+
+def test_the_same_robot_is_placed_where_it_was_and_another_one_by_the_pose():
+    recording = recorded()
+    place = np.column_stack([2.0 * recording.fields["root_position"], recording.fields["root_rotation"]])
+    placed = Recording(DESCRIPTION, recording.fields | {"robot_root": place}, True)
+    (_, same), (_, other) = (RecordedDeck(placed, same_robot=same).update(0.013) for same in (True, False))
+    assert isinstance(same, PlacedPose)
+    assert same.robot_root[:3] == pytest.approx(2.0 * same.root_position)
+    assert same.robot_root[3:] == pytest.approx(same.rotation[0])
+    assert not isinstance(other, PlacedPose)
+    assert np.array_equal(other.rotation, same.rotation)
+
+
+def test_a_recorded_deck_can_be_paused_and_played_slowly_but_not_switched():
+    deck = RecordedDeck(recorded())
+    deck.pause()
+    held = [deck.update(0.01)[0] for _ in range(100)][-1]
+    again, _ = deck.update(0.01)
+    assert np.array_equal(held, again)
+    deck.resume()
+    deck.set_speed(0.5)
+    assert not deck.over
+    moved = [deck.update(0.01)[0] for _ in range(100)][-1]
+    assert 0.3 < moved[0] - held[0] < 0.52
+    for command in (deck.switch, deck.enqueue):
+        with pytest.raises(MotiondeckError, match="being replayed"):
+            command("jog")
+    with pytest.raises(MotiondeckError, match="no tick"):
+        RecordedDeck(recorded(0))

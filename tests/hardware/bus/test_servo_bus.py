@@ -1,0 +1,233 @@
+"""The bus against emulated servos in simulated time, and against wires that go wrong."""
+
+import pytest
+
+from hardware.bus.servo_bus import Bus
+from hardware.control_table.models import MODELS
+from hardware.errors import NoReplyError, PortError, RefusedError
+from hardware.protocol2.frames import build_status
+
+XM430 = MODELS["XM430-W350"]
+POSITION = XM430.block("present_position", "present_position")
+
+
+class DamagedPort:
+    """A port whose answers pass through `damage` before they arrive."""
+
+    def __init__(self, port, damage):
+        self._port = port
+        self._damage = damage
+
+    def __getattr__(self, name):
+        return getattr(self._port, name)
+
+    def receive(self):
+        return self._damage(self._port.receive())
+
+
+def positions(statuses):
+    return {id: XM430["present_position"].decode(status.params) for id, status in statuses.items()}
+
+
+def test_a_ping_tells_who_is_there(bus):
+    identity = bus.ping(1)
+    assert (identity.id, identity.model, identity.firmware, identity.alert) == (1, "XM430-W350", 46, False)
+    assert bus.ping(99) is None
+
+
+def test_what_is_written_is_read_back(bus):
+    bus.write(1, 116, (2100).to_bytes(4, "little"))
+    assert bus.read(1, 116, 4).params == (2100).to_bytes(4, "little")
+
+
+def test_a_value_that_looks_like_a_header_arrives_as_it_is(bus, servos):
+    """The maker's Python client sends these four bytes unstuffed, and loses bytes when it reads them."""
+    bus.write(1, 11, b"\x04")
+    bus.write(1, 116, (-131073).to_bytes(4, "little", signed=True))
+    assert servos[1]["goal_position"] == -131073
+    assert bus.read(1, 116, 4).params == bytes.fromhex("fffffdff")
+
+
+def test_a_silent_servo_is_named(bus):
+    with pytest.raises(NoReplyError, match=r"id 99 on emulated does not answer \(read register 132\)"):
+        bus.read(99, 132, 4)
+
+
+def test_a_refusal_says_why(bus):
+    with pytest.raises(RefusedError, match=r"id 1 .* error 7, register not accessible"):
+        bus.write(1, 132, bytes(4))
+
+
+def test_an_alert_is_information(bus, servos):
+    servos[1].fail(0x24)
+    assert bus.ping(1).alert
+    assert bus.read(1, 70, 1).alert
+    assert bus.read(1, 70, 1).params == b"\x24"
+    assert bus.write(1, 65, b"\x01").alert
+    assert bus.sync_read([1, 2], *POSITION)[1].alert
+    assert bus.fast_sync_read([1, 2], *POSITION)[1].alert
+    assert not bus.sync_read([1, 2], *POSITION)[2].alert
+
+
+@pytest.mark.parametrize("strict", [True, False])
+@pytest.mark.parametrize("dead", [[1], [3], [4], [1, 2], [1, 3], [2, 4], [1, 2, 3, 4]])
+@pytest.mark.parametrize("call", ["sync_read", "fast_sync_read"])
+def test_a_dead_servo_costs_one_servo(bus, servos, strict, dead, call):
+    servos.strict = strict
+    for id in dead:
+        servos[id].dead = True
+    heard = positions(getattr(bus, call)([1, 2, 3, 4], *POSITION))
+    assert heard == {id: place for id, place in {1: 2048, 2: 2048, 3: 1500, 4: 2048}.items() if id not in dead}
+
+
+def test_a_sync_write_reaches_all(bus, servos):
+    assert bus.sync_write(65, 1, bytes([1, 1, 2, 1, 4, 1]))
+    assert [servos[id]["led"] for id in (1, 2, 3, 4)] == [1, 1, 0, 1]
+
+
+def test_a_lost_answer_is_asked_for_again(port):
+    lost = iter([True])
+    bus = Bus(DamagedPort(port, lambda data: b"" if data and next(lost, False) else data), 1_000_000)
+    assert bus.ping(1) is not None
+
+
+def test_noise_before_an_answer_does_no_harm(port):
+    noise = b"\xff\xff\xfd\x00\x01\xff\x03"
+    bus = Bus(DamagedPort(port, lambda data: noise + data if data else data), 1_000_000)
+    assert bus.ping(1) is not None
+    assert bus.read(1, 132, 4).params == (2048).to_bytes(4, "little")
+    assert list(bus.fast_sync_read([1, 2], *POSITION)) == [1, 2]
+
+
+def test_the_answer_of_another_servo_is_not_taken(port):
+    other = build_status(2, 0, b"\x00\x00\x00\x00")
+    bus = Bus(DamagedPort(port, lambda data: other + data if data else data), 1_000_000)
+    assert bus.read(1, 132, 4).params == (2048).to_bytes(4, "little")
+
+
+def test_a_late_answer_to_an_earlier_call_is_not_taken(port):
+    late = build_status(1)
+    bus = Bus(DamagedPort(port, lambda data: late + data if data else data), 1_000_000)
+    assert bus.read(1, 132, 4).params == (2048).to_bytes(4, "little")
+
+
+class BabblingPort:
+    """A wire that is never quiet and never says anything."""
+
+    name = "babble"
+
+    def __init__(self):
+        self._now = 0.0
+
+    def send(self, data):
+        return True
+
+    def receive(self):
+        return b"\xff\xff\xfd\x00\x01"
+
+    def wait(self, seconds):
+        self._now += 0.001
+        return True
+
+    def now(self):
+        self._now += 0.001
+        return self._now
+
+    def close(self):
+        pass
+
+
+def test_endless_noise_ends_at_the_deadline():
+    bus = Bus(BabblingPort(), 1_000_000)
+    assert bus.ping(1) is None
+    assert bus.fast_sync_read([1, 2], *POSITION) == {}
+
+
+def test_a_request_is_collected_without_waiting(bus, port):
+    before = port.now()
+    assert bus.collect() is None
+    assert bus.request([1, 2, 3], *POSITION)
+    assert not bus.request([1, 2, 3], *POSITION)
+    reply = bus.collect()
+    assert positions(reply.statuses) == {1: 2048, 2: 2048, 3: 1500}
+    assert bus.collect() is None
+    assert port.now() == before
+
+
+def test_an_answer_in_pieces_is_put_together(port):
+    waiting = []
+
+    def one_byte_a_call(data):
+        waiting.extend(data)
+        return bytes([waiting.pop(0)]) if waiting else b""
+
+    bus = Bus(DamagedPort(port, one_byte_a_call), 1_000_000)
+    bus.request([1, 2], *POSITION)
+    replies = [bus.collect() for _ in range(8 + 2 * 8)]
+    assert replies[:-1] == [None] * 23
+    assert list(replies[-1].statuses) == [1, 2]
+
+
+def test_a_request_ends_at_its_deadline(bus, servos, port):
+    servos[2].dead = True
+    bus.request([1, 2, 3], *POSITION)
+    assert bus.collect() is None
+    port.elapse(0.06)
+    reply = bus.collect()
+    assert list(reply.statuses) == [1]
+    assert (reply.silent, reply.unheard) == ([2], [3])
+    assert bus.request([1, 3], *POSITION)
+
+
+def test_an_answer_that_comes_too_late_is_not_mistaken_for_the_next(bus, port):
+    bus.request([1, 2], *POSITION)
+    assert bus.collect() is not None
+    port.wire._arriving.append((0.0, b"\xff\xff\xfd\x00\xfe\x05"))  # the rest of something
+    bus.request([3, 4], *POSITION)
+    assert list(bus.collect().statuses) == [3, 4]
+
+
+def test_a_rebooted_servo_comes_back(port, servos):
+    bus = Bus(port, 1_000_000, retries=0)
+    servos[1].fail(0x20)
+    bus.reboot(1)
+    assert bus.ping(1) is None
+    port.elapse(1.0)
+    assert not bus.ping(1).alert
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda bus: bus.ping(1),
+        lambda bus: bus.write(1, 65, b"\x01"),
+        lambda bus: bus.sync_write(65, 1, b"\x01\x01"),
+        lambda bus: bus.request([1], *POSITION),
+        lambda bus: bus.fast_sync_read([1], *POSITION),
+    ],
+)
+def test_a_vanished_port_is_one_clear_error(bus, port, call):
+    port.unplug()
+    with pytest.raises(PortError, match="emulated is gone"):
+        call(bus)
+
+
+def test_a_full_port_is_told_and_not_waited_for(port, bus):
+    port.send = lambda data: False
+    assert not bus.sync_write(65, 1, b"\x01\x01")
+    assert not bus.request([1], *POSITION)
+    assert bus.fast_sync_read([1], *POSITION) == {}
+    with pytest.raises(NoReplyError):
+        bus.read(1, 65, 1)
+
+
+def test_a_port_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(PortError, match="no such device"):
+        Bus.open(str(tmp_path / "ttyNone"), 1_000_000)
+
+
+def test_a_file_is_no_port(tmp_path):
+    path = tmp_path / "file"
+    path.write_text("")
+    with pytest.raises(PortError, match="cannot open the port"):
+        Bus.open(str(path), 1_000_000)

@@ -1,0 +1,116 @@
+"""The control tables of all models, from the maker's files and what they lack."""
+
+import msgspec
+import pytest
+
+from hardware.control_table.models import MODELS, model_name
+from hardware.control_table.sdk_models import ModelFileError, model_file, model_numbers
+from hardware.control_table.servo_traits import TRAITS
+from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.state_block import StateBlock
+
+
+def test_every_model_that_the_maker_numbers_has_a_table():
+    assert set(model_numbers()) <= set(MODELS)
+    assert len(MODELS) >= 61
+    assert model_name(1280) == "XW430-T200"
+    for model in MODELS:
+        end = 0
+        for register in MODELS[model].registers.values():
+            assert register.address >= end, (model, register.name)
+            assert register.length in (1, 2, 4)
+            if register.default is not None:
+                assert register.minimum <= register.default <= register.maximum, (model, register.name)
+            end = register.address + register.length
+
+
+@pytest.mark.parametrize(
+    ("model", "name", "address", "length", "signed"),
+    [
+        ("XL430-W250", "present_load", 126, 2, True),
+        ("XL430-W250", "goal_position", 116, 4, True),
+        ("XM540-W270", "external_port_mode_1", 56, 1, False),
+        ("PH54-200-S500", "torque_enable", 512, 1, False),
+        ("PH54-200-S500", "present_position", 580, 4, True),
+        ("PH54-200-S500", "min_position_limit", 52, 4, True),
+        ("MX-106", "bus_watchdog", 98, 1, True),
+        ("XL-320", "goal_position", 30, 2, False),
+        ("RH-P12-RN", "present_velocity", 576, 4, True),
+    ],
+)
+def test_a_register_is_where_the_manual_has_it(model, name, address, length, signed):
+    register = MODELS[model][name]
+    assert (register.address, register.length, register.signed) == (address, length, signed)
+
+
+def test_units_and_turns_are_the_models_own():
+    assert MODELS["XM540-W270"]["present_velocity"].scale == 0.229
+    assert MODELS["PH54-200-S500"]["present_velocity"].scale == 0.01
+    assert MODELS["XL330-M288"]["present_current"].scale == 1.0
+    assert MODELS["PH54-200-S500"].pulses_per_turn == pytest.approx(1_003_846, abs=2)
+    assert MODELS["PH54-200-S500"].one_turn[0] < 0 < MODELS["PH54-200-S500"].one_turn[1]
+    assert MODELS["XL430-W250"].one_turn == (0, 4095)
+
+
+def test_a_measurement_takes_no_write():
+    for model in TRAITS:
+        assert {MODELS[model][name].access for name in ("present_position", "moving", "hardware_error_status")} == {"R"}
+        assert MODELS[model]["torque_enable"].access == "RW"
+        assert MODELS[model]["max_position_limit"].memory == "EEPROM"
+
+
+def test_models_are_known_by_number():
+    assert model_name(1060) == "XL430-W250"
+    assert model_name(9) == "model number 9"
+    assert "XM430-W350" in MODELS.near("xm430w350")
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[type info]\nname\tvalue\n", "[control table]\nAddress\tSize\tData Name\n0\tx\tID\n"]
+)
+def test_a_model_file_of_another_form_is_refused(tmp_path, text):
+    (tmp_path / "xl430_w250.model").write_text(text)
+    with pytest.raises(ModelFileError, match="not of the form"):
+        model_file("XL430-W250", tmp_path)
+    with pytest.raises(ModelFileError, match="cannot be read"):
+        model_numbers(tmp_path)
+
+
+def joint(number, model, **settings):
+    return RigJoint(f"joint_{number}", number, model, 1, 2048, -1.0, 1.0, 4.0, **settings)
+
+
+def test_models_with_the_same_places_may_share_a_rig():
+    config = RigConfig("port", 1_000_000, 100.0, (joint(1, "XM430-W350"), joint(2, "XL430-W250")))
+    block = StateBlock([each.table for each in config.joints])
+    assert (block.address, block.length, len(block.pointers)) == (224, 13, 26)
+
+
+def test_models_with_other_places_may_not():
+    arm = RigJoint("arm", 2, "PH54-200-S500", 1, 0, -1.0, 1.0, 1.0)
+    with pytest.raises(ValueError, match="keep their registers in different places"):
+        RigConfig("port", 1_000_000, 100.0, (joint(1, "XM430-W350"), arm))
+
+
+def test_cells_that_move_with_the_firmware_are_not_used():
+    block = StateBlock([MODELS["XL330-M288"]])
+    assert (block.address, block.length, block.pointers) == (126, 10, b"")
+
+
+@pytest.mark.parametrize(
+    ("model", "settings", "said"),
+    [
+        ("XL-320", {}, "cannot be a joint of a rig"),
+        ("XL430-W250", {"current": 1.0}, "measures no current"),
+        ("XM430-W350", {"gear": float("inf")}, "finite"),
+        ("XM430-W350", {"gear": 3.5}, "outside the servo's one turn"),
+    ],
+)
+def test_a_joint_that_cannot_be_is_refused(model, settings, said):
+    with pytest.raises(ValueError, match=said):
+        joint(1, model, **settings)
+
+
+def test_a_gear_turns_the_servo_further_than_the_joint():
+    assert joint(1, "XM430-W350", gear=2.0).pulses(0.5) == pytest.approx(2048 + 2 * 0.5 * 4096 / 6.283185, abs=0.01)
+    assert msgspec.structs.replace(joint(1, "XM430-W350"), direction=-1).pulses(0.5) < 2048

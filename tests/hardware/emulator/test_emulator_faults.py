@@ -1,0 +1,174 @@
+"""Faults on purpose: how they are said, and what they do; and a pseudo-terminal that is pulled and comes back."""
+
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hardware.bus.servo_bus import Bus
+from hardware.emulator.bus import EmulatedBus
+from hardware.emulator.faults import KINDS, Fault, FaultError, FaultPlan, parse_fault
+from hardware.emulator.port import EmulatedPort
+from hardware.emulator.pty_server import PtyServer
+from hardware.errors import PortError, RigError
+from hardware.rig.rig_file import RigConfig, RigJoint
+
+
+def port_with(config, *faults, seed=0, paced=False):
+    return EmulatedPort(EmulatedBus(config), paced, FaultPlan([parse_fault(fault) for fault in faults], seed))
+
+
+def test_a_fault_is_said_in_one_word_and_a_few_numbers():
+    assert parse_fault("dead:id=3,at=2,for=1") == Fault("dead", 3, 2.0, 1.0)
+    assert parse_fault("drop:chance=0.1") == Fault("drop", chance=0.1)
+    assert parse_fault("latency:value=16").value == 16.0
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("explode", "no fault 'explode'. There are: drop, "),
+        ("drop:id", "'id' is none of id=NUMBER"),
+        ("drop:when=2", "'when=2' is none of id=NUMBER"),
+        ("jam", "jam:id=NUMBER"),
+    ],
+)
+def test_a_wrong_fault_says_what_is_allowed(text, said):
+    with pytest.raises(FaultError, match=said.replace(".", r"\.")):
+        parse_fault(text)
+
+
+@given(st.text(max_size=30), st.sampled_from(list(KINDS)))
+def test_any_words_are_a_fault_or_one_clear_error(text, kind):
+    try:
+        said = parse_fault(f"{kind}:{text}").kind
+    except FaultError as error:
+        said = str(error)
+    assert kind in said
+
+
+def test_a_fault_of_a_servo_that_is_not_there_is_refused(rig_of_four):
+    with pytest.raises(FaultError, match=r"no id 9 on this rig \(ids: \[1, 2, 3, 4\]\)"):
+        port_with(rig_of_four, "dead:id=9")
+
+
+@pytest.mark.parametrize("kind", ["drop", "corrupt", "truncate"])
+def test_answers_are_harmed_at_their_time_only(rig_of_four, kind):
+    port = port_with(rig_of_four, f"{kind}:id=2,at=1,for=1")
+    bus = Bus(port, 1_000_000, retries=0)
+    assert bus.ping(2) is not None
+    port.elapse(1.0)
+    for _ in range(5):
+        assert bus.ping(2) is None
+        assert bus.ping(3) is not None
+    port.elapse(1.0)
+    assert bus.ping(2) is not None
+
+
+def test_chance_is_the_seeds(rig_of_four):
+    def heard(seed):
+        bus = Bus(port_with(rig_of_four, "drop:chance=0.5", seed=seed), 1_000_000, retries=0)
+        return [bus.ping(1) is not None for _ in range(40)]
+
+    assert heard(1) == heard(1) != heard(2)
+    assert 8 < sum(heard(1)) < 32
+
+
+def test_a_delayed_answer_comes_late_and_usb_latency_comes_in_steps(rig_of_four):
+    port = port_with(rig_of_four, "delay:value=5,for=1", "latency:value=16,at=1", paced=True)
+    port.send(bytes.fromhex("fffffd00010300011 94e".replace(" ", "")))
+    assert port.wait(0.1)
+    assert 0.005 < port.now() < 0.006
+    port.receive()
+    port.elapse(1.1)
+    port.send(bytes.fromhex("fffffd0001030001194e"))
+    assert port.wait(0.1)
+    assert port.now() == pytest.approx(1.12, abs=1e-9)
+
+
+def test_a_duplicate_takes_another_ones_id_and_gives_it_back(rig_of_four):
+    port = port_with(rig_of_four, "duplicate:id=2,value=1,at=1,for=1")
+    bus = Bus(port, 1_000_000, retries=0)
+    port.elapse(1.0)
+    assert bus.ping(2) is None
+    port.elapse(1.0)
+    assert bus.ping(2) is not None
+
+
+def test_models_that_cannot_be_emulated_are_named():
+    config = RigConfig("p", 1_000_000, 10.0, (RigJoint("arm", 1, "PH54-200-S500", 1, 0, -1.0, 1.0, 1.0),))
+    with pytest.raises(RigError, match="PH54-200-S500 cannot be emulated"):
+        EmulatedBus(config)
+
+
+def test_a_pulled_adapter_comes_back_under_its_name(rig_of_four, tmp_path):
+    link = tmp_path / "rig"
+    plan = FaultPlan([parse_fault("unplug:at=0.3,for=0.3")])
+    server = PtyServer(EmulatedBus(rig_of_four), plan, link=link)
+    done = threading.Event()
+
+    def serve():
+        while not done.is_set():
+            server.pump()
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    try:
+        bus = Bus.open(str(link), 1_000_000)
+        deadline = time.monotonic() + 20.0
+
+        def ping_for_ever():
+            while time.monotonic() < deadline:
+                bus.ping(1)
+
+        with pytest.raises(PortError, match="is gone"):
+            ping_for_ever()
+        bus.close()
+        found = None
+        while found is None and time.monotonic() < deadline:
+            try:
+                bus = Bus.open(str(link), 1_000_000)
+                found = bus.ping(1)
+                bus.close()
+            except PortError:
+                time.sleep(0.02)
+        assert found is not None
+    finally:
+        done.set()
+        thread.join()
+        server.close()
+    assert not link.is_symlink()
+
+
+def test_the_command_line_emulates_scans_and_stops(servo20_file, tmp_path):
+    link = tmp_path / "rig"
+    command = [sys.executable, "-m", "controller.cli.main", "rig"]
+    emulator = subprocess.Popen(
+        [*command, "emulate", str(servo20_file), "--link", str(link)], stdout=subprocess.PIPE, text=True
+    )
+    try:
+        assert emulator.stdout.readline().strip() == str(link)
+
+        def run(*words):
+            return subprocess.run([*command, *words], capture_output=True, text=True, timeout=60)
+
+        scanned = run("scan", str(link), "--baud", "4000000", "--json")
+        assert scanned.stdout.count("XM430-W350") == 20, scanned.stderr
+        sick = run("doctor", str(servo20_file), "--port", str(link))
+        assert sick.returncode == 1
+        assert "waits 500 us" in sick.stdout
+        stopped = run("stop", str(servo20_file), "--port", str(link))
+        assert stopped.stdout == "torque off: 20 of 20 servos\n"
+        refused = run("emulate", str(servo20_file), "--fault", "explode")
+        assert refused.returncode == 1
+        assert refused.stderr.startswith("motiondeck: no fault 'explode'")
+    finally:
+        emulator.terminate()
+        emulator.wait(20)
+        emulator.stdout.close()
+    assert emulator.returncode == 143
+    assert not link.is_symlink()

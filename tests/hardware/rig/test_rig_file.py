@@ -1,0 +1,147 @@
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hardware.errors import RigFileError
+from hardware.rig.rig_file import load_rig
+
+JOINT = (
+    '{ name = "neck", id = 1, model = "XM430-W350", direction = 1, zero = 2048, lower = -1, upper = 1, velocity = 4 }'
+)
+GOOD = f'port = "/dev/ttyUSB0"\nbaud = 1_000_000\nrate_hz = 100\njoints = [\n  {JOINT},\n]\n'
+
+
+@pytest.fixture
+def written(tmp_path):
+    def write(text):
+        path = tmp_path / "rig.toml"
+        path.write_text(text) if isinstance(text, str) else path.write_bytes(text)
+        return path
+
+    return write
+
+
+def test_servo20_is_twenty_joints_in_the_robots_order(servo20_file):
+    rig = load_rig(servo20_file)
+    assert len(rig.joints) == 20
+    assert [joint.id for joint in rig.joints] == list(range(1, 21))
+    assert rig.names[:5] == ("head_pan", "head_tilt", "r_shoulder_pitch", "r_shoulder_roll", "r_elbow")
+    assert rig.names[-1] == "l_ankle_roll"
+    assert (rig.baud, rig.rate_hz, rig.watchdog_ms) == (4_000_000, 100, 200)
+
+
+def test_an_angle_becomes_pulses(written):
+    joint = load_rig(written(GOOD)).joints[0]
+    assert joint.pulses(0.0) == 2048
+    assert joint.pulses(0.5) == pytest.approx(2048 + 0.5 * 4096 / (2 * 3.141592653589793))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (
+            ("rate_hz", "rate"),
+            "unknown key 'rate'. Did you mean rate_hz? The keys here are port, baud, rate_hz, joints",
+        ),
+        (("zero", "zer0"), "joint 1: unknown key 'zer0'. Did you mean zero? The keys here are name, id"),
+        (('"/dev/ttyUSB0"', "5"), "port: Expected `str`, got `int`"),
+        (('"/dev/ttyUSB0"', '""'), "port: Expected `str` of length >= 1"),
+        (("1_000_000", "1234"), "baud 1234 is none of 9600,"),
+        (("id = 1", "id = 253"), "joint 1.id: Expected `int` <= 252"),
+        (("direction = 1", "direction = 2"), "joint 1.direction: 2 is not allowed; -1 and 1 are"),
+        (("XM430-W350", "AX-12A"), "joint 1: model 'AX-12A' speaks Protocol 1.0, Motiondeck speaks 2.0 only"),
+        (("XM430-W350", "MX-28(1.0)"), "joint 1: model 'MX-28(1.0)' speaks Protocol 1.0"),
+        (("-W350", "-X"), "joint 1: model 'XM430-X' is unknown"),
+        (("lower = -1", "lower = 2"), "joint 1: limits must be finite numbers with lower < upper"),
+        (("upper = 1", "upper = nan"), "joint 1: limits must be finite numbers"),
+        (("velocity = 4", "velocity = inf"), "joint 1: limits must be finite numbers"),
+        (("upper = 1", "upper = 3.5"), "outside the servo's one turn (0 to 4095)"),
+        (("velocity = 4", "velocity = 0"), "joint 1.velocity: Expected `float` > 0"),
+        ((f"  {JOINT},\n", f"  {JOINT},\n  {JOINT.replace('neck', 'nose')},\n"), "id 1 is used more than once"),
+        (
+            (f"  {JOINT},\n", f"  {JOINT},\n  {JOINT.replace('id = 1', 'id = 2')},\n"),
+            "name neck is used more than once",
+        ),
+        ((f"  {JOINT},\n", ""), "joints: Expected `array` of length >= 1"),
+        (("baud = 1_000_000\n", ""), "missing required field `baud`"),
+    ],
+)
+def test_a_mistake_is_named_with_its_place_and_what_is_allowed(written, change, said):
+    path = written(GOOD.replace(*change))
+    with pytest.raises(RigFileError, match=re.escape(said)) as caught:
+        load_rig(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+LINES = f"""# a comment with joints = [ {{
+port = "/dev/tty # not a comment {{"
+baud = 1_000_000
+rate_hz = 100
+joints = [
+  {JOINT}, {JOINT.replace("neck", "nose").replace("id = 1", "id = 2")},
+  {JOINT.replace("neck", "jaw").replace("id = 1", "id = 3")},
+]
+on_exit = "off"
+"""
+TABLES = """rate_hz = 100
+port = "/dev/ttyUSB0"
+baud = 1_000_000
+
+[[joints]]
+name = "neck"
+id = 1
+model = "XM430-W350"
+direction = 1
+zero = 2048
+lower = -1
+upper = 1
+velocity = 4
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "change", "line"),
+    [
+        (LINES, ("baud = 1_000_000", "baud = 1234"), 3),
+        (LINES, ("rate_hz = 100", "rate_hz = 0"), 4),
+        (LINES, ("rate_hz = 100", "rote_hz = 100"), 4),
+        (LINES, ('on_exit = "off"', 'on_exit = "of"'), 9),
+        (LINES, ("id = 2", "id = 300"), 6),
+        (LINES, ("id = 3", "id = 2"), 7),
+        (LINES, ('"jaw"', "7"), 7),
+        (LINES, ('"jaw"', "jaw"), 7),
+        (TABLES, ("upper = 1", "upper = 9"), 5),
+        (TABLES, ("id = 1", 'id = "x"'), 7),
+        (TABLES, ("rate_hz", "rate"), 1),
+    ],
+)
+def test_the_line_of_a_mistake_is_named(written, text, change, line):
+    path = written(text.replace(*change))
+    with pytest.raises(RigFileError, match=rf"line {line}\b"):
+        load_rig(path)
+
+
+@pytest.mark.parametrize("length", [20, len(GOOD) - 4, 100])
+def test_a_truncated_file_is_refused(written, length):
+    with pytest.raises(RigFileError, match=r"rig\.toml"):
+        load_rig(written(GOOD[:length]))
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(RigFileError, match=r"cannot read the rig file .*nowhere\.toml"):
+        load_rig(tmp_path / "nowhere.toml")
+
+
+@given(st.binary(max_size=200), st.integers(0, len(GOOD)))
+def test_mangled_bytes_end_in_one_clear_error_or_a_rig(tmp_path_factory, junk, at):
+    path = tmp_path_factory.mktemp("mangled") / "rig.toml"
+    good = GOOD.encode()
+    path.write_bytes(good[:at] + junk + good[at + len(junk) :])
+    try:
+        said = repr(load_rig(path))
+    except RigFileError as error:
+        said = str(error)
+    assert "neck" in said or str(path) in said

@@ -1,0 +1,224 @@
+"""A rig that looks after itself, in simulated time: what it mends, what stops it, and what it never lets out."""
+
+import msgspec
+import numpy as np
+import pytest
+
+from benchmarks.rig.fault_schedules import run, schedule
+from hardware.bus.servo_bus import Bus
+from hardware.emulator.bus import EmulatedBus
+from hardware.emulator.faults import FaultPlan, parse_fault
+from hardware.emulator.port import EmulatedPort
+from hardware.errors import RigError
+from hardware.protocol2.frames import Parser
+from hardware.rig.supervised_rig import SupervisedRig
+
+TICK = 0.01
+
+
+@pytest.fixture
+def build(rig_of_four):
+    """A supervised rig on emulated servos with faults, and its port."""
+
+    def make(*faults, **settings):
+        config = msgspec.structs.replace(rig_of_four, **settings)
+        plan = FaultPlan([parse_fault(fault) for fault in faults])
+        port = EmulatedPort(EmulatedBus(config), paced=True, faults=plan)
+
+        def open_bus():
+            port.receive()
+            return Bus(port, config.baud)
+
+        return SupervisedRig(config, open_bus, beside=False, sleep=port.elapse), port
+
+    return make
+
+
+def play(rig, port, targets, seconds):
+    """Runs the loop; for how long the joints were more than 0.05 rad off at the end of it."""
+    off = 0.0
+    for _ in range(round(seconds / TICK)):
+        rig.collect_state()
+        rig.write(np.asarray(targets, dtype=float))
+        rig.request_state()
+        port.elapse(TICK)
+        off = off + TICK if np.abs(rig.positions - targets).max() > 0.05 else 0.0
+    return off
+
+
+def test_without_faults_it_is_the_rig_it_looks_after(build):
+    rig, port = build()
+    assert play(rig, port, [0.5, 0.4, -0.3, 0.0], 2.0) == 0.0
+    assert (rig.recoveries, rig.faults.total) == (0, 0)
+    assert rig.temperatures == pytest.approx([32.0] * 4, abs=1.0)
+    assert rig.close() == []
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        "reboot:id=2,at=1",
+        "brownout:at=1,for=0.2",
+        "unplug:at=1,for=1",
+        "drop:at=1,for=1,chance=0.8",
+        "dead:id=4,at=1,for=0.7",
+    ],
+)
+def test_what_passes_is_mended_within_two_seconds(build, fault):
+    rig, port = build(fault)
+    play(rig, port, [0.3] * 4, 3.0)
+    assert play(rig, port, [0.3] * 4, 1.0) == 0.0
+    assert all(port.bus[id]["torque_enable"] for id in (1, 2, 3, 4))
+
+
+def test_a_stalled_loop_starts_again_from_where_the_joints_stand_and_slowly(build):
+    rig, port = build()
+    play(rig, port, [0.0] * 4, 0.5)
+    port.elapse(0.5)
+    rig.write(np.full(4, 1.0))
+    assert rig.mending
+    rig.collect_state()
+    assert rig.recoveries == 1
+    assert (rig.easing == 0.25).all()
+    play(rig, port, [1.0] * 4, 0.3)
+    # A quarter of 4 rad/s for 0.3 s.
+    assert (rig.positions < 0.35).all()
+    assert play(rig, port, [1.0] * 4, 2.0) == 0.0
+    assert (rig.easing == 1.0).all()
+
+
+def test_a_servo_in_another_ones_place_is_not_switched_on_after_replugging(build):
+    rig, port = build("unplug:at=1,for=0.5", reconnect_s=1.5)
+    play(rig, port, [0.1] * 4, 0.9)
+    port.bus[3]["model_number"] = 1060
+    with pytest.raises(RigError, match=r"the rig has stopped: joint_3 \(id 3\) is a XL430-W250"):
+        play(rig, port, [0.1] * 4, 5.0)
+    sent = len(port.sent)
+    play(rig, port, [0.1] * 4, 0.5)
+    assert len(port.sent) == sent
+
+
+def test_a_servo_with_lost_settings_gets_them_again(build):
+    rig, port = build("unplug:at=0.5,for=0.5")
+    play(rig, port, [0.1] * 4, 0.4)
+    for name, value in (("torque_enable", 0), ("max_position_limit", 4095)):
+        port.bus[2][name] = value
+    play(rig, port, [0.1] * 4, 4.0)
+    assert port.bus[2]["max_position_limit"] == 3026
+    assert port.bus[2]["torque_enable"] == 1
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        ("dead:id=2,at=0.5", r"joint_2 \(id 2\) does not answer"),
+        ("overheat:id=3,at=0.5", r"joint_3 \(id 3\) has shut down: overheated"),
+        ("alert:id=4,at=0.5,value=32", r"joint_4 \(id 4\) has shut down: overload"),
+        ("unplug:at=0.5", "the port emulated is gone"),
+    ],
+)
+def test_what_lasts_ends_in_a_stop_that_names_it_once(build, fault, said):
+    rig, port = build(fault, reconnect_s=1.0)
+    with pytest.raises(RigError, match=said):
+        play(rig, port, [0.3] * 4, 6.0)
+    play(rig, port, [1.4] * 4, 1.0)
+    assert not port.bus.moving
+    rig.close()
+
+
+def test_without_a_wish_to_reconnect_a_vanished_port_stops_it_at_once(build):
+    rig, port = build("unplug:at=0.5,for=0.2", reconnect_s=0.0)
+    with pytest.raises(RigError, match="is gone"):
+        play(rig, port, [0.3] * 4, 2.0)
+
+
+def test_a_rig_file_may_ask_to_go_on_without_a_joint(build):
+    rig, port = build("dead:id=2,at=0.5", on_loss="go on")
+    play(rig, port, [0.3] * 4, 4.0)
+    assert rig.positions[[0, 2, 3]] == pytest.approx(0.3, abs=0.01)
+
+
+def test_a_hot_joint_gets_slower_before_it_shuts_down(build):
+    rig, port = build("overheat:id=1,at=0.5,value=76")
+    play(rig, port, [0.0] * 4, 1.0)
+    assert rig.easing[0] < 0.5
+    assert (rig.easing[1:] == 1.0).all()
+    play(rig, port, [1.0] * 4, 0.4)
+    assert rig.positions[0] < 0.7 * rig.positions[3]
+    assert play(rig, port, [1.0] * 4, 2.0) == 0.0
+
+
+def test_a_blocked_joint_yields_before_it_shuts_down_and_catches_up_when_it_is_free(build):
+    rig, port = build("jam:id=1,at=0.5,for=6")
+    play(rig, port, [0.0] * 4, 0.6)
+    play(rig, port, [1.0] * 4, 4.0)
+    assert rig.yielding.tolist() == [True, False, False, False] or np.abs(rig.currents[0]) < 0.75 * 0.8 * 2.3
+    assert port.bus[1]["hardware_error_status"] == 0
+    assert rig.positions[1:] == pytest.approx([1.0] * 3, abs=0.02)
+    play(rig, port, [1.0] * 4, 4.0)
+    assert rig.positions == pytest.approx([1.0] * 4, abs=0.02)
+    assert not rig.yielding.any()
+
+
+def test_it_may_hold_in_the_end(build):
+    rig, port = build(on_exit="hold")
+    play(rig, port, [0.3] * 4, 1.0)
+    assert rig.close() == []
+    port.elapse(1.0)
+    assert [port.bus[id]["torque_enable"] for id in (1, 2, 3, 4)] == [1] * 4
+    assert port.bus[1]["present_position"] == pytest.approx(2048 + 0.3 * 2048 / np.pi, abs=1)
+
+
+def test_a_dead_servo_is_named_in_the_end_and_the_others_go_on_holding(build):
+    rig, port = build(on_exit="hold", on_loss="go on")
+    play(rig, port, [0.3] * 4, 1.0)
+    port.bus[2].dead = True
+    assert rig.close() == ["joint_2"]
+    port.elapse(1.0)
+    for id in (1, 3, 4):
+        assert (port.bus[id]["torque_enable"], port.bus[id]["bus_watchdog"]) == (1, 0)
+    assert port.bus[1]["present_position"] == pytest.approx(2048 + 0.3 * 2048 / np.pi, abs=1)
+
+
+def test_the_state_is_read_less_often_than_targets_are_sent(build):
+    rig, port = build(read_hz=20.0)
+    port.sent.clear()
+    play(rig, port, [0.0] * 4, 2.0)
+    said = [frame.instruction for frame in Parser().feed(b"".join(port.sent))]
+    assert said.count(0x83) == pytest.approx(200, abs=2)
+    assert said.count(0x8A) == pytest.approx(40, abs=2)
+
+
+def test_a_servo_cut_off_for_longer_than_its_watchdog_follows_again(rig_of_four):
+    port = EmulatedPort(EmulatedBus(rig_of_four), faults=FaultPlan([parse_fault("dead:id=2,at=1,for=0.7")]))
+    rig = SupervisedRig(rig_of_four, lambda: Bus(port, rig_of_four.baud), beside=False, sleep=port.elapse)
+    play(rig, port, [0.0] * 4, 1.6)
+    play(rig, port, [0.3] * 4, 2.5)
+    assert rig.positions == pytest.approx(0.3, abs=0.01)
+    assert rig.recoveries == 1
+
+
+def test_mending_beside_the_loop_never_holds_it_up(rig_of_four):
+    port = EmulatedPort(EmulatedBus(rig_of_four))
+    rig = SupervisedRig(rig_of_four, lambda: Bus(port, rig_of_four.baud))
+    play(rig, port, [0.0] * 4, 0.2)
+    port.elapse(0.5)
+    rig.write(np.zeros(4))
+    rig._job.join()
+    play(rig, port, [0.2] * 4, 1.0)
+    assert rig.recoveries == 1
+    assert rig.positions == pytest.approx(0.2, abs=0.01)
+    assert rig.close() == []
+
+
+@pytest.mark.parametrize("ports", [1, 2])
+@pytest.mark.parametrize("seed", range(6))
+def test_a_random_schedule_of_faults_ends_well(seed, ports):
+    """More of them:  python -m benchmarks fault_schedules 500"""
+    outcome = run(seed, joints=3, seconds=14.0, ports=ports)
+    assert outcome.problems == []
+
+
+def test_schedules_come_from_their_seed():
+    assert schedule(5, [1, 2], 20.0) == schedule(5, [1, 2], 20.0)
+    assert schedule(5, [1, 2], 20.0) != schedule(6, [1, 2], 20.0)

@@ -1,0 +1,237 @@
+"""Scanning, examining, setting up, calibrating and watching, against emulated servos in simulated time."""
+
+from itertools import count
+from types import SimpleNamespace
+
+import msgspec
+import pytest
+
+from hardware.bus.servo_bus import Bus
+from hardware.bus.wire_time import rate_limit, read_time, write_time
+from hardware.emulator.bus import EmulatedBus
+from hardware.emulator.port import EmulatedPort
+from hardware.errors import RigError
+from hardware.rig.rig_file import load_rig
+from hardware.tools.calibration import calibrate, calibrated, save_rig
+from hardware.tools.doctor import examine, latency_timer, scan, set_up, shorten_latency, shorten_return_delays
+from hardware.tools.monitor import observe
+
+
+@pytest.fixture
+def opened(port):
+    """Opens the bus at a baud rate, as a serial port would be."""
+
+    def open_bus(baud):
+        port.bus.baud = baud
+        return Bus(port, baud)
+
+    return open_bus
+
+
+def test_a_scan_finds_servos_at_every_speed(opened, port):
+    port.bus[2]["baud_rate"] = 1
+    found = scan(opened)
+    assert [(one.baud, one.identity.id) for one in found] == [
+        (57600, 2),
+        (1_000_000, 1),
+        (1_000_000, 3),
+        (1_000_000, 4),
+    ]
+
+
+def test_a_healthy_rig_has_nothing_but_slow_answers(rig_of_four, bus):
+    report = examine(rig_of_four, bus)
+    assert [servo.id for servo in report.servos] == [1, 2, 3, 4]
+    assert all("waits 500 us" in problem for problem in report.problems)
+    assert shorten_return_delays(rig_of_four, bus) == []
+    assert examine(rig_of_four, bus).problems == []
+    assert msgspec.json.decode(msgspec.json.encode(report))["servos"][2]["position"] == 0.0
+
+
+def test_an_examination_names_every_trouble(rig_of_four, bus, port):
+    shorten_return_delays(rig_of_four, bus)
+    port.bus[1].dead = True
+    port.bus[2]["model_number"] = 1060
+    port.bus[3].fail(0x20)
+    port.bus[4].bank.drive.temperature[3] = 75.0
+    port.bus[4].bank.shaft[3] = 4000.0
+    port.elapse(0.01)
+    slow = msgspec.structs.replace(rig_of_four, rate_hz=1000.0)
+    problems = "\n".join(examine(slow, bus).problems)
+    for said in (
+        "joint_1 (id 1) does not answer",
+        "joint_2 (id 2) is a XL430-W250, not a XM430-W350",
+        "joint_3 (id 3) reports overload",
+        "joint_4 (id 4) stands at 2.99 rad",
+        "joint_4 (id 4) has 75 degC",
+        "the wire allows 781 Hz, the rig file wants 1000",
+    ):
+        assert said in problems
+
+
+def test_return_delays_stay_where_torque_is_on(rig_of_four, bus, port):
+    port.bus[2]["torque_enable"] = 1
+    assert shorten_return_delays(rig_of_four, bus) == ["joint_2"]
+
+
+def test_a_port_without_a_latency_timer_has_none(tmp_path):
+    assert latency_timer(str(tmp_path)) is None
+
+
+def test_the_latency_timer_is_set_on_request(tmp_path, monkeypatch, rig_of_four, bus):
+    monkeypatch.setattr("hardware.tools.doctor._USB_SERIAL", tmp_path)
+    file = tmp_path / "emulated" / "latency_timer"
+    assert "has no latency timer" in shorten_latency("emulated")
+    file.parent.mkdir()
+    file.write_text("16\n")
+    shorten_return_delays(rig_of_four, bus)
+    assert "holds answers for up to 16 ms" in "".join(examine(rig_of_four, bus).problems)
+    assert "was 16 ms and is 1 ms now" in shorten_latency("/dev/emulated")
+    assert "is 1 ms already" in shorten_latency("/dev/emulated")
+    assert examine(rig_of_four, bus).problems == []
+    file.write_text("16\n")
+
+    def refuse(*_):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("pathlib.Path.write_text", refuse)
+    assert "stays 16 ms (Permission denied): echo 1 | sudo tee" in shorten_latency("emulated")
+
+
+def test_one_servo_is_set_up(rig_of_four):
+    config = msgspec.structs.replace(rig_of_four, joints=rig_of_four.joints[:1], baud=57600)
+    port = EmulatedPort(EmulatedBus(config))
+
+    def open_bus(baud):
+        port.bus.baud = baud
+        return Bus(port, baud)
+
+    before, after = set_up(open_bus, 17, 4_000_000)
+    assert (before.baud, before.identity.id, after.id) == (57600, 1, 17)
+    assert port.bus[17]["return_delay_time"] == 0
+    assert [(one.baud, one.identity.id) for one in scan(open_bus)] == [(4_000_000, 17)]
+    port.bus[17].dead = True
+    with pytest.raises(RigError, match="no servo answers at any baud rate"):
+        set_up(open_bus, 1, 57600)
+
+
+def test_several_servos_are_not_set_up_at_once(opened, port):
+    with pytest.raises(RigError, match="4 servos answer"):
+        set_up(opened, 7, 1_000_000)
+    assert port.bus[1].id == 1
+
+
+def test_a_joint_is_calibrated_by_three_measurements(rig_of_four):
+    joint = calibrated(rig_of_four.joints[0], 2000, 1900, [2000, 2900, 1200])
+    assert (joint.zero, joint.direction) == (2000, -1)
+    assert (joint.lower, joint.upper) == pytest.approx(
+        (-900 * 3.14159 / 2048 + 0.02, 800 * 3.14159 / 2048 - 0.02), abs=1e-3
+    )
+
+
+def test_whole_turns_do_not_matter(rig_of_four):
+    one = calibrated(rig_of_four.joints[0], 2000, 2100, [1200, 2900])
+    other = calibrated(rig_of_four.joints[0], 2000 - 3 * 4096, 2100 - 3 * 4096, [1200 - 3 * 4096, 2900 - 3 * 4096])
+    assert one == other
+
+
+@pytest.mark.parametrize(
+    ("zero", "nudged", "sweep", "said"),
+    [
+        (2000, 2010, [1000, 3000], "turned too little"),
+        (2000, 2100, [2000, 3000], "not moved past its zero"),
+        (300, 400, [-200, 900], "Take the horn off"),
+        (3900, 3700, [3000, 4500], "Take the horn off"),
+    ],
+)
+def test_a_calibration_that_cannot_work_is_refused(rig_of_four, zero, nudged, sweep, said):
+    with pytest.raises(RigError, match=said):
+        calibrated(rig_of_four.joints[0], zero, nudged, sweep)
+
+
+def test_a_rig_is_calibrated_by_hand_and_saved(rig_of_four, bus, port, tmp_path):
+    # joint_2 is turned too little at first, and is asked for again.
+    hands = iter([2000, 2100, 2000, 2010, *[2000, 2100] * 3])
+    asked = []
+    for device in port.bus.devices:
+        device["torque_enable"] = 1
+
+    def ask(what):
+        row = int(what.split("_")[1][0]) - 1
+        if what.endswith("its torque goes off next, so hold it"):
+            assert port.bus.devices[row]["torque_enable"] == 1
+            return
+        assert port.bus.devices[row]["torque_enable"] == 0
+        asked.append(what)
+        port.bus.devices[row].bank.shaft[row] = next(hands)
+        port.elapse(0.01)
+
+    def sweep(what, read):
+        row = int(what.split("_")[1][0]) - 1
+        seen = []
+        for place in (1000, 2500, 3100):
+            port.bus.devices[row].bank.shaft[row] = place
+            port.elapse(0.01)
+            seen.append(read())
+        return seen
+
+    found = calibrate(rig_of_four, bus, ask, sweep)
+    assert asked[4].startswith("joint_2 was turned too little")
+    assert len(asked) == 10
+    assert {(joint.zero, joint.direction) for joint in found.joints} == {(2000, 1)}
+    save_rig(found, tmp_path / "rig.toml")
+    assert load_rig(tmp_path / "rig.toml") == found
+    with pytest.raises(RigError, match="cannot write"):
+        save_rig(found, tmp_path / "nowhere" / "rig.toml")
+
+
+def test_watching_a_geared_joint_shows_the_joints_own_velocity(rig_of_four, bus, port, monkeypatch):
+    monkeypatch.setattr("hardware.tools.monitor._SHOWN_EVERY", 0.0)
+    geared = msgspec.structs.replace(rig_of_four.joints[0], gear=2.0)
+    config = msgspec.structs.replace(rig_of_four, joints=(geared, *rig_of_four.joints[1:]))
+    port.bus[1]["torque_enable"] = 1
+    port.bus[1].write(116, (3500).to_bytes(4, "little"))
+    port.elapse(0.2)
+    (plain, *_), _ = next(observe(rig_of_four, bus))
+    (joint, *_), _ = next(observe(config, bus))
+    assert plain["velocity"] > 2.0
+    assert joint["velocity"] == pytest.approx(plain["velocity"] / 2.0, rel=0.1)
+
+
+def test_ports_share_the_time_between_two_pictures(rig_of_four, bus, monkeypatch):
+    ticks = count(0, 0.01)
+    monkeypatch.setattr("hardware.tools.monitor.time", SimpleNamespace(monotonic=lambda: next(ticks)))
+    looks = []
+    read = bus.sync_read
+    monkeypatch.setattr(bus, "sync_read", lambda *words: looks.append(words) or read(*words))
+    next(observe(rig_of_four, bus))
+    alone = len(looks)
+    next(observe(rig_of_four, bus, 0.25))
+    assert len(looks) - alone == pytest.approx(alone / 4, abs=2)
+
+
+def test_watching_shows_what_is_measured_and_who_is_silent(rig_of_four, bus, port, monkeypatch):
+    monkeypatch.setattr("hardware.tools.monitor._SHOWN_EVERY", 0.0)
+    port.bus[2].dead = True
+    port.bus[3].fail(0x01)
+    rows, _ = next(observe(rig_of_four, bus))
+    assert [row["heard"] for row in rows] == [True, False, True, True]
+    assert rows[2]["errors"] == "input voltage"
+    assert (rows[0]["position"], rows[0]["voltage"], rows[0]["temperature"]) == (0.0, 12.0, 32)
+
+
+@pytest.mark.parametrize(
+    ("length", "fast", "baud", "latency", "delay", "hz"),
+    [
+        (10, True, 1_000_000, 0.0, 0.0, 229),
+        (10, False, 1_000_000, 0.0, 0.0, 176),
+        (8, False, 4_000_000, 0.0, 0.0, 758),
+        (10, False, 1_000_000, 0.0, 500e-6, 64),
+        (10, True, 4_000_000, 1e-3, 0.0, 478),
+        (10, False, 2_000_000, 16e-3, 0.0, 53),
+    ],
+)
+def test_the_wires_arithmetic(length, fast, baud, latency, delay, hz):
+    assert rate_limit(20, baud, length, fast, delay, latency) == pytest.approx(hz, abs=0.6)
+    assert write_time(20, 1_000_000) == pytest.approx(1.14e-3)
+    assert read_time(20, 1_000_000, 10) == pytest.approx((34 + 288) * 1e-5)

@@ -1,0 +1,115 @@
+import mujoco
+import numpy as np
+import pytest
+
+from motiondeck_base.errors import MotiondeckError
+from sim.models.feet import find_feet
+from sim.models.surface import LowestPoint
+from sim.physics.physics_model import feet_of, physics_model
+from sim.physics.playback import PhysicsPlayback, has_fallen
+from sim.robots.robot import load_robot
+from simulated_bodies import HUMAN, ROBOTS, bent_pose, human, skeleton_of
+
+NAMES = ["mannequin", "servo20"]
+DT = 0.005
+
+
+def load(name):
+    return load_robot(ROBOTS / f"{name}.toml", human())
+
+
+def leaning(angle):
+    """Somebody whose legs lean forward with the rest: nobody stands like that."""
+    return bent_pose(human(), rkne=(0.0, -angle, 0.0), lkne=(0.0, -angle, 0.0))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_two_flat_feet_are_found_on_the_ground(name):
+    robot = load(name)
+    feet = feet_of(robot)
+    assert len(feet) == 2
+    data = mujoco.MjData(robot.model)
+    robot.layout.place(robot.rest, data.qpos)
+    mujoco.mj_kinematics(robot.model, data)
+    for foot in feet:
+        assert np.allclose(foot.axes.T @ foot.axes, np.eye(3), atol=1e-9)
+        assert np.linalg.det(foot.axes) == pytest.approx(1.0)
+        assert np.ptp((foot.corners @ foot.axes)[:, 2]) < 1e-9
+        body = robot.model.body(foot.body).id
+        sole = data.xpos[body] + data.xmat[body].reshape(3, 3) @ foot.sole
+        assert sole[2] < 0.1 * float(data.qpos[2])
+    sides = [data.xpos[robot.model.body(foot.body).id, 1] for foot in feet]
+    assert min(sides) < 0.0 < max(sides)
+
+
+def test_a_column_has_no_two_feet():
+    model = mujoco.MjModel.from_xml_string(
+        "<mujoco><worldbody><body pos='0 0 1'><freejoint/><geom type='box' size='.1 .1 1'/></body></worldbody></mujoco>"
+    )
+    assert len(find_feet(model, model.qpos0)) < 2
+
+
+def test_the_gantry_lets_go_of_a_free_root_only():
+    robot = load("servo20")
+    held = {root: physics_model(robot, root).eq_active0[0] for root in ("gantry", "fixed", "free")}
+    assert held == {"gantry": 1, "fixed": 1, "free": 0}
+    with pytest.raises(MotiondeckError, match="root 'string': choose gantry"):
+        physics_model(robot, "string")
+
+
+def test_a_fixed_root_stays_where_it_was_first():
+    robot = load("servo20")
+    output = PhysicsPlayback(robot, DT, "fixed")
+    pose = bent_pose(human())
+    for step in range(40):
+        pose.root_position[0] = 0.01 * step
+        output.write(robot.rest, pose)
+    assert abs(output.qpos[0]) < 0.01
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_free_robot_starts_on_the_floor_and_falls_where_it_cannot_stand(name):
+    robot = load(name)
+    output = PhysicsPlayback(robot, DT, "free")
+    pose = leaning(0.5)
+    targets = np.clip(robot.retarget(pose), robot.limits.lower, robot.limits.upper)
+    output.write(targets, pose)
+    mujoco.mj_kinematics(output.model, output.data)
+    assert abs(LowestPoint(output.model)(output.data)) < 0.02
+    for _ in range(500):
+        output.write(targets, pose)
+    assert output.fell_s is not None
+    assert 0.1 < output.fell_s < 2.4
+    assert output.report()["fell_s"] == output.fell_s
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_with_balance_it_stands_where_it_would_fall_and_when_it_is_pushed(name):
+    robot = load(name)
+    output = PhysicsPlayback(robot, DT, "free", balance=True)
+    pose = leaning(0.5)
+    targets = np.clip(robot.retarget(pose), robot.limits.lower, robot.limits.upper)
+    weight = float(robot.model.body_mass.sum()) * 9.81
+    for tick in range(600):
+        output.push(np.array([0.0, 0.15 * weight, 0.0]) * (200 <= tick < 220))
+        output.write(targets, pose)
+    assert output.fell_s is None
+    assert output.report()["balance"] is True
+    assert output.report()["faults"] == 0
+
+
+def test_only_a_free_robot_with_two_feet_can_balance():
+    with pytest.raises(MotiondeckError, match="root is gantry need not balance"):
+        PhysicsPlayback(load("servo20"), DT, "gantry", balance=True)
+    one_leg = skeleton_of([bone for bone in HUMAN if bone[0] in ("rhip", "rkne", "rank", "rfoo")])
+    robot = load_robot(ROBOTS / "mannequin.toml", one_leg)
+    with pytest.raises(MotiondeckError, match="has 1 feet"):
+        PhysicsPlayback(robot, DT, "free", balance=True)
+
+
+def test_a_fall_is_seen_from_what_is_played():
+    upright = np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+    lying = np.array([0.0, 0.0, 0.2, np.cos(0.7), np.sin(0.7), 0.0, 0.0])
+    assert not has_fallen(upright, upright)
+    assert not has_fallen(lying, lying)
+    assert has_fallen(lying, upright)

@@ -1,0 +1,162 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from controller.mocap.posture import Pose
+from controller.rotations import multiply, yaw
+from sim.physics.loads import loads_of
+from sim.physics.played_motions import DT, Take
+from sim.physics.preflight import ASTRAY, SLOWEST, Preflight, fastest_passing, servo_lag
+from sim.robots.robot import load_robot
+from sim.robots.self_collision import SelfCollision
+from simulated_bodies import ROBOTS, bent_pose, human
+
+SERVO20 = load_robot(ROBOTS / "servo20.toml", human())
+MANNEQUIN = load_robot(ROBOTS / "mannequin.toml", human())
+COLLISIONS = SelfCollision(SERVO20)
+
+
+def swinging(rate, reach=0.6, robot=SERVO20, seconds=1.5, joint="l_shoulder_pitch"):
+    """An arm that swings at `rate` rad/s of phase."""
+    at = np.arange(0.0, seconds, DT)
+    targets = np.tile(robot.rest, (len(at), 1))
+    targets[:, robot.joints.index(joint)] += reach * np.sin(rate * at)
+    pose = bent_pose(human())
+    return Take("swing", True, targets, (pose,) * len(at))
+
+
+def checks(verdict):
+    return {finding.check for finding in verdict.troubles}
+
+
+def test_a_gentle_swing_passes_and_physics_agrees():
+    verdict = Preflight(SERVO20, SERVO20.limits).judge(swinging(2.0), simulate=True)
+    assert verdict.ok
+    assert verdict.passes_at == 1.0
+    assert {f.check: f.value for f in verdict.findings}["physics: off target"] < ASTRAY
+
+
+def test_a_swing_that_is_too_fast_fails_and_passes_at_the_speed_offered():
+    judge = Preflight(SERVO20, SERVO20.limits)
+    take = swinging(25.0, seconds=0.4)
+    verdict = judge.judge(take, simulate=True)
+    assert {"held back", "physics: off target"} <= checks(verdict)
+    assert "l_shoulder_pitch" in {finding.where for finding in verdict.troubles}
+    assert verdict.passes_at is not None
+    assert SLOWEST < verdict.passes_at < 1.0
+    assert judge.judge(take, simulate=True, tempo=verdict.passes_at).ok
+
+
+def test_no_tempo_mends_a_collision():
+    targets = np.tile(SERVO20.rest, (20, 1))
+    for name, angle in (("l_hip_roll", -0.8), ("r_hip_roll", 0.8)):
+        targets[:, SERVO20.joints.index(name)] = angle
+    take = Take("crossed", True, targets, (bent_pose(human()),) * 20)
+    verdict = Preflight(SERVO20, SERVO20.limits).judge(take, simulate=False)
+    assert "self-collision" in checks(verdict)
+    assert verdict.passes_at is None
+
+
+def test_a_weak_servo_is_found_out_by_its_torque_and_its_heat():
+    weak = replace(SERVO20, servo=type(SERVO20.servo)(torque=0.05, speed=4.8, current=2.3, hottest=30.0))
+    verdict = Preflight(weak, weak.limits).judge(swinging(2.0), simulate=False)
+    assert {"torque", "heat in 10 min"} <= checks(verdict)
+
+
+def test_joints_that_a_rig_does_not_let_so_far_are_out_of_reach():
+    narrow = replace(SERVO20.limits, upper=np.minimum(SERVO20.limits.upper, 0.3))
+    verdict = Preflight(SERVO20, narrow).judge(swinging(1.0, seconds=3.0), simulate=False)
+    assert "out of reach" in checks(verdict)
+
+
+def test_what_is_out_of_reach_for_an_instant_only_is_let_pass():
+    take, found = swinging(0.0), {}
+    upper = SERVO20.limits.upper.copy()
+    upper[3] = SERVO20.rest[3] + 0.01
+    limits = replace(SERVO20.limits, upper=upper)
+    for samples in (4, 6):
+        take.targets[20 : 20 + samples, 3] = upper[3] + 0.3
+        found[samples] = Preflight(SERVO20, limits).judge(take, simulate=False).findings[1]
+    assert found[4].ok
+    assert found[6].value == pytest.approx(0.3)
+
+
+def test_poses_go_evenly_from_tick_to_tick():
+    from sim.physics.preflight import TICK, _poses
+
+    turns = 0.02 * np.arange(9)
+    poses = tuple(Pose(np.array([0.01 * k, 0.0, 1.0]), turns[k], yaw(turns[k])[None]) for k in range(9))
+    played = _poses(Take("go", False, np.zeros((9, 1)), poses), 0.7)
+    x = np.array([pose.root_position[0] for pose in played])
+    assert np.allclose(np.diff(x), 0.7 * TICK)
+    assert np.allclose([pose.rotation[0] for pose in played], [yaw(float(pose.heading)) for pose in played], atol=1e-6)
+
+
+@pytest.mark.parametrize("robot", [SERVO20, MANNEQUIN], ids=["servo20", "mannequin"])
+def test_on_the_floor_the_legs_carry_what_a_gantry_would(robot):
+    take = Take("stand", True, np.tile(robot.rest, (4, 1)), (bent_pose(human()),) * 4)
+    collisions = SelfCollision(robot)
+    hanging = loads_of(robot, take, free=False, collisions=collisions)
+    standing = loads_of(robot, take, free=True, collisions=collisions)
+    assert np.allclose(hanging.inertia, 0.0, atol=1e-9)
+    knees = [j for j, name in enumerate(robot.joints) if "kne" in name or "ank" in name]
+    assert np.abs(standing.gravity[:, knees]).max() > 2.0 * np.abs(hanging.gravity[:, knees]).max()
+    if robot is SERVO20:  # the mannequin rests on its heels
+        assert standing.balance().min() > 0.0
+
+
+def test_torque_grows_with_the_square_of_the_tempo():
+    loads = loads_of(SERVO20, swinging(4.0), free=False, collisions=COLLISIONS)
+    moved = [loads.torque(tempo) - loads.torque(0.0) - tempo * loads.damping for tempo in (1.0, 2.0)]
+    assert np.allclose(moved[1], 4.0 * moved[0])
+
+
+def test_a_robot_that_leans_too_far_falls_in_both_ways():
+    pose = bent_pose(human(), rkne=(0.0, -0.5, 0.0), lkne=(0.0, -0.5, 0.0))
+    targets = np.clip(SERVO20.retarget(pose), SERVO20.limits.lower, SERVO20.limits.upper)
+    take = Take("lean", True, np.tile(targets, (60, 1)), (pose,) * 60)
+    verdict = Preflight(SERVO20, SERVO20.limits, "free").judge(take, simulate=True)
+    assert {"off balance", "physics: stands"} <= checks(verdict)
+    assert verdict.passes_at is None
+
+
+@pytest.mark.parametrize(
+    "rotation", [(1.0, 0.0, 0.0, 0.0), (np.sqrt(0.5), 0.0, -np.sqrt(0.5), 0.0)], ids=["up", "lying"]
+)
+def test_who_stands_still_or_is_down_already_cannot_fall(rotation):
+    upright = bent_pose(human())
+    pose = Pose(upright.root_position, upright.heading, multiply(np.array(rotation), upright.rotation))
+    take = Take("still", True, np.tile(SERVO20.rest, (40, 1)), (pose,) * 40)
+    judge = Preflight(SERVO20, SERVO20.limits, "free")
+    loads = loads_of(SERVO20, take, free=False, collisions=COLLISIONS)
+    assert {f.check: f.ok for f in judge.standing(loads, 1.0)}["off balance"]
+    assert {f.check: f.ok for f in judge.simulated(take, 1.0)}["physics: stands"]
+
+
+@given(st.floats(0.15, 1.0))
+def test_the_fastest_tempo_that_passes_is_found(border):
+    found = fastest_passing(lambda tempo: tempo <= border, 1.0)
+    assert found is not None
+    assert border - 0.03 <= found <= border
+
+
+def test_where_nothing_passes_none_is_offered():
+    assert fastest_passing(lambda tempo: False, 1.0) is None
+
+
+@given(st.lists(st.floats(0.0, 3.0), min_size=1, max_size=30))
+def test_a_servo_lags_only_by_what_it_needs_beyond_its_voltage(drive):
+    lag = servo_lag(np.array(drive)[:, None], 0.01)
+    assert lag[0] >= 0.0
+    assert lag[0] <= 0.01 * sum(max(d - 1.0, 0.0) for d in drive) + 1e-12
+    if max(drive) <= 1.0:
+        assert lag[0] == 0.0
+
+
+def test_the_rest_pose_collides_with_nothing():
+    qpos = np.zeros(SERVO20.model.nq)
+    SERVO20.place(SERVO20.rest, bent_pose(human()), qpos)
+    assert COLLISIONS(qpos) == (0.0, "")

@@ -1,0 +1,126 @@
+import numpy as np
+import pytest
+from PIL import Image, ImageSequence
+
+from sim.models.mannequin import build_mannequin
+from sim.pictures.offscreen import OffScreen, PictureError
+from sim.pictures.video import contact_sheet, render
+from simulated_bodies import human
+
+
+@pytest.fixture(scope="module")
+def model():
+    """A mannequin, where there is OpenGL to draw it with."""
+    built = build_mannequin(human()).compile()
+    try:
+        OffScreen(built, (16, 16)).close()
+    except PictureError as error:
+        pytest.skip(str(error))
+    return built
+
+
+def standing(model, x=0.0):
+    qpos = model.qpos0.copy()
+    qpos[0] = x
+    return qpos
+
+
+def test_a_picture_shows_the_robot_and_the_camera_follows_it(model):
+    with OffScreen(model, (120, 160)) as screen:
+        here = screen.draw(standing(model))
+        far = screen.draw(standing(model, x=40.0), cut=True)
+    assert here.shape == (160, 120, 3)
+    # The middle of the picture is the figure, the corners are not.
+    assert np.abs(here[80, 60].astype(int) - here[5, 5]).max() > 20
+    assert np.abs(here[40:120, 50:70].astype(int) - far[40:120, 50:70]).mean() < 12
+
+
+def test_closing_twice_does_no_harm(model):
+    screen = OffScreen(model, (16, 16))
+    screen.close()
+    screen.close()
+
+
+@pytest.mark.parametrize("size", [(0, 10), (10, 5000)])
+def test_an_impossible_size_is_refused(model, size):
+    with pytest.raises(PictureError, match="1920 x 1080"):
+        OffScreen(model, size)
+
+
+def test_a_gif_has_a_picture_a_frame_and_its_pace(model, tmp_path):
+    seen = []
+    frames = [standing(model, 0.2 * i) for i in range(4)]
+    count = render(model, frames, tmp_path / "walk.gif", fps=20.0, size=(64, 80), progress=seen.append)
+    assert count == 4
+    assert seen == [1, 2, 3, 4]
+    with Image.open(tmp_path / "walk.gif") as film:
+        assert film.size == (64, 80)
+        assert film.info["duration"] == 50
+        assert len(list(ImageSequence.Iterator(film))) == 4
+    assert [file.name for file in tmp_path.iterdir()] == ["walk.gif"]
+
+
+def test_an_mp4_is_written_whole(model, tmp_path):
+    pytest.importorskip("imageio_ffmpeg", reason="the extra 'video' is not installed")
+    assert render(model, [standing(model)] * 3, tmp_path / "walk.mp4", size=(64, 64)) == 3
+    assert (tmp_path / "walk.mp4").read_bytes()[4:8] == b"ftyp"
+    assert [file.name for file in tmp_path.iterdir()] == ["walk.mp4"]
+
+
+def test_a_film_that_breaks_leaves_nothing_behind(model, tmp_path):
+    def frames():
+        yield standing(model)
+        raise ZeroDivisionError
+
+    for name in ("a.gif", "a.mp4"):
+        with pytest.raises(ZeroDivisionError):
+            render(model, frames(), tmp_path / name, size=(32, 32))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["a.gif", "a.mp4"])
+def test_a_film_of_nothing_is_refused(model, tmp_path, name):
+    with pytest.raises(PictureError, match="no frames"):
+        render(model, [], tmp_path / name, size=(32, 32))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_other_endings_odd_sizes_and_missing_folders_are_refused(model, tmp_path):
+    with pytest.raises(PictureError, match=r"ends in \.mp4 or \.gif"):
+        render(model, [standing(model)], tmp_path / "walk.avi")
+    with pytest.raises(PictureError, match="even width and height"):
+        render(model, [standing(model)], tmp_path / "walk.mp4", size=(63, 64))
+    with pytest.raises(PictureError, match="there is no folder"):
+        render(model, [standing(model)], tmp_path / "nowhere" / "walk.gif")
+
+
+def test_without_ffmpeg_the_extra_is_named(model, tmp_path, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
+    with pytest.raises(PictureError, match=r'pip install "motiondeck\[video\]"'):
+        render(model, [standing(model)], tmp_path / "walk.mp4", size=(32, 32))
+
+
+def test_without_opengl_the_packages_are_named(model, monkeypatch):
+    monkeypatch.setenv("MUJOCO_GL", "egl")
+    monkeypatch.setitem(__import__("sys").modules, "mujoco.egl", None)
+    with pytest.raises(PictureError, match=r"apt install libegl1 libgl1 libgl1-mesa-dri.*libosmesa6"):
+        OffScreen(model, (16, 16))
+
+
+def test_a_contact_sheet_has_a_row_a_motion(model, tmp_path):
+    rows = [("stand", [standing(model)] * 8), ("lean", [standing(model, 0.1)] * 3)]
+    contact_sheet(model, rows, tmp_path / "sheet.png", tile=(40, 50))
+    with Image.open(tmp_path / "sheet.png") as sheet:
+        assert sheet.height == 100
+        pixels = np.asarray(sheet.convert("L"), dtype=int)
+    # Three pictures in the second row, then white; labels on the left of both.
+    assert np.all(pixels[50:, -40:] == 255)
+    assert np.any(pixels[:50, -40:] < 200)
+    assert np.any(pixels[50:, :60] < 128)
+
+
+def test_a_contact_sheet_of_nothing_or_of_another_kind_is_refused(model, tmp_path):
+    with pytest.raises(PictureError, match="no motions"):
+        contact_sheet(model, [], tmp_path / "sheet.png")
+    with pytest.raises(PictureError, match=r"ends in \.png"):
+        contact_sheet(model, [("x", [standing(model)])], tmp_path / "sheet.txt")

@@ -1,0 +1,220 @@
+import io
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from test_private_page import free_port
+
+from controller.wire.command_socket import Accepted, CommandServer, Refused, SetSpeed, Stop, Switch
+from controller.wire.telemetry import StateWriter
+from sim.models.mannequin import build_mannequin
+from sim.view.scene import Follower
+from sim.view.viewer import main
+from simulated_bodies import human
+
+MOTIONS = ["walk", "jog", "waltz"]
+NUMBERS = ["tick", "time_s", "motion", "speed", "paused", "rate_hz", "overruns"]
+NUMBERS += ["lateness_p50_us", "lateness_p999_us", "work_p50_us"]
+PATIENCE = 60.0  # s: a browser without a graphics card on a busy machine
+
+
+class FakeDeck:
+    """Publishes a walking mannequin, and takes commands as a deck would."""
+
+    def __init__(self, folder):
+        spec = build_mannequin(human())
+        model = spec.compile()
+        spec.to_file(str(folder / "robot.xml"))
+        self.state = folder / "state"
+        self.writer = StateWriter.create(
+            self.state,
+            {"model_file": str(folder / "robot.xml"), "motions": MOTIONS, "robot": "mannequin"},
+            {"qpos": model.nq, "root_xy": 2} | dict.fromkeys(NUMBERS, 1),
+        )
+        self.server = CommandServer(0)
+        self.received = []
+        self._qpos = model.qpos0.copy()
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._play)
+        self._thread.start()
+
+    def _play(self):
+        motion, tick = 0, 0
+        while not self._over.wait(0.02):
+            tick += 1
+            self._qpos[0] += 0.02
+            numbers = {"tick": tick, "motion": motion, "speed": 1.0, "rate_hz": 199.98, "work_p50_us": 412.0}
+            self.writer.publish(qpos=self._qpos, root_xy=self._qpos[:2], **numbers)
+            for message, sender in self.server.poll():
+                self.received.append(message)
+                if isinstance(message, Switch):
+                    motion = MOTIONS.index(message.to)
+                refused = isinstance(message, Stop)
+                reply = Refused("not while someone is watching", message.id) if refused else Accepted(message.id)
+                self.server.reply(sender, reply)
+
+    def end(self):
+        self._over.set()
+        self._thread.join()
+        self.writer.close()
+        self.server.close()
+
+
+@pytest.fixture
+def deck(tmp_path):
+    fake = FakeDeck(tmp_path)
+    yield fake
+    fake.end()
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """A headless browser, where one is installed."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    installed = shutil.which("chromium") or shutil.which("google-chrome")
+    graphics = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+    with playwright.sync_playwright() as player:
+        try:
+            chromium = player.chromium.launch(executable_path=installed, args=graphics)
+        except playwright.Error as error:
+            pytest.skip(f"no browser: {str(error).splitlines()[0]}")
+        yield chromium
+        chromium.close()
+
+
+def start(deck, port):
+    arguments = ["--state", str(deck.state), "--command-port", str(deck.server.port), "--port", str(port)]
+    return subprocess.Popen([sys.executable, "-m", "sim.view.viewer", *arguments], stdout=subprocess.PIPE)
+
+
+def until(condition, what):
+    deadline = time.monotonic() + PATIENCE
+    while not (found := condition()):
+        assert time.monotonic() < deadline, f"waited in vain for {what}"
+        time.sleep(0.05)
+    return found
+
+
+# The figure covers about 0.02 of the scene; a scene without it, nothing.
+IN_VIEW = 0.01
+
+
+def figure_share(page):
+    """How much of the middle of the scene is neither sky nor floor: strongly coloured, or dark."""
+    picture = page.screenshot(clip={"x": 150, "y": 40, "width": 300, "height": 420})
+    pixels = np.asarray(Image.open(io.BytesIO(picture)).convert("RGB"), dtype=int)
+    return float(((np.ptp(pixels, axis=2) > 50) | (pixels.max(axis=2) < 90)).mean())
+
+
+def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browser):
+    port = free_port()
+    viewer = start(deck, port)
+    page = browser.new_page(viewport={"width": 940, "height": 500})
+    asked = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.set_default_timeout(1000.0 * PATIENCE)
+    try:
+        until(lambda: reachable(port), "the page")
+        page.goto(f"http://127.0.0.1:{port}/")
+        until(lambda: figure_share(page) > IN_VIEW, "the figure")
+        page.get_by_text("200.0 Hz").wait_for()
+        page.get_by_text("412 µs").wait_for()
+
+        # Button and highlight: the colour that "walk" had goes to "jog".
+        walk, jog = (page.get_by_role("button", name=name, exact=True) for name in ("walk", "jog"))
+        colour = "button => getComputedStyle(button).backgroundColor"
+        until(lambda: walk.evaluate(colour) != jog.evaluate(colour), "the highlight")
+        current = walk.evaluate(colour)
+        jog.click()
+        page.mouse.move(20, 20)  # a button under the pointer has a colour of its own
+        until(lambda: any(isinstance(message, Switch) for message in deck.received), "the command")
+        assert [message.to for message in deck.received] == ["jog"]
+        until(lambda: jog.evaluate(colour) == current, "the new highlight")
+
+        # Speed by keyboard, a step up.
+        page.get_by_role("slider").focus()
+        page.keyboard.press("ArrowRight")
+        speed = until(lambda: [m.factor for m in deck.received if isinstance(m, SetSpeed)], "the speed")
+        assert speed[-1] == pytest.approx(1.05)
+
+        # A refusal is shown in the deck's words.
+        page.get_by_role("button", name="Stop").click()
+        page.get_by_text("not while someone is watching").wait_for()
+
+        # By now it has walked several metres: the view has gone along.
+        until(lambda: figure_share(page) > IN_VIEW, "the figure that has walked on")
+        assert not page.get_by_role("button", name="Share").count()
+        elsewhere = [url for url in asked if not url.startswith((f"http://127.0.0.1:{port}", "data:", "blob:"))]
+        assert elsewhere == []
+
+        deck.writer.close()
+        assert viewer.wait(PATIENCE) == 0
+        # Standard output belongs to the deck.
+        assert viewer.stdout.read() == b""
+    finally:
+        page.close()
+        viewer.kill()
+        viewer.wait()
+        viewer.stdout.close()
+
+
+def reachable(port):
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+def test_the_view_ends_with_the_process_that_started_it(deck, tmp_path):
+    port = free_port()
+    arguments = ["--state", str(deck.state), "--command-port", str(deck.server.port), "--port", str(port)]
+    starter = "import subprocess, sys; "
+    starter += f"print(subprocess.Popen([sys.executable, '-m', 'sim.view.viewer', *{arguments!r}]).pid)"
+    starter += "; sys.stdout.flush(); sys.stdin.read()"
+    parent = subprocess.Popen([sys.executable, "-c", starter], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    viewer = int(parent.stdout.readline())
+    try:
+        until(lambda: reachable(port), "the page")
+        parent.communicate()
+        until(lambda: not reachable(port), "the end of the view")
+    finally:
+        if Path(f"/proc/{viewer}").exists() and reachable(port):
+            os.kill(viewer, 9)
+
+
+def test_without_a_deck_there_is_one_clear_line(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("sim.view.viewer.LONGEST_WAIT", 0.1)
+    assert main(["--state", str(tmp_path / "none"), "--command-port", "1", "--port", str(free_port())]) == 1
+    said = capsys.readouterr().err
+    assert said.startswith("motiondeck: ")
+    assert "none" in said
+    assert said.count("\n") == 1
+
+
+def test_a_taken_port_is_one_clear_line(deck, capsys):
+    with socket.socket() as holder:
+        holder.bind(("127.0.0.1", 0))
+        holder.listen()
+        port = holder.getsockname()[1]
+        assert main(["--state", str(deck.state), "--command-port", "1", "--port", str(port)]) == 1
+    assert f"port {port}" in capsys.readouterr().err
+
+
+def test_the_view_goes_along_with_a_walk_and_leaves_out_its_sway():
+    follower = Follower()
+    behind, sideways = [], []
+    for step in range(600):
+        t = 0.02 * step
+        centre = follower.follow(np.array([1.5 * t, 0.1 * np.sin(7.0 * t)]), 0.02)
+        behind.append(1.5 * t - centre[0])
+        sideways.append(centre[1])
+    assert max(np.abs(behind[300:])) < 0.02
+    assert max(np.abs(sideways[300:])) < 0.09
+    jump = np.array([50.0, 0.0])
+    assert np.array_equal(follower.follow(jump, 0.02), jump)
