@@ -11,7 +11,7 @@ class RigFileError(MotiondeckError):
     """A rig file that cannot be read or says something impossible; the message names the place and what is allowed."""
 
 
-class PortError(MotiondeckError):
+class SerialPortError(MotiondeckError):
     """A serial port that cannot be opened, or that vanished while in use."""
 
 

@@ -39,7 +39,7 @@ import numpy as np  # noqa: E402
 
 from benchmarks.deck._beside import hog, stolen_ms  # noqa: E402
 from benchmarks.deck._peer_clock import PeerClock, RateLimiter  # noqa: E402
-from controller.cli.session.robot_on_deck import Cast  # noqa: E402
+from controller.cli.session.robot_on_deck import RobotSetup  # noqa: E402
 from controller.cli.session.script import Timed  # noqa: E402
 from controller.cli.session.session import Session, Settings  # noqa: E402
 from controller.deck.deck import Deck  # noqa: E402
@@ -72,7 +72,7 @@ def measure(
     show = [Timed(2.0 * k, Switch(motions[k % len(motions)])) for k in range(1, int(options.seconds / 2.0))]
     with tempfile.TemporaryDirectory() as folder, hog(beside == "hog", options.core):
         settings = Settings(
-            robot=Cast(
+            robot=RobotSetup(
                 find("robot", "servo20", ".toml"), rig_file(Path(folder), rate) if options.rig else None, emulated=True
             ),
             rate=rate,

@@ -34,6 +34,7 @@ from controller.wire.command_socket import (
     Blend,
     CommandServer,
     EmergencyStop,
+    GetStatus,
     Home,
     Message,
     Pause,
@@ -41,7 +42,6 @@ from controller.wire.command_socket import (
     Reset,
     Resume,
     SetSpeed,
-    Status,
     Switch,
     encode,
     read_reply,
@@ -239,7 +239,7 @@ def soak(
     )
 
 
-_NONSENSE = (b"", b"nonsense", b"[" * 2000, b"x" * 3000, b'{"type":"switch","to":"nothing"}', encode(Status(7)))
+_NONSENSE = (b"", b"nonsense", b"[" * 2000, b"x" * 3000, b'{"type":"switch","to":"nothing"}', encode(GetStatus(7)))
 
 
 def _command(rng: np.random.Generator, motions: tuple[str, ...], number: int) -> Message:

@@ -27,7 +27,7 @@ class ThesisFigures:
     """What the thesis says about one of its networks.
 
     Attributes:
-        accuracy: its training errors by the names of `training_error.TrainingError`.
+        accuracy: its training errors by the names of `evaluation.training_error.TrainingError`.
         robustness, stability: failure rates by motion, as shares.
         tables: the numbers of the tables that those two are in.
     """

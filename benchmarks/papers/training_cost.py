@@ -25,7 +25,7 @@ STEPS = 300
 
 
 @dataclass(frozen=True)
-class Cost:
+class TrainingCost:
     """What one network cost.
 
     Attributes:
@@ -48,7 +48,9 @@ class Cost:
     stored_mb: float
 
 
-def costs(recipe: LibraryRecipe, syllabus: Syllabus, seed: int, tick: Callable[[], None] = lambda: None) -> list[Cost]:
+def costs(
+    recipe: LibraryRecipe, syllabus: Syllabus, seed: int, tick: Callable[[], None] = lambda: None
+) -> list[TrainingCost]:
     """The costs of a recipe with other sizes, shorter recordings and fewer motions, one seed each."""
     found = []
     for varied, plan, taught in variants(recipe, syllabus):
@@ -78,7 +80,7 @@ def variants(recipe: LibraryRecipe, syllabus: Syllabus) -> Iterator[tuple[str, L
         yield "P", recipe, few
 
 
-def measure(varied: str, recipe: LibraryRecipe, syllabus: Syllabus, seed: int) -> Cost:
+def measure(varied: str, recipe: LibraryRecipe, syllabus: Syllabus, seed: int) -> TrainingCost:
     """Trains once for the time and once more for the memory, whose tracing takes time, and plays."""
     lessons, normalisation = syllabus.lessons()
     with threadpool_limits(1):
@@ -93,10 +95,10 @@ def measure(varied: str, recipe: LibraryRecipe, syllabus: Syllabus, seed: int) -
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
     frames = sum(len(part) for part in syllabus.frames.values())
-    return Cost(varied, neurons, frames, len(lessons), training_s, peak / 1e6, step_us, stored / 1e6)
+    return TrainingCost(varied, neurons, frames, len(lessons), training_s, peak / 1e6, step_us, stored / 1e6)
 
 
-def exponent(found: list[Cost], varied: str, against: str, what: str) -> float | None:
+def exponent(found: list[TrainingCost], varied: str, against: str, what: str) -> float | None:
     """The slope p of  log cost = p log size + c  over the costs in which a size was varied; None below two sizes."""
     part = [cost for cost in found if cost.varied == varied]
     if varied != "N" and part:

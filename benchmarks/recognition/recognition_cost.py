@@ -21,7 +21,7 @@ REPEATS = 7
 BLOCKS, FRAMES = 20, 100  # single frames are too short for the clock
 
 
-class Cost(msgspec.Struct, frozen=True, kw_only=True):
+class RecognitionCost(msgspec.Struct, frozen=True, kw_only=True):
     """Medians of repeated measurements in plain NumPy, processor time of one thread.
 
     Attributes:
@@ -41,7 +41,7 @@ class Cost(msgspec.Struct, frozen=True, kw_only=True):
     neurons: int
 
 
-def cost(dataset: Dataset, look: FeatureRecipe, experts: ExpertRecipe) -> Cost:
+def cost(dataset: Dataset, look: FeatureRecipe, experts: ExpertRecipe) -> RecognitionCost:
     """Measures with the clips of a dataset."""
     signals = [features(example.clip, look) for example in dataset.examples]
     labels = [example.label for example in dataset.examples]
@@ -51,7 +51,7 @@ def cost(dataset: Dataset, look: FeatureRecipe, experts: ExpertRecipe) -> Cost:
     frames = np.resize(frames, (BLOCKS * FRAMES, frames.shape[1]))
     fifteen = tuple(f"{m}" for m in range(15))
     parts = tuple(bank.moments[m % len(bank.moments)] for m in range(15))
-    return Cost(
+    return RecognitionCost(
         train_ms=float(np.median(took)) * 1e3,
         classes=len(bank.classes),
         frame_us=_frame_us(bank, frames, look.rate),

@@ -20,7 +20,7 @@ from copy import deepcopy
 
 import numpy as np
 
-from controller.cli.session.recognition_watch import Watch, Watching
+from controller.cli.session.recognition_watch import RecognitionWatch, Watching
 from controller.cli.session.rig_output import RigOutput, narrowed
 from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
@@ -70,7 +70,9 @@ class Stage:
         # As when playing: the servos are never told to go where they cannot.
         self.limits = narrowed(self.robot.limits, self.robot, self.config) if self.config else self.robot.limits
 
-    def play(self, motion: str, seconds: float, each_tick: Callable[[Deck, Watch, EmulatedPort | None], None]) -> Watch:
+    def play(
+        self, motion: str, seconds: float, each_tick: Callable[[Deck, RecognitionWatch, EmulatedPort | None], None]
+    ) -> RecognitionWatch:
         """Plays from one motion on, watches, and says so tick by tick."""
         clock, robot = SimulatedClock(RATE), self.robot
         if self.config is None:
@@ -80,7 +82,7 @@ class Stage:
             rig = DynamixelRig(self.config, Bus(clock.port, self.config.baud))
             output = RigOutput(rig, robot.joints, self.config.rate_hz)  # pyright: ignore[reportArgumentType]
             channel = Channel(output, round(RATE / self.config.rate_hz))
-        watch = Watch(
+        watch = RecognitionWatch(
             Watching(PATIENCE, stop=False),
             self.library,
             deepcopy(robot.retarget),
@@ -122,7 +124,7 @@ def switching(stage: Stage, seconds: float, every: float, seed: int) -> dict[str
     unseen: list[str] = []
     due, under_way = every, None
 
-    def each_tick(deck: Deck, watch: Watch, port: EmulatedPort | None) -> None:
+    def each_tick(deck: Deck, watch: RecognitionWatch, port: EmulatedPort | None) -> None:
         nonlocal due, under_way
         if under_way is not None and watch.watch.seen == under_way.to:
             (roundabout if under_way.after or under_way.via else straight).append(deck.time - under_way.commanded_s)
@@ -188,7 +190,9 @@ def jams(stage: Stage, count: int, seed: int) -> dict[str, object]:
     for motion, device, at in pairs[:count]:
         device, at = int(device), float(at)
 
-        def jam(deck: Deck, watch: Watch, port: EmulatedPort | None, device: int = device, at: float = at) -> None:
+        def jam(
+            deck: Deck, watch: RecognitionWatch, port: EmulatedPort | None, device: int = device, at: float = at
+        ) -> None:
             if port is not None and deck.time >= at:
                 servo = port.bus.devices[device]
                 servo.bank.drive.jammed[servo.row] = True

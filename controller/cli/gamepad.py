@@ -19,6 +19,7 @@ from controller.wire.command_socket import (
     DEFAULT_PORT,
     CommandClient,
     EmergencyStop,
+    GetStatus,
     Home,
     Message,
     Pause,
@@ -27,7 +28,6 @@ from controller.wire.command_socket import (
     Resume,
     SetSpeed,
     State,
-    Status,
     Stop,
     Switch,
 )
@@ -132,7 +132,7 @@ def drive(device: BinaryIO, client: CommandClient) -> None:
     """
     from controller.cli.session.terminal import describe
 
-    state = client.request(Status())
+    state = client.request(GetStatus())
     if not isinstance(state, State):
         raise MotiondeckError(f"the deck does not say what it plays: {describe(state)}")
     pad = Pad(state.motions, state.motion)

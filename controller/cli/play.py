@@ -188,14 +188,14 @@ def play(
 
     from controller.cli.session.recognition_watch import Watching
     from controller.cli.session.report import summary
-    from controller.cli.session.robot_on_deck import Cast
+    from controller.cli.session.robot_on_deck import RobotSetup
     from controller.cli.session.session import Session, Settings
     from controller.deck.deck import Deck
     from controller.wire.authentication import read_token
 
     second = None
     if follow is not None:
-        second = Cast(
+        second = RobotSetup(
             find("robot", follow, ".toml"),
             rig_file(follow_rig, follow),
             follow_rig == "emulated",
@@ -207,7 +207,7 @@ def play(
         raise MotiondeckError("--follow-rig needs --follow ROBOT: whose servos are they?")
     if listen is not None and token_file is None:
         raise MotiondeckError(f"--listen {listen} needs --token-file FILE: anybody could move the robot otherwise")
-    player = Cast(find("robot", robot, ".toml"), rig_file(rig, robot), rig == "emulated", root, balance, solver)
+    player = RobotSetup(find("robot", robot, ".toml"), rig_file(rig, robot), rig == "emulated", root, balance, solver)
     settings = Settings(
         robot=replace(player, apart=check_collisions),
         rate=rate,

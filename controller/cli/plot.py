@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from controller.wire.run_recording import Recording
+    from controller.wire.run_recording import RunRecording
 
 
 def plot(
@@ -45,7 +45,7 @@ def plot(
     print(f"wrote {picture}")
 
 
-def measure(recording: Recording) -> dict[str, Any]:
+def measure(recording: RunRecording) -> dict[str, Any]:
     """A recording in figures."""
     import numpy as np
 
@@ -68,7 +68,7 @@ def measure(recording: Recording) -> dict[str, Any]:
     }
 
 
-def _draw(recording: Recording, picture: Path) -> None:
+def _draw(recording: RunRecording, picture: Path) -> None:
     """Three panels over the same time.
 
     Raises:

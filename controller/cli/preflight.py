@@ -15,7 +15,7 @@ import typer
 
 if TYPE_CHECKING:
     from controller.deck.interfaces import JointLimits
-    from sim.physics.preflight import Verdict
+    from sim.physics.preflight import PreflightVerdict
     from sim.robots.robot import Robot
 
 
@@ -77,7 +77,7 @@ def preflight(
     physics_model(body, root)  # an unknown root is better refused now
     body, limits = _on_rig(body, rig)
     judge = Preflight(body, limits, root, balance)
-    verdicts: list[Verdict] = []
+    verdicts: list[PreflightVerdict] = []
     with _progress("motions", len(loaded.network.motions)) as tick:
         for take in motion_takes(loaded, body):
             verdicts.append(judge.judge(take, simulate=True, tempo=speed))
@@ -130,9 +130,11 @@ def _on_rig(body: Robot, rig: str | None) -> tuple[Robot, JointLimits]:
     return replace(body, servo=servo), narrowed(body.limits, body, config)
 
 
-def _by_their_parts(judged: dict[str, Verdict], ways: dict[tuple[str, str], tuple[str, ...]]) -> list[Verdict]:
+def _by_their_parts(
+    judged: dict[str, PreflightVerdict], ways: dict[tuple[str, str], tuple[str, ...]]
+) -> list[PreflightVerdict]:
     """Switches that go by way of other motions: all that is found on the way, and the slowest of its speeds."""
-    from sim.physics.preflight import Verdict
+    from sim.physics.preflight import PreflightVerdict
 
     found = []
     for (source, target), via in ways.items():
@@ -142,14 +144,14 @@ def _by_their_parts(judged: dict[str, Verdict], ways: dict[tuple[str, str], tupl
         tempos = [part.passes_at for part in parts]
         passes = None if None in tempos else min(tempo for tempo in tempos if tempo is not None)
         findings = tuple(finding for part in parts for finding in part.findings)
-        found.append(Verdict(f"{source} > {target}", findings, passes, via))
+        found.append(PreflightVerdict(f"{source} > {target}", findings, passes, via))
     return found
 
 
 def _report(
-    verdicts: list[Verdict], motions: int, library: str, robot: str, root: str, balance: bool, speed: float
+    verdicts: list[PreflightVerdict], motions: int, library: str, robot: str, root: str, balance: bool, speed: float
 ) -> dict[str, Any]:
-    def said(verdict: Verdict) -> dict[str, Any]:
+    def said(verdict: PreflightVerdict) -> dict[str, Any]:
         # Of a switch by way of others its parts say the numbers.
         findings = [] if verdict.by_way_of else [asdict(finding) for finding in verdict.findings]
         return {
@@ -173,7 +175,7 @@ def _report(
     }
 
 
-def _print(verdicts: list[Verdict], motions: int, report: dict[str, Any]) -> None:
+def _print(verdicts: list[PreflightVerdict], motions: int, report: dict[str, Any]) -> None:
     """A row a motion, green where all is well; of the switches only what is not."""
     from rich import box
     from rich.console import Console
@@ -218,13 +220,13 @@ def _cell(value: float, limit: float | None, ok: bool) -> str:
     return words if limit is None else f"[{'green' if ok else 'red'}]{words}[/]"
 
 
-def _tempo(verdict: Verdict) -> str:
+def _tempo(verdict: PreflightVerdict) -> str:
     if verdict.passes_at is None:
         return "[red]no tempo[/]"
     return f"[{'green' if verdict.ok else 'yellow'}]{verdict.passes_at:.2f}[/]"
 
 
-def _remedy(verdict: Verdict) -> str:
+def _remedy(verdict: PreflightVerdict) -> str:
     if verdict.passes_at is None:
         return "no slower tempo mends it"
     return f"passes at tempo {verdict.passes_at:.2f}"

@@ -46,7 +46,7 @@ def replay(
     Example:  motiondeck replay show.rec --rig emulated
     """
     from controller.cli.session.report import summary
-    from controller.cli.session.robot_on_deck import Cast
+    from controller.cli.session.robot_on_deck import RobotSetup
     from controller.cli.session.session import Session, Settings
     from controller.deck.recorded_deck import RecordedDeck
     from controller.library.motion_library import load_library
@@ -69,7 +69,7 @@ def replay(
     root, balance = str(recording.description.get("root", "gantry")), bool(recording.description.get("balance"))
     deck = RecordedDeck(recording, same_robot=robot is None or Path(robot).stem == recorded)
     settings = Settings(
-        robot=Cast(find("robot", body, ".toml"), rig_file(rig, body), rig == "emulated", root, balance),
+        robot=RobotSetup(find("robot", body, ".toml"), rig_file(rig, body), rig == "emulated", root, balance),
         rate=rate if rate is not None else float(recording.description["rate"]),
         physics=not kinematic,
         realtime=False,

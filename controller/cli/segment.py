@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from controller.recognition.segmentation.labels import Labels
 
 
-class Way(StrEnum):
+class SegmentMethod(StrEnum):
     """How a recording is cut."""
 
     EXPERTS = "experts"
@@ -25,7 +25,7 @@ class Way(StrEnum):
 
 def segment(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="The recording (.amc, .mat).")],
-    method: Annotated[Way, typer.Option("--method", help="How to cut.")] = Way.CHANGE_POINTS,
+    method: Annotated[SegmentMethod, typer.Option("--method", help="How to cut.")] = SegmentMethod.CHANGE_POINTS,
     labels: Annotated[
         Path | None, typer.Option("--labels", help="Marked borders to score against (and for experts to learn from).")
     ] = None,
@@ -63,9 +63,9 @@ def segment(
 
     if not file.is_file():
         raise MotiondeckError(f"{file}: there is no such file")
-    if recognizer is not None and method is not Way.EXPERTS:
+    if recognizer is not None and method is not SegmentMethod.EXPERTS:
         raise MotiondeckError(f"--recognizer goes with --method experts, not with {method.value}")
-    if count is not None and method is not Way.PLANES:
+    if count is not None and method is not SegmentMethod.PLANES:
         raise MotiondeckError(f"--segments goes with --method planes, not with {method.value}")
     if plot is not None:
         from controller.cli.pictures.centralized_plots import need_folder
@@ -75,7 +75,9 @@ def segment(
     marked = read_labels(labels) if labels else None
     if marked is not None and abs(marked.frames - len(clip)) > 0.05 * len(clip):
         raise MotiondeckError(f"{labels}: speaks of {marked.frames} frames, but {file} has {len(clip)}. Wrong trial?")
-    cut = _by_experts(clip, marked, recognizer) if method is Way.EXPERTS else _unsupervised(clip, method, count)
+    cut = (
+        _by_experts(clip, marked, recognizer) if method is SegmentMethod.EXPERTS else _unsupervised(clip, method, count)
+    )
     said: dict[str, Any] = {"file": str(file), "method": method.value, "frames": len(clip), **cut}
     if marked is not None:
         import numpy as np
@@ -152,18 +154,18 @@ def _by_experts(clip: Clip, marked: Labels | None, recognizer: Path | None) -> d
     return said
 
 
-def _unsupervised(clip: Clip, method: Way, count: int | None) -> dict[str, Any]:
+def _unsupervised(clip: Clip, method: SegmentMethod, count: int | None) -> dict[str, Any]:
     import numpy as np
 
     from controller.recognition.features import FeatureRecipe, features
     from controller.recognition.segmentation import change_points
 
-    if method is Way.PLANES:
+    if method is SegmentMethod.PLANES:
         from controller.mocap.segmentation import body_features, find_segments
 
         ends = find_segments(body_features(clip), clip.rate, count)
         return {"segments": [_segment(None, first, end, clip.rate) for first, end in ends]}
-    by_kernel = method is Way.CHANGE_POINTS
+    by_kernel = method is SegmentMethod.CHANGE_POINTS
     rate = change_points.KERNEL_RATE if by_kernel else change_points.PREDICTION_RATE
     signal = features(clip, FeatureRecipe(height=True, rate=rate))
     cut = change_points.kernel_change_points if by_kernel else change_points.cross_prediction

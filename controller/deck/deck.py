@@ -14,7 +14,7 @@ from controller.deck.interfaces import Retargeter
 from controller.deck.joining import Joining
 from controller.deck.performance import Performance
 from controller.deck.routes import Routes
-from controller.deck.switch import Switch
+from controller.deck.switch import CommandedSwitch
 from controller.deck.tempo import Paced
 from controller.deck.walked_path import Path
 from controller.library.motion_library import MotionLibrary
@@ -22,7 +22,7 @@ from controller.mocap.posture import Pose, Posture
 from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
-__all__ = ["MOST_QUEUED", "REMEMBERED_SWITCHES", "Deck", "Switch"]
+__all__ = ["MOST_QUEUED", "REMEMBERED_SWITCHES", "CommandedSwitch", "Deck"]
 
 REMEMBERED_SWITCHES = 1_000
 MOST_QUEUED = 32
@@ -60,15 +60,15 @@ class Deck(Paced):
         self._show = Performance(library, motion, joining)
         self._routes = Routes.between(self._show.repertoire)
         self._direct = direct
-        self._current: Switch | None = None  # the switch that is being carried out
-        self._fading: Switch | None = None  # the switch that the fade belongs to
-        self._mixing: Switch | None = None  # the switch that the present mixture belongs to
-        self._blended: Switch | None = None  # the switch that was mixed in last
+        self._current: CommandedSwitch | None = None  # the switch that is being carried out
+        self._fading: CommandedSwitch | None = None  # the switch that the fade belongs to
+        self._mixing: CommandedSwitch | None = None  # the switch that the present mixture belongs to
+        self._blended: CommandedSwitch | None = None  # the switch that was mixed in last
         self._ahead: deque[str] = deque()  # the motions that the current one has still to begin
-        self._queued: deque[Switch] = deque()
+        self._queued: deque[CommandedSwitch] = deque()
         self._waits = False  # whether the next of them waits for the end of what is played
         self.time = 0.0
-        self.switches: deque[Switch] = deque(maxlen=REMEMBERED_SWITCHES)
+        self.switches: deque[CommandedSwitch] = deque(maxlen=REMEMBERED_SWITCHES)
         super().__init__()
         self._path = Path()
         self.pose = self._path.place(self.posture, 0.0)
@@ -113,7 +113,7 @@ class Deck(Paced):
         """What is played after the present motion."""
         return [switch.to for switch in self._queued]
 
-    def switch(self, to: str, *, direct: bool = False) -> Switch:
+    def switch(self, to: str, *, direct: bool = False) -> CommandedSwitch:
         """Starts a switch at the next update, or when the motion that happens once has ended; the queue is forgotten.
 
         A switch to the loop that is playing is settled at once; asked for again, a switch under way goes on. Where the
@@ -134,9 +134,9 @@ class Deck(Paced):
             self._forget(self._queued)
             self._queued.clear()
             return current
-        return self._command(Switch(to, self.time), direct)
+        return self._command(CommandedSwitch(to, self.time), direct)
 
-    def blend_in(self, first: str, second: str, share: float) -> Switch:
+    def blend_in(self, first: str, second: str, share: float) -> CommandedSwitch:
         """Plays a mixture of two motions that go on for ever: both run side by side, and their frames are mixed.
 
         The first is switched to if it is not played, then the second is mixed in; at a share of 0 or 1 one plays alone.
@@ -161,9 +161,9 @@ class Deck(Paced):
             raise MotiondeckError(f"{first} and {second} are too far apart to be blended: between them lies {via[0]}")
         if self.blend is not None and (self.playing, self._show.other) == (second, first):
             first, second, share = second, first, 1.0 - share
-        return self._command(Switch(first, self.time, blend=(second, share)), self._direct)
+        return self._command(CommandedSwitch(first, self.time, blend=(second, share)), self._direct)
 
-    def enqueue(self, to: str) -> Switch:
+    def enqueue(self, to: str) -> CommandedSwitch:
         """Plays a motion after what is played and queued.
 
         Raises:
@@ -173,7 +173,7 @@ class Deck(Paced):
         self._check(to)
         if len(self._queued) >= MOST_QUEUED:
             raise MotiondeckError(f"{MOST_QUEUED} motions are queued, and no more can be")
-        switch = Switch(to, self.time)
+        switch = CommandedSwitch(to, self.time)
         self.switches.append(switch)
         self._queued.append(switch)
         self._show.await_round()
@@ -202,7 +202,7 @@ class Deck(Paced):
         self.pose = self._path.place(shown, dt)
         return self._retarget(self.pose), self.pose
 
-    def _command(self, switch: Switch, direct: bool) -> Switch:
+    def _command(self, switch: CommandedSwitch, direct: bool) -> CommandedSwitch:
         """Sets out on a switch; what was commanded before is forgotten."""
         self._forget(self._queued)
         self._queued.clear()
@@ -213,11 +213,11 @@ class Deck(Paced):
         self._set_out(switch, direct)
         return switch
 
-    def _forget(self, switches: Iterable[Switch]) -> None:
+    def _forget(self, switches: Iterable[CommandedSwitch]) -> None:
         for switch in switches:
             switch.overtaken = True
 
-    def _set_out(self, switch: Switch, direct: bool) -> None:
+    def _set_out(self, switch: CommandedSwitch, direct: bool) -> None:
         """Makes a switch the current one and lays out its way."""
         show, here = self._show, self._show.here
         if switch.to == here.name and here.loop and (not show.other or (switch.blend or ("",))[0] == show.other):
@@ -245,13 +245,13 @@ class Deck(Paced):
             self._set_out(self._queued.popleft(), self._direct)
         return bool(self._ahead) and (over or not self._waits)
 
-    def _mix(self, switch: Switch) -> None:
+    def _mix(self, switch: CommandedSwitch) -> None:
         """Mixes in what a switch has to have mixed in, now that its motion is played."""
         assert switch.blend is not None
         self._show.mix(*switch.blend)
         self._mixing = self._blended = switch
 
-    def _settle(self, switch: Switch) -> None:
+    def _settle(self, switch: CommandedSwitch) -> None:
         switch.settled_s = self.time
         self._current = None
 
@@ -279,7 +279,7 @@ class Deck(Paced):
         blended.fell_back = f"{first} with {share:.2f} of {second} {trouble}, fell back to {nearer}"
         if self._current is not None:
             self._forget([self._current])
-        switch = Switch(nearer, self.time)
+        switch = CommandedSwitch(nearer, self.time)
         self.switches.append(switch)
         self._current, self._waits = switch, False
         self._ahead.append(nearer)

@@ -18,7 +18,7 @@ _CUBIC = 0.5 * np.array([[0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3
 
 
 @dataclass(frozen=True)
-class Playhead:
+class PlayerState:
     """A copy of a player's whole state."""
 
     motion: str
@@ -77,11 +77,11 @@ class FramePlayer:
         np.dot(self._powers, _CUBIC, out=self._weights)
         return np.dot(self._weights, self._frames, out=self._out)
 
-    def snapshot(self) -> Playhead:
+    def snapshot(self) -> PlayerState:
         """A copy of the state: two runs from one snapshot are identical."""
-        return Playhead(self.motion, self.network.snapshot(), self._frames.copy(), self._fraction)
+        return PlayerState(self.motion, self.network.snapshot(), self._frames.copy(), self._fraction)
 
-    def restore(self, playhead: Playhead) -> None:
+    def restore(self, playhead: PlayerState) -> None:
         """Puts the state back to a snapshot."""
         self.motion = playhead.motion
         self.network.restore(playhead.network)

@@ -16,7 +16,7 @@ from controller.deck.frame_player import FramePlayer
 from controller.deck.joining import Joining
 from controller.deck.mixture import Mixture
 from controller.deck.repertoire import Motion, read_repertoire
-from controller.deck.transition import Crossing, Fade, best_anchor, difference
+from controller.deck.transition import Fade, NetworkSwitch, best_anchor, difference
 from controller.library.motion_library import MotionLibrary, Network
 from controller.mocap.posture import Posture
 from controller.networks.base import CrossingNetwork
@@ -57,7 +57,7 @@ class Performance:
         self._player.cue(motion)
         self._watch: BlendWatch | None = None
         self.trouble = ""
-        self._fade: Fade | Crossing | None = None
+        self._fade: Fade | NetworkSwitch | None = None
         self._fade_start = 0.0
         self._turned = 0.0  # by how much the heading has turned since, rad
         self.at, self.end = 0.0, self.here.seconds
@@ -94,7 +94,7 @@ class Performance:
     @property
     def blend(self) -> tuple[str, float] | None:
         """What is mixed into the motion that is played, and its present share."""
-        blended = self._mixture.mixed and not isinstance(self._fade, Crossing)
+        blended = self._mixture.mixed and not isinstance(self._fade, NetworkSwitch)
         return (self._mixture.other, self._mixture.share) if blended else None
 
     @property
@@ -153,7 +153,7 @@ class Performance:
             anchor = self._anchor(motion, self.posture, shown)
             self._enter(motion, anchor, shown, bound)
             if joining == "cut":
-                self._fade = Crossing(self._mixture)  # which is on no way: it is over at once
+                self._fade = NetworkSwitch(self._mixture)  # which is on no way: it is over at once
         self.at = anchor * entering.spacing
         self.end = entering.seconds + (self.at if entering.loop else 0.0)
 
@@ -202,7 +202,7 @@ class Performance:
         dt, speed, entering = self._dt, self._speed, self.repertoire[motion]
         self._fade_start = self._time
         if inside and isinstance(self._core, CrossingNetwork):
-            self._fade = Crossing(self._core)
+            self._fade = NetworkSwitch(self._core)
             return self._player.cross(self._core, motion, len(entering.places))
         anchor, seconds = self._anchor(motion, self.posture, shown), MORPH_SECONDS
         if not inside:
@@ -212,7 +212,7 @@ class Performance:
             seconds = difference((self.posture, shown), (before, now), dt, self._limbs, bound).duration
         self._mixture.mix(motion, 1.0, round(seconds * self._player.rate), anchor, inside=inside)
         self._player.motion = motion
-        self._fade = Crossing(self._mixture)
+        self._fade = NetworkSwitch(self._mixture)
         return anchor
 
     def _anchor(self, motion: str, before: Posture, now: Posture) -> int:

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from controller.deck.interfaces import PlacedPose
-from controller.deck.switch import Switch
+from controller.deck.switch import CommandedSwitch
 from controller.deck.tempo import Paced
 from controller.mocap.posture import Pose
 from controller.rotations import Array, normalise
-from controller.wire.run_recording import Recording
+from controller.wire.run_recording import RunRecording
 from motiondeck_base.errors import MotiondeckError
 
 
 class RecordedDeck(Paced):
-    """Plays the targets of a recording; fits `course.Player` and `command_desk.Commandable`.
+    """Plays the targets of a recording; fits `run_phases.Player` and `command_desk.Commandable`.
 
     Args:
         recording: with at least one tick.
@@ -31,12 +31,12 @@ class RecordedDeck(Paced):
         MotiondeckError: if nothing was recorded.
     """
 
-    def __init__(self, recording: Recording, *, same_robot: bool = True) -> None:
+    def __init__(self, recording: RunRecording, *, same_robot: bool = True) -> None:
         if recording.ticks == 0:
             raise MotiondeckError("there is no tick in this recording")
         fields = recording.fields
         self.motions = tuple(recording.description["motions"])
-        self.switches: list[Switch] = []
+        self.switches: list[CommandedSwitch] = []
         self.queue: list[str] = []
         self.settled = True
         self.recues = 0
@@ -85,7 +85,7 @@ class RecordedDeck(Paced):
             pose = PlacedPose(pose.root_position, pose.heading, pose.rotation, place)
         return between(self._targets), pose
 
-    def switch(self, to: str, *, direct: bool = False) -> Switch:
+    def switch(self, to: str, *, direct: bool = False) -> CommandedSwitch:
         """Refuses.
 
         Raises:
@@ -93,7 +93,7 @@ class RecordedDeck(Paced):
         """
         raise MotiondeckError(f"a recording is being replayed, so there is no switching to {to}")
 
-    def enqueue(self, to: str) -> Switch:
+    def enqueue(self, to: str) -> CommandedSwitch:
         """Refuses.
 
         Raises:
@@ -111,7 +111,7 @@ class RecordedDeck(Paced):
         """Nothing."""
         return ""
 
-    def blend_in(self, first: str, second: str, share: float) -> Switch:
+    def blend_in(self, first: str, second: str, share: float) -> CommandedSwitch:
         """Refuses.
 
         Raises:

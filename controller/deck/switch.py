@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(slots=True)
-class Switch:
+class CommandedSwitch:
     """A switch that was commanded; times in s since the deck's start, None while still to come.
 
     Attributes:

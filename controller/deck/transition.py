@@ -90,7 +90,7 @@ class GoingOver(Protocol):
 
 
 @dataclass(frozen=True)
-class Crossing:
+class NetworkSwitch:
     """A switch that the network carries out by itself: nothing is left to fade, and both motions keep their tempo."""
 
     network: GoingOver

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from controller.library.motion_library import AnyNetwork
-from controller.measures.disturbance import Kind, Watched, disturbed
+from controller.measures.disturbance import GuardKnowledge, Kind, disturbed
 from controller.measures.run_batch import batch_of
 from controller.measures.self_test import Judge
 from controller.networks.guard import beat, spread
@@ -138,7 +138,7 @@ def _train(recipe: LibraryRecipe, syllabus: Syllabus, seed: int) -> Subject:
 def _count(kind: Kind, subject: Subject, motion: str, runs: int, judge: Judge, length: int, guarded: bool) -> Count:
     network, loop = subject.network, judge.loops[motion]
     scale = spread(network)
-    watched = Watched(beat(network, motion, scale, length, loop=loop), scale, network.anchors(motion)[0])
+    watched = GuardKnowledge(beat(network, motion, scale, length, loop=loop), scale, network.anchors(motion)[0])
     failed: list[int] = []
     reason = ""
     with threadpool_limits(1):

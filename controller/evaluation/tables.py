@@ -8,12 +8,12 @@ from typing import Literal
 
 import numpy as np
 
-from benchmarks.papers.training_cost import Cost, exponent
+from benchmarks.papers.training_cost import TrainingCost, exponent
 from controller.evaluation.sweep import Count
 from controller.evaluation.training_error import TrainingError
-from controller.evaluation.transitions import Crossing
+from controller.evaluation.transitions import MeasuredTransition
 from controller.measures.intervals import wilson
-from controller.measures.self_test import Verdict
+from controller.measures.self_test import MotionVerdict
 
 Value = str | int | float | None
 
@@ -74,7 +74,9 @@ def failure_table(title: str, counts: Sequence[Count], thesis: dict[str, float],
     return Table(title, rows, (*(("thesis %",) if known else ()), *(f"{kind} %" for kind in kinds)), notes)
 
 
-def crossing_table(title: str, crossings: Sequence[Crossing], loops: dict[str, bool], notes: list[str]) -> Table:
+def crossing_table(
+    title: str, crossings: Sequence[MeasuredTransition], loops: dict[str, bool], notes: list[str]
+) -> Table:
     """Median, 95th percentile and maximum of each measure, by method and kind of target."""
     rows: list[dict[str, Value]] = []
     for method in dict.fromkeys(crossing.method for crossing in crossings):
@@ -99,7 +101,7 @@ def crossing_table(title: str, crossings: Sequence[Crossing], loops: dict[str, b
 THESIS_EXPONENTS = {"N": (3.0, 2.0), "T": (3.0, 1.0), "P": (3.0, 1.0)}
 
 
-def cost_table(title: str, found: Sequence[Cost], notes: list[str], *, bounds: bool = True) -> Table:
+def cost_table(title: str, found: Sequence[TrainingCost], notes: list[str], *, bounds: bool = True) -> Table:
     """What each network cost, and with which power the costs grow, beside the thesis's bounds for reservoirs."""
     rows: list[dict[str, Value]] = []
     for cost in found:
@@ -125,7 +127,7 @@ def cost_table(title: str, found: Sequence[Cost], notes: list[str], *, bounds: b
 def training_table(
     title: str,
     errors: Sequence[TrainingError],
-    verdicts: Sequence[dict[str, Verdict]],
+    verdicts: Sequence[dict[str, MotionVerdict]],
     thesis: dict[str, float],
     notes: list[str],
 ) -> Table:

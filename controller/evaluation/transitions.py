@@ -41,7 +41,7 @@ METHODS = ("morph", "deck", "crossfade", "cut")
 
 
 @dataclass(frozen=True)
-class Crossing:
+class MeasuredTransition:
     """One transition.
 
     Attributes:
@@ -73,7 +73,7 @@ def all_crossings(
     holds: bool = True,
     jobs: int = 1,
     tick: Callable[[], None] = lambda: None,
-) -> list[Crossing]:
+) -> list[MeasuredTransition]:
     """Every ordered pair, by all methods; one switch a pair, at a random moment of the source.
 
     Args:
@@ -94,7 +94,7 @@ def all_crossings(
     judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, holds=holds)
     peaks = {name: _own_peaks(syllabus, frames, syllabus.loops[name]) for name, frames in syllabus.frames.items()}
     tasks = (delayed(_from)(source, library, syllabus, judge, peaks) for source in syllabus.frames)
-    found: list[Crossing] = []
+    found: list[MeasuredTransition] = []
     results: Any = Parallel(n_jobs=jobs, return_as="generator")(tasks)
     for crossings in results:
         found += crossings
@@ -104,7 +104,7 @@ def all_crossings(
 
 def _from(
     source: str, library: MotionLibrary, syllabus: Syllabus, judge: Judge, peaks: dict[str, Array]
-) -> list[Crossing]:
+) -> list[MeasuredTransition]:
     """All transitions out of one motion."""
     crossings = []
     motions = list(syllabus.frames)
@@ -197,9 +197,9 @@ def _measured(
     judge: Judge,
     peaks: dict[str, Array],
     rate: float,
-) -> Crossing:
+) -> MeasuredTransition:
     if not np.isfinite(run).all():
-        return Crossing(source, target, method, end - start, inf, inf, inf, inf, True, "the network ran away")
+        return MeasuredTransition(source, target, method, end - start, inf, inf, inf, inf, True, "the network ran away")
     # What is shown: the thesis draws the vectors as they come, shrunken bones and all.
     skeleton = judge.encoding.skeleton
     vectors = run[:, FIRST_BONE : FIRST_BONE + 3 * len(skeleton)].reshape(len(run), -1, 3)
@@ -211,7 +211,9 @@ def _measured(
     reason = _failure(target, run[end:], judge)
     velocity, acceleration, jerk = ratios.tolist()
     error = float(np.abs(length - 1.0).max())
-    return Crossing(source, target, method, end - start, velocity, acceleration, jerk, error, bool(reason), reason)
+    return MeasuredTransition(
+        source, target, method, end - start, velocity, acceleration, jerk, error, bool(reason), reason
+    )
 
 
 def _failure(target: str, run: Array, judge: Judge) -> str:

@@ -13,6 +13,7 @@ from controller.wire.command_socket import (
     Blend,
     CommandServer,
     EmergencyStop,
+    GetStatus,
     Home,
     Message,
     Queue,
@@ -23,7 +24,6 @@ from controller.wire.command_socket import (
     SetSpeed,
     Settled,
     State,
-    Status,
     Stop,
     Switch,
 )
@@ -172,7 +172,7 @@ class CommandDesk:
         progress: Progress | None = None
         try:
             match message:
-                case Status():
+                case GetStatus():
                     return self._state(message, stop), None
                 case EmergencyStop():
                     stop.halt()

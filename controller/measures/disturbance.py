@@ -15,8 +15,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.measures.run_batch import Batch
-from controller.networks.guard import Beat, Watch
+from controller.measures.run_batch import RunBatch
+from controller.networks.guard import Beat, LossWatch
 from controller.rotations import Array
 
 Kind = Literal["robustness", "stability"]
@@ -27,7 +27,7 @@ NOISY_STEPS = 250
 
 
 @dataclass(frozen=True)
-class Watched:
+class GuardKnowledge:
     """What a guard has to know to look on.
 
     Attributes:
@@ -42,7 +42,7 @@ class Watched:
 
 
 def disturbed(
-    kind: Kind, batch: Batch, runs: int, rng: np.random.Generator, watched: Watched | None = None
+    kind: Kind, batch: RunBatch, runs: int, rng: np.random.Generator, watched: GuardKnowledge | None = None
 ) -> NDArray[np.float32]:
     """Disturbs a batch of runs that stands at its start, and plays it.
 
@@ -58,7 +58,7 @@ def disturbed(
     """
     if kind == "robustness":
         batch.displace(rng.uniform(-START_NOISE, START_NOISE, (runs, batch.neurons)).astype(np.float32))
-    watch = Watch(watched.beat, watched.scale, np.repeat(watched.start[None], runs, axis=0)) if watched else None
+    watch = LossWatch(watched.beat, watched.scale, np.repeat(watched.start[None], runs, axis=0)) if watched else None
     out: list[NDArray[np.float32]] = []
     noisy = NOISY_STEPS if kind == "stability" else 0
     with np.errstate(all="ignore"):  # a network that runs away is a result
@@ -73,7 +73,7 @@ def disturbed(
     return np.stack(out, axis=1)
 
 
-def _put_back(batch: Batch, watch: Watch, lost: NDArray[np.bool_]) -> None:
+def _put_back(batch: RunBatch, watch: LossWatch, lost: NDArray[np.bool_]) -> None:
     rows = np.flatnonzero(lost)
     if len(rows):
         batch.cue(rows, watch.restart(rows))

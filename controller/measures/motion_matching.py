@@ -48,7 +48,7 @@ def window_count(frames: int) -> int:
 
 
 @dataclass(frozen=True)
-class Match:
+class MotionMatch:
     """How the windows of a run compare with the motions of a library.
 
     Attributes:
@@ -79,7 +79,7 @@ class Matcher:
         """How many windows a motion has."""
         return len(self._windows[motion])
 
-    def match(self, run: Array, meant: int, *, alone: bool = False) -> Match:
+    def match(self, run: Array, meant: int, *, alone: bool = False) -> MotionMatch:
         """Compares a run of features (T, F) with all motions, or with the one that was meant alone."""
         seen = windows(run)
         square = np.square(seen).sum(1)
@@ -93,7 +93,7 @@ class Matcher:
             if j == meant:
                 place = distance.argmin(1)
         rms = np.sqrt(np.maximum(nearest, 0.0) / self._joints)
-        return Match(rms.argmin(0), rms[meant], place)
+        return MotionMatch(rms.argmin(0), rms[meant], place)
 
     def nearest(self, run: Array, motion: int) -> Array:
         """How near a run of features (T, F) comes to each window of a motion, shape (n,), mm."""

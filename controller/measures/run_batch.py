@@ -22,7 +22,7 @@ Float32 = NDArray[np.float32]
 Rows = NDArray[Any]
 
 
-class Batch(Protocol):
+class RunBatch(Protocol):
     """R runs of one motion.
 
     Attributes:
@@ -191,7 +191,7 @@ class RandomFeatureBatch:
 
 def batch_of(
     network: ReservoirNetwork | CentralizedNetwork, motion: str, runs: int, weights: Float32 | None = None
-) -> Batch:
+) -> RunBatch:
     """R runs of one motion of whichever network; see `ConceptorBatch` for the weights."""
     if isinstance(network, CentralizedNetwork):
         return CentralizedBatch(network, motion, runs)

@@ -36,7 +36,7 @@ STILL_MM = 0.3
 
 
 @dataclass(frozen=True)
-class Verdict:
+class MotionVerdict:
     """What the self-test found.
 
     Attributes:
@@ -61,12 +61,12 @@ def run_free(network: FrameNetwork, motion: str, frames: int) -> Array:
     return out
 
 
-def self_test(network: FrameNetwork, judge: Judge, motions: Iterable[str] | None = None) -> dict[str, Verdict]:
+def self_test(network: FrameNetwork, judge: Judge, motions: Iterable[str] | None = None) -> dict[str, MotionVerdict]:
     """Runs motions of a network free, all of them unless told which, and judges them: one verdict a motion."""
     return {name: _tested(network, judge, name) for name in (judge.loops if motions is None else motions)}
 
 
-def _tested(network: FrameNetwork, judge: Judge, motion: str) -> Verdict:
+def _tested(network: FrameNetwork, judge: Judge, motion: str) -> MotionVerdict:
     length = judge.length(motion)
     run = run_free(network, motion, RUN_LENGTHS * length)
     verdict = judge(motion, run)
@@ -110,23 +110,25 @@ class Judge:
         nearest = self._matcher.nearest(joint_features(self.encoding, run), index)
         return float(np.mean(nearest <= LOST_MM))
 
-    def __call__(self, motion: str, run: Array) -> Verdict:
+    def __call__(self, motion: str, run: Array) -> MotionVerdict:
         """The verdict on the channels (T, C) of a run."""
         index = self._names.index(motion)
         features = joint_features(self.encoding, run)
         return judge(features, self._matcher, index, self._features[index], loop=self.loops[motion], holds=self.holds)
 
 
-def judge(run: Array, matcher: Matcher, index: int, reference: Array, *, loop: bool, holds: bool = True) -> Verdict:
+def judge(
+    run: Array, matcher: Matcher, index: int, reference: Array, *, loop: bool, holds: bool = True
+) -> MotionVerdict:
     """The verdict on one run of features (T, F) of the motion at an index, learned from reference features."""
     if not np.isfinite(run).all():
-        return Verdict(False, np.inf, 0.0, "the network ran away")
+        return MotionVerdict(False, np.inf, 0.0, "the network ran away")
     if loop:
         return _judge_loop(run, matcher, index, reference)
     return _judge_once(run, matcher, index, reference, holds=holds)
 
 
-def _judge_once(run: Array, matcher: Matcher, index: int, reference: Array, *, holds: bool) -> Verdict:
+def _judge_once(run: Array, matcher: Matcher, index: int, reference: Array, *, holds: bool) -> MotionVerdict:
     """The verdict on features (T, F) of a motion that happens once, learned from reference features."""
     found = matcher.match(run, index, alone=True)
     error = float(np.median(found.distance[2 * len(found.distance) // 3 :]))
@@ -135,13 +137,13 @@ def _judge_once(run: Array, matcher: Matcher, index: int, reference: Array, *, h
     passed_through = rising_length(places[moving[places]]) / max(1, int(moving.sum()))
     end = float(np.sqrt(np.square(run[-1] - reference[-1]).sum() / (len(run[-1]) / 3.0)))
     if passed_through < 0.7:
-        return Verdict(False, error, 1.0, f"went through {passed_through:.0%} of the motion only")
+        return MotionVerdict(False, error, 1.0, f"went through {passed_through:.0%} of the motion only")
     if holds and end > LOST_MM:
-        return Verdict(False, error, 1.0, f"holds a pose {end:.0f} mm away from the last one")
-    return Verdict(True, error, 1.0, "")
+        return MotionVerdict(False, error, 1.0, f"holds a pose {end:.0f} mm away from the last one")
+    return MotionVerdict(True, error, 1.0, "")
 
 
-def _judge_loop(run: Array, matcher: Matcher, index: int, reference: Array) -> Verdict:
+def _judge_loop(run: Array, matcher: Matcher, index: int, reference: Array) -> MotionVerdict:
     """The verdict on features (T, F) of a loop, by the last third of its windows."""
     found = matcher.match(run[STRIDE * (2 * window_count(len(run)) // 3) :], index)
     error = float(np.median(found.distance))
@@ -150,9 +152,9 @@ def _judge_loop(run: Array, matcher: Matcher, index: int, reference: Array) -> V
     own = activity(reference)
     pace = activity(run[2 * len(run) // 3 :]) / own if own > STILL_MM else 1.0
     if right < 0.7:
-        return Verdict(False, error, right, f"only {right:.0%} of it looks like this motion")
+        return MotionVerdict(False, error, right, f"only {right:.0%} of it looks like this motion")
     if error > bound:
-        return Verdict(False, error, right, f"{error:.0f} mm off, {bound:.0f} mm allowed")
+        return MotionVerdict(False, error, right, f"{error:.0f} mm off, {bound:.0f} mm allowed")
     if not 0.4 <= pace <= 2.5:
-        return Verdict(False, error, right, f"moves {pace:.2f} times as fast as it should")
-    return Verdict(True, error, right, "")
+        return MotionVerdict(False, error, right, f"moves {pace:.2f} times as fast as it should")
+    return MotionVerdict(True, error, right, "")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from controller.measures.disturbance import Kind, disturbed
 from controller.measures.run_batch import batch_of
-from controller.measures.self_test import Judge, Verdict, self_test
+from controller.measures.self_test import Judge, MotionVerdict, self_test
 from controller.networks.conceptor import ConceptorNetwork
 from controller.networks.echo_state import EchoStateNetwork
 
@@ -28,7 +28,7 @@ FORGIVEN = 1
 """How many failures a motion that passes may have."""
 
 
-def with_trials(verdicts: dict[str, Verdict], failed: dict[str, int]) -> dict[str, Verdict]:
+def with_trials(verdicts: dict[str, MotionVerdict], failed: dict[str, int]) -> dict[str, MotionVerdict]:
     """The verdicts of free runs, made worse where more than FORGIVEN disturbed runs of a motion failed."""
     return {
         name: replace(verdict, passed=False, reason=f"fails {failed[name]} times when disturbed")

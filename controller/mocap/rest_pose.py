@@ -35,7 +35,7 @@ NEARLY = np.radians(10.0)  # a body turned by less than this already faces ahead
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class RecordedBody:
     """B bones and T frames in the axes and the unit of a file.
 
     Attributes:
@@ -63,7 +63,7 @@ class _Stance:
     parts: Anatomy | None
 
 
-def stand(name: str, body: Body, unit: float | None = None) -> tuple[Skeleton, Array, Array]:
+def stand(name: str, body: RecordedBody, unit: float | None = None) -> tuple[Skeleton, Array, Array]:
     """A skeleton, and its root positions (T, 3), m, and rotations (T, 1 + B, 4) that move as the body does.
 
     Args:
@@ -91,7 +91,7 @@ def stand(name: str, body: Body, unit: float | None = None) -> tuple[Skeleton, A
     )
 
 
-def _stance(body: Body, up: str, pose: Array) -> _Stance:
+def _stance(body: RecordedBody, up: str, pose: Array) -> _Stance:
     """How the body stands in a pose (1 + B, 4), turned about the vertical until it faces x."""
     turn = multiply(TO_OURS[up], pose)
     vector = rotate(turn[1:], body.vector)
@@ -113,11 +113,11 @@ def _stance(body: Body, up: str, pose: Array) -> _Stance:
     return _Stance(up, turn, min(cosines), parts)
 
 
-def _as_skeleton(body: Body, vector: Array) -> Skeleton:
+def _as_skeleton(body: RecordedBody, vector: Array) -> Skeleton:
     return Skeleton("", body.bones, body.parent, normalise(vector), np.linalg.norm(vector, axis=1))
 
 
-def _facing(body: Body, vector: Array) -> float | None:
+def _facing(body: RecordedBody, vector: Array) -> float | None:
     """Which way a body faces whose bones are (B, 3), about z from x, rad; None if it has no two legs to tell by."""
     skeleton = _as_skeleton(body, vector)
     legs: list[tuple[float, Array, Array]] = []  # how long it is, where its thigh begins, where its foot points
@@ -143,7 +143,7 @@ def _facing(body: Body, vector: Array) -> float | None:
     return float(np.arctan2(ahead[1], ahead[0]))
 
 
-def _straightened(body: Body, stance: _Stance) -> _Stance:
+def _straightened(body: RecordedBody, stance: _Stance) -> _Stance:
     """The stance with legs down, trunk up and arms out; what hangs from these goes along."""
     parts = stance.parts
     assert parts is not None
@@ -169,7 +169,7 @@ def _straightened(body: Body, stance: _Stance) -> _Stance:
     return _Stance(stance.up, multiply(more, stance.turn), 1.0, parts)
 
 
-def _up_in_recording(body: Body, rest: _Stance, skeleton: Skeleton, unit: float) -> str:
+def _up_in_recording(body: RecordedBody, rest: _Stance, skeleton: Skeleton, unit: float) -> str:
     """The axis that is up while the body moves: that of its rest pose, unless it clearly stands along the other."""
     spine = [] if rest.parts is None else rest.parts.all("trunk")
     if not spine:
@@ -184,7 +184,7 @@ def _up_in_recording(body: Body, rest: _Stance, skeleton: Skeleton, unit: float)
     return rest.up
 
 
-def _unit(body: Body, vector: Array, parts: Anatomy | None) -> float:
+def _unit(body: RecordedBody, vector: Array, parts: Anatomy | None) -> float:
     """The unit in which the body comes closest to a person's size."""
     legs = [] if parts is None else [*parts.all("thigh"), *parts.all("shank")]
     stature = float(np.linalg.norm(vector[legs], axis=1).sum()) / 2.0 / LEG_PER_STATURE

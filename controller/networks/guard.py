@@ -65,7 +65,7 @@ class Beat:
     stride: float | None
 
 
-class Watch:
+class LossWatch:
     """Watches R runs of one motion; a single player is a watch of one.
 
     Args:
@@ -82,9 +82,9 @@ class Watch:
         self._place = self._distances(self._seen).argmin(1).astype(np.float64)
         self._count = 0
 
-    def copy(self) -> Watch:
+    def copy(self) -> LossWatch:
         """The same watch with a memory of its own."""
-        twin = Watch(self.beat, self._scale, self._seen * self._scale)
+        twin = LossWatch(self.beat, self._scale, self._seen * self._scale)
         twin._pace, twin._place, twin._count = self._pace.copy(), self._place.copy(), self._count
         return twin
 
@@ -165,7 +165,7 @@ class Guard:
         """Puts the network into the stored state of an anchor."""
         self.network.cue(motion, anchor)
         self._motion = motion
-        self._watch = Watch(self.beats[motion], self.scale, self.network.anchors(motion)[anchor : anchor + 1])
+        self._watch = LossWatch(self.beats[motion], self.scale, self.network.anchors(motion)[anchor : anchor + 1])
 
     def advance(self, out: Channels) -> None:
         """Steps one frame on and writes it into out, shape (channels,)."""

@@ -204,7 +204,7 @@ def _check(design: ModuleDesign) -> None:
 
 
 @dataclass(slots=True)
-class Drive:
+class CommandInput:
     """What a command does to eqs 14 and 15 for a while; everything zero is no command.
 
     Attributes:
@@ -227,14 +227,14 @@ class Drive:
 class Command:
     """A switch to one motion: drives one after another, each for some module time."""
 
-    phases: tuple[tuple[float, Drive], ...]
+    phases: tuple[tuple[float, CommandInput], ...]
 
     @property
     def lasts(self) -> float:
         """In module time."""
         return sum(time for time, _ in self.phases)
 
-    def spans(self, elapsed: float, time: float) -> Iterator[tuple[float, Drive | None]]:
+    def spans(self, elapsed: float, time: float) -> Iterator[tuple[float, CommandInput | None]]:
         """What it does in a step: pieces of module time, each with its drive, None after the end.
 
         A step is cut where a drive ends: a kick that lasts a step too long reaches the next state.
@@ -251,7 +251,7 @@ class Command:
 
 def clamp(design: ModuleDesign, target: int, gain: float = 5.0, lasts: float = 1.0) -> Command:
     """A current gain (z_k - z) into the center; gain times time must exceed ln(2 (m - 1)) by some margin."""
-    return Command(((lasts, Drive(np.zeros(len(design)), pull=gain, towards=float(design.targets[target]))),))
+    return Command(((lasts, CommandInput(np.zeros(len(design)), pull=gain, towards=float(design.targets[target]))),))
 
 
 def excite(design: ModuleDesign, target: int, haste: float = 5.0) -> Command:
@@ -262,17 +262,17 @@ def excite(design: ModuleDesign, target: int, haste: float = 5.0) -> Command:
     """
     level = np.where(np.arange(len(design)) < target, 1.0, -1.0) * 4.0 * design.thresholds[-1]
     lasts = np.log(20.0 * max(1, len(design) - 1)) / haste
-    return Command(((lasts, Drive(level, haste=haste / design.decay)),))
+    return Command(((lasts, CommandInput(level, haste=haste / design.decay)),))
 
 
 def collapse_and_kick(design: ModuleDesign, target: int) -> Command:
     """Raises xi until one state is left, then kicks the center from there to the target; it forgets where it was."""
-    collapse = Drive(np.zeros(len(design)), xi=5.0 / design.decay)
-    kick = Drive(np.zeros(len(design)), kick=float(_kicks(design, collapse)[target]))
+    collapse = CommandInput(np.zeros(len(design)), xi=5.0 / design.decay)
+    kick = CommandInput(np.zeros(len(design)), kick=float(_kicks(design, collapse)[target]))
     return Command(((2.0, collapse), (1.0, kick)))
 
 
-def _kicks(design: ModuleDesign, collapse: Drive) -> Array:
+def _kicks(design: ModuleDesign, collapse: CommandInput) -> Array:
     """The currents that carry the center from the collapsed state to each target in 1 unit of time, by bisection."""
     module = SwitchingModule(design)
     module.relax(collapse, 2.0, 0.005)
@@ -281,14 +281,14 @@ def _kicks(design: ModuleDesign, collapse: Drive) -> Array:
         kick = 0.5 * (low + high)
         z, w = np.full(len(design), module.z), np.tile(module.w, (len(design), 1))
         for _ in range(100):
-            z, w = advance_state(design, z, w, 0.01, Drive(np.zeros(len(design))), kick)
+            z, w = advance_state(design, z, w, 0.01, CommandInput(np.zeros(len(design))), kick)
         reached = z >= design.targets
         low, high = np.where(reached, low, kick), np.where(reached, kick, high)
     return 0.5 * (low + high)
 
 
 def advance_state(
-    design: ModuleDesign, z: Array, w: Array, dt: float, drive: Drive | None = None, kick: Array | float = 0.0
+    design: ModuleDesign, z: Array, w: Array, dt: float, drive: CommandInput | None = None, kick: Array | float = 0.0
 ) -> tuple[Array, Array]:
     """One exponential step of eqs 14 and 15: each decays exactly towards what drives it, stable for every dt.
 
@@ -299,7 +299,7 @@ def advance_state(
         kick: added to the drive's, shape (...,).
     """
     if drive is None:
-        drive = Drive(np.zeros(len(design)))
+        drive = CommandInput(np.zeros(len(design)))
     goal = design.kappa * expit(design.slope * z[..., None] - design.thresholds + drive.level)
     w_next = goal + (w - goal) * np.exp(-dt / design.kappa)
     rate = drive.haste * drive.xi * design.decay + drive.pull
@@ -357,7 +357,7 @@ class SwitchingModule:
         if self._command is not None and self._elapsed >= self._command.lasts:
             self._command = None
 
-    def relax(self, drive: Drive, time: float, dt: float) -> None:
+    def relax(self, drive: CommandInput, time: float, dt: float) -> None:
         """Holds a drive for some module time."""
         for _ in range(round(time / dt)):
             self._z, self.w = advance_state(self.design, self._z, self.w, dt, drive)

@@ -22,7 +22,7 @@ SHORTEST_TEMPO, LONGEST_TEMPO = 0.1, 10.0
 
 
 @dataclass(frozen=True)
-class Verdict:
+class RecognitionVerdict:
     """What a motion is taken for.
 
     Attributes:
@@ -56,7 +56,7 @@ class Recognizer:
     clips: int
     sources: tuple[str, ...] = ()
 
-    def recognize(self, clip: Clip) -> Verdict:
+    def recognize(self, clip: Clip) -> RecognitionVerdict:
         """The verdict on a clip.
 
         Raises:
@@ -78,11 +78,11 @@ class Recognizer:
             )
         return signal
 
-    def verdict(self, costs: Array) -> Verdict:
+    def verdict(self, costs: Array) -> RecognitionVerdict:
         """The verdict on centred log errors, shape (M,)."""
         margin = float(margins(costs[None])[0])
         named = dict(zip(self.bank.classes, costs.tolist(), strict=True))
-        return Verdict(self.bank.classes[int(costs.argmin())], margin >= self.threshold, margin, named)
+        return RecognitionVerdict(self.bank.classes[int(costs.argmin())], margin >= self.threshold, margin, named)
 
 
 def train_recognizer(

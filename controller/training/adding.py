@@ -15,7 +15,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from controller.library.motion_library import AnyNetwork, MotionLibrary
-from controller.measures.self_test import Judge, Verdict, run_free, self_test
+from controller.measures.self_test import Judge, MotionVerdict, run_free, self_test
 from controller.mocap.clip import Clip
 from controller.mocap.encodings.normalisation import Normalisation
 from controller.networks.centralized_frames import CentralizedNetwork
@@ -48,7 +48,7 @@ class Addition:
     """
 
     library: MotionLibrary
-    verdict: Verdict
+    verdict: MotionVerdict
     quota_before: float | None
     quota: float | None
 

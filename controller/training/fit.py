@@ -23,7 +23,7 @@ from controller.library.motion_library import (
 )
 from controller.measures.accuracy import nrmse
 from controller.measures.motion_matching import joint_features
-from controller.measures.self_test import Judge, Verdict, self_test
+from controller.measures.self_test import Judge, MotionVerdict, self_test
 from controller.measures.trials import with_trials
 from controller.mocap.clip import Clip
 from controller.mocap.encodings.encoding import Encoding, encoding_of
@@ -138,7 +138,7 @@ class Taught:
 
     seed: int
     network: AnyNetwork
-    verdicts: dict[str, Verdict]
+    verdicts: dict[str, MotionVerdict]
     weights: NDArray[np.float32] | None = None
 
     @property
@@ -183,7 +183,7 @@ def settle(
 
 
 def assemble(
-    recipe: LibraryRecipe, syllabus: Syllabus, network: AnyNetwork, seed: int, verdicts: dict[str, Verdict]
+    recipe: LibraryRecipe, syllabus: Syllabus, network: AnyNetwork, seed: int, verdicts: dict[str, MotionVerdict]
 ) -> MotionLibrary:
     """A library of a trained network and of all that is known about it."""
     info = LibraryInfo(
@@ -288,7 +288,7 @@ def cut(clip: Clip, motion: MotionRecipe) -> Clip:
 
 
 def describe_motion(
-    motion: MotionRecipe, frames: Array, network: AnyNetwork, verdict: Verdict, anchor_every: int
+    motion: MotionRecipe, frames: Array, network: AnyNetwork, verdict: MotionVerdict, anchor_every: int
 ) -> MotionInfo:
     """What a library knows of a motion that was learned from frames (T, C)."""
     return MotionInfo(

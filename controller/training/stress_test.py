@@ -13,7 +13,7 @@ import numpy as np
 from controller.library.motion_library import Network
 from controller.measures.disturbance import Kind, disturbed
 from controller.measures.run_batch import batch_of
-from controller.measures.self_test import Judge, Verdict
+from controller.measures.self_test import Judge, MotionVerdict
 
 RUNS = 5
 FORGIVEN = 1
@@ -21,7 +21,9 @@ FORGIVEN = 1
 _WORDS: dict[Kind, str] = {"robustness": "started from noise", "stability": "disturbed"}
 
 
-def stress_test(network: Network, verdicts: dict[str, Verdict], judge: Judge, seed: int) -> dict[str, Verdict]:
+def stress_test(
+    network: Network, verdicts: dict[str, MotionVerdict], judge: Judge, seed: int
+) -> dict[str, MotionVerdict]:
     """The verdicts of the free runs, made worse where a loop does not survive a disturbance.
 
     Args:
@@ -36,7 +38,7 @@ def stress_test(network: Network, verdicts: dict[str, Verdict], judge: Judge, se
     }
 
 
-def _stressed(network: Network, motion: str, verdict: Verdict, judge: Judge, seed: int) -> Verdict:
+def _stressed(network: Network, motion: str, verdict: MotionVerdict, judge: Judge, seed: int) -> MotionVerdict:
     rng = np.random.default_rng([seed, network.motions.index(motion)])
     for kind, words in _WORDS.items():
         runs = disturbed(kind, batch_of(network, motion, RUNS), RUNS, rng)

@@ -114,7 +114,7 @@ class Stop(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="stop"):
     id: Number = 0
 
 
-class Status(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="status"):
+class GetStatus(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="status"):
     """Say what is played, and what could be."""
 
     id: Number = 0
@@ -179,7 +179,7 @@ class State(msgspec.Struct, frozen=True, tag="state"):
     seen: tuple[str, float] | None = None
 
 
-Message = Switch | Queue | Blend | SetSpeed | Pause | Resume | Home | EmergencyStop | Reset | Stop | Status
+Message = Switch | Queue | Blend | SetSpeed | Pause | Resume | Home | EmergencyStop | Reset | Stop | GetStatus
 Reply = Accepted | Refused | Settled | State
 
 COMMANDS = "switch MOTION, queue MOTION, blend A B SHARE, speed FACTOR, pause, resume, home, estop, reset, status, stop"

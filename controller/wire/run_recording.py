@@ -38,7 +38,7 @@ _MOST_HEADER = 1 << 20
 _MOST_VALUES = 1 << 16
 
 
-class _Header(msgspec.Struct, forbid_unknown_fields=True):
+class _RecordingHeader(msgspec.Struct, forbid_unknown_fields=True):
     version: int
     description: dict[str, Any]
     fields: dict[str, Annotated[int, msgspec.Meta(ge=0, lt=_MOST_VALUES)]]
@@ -54,7 +54,7 @@ class RecordingWriter:
             FileFormatError: if it cannot be written.
         """
         self._path = path
-        header = msgspec.json.encode(_Header(VERSION, dict(description), dict(fields)))
+        header = msgspec.json.encode(_RecordingHeader(VERSION, dict(description), dict(fields)))
         try:
             self._file = path.open("wb")
             self._file.write(_MAGIC + _HEADER.pack(len(header), zlib.crc32(header)) + header)
@@ -84,7 +84,7 @@ class RecordingWriter:
 
 
 @dataclass(frozen=True)
-class Recording:
+class RunRecording:
     """A recording in memory.
 
     Attributes:
@@ -103,7 +103,7 @@ class Recording:
         return len(next(iter(self.fields.values()))) if self.fields else 0
 
 
-def load_recording(path: Path) -> Recording:
+def load_recording(path: Path) -> RunRecording:
     """Reads all whole chunks of a recording.
 
     Raises:
@@ -121,14 +121,14 @@ def load_recording(path: Path) -> Recording:
     if size > _MOST_HEADER or zlib.crc32(text) != checksum:
         raise FileFormatError(f"{path}: the beginning of this recording is damaged")
     try:
-        header = msgspec.json.decode(text, type=_Header)
+        header = msgspec.json.decode(text, type=_RecordingHeader)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise FileFormatError(f"{path}: the beginning of this recording is damaged ({error})") from None
     if header.version not in READABLE:
         known = " and ".join(map(str, READABLE))
         raise FileFormatError(f"{path}: recording version {header.version}; this Motiondeck reads versions {known}")
     rows, complete = _chunks(data[place + size :], sum(header.fields.values()))
-    return Recording(header.description, named(rows, header.fields), complete)
+    return RunRecording(header.description, named(rows, header.fields), complete)
 
 
 def _chunks(data: bytes, width: int) -> tuple[Array, bool]:

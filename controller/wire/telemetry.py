@@ -32,7 +32,7 @@ _RETRIES = 64
 _MOST_BYTES = 1 << 26  # more than any state; a header that claims more is not ours
 
 
-class _Header(msgspec.Struct, forbid_unknown_fields=True):
+class _StateHeader(msgspec.Struct, forbid_unknown_fields=True):
     description: dict[str, Any]
     fields: dict[str, int]
     writer: Annotated[int, msgspec.Meta(gt=0, lt=2**31)]  # its process id
@@ -90,7 +90,7 @@ class StateWriter:
             fields: the name of each field and how many numbers it holds.
             slots: how many states are kept, for readers that want every one of them; at least 2.
         """
-        header = msgspec.json.encode(_Header(dict(description), dict(fields), os.getpid(), slots))
+        header = msgspec.json.encode(_StateHeader(dict(description), dict(fields), os.getpid(), slots))
         layout = _Layout(len(header), fields, slots)
         draft = path.with_name(f".{path.name}.{os.getpid()}")
         draft.unlink(missing_ok=True)
@@ -130,7 +130,7 @@ class StateReader:
         fields: the name of each field and how many numbers it holds.
     """
 
-    def __init__(self, memory: mmap.mmap, layout: _Layout, header: _Header) -> None:
+    def __init__(self, memory: mmap.mmap, layout: _Layout, header: _StateHeader) -> None:
         self.description = header.description
         self.fields = header.fields
         self._writer = header.writer
@@ -150,7 +150,7 @@ class StateReader:
                 length = struct.unpack("<Q", start[8:])[0] if start[:8] == _MAGIC and len(start) == 16 else _MOST_BYTES
                 if length >= _MOST_BYTES:
                     raise FileFormatError(f"{path}: this is not the state of a motion deck")
-                header = msgspec.json.decode(file.read(length), type=_Header)
+                header = msgspec.json.decode(file.read(length), type=_StateHeader)
                 sizes = header.fields.values()
                 layout = _Layout(length, header.fields, header.slots)
                 if (

@@ -13,11 +13,11 @@ from typing import Protocol
 
 import serial
 
-from hardware.errors import PortError
+from hardware.errors import SerialPortError
 
 
 class Port(Protocol):
-    """What a bus needs of its wire. Any call may raise PortError when the device is gone."""
+    """What a bus needs of its wire. Any call may raise SerialPortError when the device is gone."""
 
     name: str
 
@@ -49,13 +49,13 @@ class SerialPort:
         """Opens the device.
 
         Raises:
-            PortError: if there is none, it is in use, or it cannot do this baud rate.
+            SerialPortError: if there is none, it is in use, or it cannot do this baud rate.
         """
         self.name = name
         try:
             self._serial = serial.Serial(name, baud, timeout=0, exclusive=True)
         except (OSError, ValueError) as error:
-            raise PortError(f"cannot open the port {name} at {baud} baud: {_reason(error)}") from error
+            raise SerialPortError(f"cannot open the port {name} at {baud} baud: {_reason(error)}") from error
         self._fd = self._serial.fileno()
         self._at_hand = array("i", [0])  # bytes, as the system says
         self._poll = select.poll()
@@ -96,13 +96,13 @@ class SerialPort:
         return time.monotonic()
 
     def close(self) -> None:
-        """Gives the device back; may be called twice, and afterwards every other call raises PortError."""
+        """Gives the device back; may be called twice, and afterwards every other call raises SerialPortError."""
         # The number may belong to another file soon: no byte meant for servos may reach that.
         self._fd = -1
         self._serial.close()
 
-    def _vanished(self) -> PortError:
-        return PortError(f"the port {self.name} is gone: plug the adapter in again and start anew.")
+    def _vanished(self) -> SerialPortError:
+        return SerialPortError(f"the port {self.name} is gone: plug the adapter in again and start anew.")
 
 
 def _reason(error: OSError | ValueError) -> str:

@@ -10,7 +10,7 @@ from hardware.bus.port import Port, SerialPort
 from hardware.control_table.models import model_name
 from hardware.errors import NoReplyError, RefusedError
 from hardware.protocol2 import instructions
-from hardware.protocol2.frames import BROADCAST, Parser, Status, as_status
+from hardware.protocol2.frames import BROADCAST, Parser, StatusPacket, as_status
 from hardware.protocol2.instructions import FastReply
 
 
@@ -28,7 +28,7 @@ class Identity(NamedTuple):
         return model_name(self.model_number)
 
 
-_Ask = Callable[[Sequence[int]], dict[int, Status]]
+_Ask = Callable[[Sequence[int]], dict[int, StatusPacket]]
 
 
 class _Request(NamedTuple):
@@ -92,7 +92,7 @@ class Bus:
             return None
         return Identity(id, status.params[0] | status.params[1] << 8, status.params[2], status.alert)
 
-    def read(self, id: int, address: int, length: int) -> Status:
+    def read(self, id: int, address: int, length: int) -> StatusPacket:
         """Reads `length` bytes of a servo's control table; they are the status' params.
 
         Raises:
@@ -101,7 +101,7 @@ class Bus:
         """
         return self._insist(instructions.read(id, address, length), id, length, f"read register {address}")
 
-    def write(self, id: int, address: int, data: bytes) -> Status:
+    def write(self, id: int, address: int, data: bytes) -> StatusPacket:
         """Writes bytes into a servo's control table and waits for its answer.
 
         Raises:
@@ -110,7 +110,7 @@ class Bus:
         """
         return self._insist(instructions.write(id, address, data), id, 0, f"write register {address}")
 
-    def reboot(self, id: int) -> Status:
+    def reboot(self, id: int) -> StatusPacket:
         """Restarts a servo, torque off; it is deaf for a moment afterwards.
 
         Raises:
@@ -132,18 +132,18 @@ class Bus:
         """
         return self.port.send(instructions.sync_write(address, length, entries))
 
-    def sync_read(self, ids: Sequence[int], address: int, length: int) -> dict[int, Status]:
+    def sync_read(self, ids: Sequence[int], address: int, length: int) -> dict[int, StatusPacket]:
         """Reads the same registers of many servos, one status each; who stays silent is missing from the answer."""
 
-        def ask(line: Sequence[int]) -> dict[int, Status]:
+        def ask(line: Sequence[int]) -> dict[int, StatusPacket]:
             return self._gather(instructions.sync_read(address, length, line), line, length)
 
         return self._by_turns(ids, ask)
 
-    def fast_sync_read(self, ids: Sequence[int], address: int, length: int) -> dict[int, Status]:
+    def fast_sync_read(self, ids: Sequence[int], address: int, length: int) -> dict[int, StatusPacket]:
         """As `sync_read`, in one joint reply: fewer bytes, and the return delay is paid once."""
 
-        def ask(line: Sequence[int]) -> dict[int, Status]:
+        def ask(line: Sequence[int]) -> dict[int, StatusPacket]:
             self._pending = None
             if not self.request(line, address, length):
                 return {}
@@ -193,18 +193,18 @@ class Bus:
         self._pending = None
         return reply or instructions.fast_reply(self._received, ids, length)
 
-    def bulk_read(self, blocks: Sequence[tuple[int, int, int]]) -> dict[int, Status]:
+    def bulk_read(self, blocks: Sequence[tuple[int, int, int]]) -> dict[int, StatusPacket]:
         """Reads (id, address, length) of each servo, one status each; who stays silent is missing from the answer."""
         of = {id: (address, length) for id, address, length in blocks}
 
-        def ask(line: Sequence[int]) -> dict[int, Status]:
+        def ask(line: Sequence[int]) -> dict[int, StatusPacket]:
             longest = max(of[id][1] for id in line)
             frame = instructions.bulk_read((id, *of[id]) for id in line)
             return self._gather(frame, line, longest, {id: of[id][1] for id in line})
 
         return self._by_turns(list(of), ask)
 
-    def factory_reset(self, id: int, keep: int = instructions.RESET_BUT_ID_AND_BAUD) -> Status:
+    def factory_reset(self, id: int, keep: int = instructions.RESET_BUT_ID_AND_BAUD) -> StatusPacket:
         """Puts a servo's EEPROM back to what it was in the box; it restarts.
 
         Raises:
@@ -213,7 +213,7 @@ class Bus:
         """
         return self._insist(instructions.factory_reset(id, keep), id, 0, "reset")
 
-    def clear_turns(self, id: int) -> Status:
+    def clear_turns(self, id: int) -> StatusPacket:
         """Makes a servo's position one within a turn again.
 
         Raises:
@@ -222,7 +222,7 @@ class Bus:
         """
         return self._insist(instructions.clear_turns(id), id, 0, "clear turns")
 
-    def backup(self, id: int, restore: bool = False) -> Status:
+    def backup(self, id: int, restore: bool = False) -> StatusPacket:
         """Stores a servo's EEPROM in itself, or brings back what was stored.
 
         Raises:
@@ -256,7 +256,7 @@ class Bus:
         """Gives the port back; may be called twice."""
         self.port.close()
 
-    def _insist(self, frame: bytes, id: int, length: int, what: str) -> Status:
+    def _insist(self, frame: bytes, id: int, length: int, what: str) -> StatusPacket:
         """The status a servo answers with, or the reason why there is none."""
         status = self._ask(frame, id, length)
         if status is None:
@@ -268,7 +268,7 @@ class Bus:
             raise RefusedError(f"id {id} on {self.port.name} refused to {what}: error {status.error}, {meaning}.")
         return status
 
-    def _ask(self, frame: bytes, id: int, length: int) -> Status | None:
+    def _ask(self, frame: bytes, id: int, length: int) -> StatusPacket | None:
         """The status of one servo, asked again if it stays silent."""
         for _ in range(1 + self._retries):
             status = self._gather(frame, (id,), length).get(id)
@@ -278,7 +278,7 @@ class Bus:
 
     def _gather(
         self, frame: bytes, ids: Sequence[int], length: int, lengths: dict[int, int] | None = None
-    ) -> dict[int, Status]:
+    ) -> dict[int, StatusPacket]:
         """Sends a frame and waits until all these servos have answered or the deadline is over.
 
         An answer of another length than expected, unless it says why, is one that came too late for an earlier call.
@@ -286,7 +286,7 @@ class Bus:
         self._pending = None
         self.port.wait(0.0)  # what has arrived may still be on its way through the kernel; this waits for that
         self._discard()
-        heard: dict[int, Status] = {}
+        heard: dict[int, StatusPacket] = {}
         if not self.port.send(frame):
             return heard
         count = len(frame) + len(ids) * instructions.status_length(length)
@@ -313,7 +313,7 @@ class Bus:
         frame, needed = ask(address, length, ids), size(len(ids), length)
         return _Request(asked, frame, needed, self.wire_time(len(frame) + needed) + self._margin)
 
-    def _by_turns(self, ids: Sequence[int], ask: _Ask) -> dict[int, Status]:
+    def _by_turns(self, ids: Sequence[int], ask: _Ask) -> dict[int, StatusPacket]:
         """Asks a line of servos until each has answered or has been silent at the head of the line too often.
 
         A servo waits for the one before it, so a silent one may hush all behind it: only the head of the line is to

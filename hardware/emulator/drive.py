@@ -36,7 +36,7 @@ _WARM = 32.0  # degC, a servo that has been on for a while
 Array = NDArray[np.float64]
 
 
-class Drive:
+class MotorDrive:
     """n motors; every array has the shape (n,), in pulses and seconds, currents as parts of the stall current.
 
     What they are told (`ServoBank.settle` keeps it as the registers are): mode, sign, offset, on, p_gain, i_gain,

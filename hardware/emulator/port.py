@@ -5,7 +5,7 @@ from __future__ import annotations
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import FaultPlan
 from hardware.emulator.wire import Wire
-from hardware.errors import PortError
+from hardware.errors import SerialPortError
 
 
 class EmulatedPort:
@@ -70,4 +70,4 @@ class EmulatedPort:
 
     def _check(self) -> None:
         if not self._plugged or self.wire.faults.unplugged:
-            raise PortError(f"the port {self.name} is gone: plug the adapter in again and start anew.")
+            raise SerialPortError(f"the port {self.name} is gone: plug the adapter in again and start anew.")

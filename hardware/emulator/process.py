@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from types import TracebackType
 
-from hardware.errors import PortError
+from hardware.errors import SerialPortError
 from hardware.rig.rig_file import load_rig
 
 
@@ -51,7 +51,7 @@ def start_emulator(path: str | Path) -> EmulatorProcess:
 
     Raises:
         RigFileError: if the file is not good.
-        PortError: if the emulator does not start.
+        SerialPortError: if the emulator does not start.
     """
     config = load_rig(path)
     command = [sys.executable, "-m", "hardware.emulator", str(path)]
@@ -63,5 +63,5 @@ def start_emulator(path: str | Path) -> EmulatorProcess:
     emulator = EmulatorProcess(process, ports)
     if not all(ports):
         emulator.stop()
-        raise PortError(f"the emulator for {path} did not start; what it said stands above.")
+        raise SerialPortError(f"the emulator for {path} did not start; what it said stands above.")
     return emulator

@@ -17,7 +17,7 @@ from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import Fault, FaultPlan
 from hardware.emulator.plant import JointPlant
 from hardware.emulator.wire import Wire
-from hardware.errors import PortError, RigError
+from hardware.errors import RigError, SerialPortError
 from hardware.rig.rig_file import RigConfig
 
 _WAKE = 0.02
@@ -50,7 +50,7 @@ class PtyServer:
             link: a name for the port that stays the same when it is unplugged and plugged in again.
 
         Raises:
-            PortError: if the link cannot be made.
+            SerialPortError: if the link cannot be made.
             FaultError: if a fault is about a servo that is not there.
         """
         bus.longest_gap = None
@@ -115,7 +115,7 @@ class PtyServer:
                 self._link.symlink_to(os.ttyname(self._slave))
             except OSError as error:
                 self._unplug()
-                raise PortError(f"cannot make the link {self._link}: {error.strerror}.") from error
+                raise SerialPortError(f"cannot make the link {self._link}: {error.strerror}.") from error
 
     def _unplug(self) -> None:
         if self._master >= 0:
@@ -151,7 +151,7 @@ def serve(
 
     Raises:
         RigError: if a model cannot be emulated, or a rig on several ports is to move one plant.
-        PortError: if the link cannot be made.
+        SerialPortError: if the link cannot be made.
         FaultError: if a fault is about a servo that is not there.
     """
     parent = os.getppid()

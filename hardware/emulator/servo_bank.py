@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.control_table.table import ControlTable
-from hardware.emulator.drive import CURRENT, POSITION_MODES, PWM, VELOCITY, Drive
+from hardware.emulator.drive import CURRENT, POSITION_MODES, PWM, VELOCITY, MotorDrive
 from hardware.emulator.motor import motor_of
 
 TRIPPED = -1
@@ -58,7 +58,7 @@ class ServoBank:
             self.registers[register.name] = register.default or 0
         self.registers["id"] = ids
         self.browned_out: set[int] = set()
-        self.drive = Drive(motor_of(table.model), table.pulses_per_turn, np.array(shaft, dtype=np.float64))
+        self.drive = MotorDrive(motor_of(table.model), table.pulses_per_turn, np.array(shaft, dtype=np.float64))
         self._shape = np.zeros(count, dtype=np.int64)  # of the profile under way, as the moving status shows it
         self._overload = np.zeros(count)  # s
         self.deaf_since = np.full(count, np.inf)

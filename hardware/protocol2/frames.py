@@ -33,7 +33,7 @@ class Frame(NamedTuple):
     params: bytes
 
 
-class Status(NamedTuple):
+class StatusPacket(NamedTuple):
     """A servo's answer; a hot servo sets `alert`, which is no failure of the call.
 
     Attributes:
@@ -70,12 +70,12 @@ def build_status(id: int, error: int = 0, params: bytes = b"", alert: bool = Fal
     return build(id, STATUS, bytes((error | ALERT if alert else error,)) + params)
 
 
-def as_status(frame: Frame) -> Status | None:
+def as_status(frame: Frame) -> StatusPacket | None:
     """The status that a frame carries; None where it is an instruction, a fast reply, or lacks its error byte."""
     if frame.instruction != STATUS or frame.id == BROADCAST or not frame.params:
         return None
     error = frame.params[0]
-    return Status(frame.id, error & ~ALERT, bool(error & ALERT), frame.params[1:])
+    return StatusPacket(frame.id, error & ~ALERT, bool(error & ALERT), frame.params[1:])
 
 
 class Parser:

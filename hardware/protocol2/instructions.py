@@ -8,7 +8,7 @@ from struct import Struct
 from typing import NamedTuple
 
 from hardware.protocol2.crc import checksum
-from hardware.protocol2.frames import ALERT, BROADCAST, HEADER, STATUS, Status, build
+from hardware.protocol2.frames import ALERT, BROADCAST, HEADER, STATUS, StatusPacket, build
 
 PING = 0x01
 READ = 0x02
@@ -157,7 +157,7 @@ class FastReply(NamedTuple):
         unheard: IDs behind the last silent one, which a servo that waits for its turn could not follow.
     """
 
-    statuses: dict[int, Status]
+    statuses: dict[int, StatusPacket]
     corrupt: list[int]
     silent: list[int]
     unheard: list[int]
@@ -178,7 +178,7 @@ def fast_reply(received: bytes, ids: Sequence[int], length: int | Sequence[int])
     before it, the earlier CRCs included. So a reply that breaks off is good up to there; and because the next piece is
     checked from the CRC as it arrived, a corrupt byte costs only the servo that it belongs to.
     """
-    statuses: dict[int, Status] = {}
+    statuses: dict[int, StatusPacket] = {}
     corrupt: list[int] = []
     silent: list[int] = []
     start = fast_reply_start(received)
@@ -199,7 +199,9 @@ def fast_reply(received: bytes, ids: Sequence[int], length: int | Sequence[int])
                 while ids[turn] != id:
                     silent.append(ids[turn])
                     turn += 1
-                statuses[id] = Status(id, error & ~ALERT, bool(error & ALERT), received[piece + 2 : piece + size - 2])
+                statuses[id] = StatusPacket(
+                    id, error & ~ALERT, bool(error & ALERT), received[piece + 2 : piece + size - 2]
+                )
             else:
                 break
             crc = checksum(tail, said)
@@ -208,14 +210,14 @@ def fast_reply(received: bytes, ids: Sequence[int], length: int | Sequence[int])
     return FastReply(statuses, corrupt, silent + list(ids[turn : turn + 1]), list(ids[turn + 1 :]))
 
 
-def _whole_fast_reply(received: bytes, start: int, ids: Sequence[int], length: int) -> dict[int, Status] | None:
+def _whole_fast_reply(received: bytes, start: int, ids: Sequence[int], length: int) -> dict[int, StatusPacket] | None:
     """The statuses of a joint reply that is all there and all right, as the last checksum tells; else None."""
     end = start + fast_reply_length(len(ids), length)
     if end > len(received) or checksum(received[start : end - 2]) != received[end - 2] | received[end - 1] << 8:
         return None
     pieces = _pieces(length).iter_unpack(received[start + _FAST_HEAD : end])
-    new = tuple.__new__  # what Status(...) ends in, without the way there: a third of the time
-    statuses = {id: new(Status, (id, error & ~ALERT, error >= ALERT, data)) for error, id, data in pieces}
+    new = tuple.__new__  # what StatusPacket(...) ends in, without the way there: a third of the time
+    statuses = {id: new(StatusPacket, (id, error & ~ALERT, error >= ALERT, data)) for error, id, data in pieces}
     return statuses if list(statuses) == list(ids) else None
 
 

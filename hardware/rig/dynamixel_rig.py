@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.bus.servo_bus import Bus
-from hardware.errors import MotiondeckError, PortError, with_torque
+from hardware.errors import MotiondeckError, SerialPortError, with_torque
 from hardware.protocol2.instructions import FastReply
 from hardware.rig.faults import RigFaults
 from hardware.rig.rig_file import RigConfig
@@ -36,7 +36,7 @@ class DynamixelRig:
     """A rig that is switched on; arrays follow the order of the rig file's joints.
 
     `write`, `request_state` and `collect_state` neither wait nor raise, whatever the servos do; only a port that is
-    gone raises PortError, once, and from then on they do nothing.
+    gone raises SerialPortError, once, and from then on they do nothing.
 
     Attributes:
         config: the rig file.
@@ -62,7 +62,7 @@ class DynamixelRig:
         Raises:
             RigError: if servos are missing, of another model, or not fit to be switched on; it names them all. Torque
                 is taken off again, the bus closed, and joints that did not confirm that are named too.
-            PortError: if the port vanishes; the same.
+            SerialPortError: if the port vanishes; the same.
         """
         self.config = config
         self.names = config.names
@@ -105,7 +105,7 @@ class DynamixelRig:
 
         Raises:
             RigError: as the constructor.
-            PortError: if the port cannot be opened, or vanishes.
+            SerialPortError: if the port cannot be opened, or vanishes.
         """
         return cls(config, Bus.open(port or config.port, config.baud))
 
@@ -138,7 +138,7 @@ class DynamixelRig:
             self.faults.refused[:] += ~finite
             try:
                 sent = self._send(goals)
-            except PortError:
+            except SerialPortError:
                 self.gone = True
                 raise
             if sent:
@@ -162,7 +162,7 @@ class DynamixelRig:
                     if self.config.read_hz:
                         # Half a tick of grace: a loop's ticks are never quite on time.
                         self._reads_next = now + 1.0 / self.config.read_hz - 0.5 / self.config.rate_hz
-            except PortError:
+            except SerialPortError:
                 self.gone = True
                 raise
 
@@ -173,7 +173,7 @@ class DynamixelRig:
         with self.read_us:
             try:
                 reply = self.bus.collect()
-            except PortError:
+            except SerialPortError:
                 self.gone = True
                 raise
             return reply is not None and self._take(reply)
@@ -185,7 +185,7 @@ class DynamixelRig:
 
         Raises:
             RigError: if a servo does not answer, or stands outside its limits.
-            PortError: if the port is gone.
+            SerialPortError: if the port is gone.
         """
         self.attach(self.bus, hold_still(self.config, self.bus))
 

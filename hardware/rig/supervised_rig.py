@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.bus.servo_bus import Bus
-from hardware.errors import MotiondeckError, PortError, RigError
+from hardware.errors import MotiondeckError, RigError, SerialPortError
 from hardware.rig.dynamixel_rig import WATCHDOG_UNIT, DynamixelRig
 from hardware.rig.faults import RigFaults
 from hardware.rig.rig_file import RigConfig
@@ -70,7 +70,7 @@ class SupervisedRig:
 
         Raises:
             RigError: as `DynamixelRig`.
-            PortError: if the port cannot be opened, or vanishes.
+            SerialPortError: if the port cannot be opened, or vanishes.
         """
         self.config = config
         self.names = config.names
@@ -98,7 +98,7 @@ class SupervisedRig:
 
         Raises:
             RigError: as `DynamixelRig`.
-            PortError: if the port cannot be opened, or vanishes.
+            SerialPortError: if the port cannot be opened, or vanishes.
         """
         return cls(config, lambda: Bus.open(config.port, config.baud))
 
@@ -222,7 +222,7 @@ class SupervisedRig:
         """A block in which a vanished port starts a recovery."""
         try:
             yield
-        except PortError as error:
+        except SerialPortError as error:
             if self.config.reconnect_s == 0.0:
                 self._stopped = True
                 raise RigError(f"the rig has stopped: {error}") from error
@@ -252,7 +252,7 @@ class SupervisedRig:
                 return
             except MotiondeckError as error:
                 self._failure = error
-                if isinstance(error, PortError):
+                if isinstance(error, SerialPortError):
                     bus = None
             except Exception as error:  # nothing may leave the thread unsaid
                 self._failure = RigError(f"{type(error).__name__}: {error}")

@@ -12,7 +12,7 @@ import numpy as np
 
 from hardware.bus.servo_bus import Bus
 from hardware.control_table.servo_traits import TRAITS
-from hardware.errors import NoReplyError, PortError, RigError, ServoError
+from hardware.errors import NoReplyError, RigError, SerialPortError, ServoError
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array, RigScale
 
@@ -37,7 +37,7 @@ def switch_on(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambd
     Raises:
         RigError: if servos are missing, of another model, shut down, or outside their limits, it names them all; or if
             it was cancelled.
-        PortError: if the port vanishes.
+        SerialPortError: if the port vanishes.
     """
     check_identities(config, bus)
     # A servo told to keep silent would look like one that is missing.
@@ -65,7 +65,7 @@ def show_state(config: RigConfig, bus: Bus) -> None:
 
     Raises:
         ServoError: if a servo does not answer, or refuses.
-        PortError: if the port vanishes.
+        SerialPortError: if the port vanishes.
     """
     block = RigScale(config).block
     if block.pointers:
@@ -81,7 +81,7 @@ def hold_still(config: RigConfig, bus: Bus) -> Array:
 
     Raises:
         RigError: if a servo does not answer, or stands outside its limits.
-        PortError: if the port vanishes.
+        SerialPortError: if the port vanishes.
     """
     scale = RigScale(config)
     try:
@@ -112,7 +112,7 @@ def resume(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambda: 
 
     Raises:
         RigError: as `switch_on`.
-        PortError: if the port vanishes.
+        SerialPortError: if the port vanishes.
     """
     check_identities(config, bus)
     tell_all(config, bus, "status_return_level", _ANSWER_EVERYTHING)
@@ -144,7 +144,7 @@ def knows_fast_reads(config: RigConfig, bus: Bus) -> bool:
 
     Raises:
         RigError: if a servo does not answer.
-        PortError: if the port vanishes.
+        SerialPortError: if the port vanishes.
     """
     since = [TRAITS[joint.model].fast_read if joint.model in TRAITS else None for joint in config.joints]
     if None in since:
@@ -176,7 +176,7 @@ def switch_off(config: RigConfig, bus: Bus) -> list[str]:
                 bus.write(joint.id, joint.table["torque_enable"].address, b"\0")
             except ServoError:
                 unconfirmed.append(joint.name)
-    except PortError:
+    except SerialPortError:
         return list(config.names)
     return unconfirmed
 
@@ -199,7 +199,7 @@ def hold_each(config: RigConfig, bus: Bus) -> list[str]:
                 _write(one, bus, "goal_position", [min(max(present, low), high)])
             except ServoError:
                 unconfirmed.append(joint.name)
-    except PortError:
+    except SerialPortError:
         return list(config.names)
     return unconfirmed
 

@@ -30,7 +30,7 @@ class Found(NamedTuple):
     identity: Identity
 
 
-class Servo(msgspec.Struct, frozen=True):
+class ServoReport(msgspec.Struct, frozen=True):
     """What a servo of the rig says of itself.
 
     Attributes:
@@ -76,7 +76,7 @@ class Report(msgspec.Struct, frozen=True):
     latency_ms: int | None
     rate_hz: float
     possible_hz: float
-    servos: list[Servo]
+    servos: list[ServoReport]
     problems: list[str]
 
 
@@ -132,7 +132,7 @@ def examine(config: RigConfig, bus: Bus) -> Report:
         PortError: if the port vanishes.
     """
     problems: list[str] = []
-    servos: list[Servo] = []
+    servos: list[ServoReport] = []
     for joint in config.joints:
         identity = bus.ping(joint.id)
         who = f"{joint.name} (id {joint.id})"
@@ -236,14 +236,14 @@ def _put(bus: Bus, id: int, table: ControlTable, name: str, value: int) -> None:
     bus.write(id, register.address, register.encode(value))
 
 
-def _ask(joint: RigJoint, identity: Identity, bus: Bus) -> Servo:
+def _ask(joint: RigJoint, identity: Identity, bus: Bus) -> ServoReport:
     """Reads what a report says of one servo."""
 
     def value(name: str) -> int:
         register = joint.table[name]
         return register.decode(bus.read(joint.id, register.address, register.length).params)
 
-    return Servo(
+    return ServoReport(
         name=joint.name,
         id=joint.id,
         model=identity.model,
@@ -257,7 +257,7 @@ def _ask(joint: RigJoint, identity: Identity, bus: Bus) -> Servo:
     )
 
 
-def _complaints(servo: Servo, joint: RigJoint, who: str) -> list[str]:
+def _complaints(servo: ServoReport, joint: RigJoint, who: str) -> list[str]:
     """What is wrong with one servo."""
     said: list[str] = []
     if servo.errors:

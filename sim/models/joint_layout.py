@@ -24,7 +24,7 @@ _COORDINATES = {int(mujoco.mjtJoint.mjJNT_HINGE): 1, int(mujoco.mjtJoint.mjJNT_B
 
 
 @dataclass(frozen=True)
-class Layout:
+class JointLayout:
     """J coordinates in nq numbers, of which the first seven are the free root's position and quaternion.
 
     Attributes:
@@ -44,7 +44,7 @@ class Layout:
     followers: tuple[tuple[int, int, Array], ...] = ()
 
     @classmethod
-    def of(cls, model: mujoco.MjModel) -> Layout:
+    def of(cls, model: mujoco.MjModel) -> JointLayout:
         """Reads the layout of a model.
 
         Raises:

@@ -9,7 +9,7 @@ import msgspec
 
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 from motiondeck_base.toml_file import read_toml
-from sim.models.servo_motor import Servo
+from sim.models.servo_motor import ServoMotor
 
 Solver = Literal["angles", "ik"]
 SOLVERS: tuple[Solver, ...] = ("angles", "ik")
@@ -79,7 +79,7 @@ class RobotFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     parts: dict[str, str] = {}
     angles: dict[str, Angle] = {}
     rest: dict[str, float] = {}
-    servo: Servo | None = None
+    servo: ServoMotor | None = None
 
 
 def read_robot_file(path: Path) -> RobotFile:

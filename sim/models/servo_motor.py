@@ -28,7 +28,7 @@ _Positive = Annotated[float, msgspec.Meta(gt=0.0)]
 _NotNegative = Annotated[float, msgspec.Meta(ge=0.0)]
 
 
-class Servo(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class ServoMotor(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """What the servos of a robot can do; the table [servo] of a robot file.
 
     Attributes:

@@ -64,7 +64,7 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class PreflightVerdict:
     """What was found out about one take.
 
     Attributes:
@@ -110,7 +110,7 @@ class Preflight:
     def __post_init__(self) -> None:
         self._collisions = SelfCollision(self.robot)
 
-    def judge(self, take: Take, *, simulate: bool, tempo: float = 1.0) -> Verdict:
+    def judge(self, take: Take, *, simulate: bool, tempo: float = 1.0) -> PreflightVerdict:
         """What a take does to the robot.
 
         Args:
@@ -121,13 +121,13 @@ class Preflight:
         loads = loads_of(self.robot, take, free=self.root == "free", collisions=self._collisions)
         findings = self.findings(take, loads, tempo, simulate=simulate)
         if all(finding.ok for finding in findings):
-            return Verdict(take.name, findings, tempo)
+            return PreflightVerdict(take.name, findings, tempo)
         if any(finding.check in _AT_ANY_TEMPO for finding in findings if not finding.ok):
-            return Verdict(take.name, findings, None)
+            return PreflightVerdict(take.name, findings, None)
         passes = fastest_passing(lambda slow: self._passes(take, loads, slow, simulate=False), tempo)
         while simulate and passes is not None and not self._passes(take, loads, passes, simulate=True):
             passes = _SLOWER * passes if _SLOWER * passes >= SLOWEST else None
-        return Verdict(take.name, findings, passes)
+        return PreflightVerdict(take.name, findings, passes)
 
     def findings(self, take: Take, loads: Loads, tempo: float, *, simulate: bool) -> tuple[Finding, ...]:
         """All numbers at a tempo."""

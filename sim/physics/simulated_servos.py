@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from controller.rotations import Array
-from sim.models.servo_motor import ROOM, Servo
+from sim.models.servo_motor import ROOM, ServoMotor
 
 # A servo that gives this share of what it can just now counts as at its limit.
 _AT_THE_LIMIT = 0.999
@@ -26,7 +26,7 @@ class Servos:
         dt: how much time passes between two targets, s.
     """
 
-    def __init__(self, servo: Servo, model: mujoco.MjModel, dt: float) -> None:
+    def __init__(self, servo: ServoMotor, model: mujoco.MjModel, dt: float) -> None:
         self._servo, self._model = servo, model
         own = model.actuator_forcerange.copy()
         own[~model.actuator_forcelimited.astype(bool)] = (-np.inf, np.inf)

@@ -35,7 +35,7 @@ TOES_SHARE = 0.15
 
 
 @dataclass(frozen=True)
-class Match:
+class BodyMatch:
     """What a robot's bodies are.
 
     Attributes:
@@ -47,7 +47,7 @@ class Match:
     root_rotation: Array
 
 
-def match(path: Path, model: mujoco.MjModel) -> Match:
+def match(path: Path, model: mujoco.MjModel) -> BodyMatch:
     """Matches a robot's bodies to the parts of a body.
 
     Args:
@@ -72,7 +72,7 @@ class _Matcher:
         self.tall = float(np.ptp(points[:, 2])) if len(points) else 1.0
         self.leaves = [body for body in self._below(self.root) if body != self.root and self._is_leaf(body)]
 
-    def match(self) -> Match:
+    def match(self) -> BodyMatch:
         legs = self._legs()
         pelvis = self._common(*legs)
         rest = [
@@ -105,7 +105,7 @@ class _Matcher:
             if jointed and jointed[-1] in self._below(chest) and jointed[-1] != chest:
                 parts["head"] = self._name(jointed[-1])
         facing = float(np.arctan2(ahead[1], ahead[0]))
-        return Match(parts, multiply(conjugate(yaw(facing)), self.data.xquat[self.root]))
+        return BodyMatch(parts, multiply(conjugate(yaw(facing)), self.data.xquat[self.root]))
 
     def _legs(self) -> list[int]:
         """The two leaves that reach lowest, side by side and apart from the root on."""

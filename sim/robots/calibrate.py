@@ -21,7 +21,7 @@ import numpy as np
 from controller.deck.interfaces import JointLimits
 from controller.mocap.rest_pose import FOOT_SLOPE
 from controller.rotations import Array
-from sim.models.joint_layout import Layout
+from sim.models.joint_layout import JointLayout
 from sim.models.model_file import read_model
 from sim.models.robot_file import Angle
 from sim.models.surface import LowestPoint
@@ -138,7 +138,7 @@ def calibrate(path: Path) -> Calibration:
         FileFormatError: if the model cannot be used or its legs are not found.
     """
     model = read_model(path).compile()
-    layout = Layout.of(model)
+    layout = JointLayout.of(model)
     found = match(path, model)
     limbs = RobotLimbs(path, model, found.parts, found.root_rotation, layout.joints)
     joint = [model.joint(name).id for name in layout.joints]

@@ -18,12 +18,12 @@ from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 from motiondeck_base.files import listed
-from sim.models.joint_layout import Layout
+from sim.models.joint_layout import JointLayout
 from sim.models.mannequin import build_mannequin
 from sim.models.model_file import read_model
 from sim.models.robot_file import RobotFile, Solver, read_robot_file
 from sim.models.scenery import add_gantry, add_lamp, set_stage
-from sim.models.servo_motor import Servo
+from sim.models.servo_motor import ServoMotor
 from sim.retargeting.footing import Footing
 from sim.retargeting.retarget import MannequinRetargeter, ServoHumanoidRetargeter
 from sim.retargeting.robot_limbs import RobotLimbs
@@ -52,12 +52,12 @@ class Robot:
     name: str
     spec: mujoco.MjSpec
     model: mujoco.MjModel
-    layout: Layout
+    layout: JointLayout
     limits: JointLimits
     rest: Array
     retarget: Retargeter
     path_scale: float
-    servo: Servo | None = None
+    servo: ServoMotor | None = None
     footing: Footing | None = None
 
     @property
@@ -100,7 +100,7 @@ def load_robot(path: Path, skeleton: Skeleton, solver: Solver | None = None, dt:
         )
     spec = build_mannequin(skeleton) if file.kind == "mannequin" else _load_spec(path, file)
     model = spec.compile()
-    layout = Layout.of(model)
+    layout = JointLayout.of(model)
     limits = _limits(path, file, model, layout)
     rest = _by_joint(path, layout, "rest", file.rest, np.clip(0.0, limits.lower, limits.upper))
     outside = (rest < limits.lower) | (rest > limits.upper)
@@ -128,7 +128,7 @@ def _retargeter(
     solver: Solver,
     skeleton: Skeleton,
     model: mujoco.MjModel,
-    layout: Layout,
+    layout: JointLayout,
     limits: JointLimits,
     rest: Array,
     dt: float,
@@ -166,7 +166,7 @@ def _load_spec(path: Path, file: RobotFile) -> mujoco.MjSpec:
     return spec
 
 
-def _limits(path: Path, file: RobotFile, model: mujoco.MjModel, layout: Layout) -> JointLimits:
+def _limits(path: Path, file: RobotFile, model: mujoco.MjModel, layout: JointLayout) -> JointLimits:
     lower, upper = _positions(model, layout)
     count = len(layout.joints)
     table = {"lower": lower, "upper": upper}
@@ -181,7 +181,7 @@ def _limits(path: Path, file: RobotFile, model: mujoco.MjModel, layout: Layout) 
     return JointLimits(**table)
 
 
-def _positions(model: mujoco.MjModel, layout: Layout) -> tuple[Array, Array]:
+def _positions(model: mujoco.MjModel, layout: JointLayout) -> tuple[Array, Array]:
     """The range of each joint in the model, or half a turn; a ball joint may turn equally far in every direction."""
     joint = model.actuator_trnid[:, 0]
     limited = model.jnt_limited[joint].astype(bool)
@@ -193,7 +193,7 @@ def _positions(model: mujoco.MjModel, layout: Layout) -> tuple[Array, Array]:
     return lower, upper
 
 
-def _by_joint(path: Path, layout: Layout, place: str, own: dict[str, float], values: Array) -> Array:
+def _by_joint(path: Path, layout: JointLayout, place: str, own: dict[str, float], values: Array) -> Array:
     """Fills in what a table of the robot file says of single joints."""
     for name, value in own.items():
         if name not in layout.joints:

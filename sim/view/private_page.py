@@ -22,7 +22,7 @@ from motiondeck_base.errors import MotiondeckError
 LOOPBACK = "127.0.0.1"
 
 
-class PortError(MotiondeckError):
+class PagePortError(MotiondeckError):
     """A port that the page cannot have."""
 
 
@@ -34,7 +34,7 @@ class PrivatePage(viser.ViserServer):
         label: what the panel is headed.
 
     Raises:
-        PortError: if the port is taken or not allowed.
+        PagePortError: if the port is taken or not allowed.
     """
 
     def __init__(self, port: int, label: str) -> None:
@@ -47,7 +47,7 @@ class PrivatePage(viser.ViserServer):
         if self.get_port() != port:
             # viser moves on to the next free port when it loses a race for this one.
             self.stop()
-            raise PortError(_taken(port))
+            raise PagePortError(_taken(port))
         self.gui.configure_theme(show_share_button=False, show_logo=False)
         # Three locks on one door: no button, no handler for the message a crafted client could send, no method to call.
         for request in (viser._messages.ShareUrlRequest, viser._messages.ShareUrlDisconnect):
@@ -68,7 +68,7 @@ def _check_free(port: int) -> None:
         try:
             probe.bind((LOOPBACK, port))
         except (OSError, OverflowError) as error:
-            raise PortError(_taken(port)) from error
+            raise PagePortError(_taken(port)) from error
 
 
 def _taken(port: int) -> str:

@@ -26,7 +26,7 @@ SMALL = 0.035
 
 
 @dataclass(frozen=True)
-class Batch:
+class SolidBatch:
     """N copies of one mesh.
 
     Attributes:
@@ -48,7 +48,7 @@ class Batch:
     opacity: float
 
 
-def batches(model: mujoco.MjModel) -> dict[str, Batch]:
+def batches(model: mujoco.MjModel) -> dict[str, SolidBatch]:
     """What is to be drawn of a model, by shape and opacity; floors and other planes are left out."""
     copies: dict[tuple[str, float], list[tuple[int, list[float], list[float]]]] = {}
     meshes: dict[str, Triangles] = {
@@ -91,7 +91,7 @@ def batches(model: mujoco.MjModel) -> dict[str, Batch]:
                 )
                 add(name, geom, [1.0, 1.0, 1.0])
     return {
-        shape if opacity == 1.0 else f"{shape} {opacity:g}": Batch(
+        shape if opacity == 1.0 else f"{shape} {opacity:g}": SolidBatch(
             mesh=meshes[shape],
             smooth=shape in ("sphere", "small sphere", "cylinder"),
             geom=np.array([geom for geom, _, _ in found]),
@@ -104,7 +104,7 @@ def batches(model: mujoco.MjModel) -> dict[str, Batch]:
     }
 
 
-def poses(model: mujoco.MjModel, data: mujoco.MjData, batch: Batch) -> tuple[Array, Array]:
+def poses(model: mujoco.MjModel, data: mujoco.MjData, batch: SolidBatch) -> tuple[Array, Array]:
     """Where the copies of a batch are: positions (N, 3), m, and quaternions (N, 4)."""
     orientation = multiply(data.xquat[model.geom_bodyid[batch.geom]], model.geom_quat[batch.geom])
     return data.geom_xpos[batch.geom] + rotate(orientation, batch.offset), orientation

@@ -11,7 +11,7 @@ import typer
 from controller.cli.common.options import PAGE_PORT
 
 if TYPE_CHECKING:
-    from controller.mocap.formats.clip_facts import Facts, Recording
+    from controller.mocap.formats.clip_facts import Facts, FittedClip
 
 app = typer.Typer(
     help="Look into motion capture files (.amc with its .asf, .bvh, .c3d, .mat): facts, pictures, other formats.",
@@ -121,7 +121,7 @@ def view(
     show_act(act, port)
 
 
-def _read(file: Path, skeleton: Path | None) -> Recording:
+def _read(file: Path, skeleton: Path | None) -> FittedClip:
     """A recording of a body.
 
     Raises:

@@ -14,13 +14,13 @@ from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:
     from controller.mocap.clip import Clip
-    from controller.mocap.formats.clip_facts import Recording
+    from controller.mocap.formats.clip_facts import FittedClip
 
 FIGURES = 10
 COLOUR = {"left": "#e0803c", "right": "#3f7fb5", "middle": "#39414d"}
 
 
-def plot_clip(recording: Recording, out: Path) -> None:
+def plot_clip(recording: FittedClip, out: Path) -> None:
     """Draws a recording into a picture.
 
     Raises:
@@ -114,7 +114,7 @@ def _curves(heights: Any, speeds: Any, clip: Clip) -> None:
     speeds.set(ylabel="speed, m/s")
 
 
-def _gaps(axes: Any, recording: Recording) -> None:
+def _gaps(axes: Any, recording: FittedClip) -> None:
     """How far markers are from where the fitted body has them, and when some were not seen."""
     fit = recording.fit
     assert fit is not None

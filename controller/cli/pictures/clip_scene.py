@@ -14,7 +14,7 @@ import numpy as np
 from controller.mocap.clip import Clip
 from controller.mocap.posture import Pose
 from controller.rotations import Array
-from controller.wire.run_recording import Recording
+from controller.wire.run_recording import RunRecording
 from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def act_of(clip: Clip, robot: Path | None, ghost: bool = True) -> Act:
     return Act(title, model, qpos, clip.rate, bones, footprints(model, corners, stands), stands, corners)
 
 
-def act_of_recording(recording: Recording, robot: Robot) -> Act:
+def act_of_recording(recording: RunRecording, robot: Robot) -> Act:
     """What is to be shown of a recorded run: the robot where it was told to be, with its steps if they are known.
 
     Raises:
@@ -101,12 +101,12 @@ def _poses(clip: Clip) -> list[Pose]:
 def _alone(clip: Clip) -> tuple[mujoco.MjModel, Array, Array, list[Foot]]:
     """The mannequin of a clip, its qpos (T, nq), the human's joints and the feet."""
     from sim.models.feet import find_feet
-    from sim.models.joint_layout import Layout
+    from sim.models.joint_layout import JointLayout
     from sim.models.mannequin import build_mannequin
     from sim.retargeting.retarget import MannequinRetargeter
 
     model = build_mannequin(clip.skeleton).compile()
-    layout, retarget = Layout.of(model), MannequinRetargeter(clip.skeleton)
+    layout, retarget = JointLayout.of(model), MannequinRetargeter(clip.skeleton)
     qpos = np.empty((len(clip), model.nq))
     for frame, pose in enumerate(_poses(clip)):
         qpos[frame, :3], qpos[frame, 3:7] = pose.root_position, pose.rotation[0]

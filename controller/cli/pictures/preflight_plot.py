@@ -11,7 +11,7 @@ import numpy as np
 from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:
-    from sim.physics.preflight import Verdict
+    from sim.physics.preflight import PreflightVerdict
 
 
 ENDINGS = (".png", ".svg", ".pdf")
@@ -34,7 +34,7 @@ def need_matplotlib(path: Path) -> None:
         raise MotiondeckError(f"{path.parent}: there is no such folder to write {path.name} to")
 
 
-def draw(verdicts: Sequence[Verdict], path: Path) -> None:
+def draw(verdicts: Sequence[PreflightVerdict], path: Path) -> None:
     """Draws the checks that have a limit, as shares of it, and the tempo at which each motion passes.
 
     Raises:

@@ -278,7 +278,7 @@ def stop(rig: RigArgument, port: PortOption = None, as_json: JsonOption = False)
 
     Example:  motiondeck rig stop servo20
     """
-    from hardware.errors import PortError
+    from hardware.errors import SerialPortError
     from hardware.rig.joined_rig import on_ports
     from hardware.rig.switching import switch_off
 
@@ -290,7 +290,7 @@ def stop(rig: RigArgument, port: PortOption = None, as_json: JsonOption = False)
         try:
             with open_buses(part, None) as buses:
                 unconfirmed += [name for own, bus in buses for name in switch_off(own, bus)]
-        except PortError as error:
+        except SerialPortError as error:
             print(f"motiondeck: {error}", file=sys.stderr)
             unconfirmed += part.names
             if "another program" in str(error):

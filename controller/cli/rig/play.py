@@ -207,7 +207,7 @@ def _deck(source: Clip | MotionLibrary, motion: str | None, retarget: Retargeter
     from controller.deck.recorded_deck import RecordedDeck
     from controller.mocap.clip import Clip
     from controller.mocap.posture import Pose
-    from controller.wire.run_recording import Recording
+    from controller.wire.run_recording import RunRecording
 
     if not isinstance(source, Clip):
         names = source.network.motions
@@ -221,4 +221,4 @@ def _deck(source: Clip | MotionLibrary, motion: str | None, retarget: Retargeter
         "heading": np.zeros((count, 1)),
         "root_rotation": source.rotation[:, 0],
     }
-    return RecordedDeck(Recording({"motions": [source.name], "rate": source.rate}, fields, complete=True))
+    return RecordedDeck(RunRecording({"motions": [source.name], "rate": source.rate}, fields, complete=True))

@@ -41,7 +41,7 @@ def teach(
       motiondeck fit wave.clip nod.clip --out gestures.safetensors
     """
     from controller.mocap.encodings.joint_angles import save_taught_clip, taught_clip
-    from hardware.errors import PortError, RigError
+    from hardware.errors import RigError, SerialPortError
     from hardware.tools.teaching import beyond_limits, loosen, taught, watch_hands
 
     if out.suffix != ".clip":
@@ -70,7 +70,7 @@ def teach(
                     break
         except KeyboardInterrupt:
             print(file=sys.stderr)
-        except (RigError, PortError) as error:
+        except (RigError, SerialPortError) as error:
             cut_short = str(error)
         except SystemExit:
             cut_short = "the recording was ended by SIGTERM."

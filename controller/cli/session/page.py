@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from controller.cli.session.child_process import child_process
-from controller.cli.session.recognition_watch import NUMBERS, Watch
-from controller.cli.session.robot_on_deck import Body
+from controller.cli.session.recognition_watch import NUMBERS, RecognitionWatch
+from controller.cli.session.robot_on_deck import RobotOnDeck
 from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
 from controller.mocap.skeleton import Skeleton
@@ -101,7 +101,9 @@ class Page:
         watch: what recognizes the motion of the joints, if anything does.
     """
 
-    def __init__(self, writer: StateWriter, bodies: Sequence[Body], watch: Watch | None = None) -> None:
+    def __init__(
+        self, writer: StateWriter, bodies: Sequence[RobotOnDeck], watch: RecognitionWatch | None = None
+    ) -> None:
         self._writer, self._watch = writer, watch
         self._stage, *self._followers = [body.stage for body in bodies]
         self._guards = [body.guard for body in bodies if body.guard is not None]
@@ -112,9 +114,9 @@ class Page:
         cls,
         state: Path,
         motions: Sequence[str],
-        bodies: Sequence[Body],
+        bodies: Sequence[RobotOnDeck],
         human: Skeleton | None,
-        watch: Watch | None = None,
+        watch: RecognitionWatch | None = None,
     ) -> Iterator[Page]:
         """Puts the robots' models, the human's and the state beside each other, where the view waits for them."""
         from sim.view.ghost import draw_ghost

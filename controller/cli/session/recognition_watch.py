@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.cli.session.robot_on_deck import Body
+from controller.cli.session.robot_on_deck import RobotOnDeck
 from controller.deck.interfaces import JointLimits, Retargeter
 from controller.library.motion_library import MotionLibrary
 from controller.loop.loop import LoopState
@@ -39,7 +39,7 @@ class Watching:
     stop: bool
 
 
-class Watched(Protocol):
+class WatchedDeck(Protocol):
     """A deck as a watch sees it."""
 
     time: float
@@ -55,11 +55,13 @@ class Watched(Protocol):
         ...
 
 
-class Watch:
+class RecognitionWatch:
     """Feeds a `DeckWatch` from the loop, and says what it finds on the terminal, on the page and in the report."""
 
     @classmethod
-    def over(cls, body: Body, channel: Channel, library: MotionLibrary, rate: float, asked: Watching) -> Watch:
+    def over(
+        cls, body: RobotOnDeck, channel: Channel, library: MotionLibrary, rate: float, asked: Watching
+    ) -> RecognitionWatch:
         """A watch over the joints of a body that one of its channels measures."""
         robot = body.robot
         retarget = deepcopy(robot.retarget)  # one that remembers a pose must not remember the last one taught
@@ -108,7 +110,7 @@ class Watch:
         """The motion that the joints look like and how surely, in [0, 1); None while they stand still."""
         return (self.watch.seen, self.watch.confidence) if self.watch.seen is not None else None
 
-    def look(self, state: LoopState, deck: Watched, stop: StopRequest) -> None:
+    def look(self, state: LoopState, deck: WatchedDeck, stop: StopRequest) -> None:
         """Takes in one tick; an alarm is said once, and ends the run if that was asked for."""
         played = stop.mode == "playing" and deck.time != self._time
         self._time = deck.time

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from controller.cli.session.recognition_watch import in_words
-from controller.deck.switch import Switch
+from controller.deck.switch import CommandedSwitch
 from controller.loop.loop import LoopReport
 from controller.loop.permissions import Permission
 
@@ -17,7 +17,7 @@ from controller.loop.permissions import Permission
 def full_report(
     report: LoopReport,
     joints: Sequence[str],
-    switches: Iterable[Switch],
+    switches: Iterable[CommandedSwitch],
     permissions: Iterable[Permission],
 ) -> dict[str, Any]:
     """How the loop went, with joints by their names and the switches that were commanded; see docs/commands.md."""

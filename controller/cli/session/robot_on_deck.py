@@ -38,7 +38,7 @@ class Stage(Output, Protocol):
 
 
 @dataclass(frozen=True)
-class Cast:
+class RobotSetup:
     """Who plays.
 
     Attributes:
@@ -61,7 +61,7 @@ class Cast:
 
 
 @dataclass(frozen=True)
-class Body:
+class RobotOnDeck:
     """A robot that has been opened.
 
     Attributes:
@@ -91,7 +91,7 @@ class Body:
         return [self.called + joint for joint in self.robot.joints]
 
     @staticmethod
-    def channels_of(bodies: Sequence[Body]) -> list[Channel]:
+    def channels_of(bodies: Sequence[RobotOnDeck]) -> list[Channel]:
         """The outputs of all bodies; a rig before the stage, for an approach starts from where its joints are."""
         channels: list[Channel] = []
         count, first = sum(len(body.joints) for body in bodies), 0
@@ -105,8 +105,8 @@ class Body:
 
 
 def open_body(
-    opening: ExitStack, cast: Cast, library: MotionLibrary, rate: float, *, physics: bool, called: str = ""
-) -> Body:
+    opening: ExitStack, cast: RobotSetup, library: MotionLibrary, rate: float, *, physics: bool, called: str = ""
+) -> RobotOnDeck:
     """Opens a robot, its stage and its rig for a loop of some rate (Hz); `opening` closes them.
 
     Raises:
@@ -125,4 +125,4 @@ def open_body(
         rig, limits = open_rig(opening, cast.rig, robot, rate, emulated=cast.emulated)
         opening.callback(rig.output.close)
     guard = CollisionGuard(replace(robot, limits=limits), 1.0 / rate) if cast.apart else None
-    return Body(robot, limits, stage, rig, called, guard)
+    return RobotOnDeck(robot, limits, stage, rig, called, guard)

@@ -15,14 +15,14 @@ import numpy as np
 
 from controller.cli.session.child_process import child_process, kept_tty
 from controller.cli.session.page import HEALTH_EVERY, PICTURE_HZ, Page, viewer
-from controller.cli.session.recognition_watch import Watch, Watching
+from controller.cli.session.recognition_watch import RecognitionWatch, Watching
 from controller.cli.session.report import full_report
-from controller.cli.session.robot_on_deck import FOLLOWER, Body, Cast, open_body
+from controller.cli.session.robot_on_deck import FOLLOWER, RobotOnDeck, RobotSetup, open_body
 from controller.cli.session.script import Timed
 from controller.cli.session.tick_recorder import TickRecorder, recording
 from controller.deck.interfaces import Retargeter
 from controller.deck.recorded_deck import RecordedDeck
-from controller.deck.switch import Switch
+from controller.deck.switch import CommandedSwitch
 from controller.library.motion_library import MotionLibrary
 from controller.loop.clock import Clock, Ticker
 from controller.loop.command_desk import Commandable, CommandDesk
@@ -66,7 +66,7 @@ class Settings:
         watching: how the motion that the joints make is to be recognized, if at all.
     """
 
-    robot: Cast
+    robot: RobotSetup
     rate: float
     physics: bool
     realtime: bool
@@ -76,7 +76,7 @@ class Settings:
     seconds: float | None
     record: Path | None = None
     core: int | None = None
-    follow: Cast | None = None
+    follow: RobotSetup | None = None
     catch_up: bool = False
     watching: Watching | None = None
     listen: str | None = None
@@ -99,7 +99,7 @@ class Playable(Player, Commandable, Protocol):
         ...
 
     @property
-    def switches(self) -> Sequence[Switch]:
+    def switches(self) -> Sequence[CommandedSwitch]:
         """What was commanded."""
         ...
 
@@ -134,7 +134,7 @@ class Session:
         self._library, self._make_deck, self._settings = library, make_deck, settings
         self._clock = clock or Ticker(settings.rate, "catch_up" if settings.catch_up else "skip")
         self._waiting = list(timeline)
-        self.bodies: list[Body] = []
+        self.bodies: list[RobotOnDeck] = []
         self._refused: list[dict[str, object]] = []
         self._permissions: list[Permission] = []
         self._restore_tty: Callable[[], None] = lambda: None
@@ -176,10 +176,10 @@ class Session:
         ]
         self._body = self.bodies[0]
         self._deck = self._make_deck(Ensemble([body.retarget for body in self.bodies]))
-        self._channels = Body.channels_of(self.bodies)
+        self._channels = RobotOnDeck.channels_of(self.bodies)
         self._envelope = SafetyEnvelope(all_limits([body.limits for body in self.bodies]), self._clock.period)
         self._watch = (
-            Watch.over(self._body, self._channels[0], self._library, settings.rate, settings.watching)
+            RecognitionWatch.over(self._body, self._channels[0], self._library, settings.rate, settings.watching)
             if settings.watching
             else None
         )

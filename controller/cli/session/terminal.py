@@ -18,6 +18,7 @@ from controller.wire.command_socket import (
     CommandClient,
     CommandError,
     EmergencyStop,
+    GetStatus,
     Home,
     Message,
     Pause,
@@ -30,7 +31,6 @@ from controller.wire.command_socket import (
     Settled,
     SocketError,
     State,
-    Status,
     Stop,
     Switch,
 )
@@ -56,7 +56,7 @@ _PLAIN = {
     "home": Home,
     "estop": EmergencyStop,
     "reset": Reset,
-    "status": Status,
+    "status": GetStatus,
     "stop": Stop,
     "quit": Stop,
 }
@@ -140,7 +140,7 @@ async def converse(client: CommandClient) -> None:
     from prompt_toolkit.completion import WordCompleter
     from prompt_toolkit.patch_stdout import patch_stdout
 
-    state = client.request(Status(), _STARTING)
+    state = client.request(GetStatus(), _STARTING)
     names = state.motions if isinstance(state, State) else []
     session: PromptSession[str] = PromptSession(
         completer=WordCompleter([*names, *_WORDS]), interrupt_exception=_Interrupted
@@ -175,7 +175,7 @@ def listen_to(client: CommandClient, enough: Callable[[], bool]) -> None:
         while not enough() and len(questions) < 3:
             reply = client.receive(_HEARTBEAT)
             if reply is None:
-                questions.add(client.post(Status()))
+                questions.add(client.post(GetStatus()))
             elif reply.id in questions:
                 questions.clear()
             else:

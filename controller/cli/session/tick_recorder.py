@@ -15,7 +15,7 @@ from controller.cli.session.child_process import child_process
 from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
 from controller.rotations import Array
-from controller.wire.command_socket import Blend, Message, Queue, Refused, Reply, SetSpeed, Status, Switch
+from controller.wire.command_socket import Blend, GetStatus, Message, Queue, Refused, Reply, SetSpeed, Switch
 from controller.wire.run_recording import COMMANDS, MODES
 from controller.wire.telemetry import StateWriter
 from motiondeck_base.errors import FileFormatError
@@ -45,7 +45,7 @@ class TickRecorder:
 
     def note(self, message: Message, reply: Reply) -> None:
         """Remembers a command and whether it was refused."""
-        if isinstance(message, Status):
+        if isinstance(message, GetStatus):
             return
         fields = self._writer.fields
         fields["command"][0] = COMMANDS.index(message.__struct_config__.tag) + 1  # a tag is a command's name

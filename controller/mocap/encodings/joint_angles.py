@@ -132,7 +132,7 @@ def angles_of(rotation: Array) -> Array:
     return 2.0 * _LEVER * np.arctan2(np.where(w < 0.0, -z, z), np.abs(w))
 
 
-class _Header(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class _ClipHeader(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """The header of a taught clip's file."""
 
     version: int
@@ -165,7 +165,7 @@ def save_taught_clip(clip: Clip, path: Path) -> None:
     Raises:
         FileFormatError: if the folder cannot be written.
     """
-    header = _Header(_KIND.version, clip.name, list(clip.skeleton.bones), clip.rate, clip.source)
+    header = _ClipHeader(_KIND.version, clip.name, list(clip.skeleton.bones), clip.rate, clip.source)
     write_arrays(path, _KIND, header, {"angles": angles_of(clip.rotation[:, 1:])})
 
 
@@ -176,7 +176,7 @@ def read_taught_clip(path: str | Path) -> Clip:
         FileFormatError: one line that names the file and what is wrong with it.
     """
     tree, stored = read_arrays(Path(path), _KIND)
-    header = shaped(tree, _Header, f"{path} (header)")
+    header = shaped(tree, _ClipHeader, f"{path} (header)")
     if not header.joints:
         raise FileFormatError(f"{path}: its header names no joints")
     angles = stored.take("angles", stored.size("angles"), len(header.joints), kind=np.float64)

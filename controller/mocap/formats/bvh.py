@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from controller.mocap.clip import Clip
-from controller.mocap.rest_pose import Body, stand
+from controller.mocap.rest_pose import RecordedBody, stand
 from controller.rotations import Array, about, continuous, multiply, rotate
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import Line, as_float, read_lines, shortened
@@ -182,7 +182,7 @@ def _motion(path: str | Path, lines: list[Line], width: int) -> tuple[float, Arr
     return round(1.0 / period, 2), np.array(numbers).reshape(-1, width)
 
 
-def _body(path: str | Path, joints: list[Joint], values: Array) -> Body:
+def _body(path: str | Path, joints: list[Joint], values: Array) -> RecordedBody:
     """Turns joints into bones and plays the file's angles on them, all in the file's own axes and unit."""
     offset = np.array([joint.offset for joint in joints])
     frames = len(values)
@@ -233,7 +233,7 @@ def _forks_nowhere(joints: list[Joint], joint: int) -> bool:
 
 def _bones(
     joints: list[Joint], offset: Array, apart: Array, root: int, size: float, position: Array, rotation: Array
-) -> Body:
+) -> RecordedBody:
     names: list[str] = []
     parents: list[int] = []
     vectors: list[Array] = []
@@ -258,7 +258,9 @@ def _bones(
                     bearers.append(index)
             below.append((child, bone))
         waiting.extend(reversed(below))
-    return Body(tuple(names), np.array(parents), np.array(vectors).reshape(-1, 3), position, rotation[:, bearers])
+    return RecordedBody(
+        tuple(names), np.array(parents), np.array(vectors).reshape(-1, 3), position, rotation[:, bearers]
+    )
 
 
 def _distinct(vectors: list[Array], tolerance: float) -> int:

@@ -49,7 +49,7 @@ class Markers:
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
+class C3dLayout:
     """Where the numbers of a C3D file are, and what they mean.
 
     Attributes:
@@ -89,7 +89,7 @@ class Layout:
         return self.unit if self.scale < 0.0 else self.unit * self.scale
 
 
-def read_layout(path: str | Path, content: bytes) -> Layout:
+def read_layout(path: str | Path, content: bytes) -> C3dLayout:
     """How a C3D file is laid out.
 
     Raises:
@@ -127,7 +127,7 @@ def read_layout(path: str | Path, content: bytes) -> Layout:
             "The file is cut short: fetch it again."
         )
     unit = UNITS.get(_text(parameters, "POINT:UNITS").lower(), UNITS["mm"])
-    return Layout(processor, parameters, at, frames, points, width, scale, rate, unit)
+    return C3dLayout(processor, parameters, at, frames, points, width, scale, rate, unit)
 
 
 def read_c3d(path: str | Path) -> Markers:

@@ -53,22 +53,22 @@ class Facts(TypedDict):
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class FittedClip:
     """A clip, and the markers it was fitted to where it was."""
 
     clip: Clip
     fit: Fit | None
 
 
-def read_recording(path: Path, skeleton: Path | None = None) -> Recording:
+def read_recording(path: Path, skeleton: Path | None = None) -> FittedClip:
     """As `reading.read_clip`, which see, but keeps how well a clip explains its markers."""
     if path.suffix.lower() == ".c3d":
         fit = fit_markers(read_c3d(path), path.stem)
-        return Recording(fit.clip, fit)
-    return Recording(read_clip(path, skeleton), None)
+        return FittedClip(fit.clip, fit)
+    return FittedClip(read_clip(path, skeleton), None)
 
 
-def facts(recording: Recording) -> Facts:
+def facts(recording: FittedClip) -> Facts:
     """A recording in figures."""
     clip = recording.clip
     joints = clip.joints()

@@ -46,7 +46,7 @@ Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Way:
+class FillMethod:
     """How a gap may be filled.
 
     Attributes:
@@ -58,7 +58,7 @@ class Way:
     cubic: bool
 
 
-WAYS = [Way(float(share), cubic) for share in 10.0 ** np.arange(-8.0, 3.0) for cubic in (True, False)]
+WAYS = [FillMethod(float(share), cubic) for share in 10.0 ** np.arange(-8.0, 3.0) for cubic in (True, False)]
 
 
 @dataclass(frozen=True)
@@ -200,7 +200,7 @@ def _said(target: Array, rate: float) -> Array:
     return response @ ridge_readout(response, target - middle).T + middle
 
 
-def _choose(scores: Array, path: Array, missing: Flags, gap: int) -> tuple[Way, float | None]:
+def _choose(scores: Array, path: Array, missing: Flags, gap: int) -> tuple[FillMethod, float | None]:
     """The way in which hidden stretches as long as a gap are filled best, and their mean absolute error.
 
     Where the marker is never seen for so long, shorter stretches are hidden.
@@ -208,7 +208,7 @@ def _choose(scores: Array, path: Array, missing: Flags, gap: int) -> tuple[Way, 
     longest = max((end - first for first, end in _runs(~missing)), default=0)
     length = min(gap, longest - 2 * EDGE)
     if length < 1:
-        return Way(1e-3, cubic=False), None
+        return FillMethod(1e-3, cubic=False), None
     starts = [k for first, end in _runs(~missing) for k in range(first + EDGE, end - length - EDGE + 1)]
     tried = np.unique(np.linspace(0, len(starts) - 1, HIDDEN).astype(int))
     missed = np.zeros(len(WAYS))
@@ -221,7 +221,7 @@ def _choose(scores: Array, path: Array, missing: Flags, gap: int) -> tuple[Way, 
     return WAYS[best], float(missed[best] / len(tried))
 
 
-def _fill(scores: Array, path: Array, missing: Flags, way: Way) -> Array:
+def _fill(scores: Array, path: Array, missing: Flags, way: FillMethod) -> Array:
     """A path (K, 3) without gaps: what the scores say of it, and over each gap what they were off on both sides."""
     there = path[~missing]
     weights = ridge(scores[~missing], there - there.mean(0), way.ridge_share * len(there))

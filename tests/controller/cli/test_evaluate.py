@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 import synthetic
-from benchmarks.papers.training_cost import Cost
+from benchmarks.papers.training_cost import TrainingCost
 from controller.cli.evaluate import _print, _write_csv
 from controller.cli.main import app
 from controller.evaluation.sweep import Count
@@ -48,8 +48,8 @@ def test_a_network_that_was_drawn_again_is_named_by_the_seed_that_draws_it():
 
 
 def test_costs_grow_with_the_power_they_were_made_with():
-    found = [Cost("N", n, 3000, 15, 1e-6 * n**2, 1e-3 * n, 5.0, 0.01 * n) for n in (300, 600, 1000)]
-    found.append(Cost("T", 1000, 1500, 15, 0.5, 1.0, 5.0, 10.0))
+    found = [TrainingCost("N", n, 3000, 15, 1e-6 * n**2, 1e-3 * n, 5.0, 0.01 * n) for n in (300, 600, 1000)]
+    found.append(TrainingCost("T", 1000, 1500, 15, 0.5, 1.0, 5.0, 10.0))
     rows = {row["network"]: row for row in cost_table("c", found, []).rows}
     assert rows["power of N"]["training s"] == pytest.approx(2.0)
     assert rows["power of N"]["step us"] == pytest.approx(0.0, abs=1e-9)
@@ -70,8 +70,8 @@ def test_costs_are_drawn_against_each_size_with_power_and_bound():
     pytest.importorskip("matplotlib")
     from controller.cli.pictures.table_plots import _costs
 
-    found = [Cost("N", n, 3000, 15, 1e-6 * n**2, 1e-3 * n, 5.0, 0.01 * n) for n in (300, 1000)]
-    found += [Cost("T", 1000, 1500, 15, 0.5, 1.0, 5.0, 10.0)]
+    found = [TrainingCost("N", n, 3000, 15, 1e-6 * n**2, 1e-3 * n, 5.0, 0.01 * n) for n in (300, 1000)]
+    found += [TrainingCost("T", 1000, 1500, 15, 0.5, 1.0, 5.0, 10.0)]
     panels = _costs(cost_table("c", found, [])).axes
     assert [axes.get_xlabel() for axes in panels] == ["neurons N", "frames T", "motions P"] * 2
     said = [text.get_text() for text in panels[0].get_legend().get_texts()]

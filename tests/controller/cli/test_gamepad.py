@@ -17,13 +17,13 @@ from controller.wire.command_socket import (
     CommandClient,
     CommandServer,
     EmergencyStop,
+    GetStatus,
     Home,
     Pause,
     Reset,
     Resume,
     SetSpeed,
     State,
-    Status,
     Stop,
     Switch,
 )
@@ -89,7 +89,7 @@ def test_a_gamepad_that_is_pulled_out_pauses_the_deck():
             for message, sender in server.poll():
                 heard.append(type(message))
                 state = State("walk", list(MOTIONS), 1.0, False, False, message.id)
-                server.reply(sender, state if isinstance(message, Status) else Accepted(message.id))
+                server.reply(sender, state if isinstance(message, GetStatus) else Accepted(message.id))
             time.sleep(0.001)
 
     thread = threading.Thread(target=deck)
@@ -106,7 +106,7 @@ def test_a_gamepad_that_is_pulled_out_pauses_the_deck():
         thread.join()
         client.close()
         server.close()
-    assert heard == [Status, Switch, EmergencyStop, Pause]
+    assert heard == [GetStatus, Switch, EmergencyStop, Pause]
 
 
 def test_no_gamepad_is_said_in_one_line(tmp_path):

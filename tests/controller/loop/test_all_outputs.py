@@ -17,6 +17,7 @@ from controller.wire.messages import (
     Accepted,
     Blend,
     EmergencyStop,
+    GetStatus,
     Home,
     Pause,
     Queue,
@@ -25,7 +26,6 @@ from controller.wire.messages import (
     Resume,
     SetSpeed,
     State,
-    Status,
     Stop,
     Switch,
 )
@@ -42,7 +42,7 @@ COMMANDS = st.one_of(
     st.builds(Queue, MOTIONS),
     st.builds(Blend, MOTIONS, MOTIONS, st.floats(-0.2, 1.2)),
     st.builds(SetSpeed, st.floats(-1.0, 4.0), over=st.floats(-1.0, 2.0)),
-    st.sampled_from([Pause(), Resume(), Home(), EmergencyStop(), Reset(), Status(), Stop()]),
+    st.sampled_from([Pause(), Resume(), Home(), EmergencyStop(), Reset(), GetStatus(), Stop()]),
 )
 
 
@@ -117,7 +117,7 @@ def test_every_output_gets_safe_targets_every_command_an_answer_and_all_that_twi
         for call, written in bad.written:  # a tick it missed is lost for it, not for others
             assert np.array_equal(written, targets[call - 1])
     for _, message, answer in answers:
-        assert isinstance(answer, State if isinstance(message, Status) else Accepted | Refused)
+        assert isinstance(answer, State if isinstance(message, GetStatus) else Accepted | Refused)
         assert not isinstance(answer, Refused) or answer.reason
         assert not isinstance(message, EmergencyStop) or isinstance(answer, Accepted)
     again, _ = played(timeline)

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 import synthetic
 from controller.evaluation.sweep import Subject, sweep
 from controller.evaluation.tables import failure_table
-from controller.measures.disturbance import STEPS, Watched, disturbed
+from controller.measures.disturbance import STEPS, GuardKnowledge, disturbed
 from controller.measures.intervals import wilson
 from controller.measures.run_batch import batch_of
 from controller.measures.self_test import Judge, self_test
@@ -94,7 +94,7 @@ def test_the_same_seed_gives_the_same_runs(conceptors, kind):
 
 def test_a_guarded_run_is_what_a_guard_plays(conceptors):
     frames, scale = len(synthetic.bow()), spread(conceptors)
-    watched = Watched(beat(conceptors, "bow", scale, frames, loop=False), scale, conceptors.anchors("bow")[0])
+    watched = GuardKnowledge(beat(conceptors, "bow", scale, frames, loop=False), scale, conceptors.anchors("bow")[0])
     (run,) = disturbed("robustness", batch_of(conceptors, "bow", 1), 1, np.random.default_rng(0), watched)
     lengths = {name: len(taught) for name, taught in synthetic.references().items()}
     guard = Guard(conceptors.twin(), lengths, LOOPS)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controller.mocap.rest_pose import TO_OURS, Body, stand
+from controller.mocap.rest_pose import TO_OURS, RecordedBody, stand
 from controller.rotations import IDENTITY, conjugate, multiply, normalise, rotate, yaw
 from simulated_bodies import human, random_pose, skeleton_of, smooth_poses
 
@@ -16,13 +16,13 @@ def moving(skeleton, seed, frames=30):
     rotation = np.array([pose.rotation for pose in smooth_poses(skeleton, random, frames, reach=0.8)])
     rotation[0] = IDENTITY
     vector = skeleton.rest_direction * skeleton.length[:, None]
-    return Body(skeleton.bones, skeleton.parent, vector, random.normal(size=(frames, 3)), rotation)
+    return RecordedBody(skeleton.bones, skeleton.parent, vector, random.normal(size=(frames, 3)), rotation)
 
 
 def in_other_axes(body, up, unit, turn, scramble):
     """The same motion as a file might hold it: its own axes, unit and heading, each bone with axes of its own."""
     to_file = multiply(conjugate(TO_OURS[up]), yaw(turn))
-    return Body(
+    return RecordedBody(
         body.bones,
         body.parent,
         rotate(conjugate(scramble[1:]), body.vector) / unit,
@@ -71,7 +71,7 @@ def test_a_body_that_zeroes_with_y_up_and_moves_with_z_up_is_set_upright():
     body.position[:, 2] = 0.88
     zero_y = rotate(conjugate(TO_OURS["y"]), body.vector)
     turned = multiply(body.rotation, np.broadcast_to(TO_OURS["y"], body.rotation.shape))
-    found, position, rotation = stand("found", Body(body.bones, body.parent, zero_y, body.position, turned))
+    found, position, rotation = stand("found", RecordedBody(body.bones, body.parent, zero_y, body.position, turned))
     np.testing.assert_allclose(
         found.joints(position, rotation), human().joints(body.position, body.rotation), atol=1e-9
     )
@@ -83,5 +83,5 @@ def test_what_is_no_human_keeps_its_zero_pose(direction):
     chain = skeleton_of([("a", -1, direction, 1.0), ("b", 0, (0.0, 1.0, 0.0), 0.7)])
     pose = random_pose(chain, np.random.default_rng(0))
     vector = chain.rest_direction * chain.length[:, None]
-    found, _, _ = stand("found", Body(chain.bones, chain.parent, vector, np.zeros((1, 3)), pose.rotation[None]))
+    found, _, _ = stand("found", RecordedBody(chain.bones, chain.parent, vector, np.zeros((1, 3)), pose.rotation[None]))
     np.testing.assert_allclose(found.rest_direction, rotate(TO_OURS["y"], chain.rest_direction), atol=1e-12)

@@ -21,6 +21,7 @@ from controller.wire.command_socket import (
     CommandClient,
     CommandServer,
     EmergencyStop,
+    GetStatus,
     Home,
     Message,
     Pause,
@@ -33,7 +34,6 @@ from controller.wire.command_socket import (
     Settled,
     SocketError,
     State,
-    Status,
     Stop,
     Switch,
 )
@@ -144,7 +144,7 @@ def stage():
 def test_every_command_does_what_it_says(stage):
     assert isinstance(stage.ask(SetSpeed(1.5)), Accepted)
     assert isinstance(stage.ask(Pause()), Accepted)
-    reply = stage.ask(Status())
+    reply = stage.ask(GetStatus())
     assert reply == State("walk", ["walk", "jog", "waltz"], 1.5, True, False, reply.id)
     assert isinstance(stage.ask(Resume()), Accepted)
     assert not stage.deck.paused
@@ -159,7 +159,7 @@ def test_a_switch_says_its_way_and_queueing_and_tempo_arrive(stage):
     assert isinstance(stage.ask(Queue("waltz")), Accepted)
     assert isinstance(stage.ask(SetSpeed(2.0, over=3.0)), Accepted)
     assert (stage.deck.speed, stage.deck.ramp) == (2.0, 3.0)
-    assert stage.ask(Status()).queue == ["waltz"]
+    assert stage.ask(GetStatus()).queue == ["waltz"]
 
 
 def test_the_emergency_stop_is_latched_until_reset(stage):
@@ -167,7 +167,7 @@ def test_the_emergency_stop_is_latched_until_reset(stage):
     assert isinstance(refused, Refused)
     assert "nothing to reset" in refused.reason
     assert isinstance(stage.ask(EmergencyStop()), Accepted)
-    assert stage.ask(Status()).mode == "emergency stop"
+    assert stage.ask(GetStatus()).mode == "emergency stop"
     assert stage.deck.paused
     for message in (Switch("jog"), Queue("jog"), SetSpeed(2.0), Pause(), Resume(), Home()):
         refused = stage.ask(message)
@@ -177,16 +177,16 @@ def test_the_emergency_stop_is_latched_until_reset(stage):
     assert "still braking" in stage.ask(Reset()).reason
     stage.stop.halted = True
     assert isinstance(stage.ask(Reset()), Accepted)
-    assert (stage.ask(Status()).mode, stage.deck.paused) == ("held", True)
+    assert (stage.ask(GetStatus()).mode, stage.deck.paused) == ("held", True)
     assert isinstance(stage.ask(Resume()), Accepted)
-    assert (stage.ask(Status()).mode, stage.deck.paused) == ("playing", False)
+    assert (stage.ask(GetStatus()).mode, stage.deck.paused) == ("playing", False)
 
 
 def test_from_home_a_motion_goes_on(stage):
     assert isinstance(stage.ask(Home()), Accepted)
-    assert (stage.ask(Status()).mode, stage.deck.paused) == ("home", True)
+    assert (stage.ask(GetStatus()).mode, stage.deck.paused) == ("home", True)
     assert isinstance(stage.ask(Switch("jog")), Accepted)
-    assert (stage.ask(Status()).mode, stage.deck.paused) == ("playing", False)
+    assert (stage.ask(GetStatus()).mode, stage.deck.paused) == ("playing", False)
 
 
 def test_an_emergency_stop_behind_a_flood_is_carried_out_in_the_same_tick(stage):
@@ -208,9 +208,9 @@ def test_a_client_that_never_reads_its_answers_holds_up_nobody(stage):
     with closing(CommandClient(stage.server.port)) as deaf:
         for _ in range(60):
             for _ in range(50):
-                deaf.post(Status())  # the answers are more than its socket can hold
+                deaf.post(GetStatus())  # the answers are more than its socket can hold
             stage.tick()
-        assert isinstance(stage.ask(Status()), State)
+        assert isinstance(stage.ask(GetStatus()), State)
         assert stage.ask(Switch("jog")).id
 
 
@@ -221,13 +221,13 @@ def test_a_client_that_has_gone_before_its_switch_settled_does_no_harm(stage):
     for _ in range(5):
         stage.tick()
     assert stage.deck.settled
-    assert isinstance(stage.ask(Status()), State)
+    assert isinstance(stage.ask(GetStatus()), State)
 
 
 def test_the_state_says_what_the_joints_look_like_and_how_surely(stage):
     looks = iter([None, ("jog", 0.75)])
     stage.desk = CommandDesk(stage.deck, [stage.server], seen=lambda: next(looks))
-    assert [stage.ask(Status()).seen for _ in range(2)] == [None, ("jog", 0.75)]
+    assert [stage.ask(GetStatus()).seen for _ in range(2)] == [None, ("jog", 0.75)]
 
 
 def test_a_blend_that_fell_back_is_answered_with_why_and_the_state_says_it_too(stage):
@@ -236,7 +236,7 @@ def test_a_blend_that_fell_back_is_answered_with_why_and_the_state_says_it_too(s
     stage.deck.under_way.fell_back = stage.deck.fell_back = why
     stage.tick()
     assert stage.client.wait_settled(accepted.id, 1.0) == Refused(why, accepted.id)
-    assert stage.ask(Status()).fell_back == why
+    assert stage.ask(GetStatus()).fell_back == why
 
 
 def test_a_note_is_taken_of_each_command(stage):
@@ -319,7 +319,7 @@ def test_a_refusal_carries_the_number_of_what_it_refuses(stage):
             st.binary(max_size=200),
             st.builds(
                 lambda message, place, byte: message[:place] + bytes([byte]) + message[place + 1 :],
-                st.sampled_from([encode(Switch("jog", 3)), encode(SetSpeed(1.5, 2**40)), encode(Status())]),
+                st.sampled_from([encode(Switch("jog", 3)), encode(SetSpeed(1.5, 2**40)), encode(GetStatus())]),
                 st.integers(0, 40),
                 st.integers(0, 255),
             ),
@@ -336,7 +336,7 @@ def test_whatever_bytes_arrive_nothing_raises_and_the_next_command_works(datagra
         stage.send_raw(*datagrams)
         traffic = stage.server.traffic
         assert traffic.commands + traffic.malformed + traffic.flooded == len(datagrams)
-        assert isinstance(stage.ask(Status()), State)
+        assert isinstance(stage.ask(GetStatus()), State)
 
 
 @given(st.binary(max_size=300))
@@ -378,7 +378,7 @@ def test_one_poll_takes_a_bounded_number(stage):
 
 def test_a_flood_does_not_cost_the_loop_a_tick(stage):
     limits = JointLimits(*(np.array([x]) for x in (-1.0, 1.0, 1.0, 10.0, 100.0)))
-    data = [encode(Status(3)), b"nonsense", b"{" * 5000]
+    data = [encode(GetStatus(3)), b"nonsense", b"{" * 5000]
     clock = VirtualClock(200.0)
     with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as flooder:
 
@@ -398,7 +398,7 @@ def test_answering_nobody_does_no_harm(stage):
         gone.post(Switch("jog"))
     for _ in range(10):
         stage.tick()
-    assert isinstance(stage.ask(Status()), State)
+    assert isinstance(stage.ask(GetStatus()), State)
 
 
 def test_a_port_in_use_is_said_in_one_line(stage):
@@ -426,12 +426,12 @@ def test_with_no_deck_running_the_client_says_how_to_start_one():
     with closing(CommandClient(server.port)) as client:
         for _ in range(2):
             with pytest.raises(SocketError, match=f"no deck is running on port {server.port}.*motiondeck play"):
-                client.request(Status(), timeout_s=0.5)
+                client.request(GetStatus(), timeout_s=0.5)
 
 
 def test_a_deck_that_does_not_answer_is_none(stage):
     with pytest.raises(SocketError, match="no deck is running"):
-        stage.client.request(Status(), timeout_s=0.01)
+        stage.client.request(GetStatus(), timeout_s=0.01)
 
 
 def test_a_client_waits_for_its_own_answer(stage):
@@ -449,7 +449,7 @@ def test_a_client_waits_for_its_own_answer(stage):
     thread = threading.Thread(target=serve)
     thread.start()
     try:
-        reply = stage.client.request(Status(), timeout_s=5.0)
+        reply = stage.client.request(GetStatus(), timeout_s=5.0)
         assert isinstance(reply, State)
         assert (reply.id, reply.motion, reply.paused) == (3, "jog", True)
         assert stage.client.wait_settled(1, 5.0).to == "jog"
@@ -507,7 +507,7 @@ def test_another_interface_is_not_listened_on_without_a_token():
 def test_a_deck_with_another_token_is_not_believed(remote):
     server, _ = remote
     with closing(CommandClient(server.port, token=b"fedcba9876543210")) as client:
-        client.post(Status())
+        client.post(GetStatus())
         server.reply(client._socket.getsockname(), Accepted(1))
         with pytest.raises(SocketError, match="another token"):
             client.receive(1.0)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from controller.deck.interfaces import PlacedPose
 from controller.deck.recorded_deck import RecordedDeck
 from controller.wire.recorder import main, record
-from controller.wire.run_recording import Recording, RecordingWriter, load_recording
+from controller.wire.run_recording import RecordingWriter, RunRecording, load_recording
 from controller.wire.telemetry import StateReader, StateWriter
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 
@@ -182,7 +182,7 @@ def recorded(ticks=101):
         "heading": np.angle(np.exp(1j * 8.0 * time_s))[:, None],
         "root_rotation": turn,
     }
-    return Recording(DESCRIPTION, fields, True)
+    return RunRecording(DESCRIPTION, fields, True)
 
 
 @pytest.mark.parametrize("dt", [0.01, 0.003])
@@ -204,7 +204,7 @@ def test_a_recorded_deck_plays_what_was_recorded_at_any_rate(dt):
 def test_the_same_robot_is_placed_where_it_was_and_another_one_by_the_pose():
     recording = recorded()
     place = np.column_stack([2.0 * recording.fields["root_position"], recording.fields["root_rotation"]])
-    placed = Recording(DESCRIPTION, recording.fields | {"robot_root": place}, True)
+    placed = RunRecording(DESCRIPTION, recording.fields | {"robot_root": place}, True)
     (_, same), (_, other) = (RecordedDeck(placed, same_robot=same).update(0.013) for same in (True, False))
     assert isinstance(same, PlacedPose)
     assert same.robot_root[:3] == pytest.approx(2.0 * same.root_position)

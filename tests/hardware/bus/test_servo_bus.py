@@ -4,7 +4,7 @@ import pytest
 
 from hardware.bus.servo_bus import Bus
 from hardware.control_table.models import MODELS
-from hardware.errors import NoReplyError, PortError, RefusedError
+from hardware.errors import NoReplyError, RefusedError, SerialPortError
 from hardware.protocol2.frames import build_status
 
 XM430 = MODELS["XM430-W350"]
@@ -208,7 +208,7 @@ def test_a_rebooted_servo_comes_back(port, servos):
 )
 def test_a_vanished_port_is_one_clear_error(bus, port, call):
     port.unplug()
-    with pytest.raises(PortError, match="emulated is gone"):
+    with pytest.raises(SerialPortError, match="emulated is gone"):
         call(bus)
 
 
@@ -222,12 +222,12 @@ def test_a_full_port_is_told_and_not_waited_for(port, bus):
 
 
 def test_a_port_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(PortError, match="no such device"):
+    with pytest.raises(SerialPortError, match="no such device"):
         Bus.open(str(tmp_path / "ttyNone"), 1_000_000)
 
 
 def test_a_file_is_no_port(tmp_path):
     path = tmp_path / "file"
     path.write_text("")
-    with pytest.raises(PortError, match="cannot open the port"):
+    with pytest.raises(SerialPortError, match="cannot open the port"):
         Bus.open(str(path), 1_000_000)

@@ -14,7 +14,7 @@ from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import KINDS, Fault, FaultError, FaultPlan, parse_fault
 from hardware.emulator.port import EmulatedPort
 from hardware.emulator.pty_server import PtyServer
-from hardware.errors import PortError, RigError
+from hardware.errors import RigError, SerialPortError
 from hardware.rig.rig_file import RigConfig, RigJoint
 
 
@@ -125,7 +125,7 @@ def test_a_pulled_adapter_comes_back_under_its_name(rig_of_four, tmp_path):
             while time.monotonic() < deadline:
                 bus.ping(1)
 
-        with pytest.raises(PortError, match="is gone"):
+        with pytest.raises(SerialPortError, match="is gone"):
             ping_for_ever()
         bus.close()
         found = None
@@ -134,7 +134,7 @@ def test_a_pulled_adapter_comes_back_under_its_name(rig_of_four, tmp_path):
                 bus = Bus.open(str(link), 1_000_000)
                 found = bus.ping(1)
                 bus.close()
-            except PortError:
+            except SerialPortError:
                 time.sleep(0.02)
         assert found is not None
     finally:

@@ -16,7 +16,7 @@ from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.process import start_emulator
 from hardware.emulator.pty_server import PtyServer
-from hardware.errors import PortError, RigError, RigFileError
+from hardware.errors import RigError, RigFileError, SerialPortError
 from hardware.rig.dynamixel_rig import DynamixelRig
 from hardware.rig.rig_file import load_rig
 from hardware.rig.supervised_rig import SupervisedRig
@@ -139,7 +139,7 @@ def test_one_client_after_the_other_is_served(emulator):
 
 def test_a_port_in_use_is_refused(emulator):
     bus = Bus.open(emulator.port, 1_000_000)
-    with pytest.raises(PortError, match="another program is using it"):
+    with pytest.raises(SerialPortError, match="another program is using it"):
         Bus.open(emulator.port, 1_000_000)
     bus.close()
 
@@ -204,9 +204,9 @@ def test_pulling_the_plug_is_one_clear_error(rig_of_four):
     bus = Bus.open(server.port, 1_000_000)
     server.close()
     server.close()
-    with pytest.raises(PortError, match="is gone"):
+    with pytest.raises(SerialPortError, match="is gone"):
         bus.ping(1)
-    with pytest.raises(PortError, match="is gone"):
+    with pytest.raises(SerialPortError, match="is gone"):
         bus.sync_write(116, 4, bytes(5))
     bus.close()
 
@@ -235,11 +235,11 @@ def test_the_emulator_dies_with_its_parent(servo20_file):
     def gone():
         try:
             bus = Bus.open(port, 1_000_000)
-        except PortError:
+        except SerialPortError:
             return True
         try:
             return bus.ping(1) is None
-        except PortError:
+        except SerialPortError:
             return True
         finally:
             bus.close()
@@ -251,7 +251,7 @@ def test_stopping_may_be_done_twice(servo20_file):
     emulator = start_emulator(servo20_file)
     emulator.stop()
     emulator.stop()
-    with pytest.raises(PortError):
+    with pytest.raises(SerialPortError):
         Bus.open(emulator.port, 1_000_000).ping(1)
 
 
@@ -335,7 +335,7 @@ def test_after_a_failed_replug_torque_goes_off_over_the_new_port_and_nowhere_els
     assert [hub.bus[id]["torque_enable"] for id in (1, 3, 4)] == [0, 0, 0]
     assert (tmp_path / "bystander").read_bytes() == b""
     for use in (lambda: first.send(b"\0"), first.receive, lambda: first.wait(0.0)):
-        with pytest.raises(PortError, match="is gone"):
+        with pytest.raises(SerialPortError, match="is gone"):
             use()
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hardware.errors import PortError, RigError
+from hardware.errors import RigError, SerialPortError
 from hardware.protocol2.frames import Parser
 from hardware.rig.dynamixel_rig import DynamixelRig
 
@@ -319,7 +319,7 @@ def test_leaving_the_block_takes_the_torque_off(rig_of_four, bus, servos):
 def test_a_vanished_port_is_raised_once(rig, port):
     play(rig, port, [0.0] * 4, 3)
     port.unplug()
-    with pytest.raises(PortError, match="is gone"):
+    with pytest.raises(SerialPortError, match="is gone"):
         rig.write(np.zeros(4))
     rig.write(np.zeros(4))
     rig.request_state()

@@ -8,7 +8,7 @@ from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import Fault, FaultPlan
 from hardware.emulator.port import EmulatedPort
-from hardware.errors import PortError, RigError
+from hardware.errors import RigError, SerialPortError
 from hardware.rig.joined_rig import JoinedRig, connect_rig, on_ports
 from hardware.rig.supervised_rig import SupervisedRig
 
@@ -108,10 +108,10 @@ def test_a_second_port_that_fails_leaves_no_torque_on_the_first_or_says_so(confi
         if name == "second":
             return Bus(first, baud)
         first.bus[1].dead = True
-        raise PortError(f"cannot open the port {name}.")
+        raise SerialPortError(f"cannot open the port {name}.")
 
     monkeypatch.setattr(Bus, "open", open_bus)
-    with pytest.raises(PortError, match=r"port emulated\. And torque may still be on: joint_1\. Switch"):
+    with pytest.raises(SerialPortError, match=r"port emulated\. And torque may still be on: joint_1\. Switch"):
         connect_rig(config)
     assert [device["torque_enable"] for device in first.bus.devices] == [1, 0]
 

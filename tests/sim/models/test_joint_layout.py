@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from controller.rotations import from_rotation_vector, normalise, to_rotation_vector
 from motiondeck_base.errors import FileFormatError
-from sim.models.joint_layout import Layout, nearest_turn
+from sim.models.joint_layout import JointLayout, nearest_turn
 from sim.models.mannequin import build_mannequin
 from simulated_bodies import human
 
@@ -24,7 +24,7 @@ def tiny(free="<freejoint/>", joint='type="hinge"', servo='<position name="arm" 
 @given(st.integers(0, 2**32 - 1))
 def test_what_is_placed_is_read_back(seed):
     model = build_mannequin(human()).compile()
-    layout = Layout.of(model)
+    layout = JointLayout.of(model)
     random = np.random.default_rng(seed)
     # Up to three quarters of a turn: past the half turn the short way round would read otherwise.
     axes = normalise(random.normal(size=(19, 3)))
@@ -49,7 +49,7 @@ def test_the_nearest_turn_is_the_same_rotation_and_no_further_away(seed):
 def test_a_hinge_is_its_own_angle():
     model = tiny()
     qpos = np.zeros(model.nq)
-    Layout.of(model).place(np.array([0.7]), qpos)
+    JointLayout.of(model).place(np.array([0.7]), qpos)
     assert qpos[7] == 0.7
 
 
@@ -64,4 +64,4 @@ def test_a_hinge_is_its_own_angle():
 )
 def test_a_robot_that_does_not_fit_is_refused_by_name(change, complaint):
     with pytest.raises(FileFormatError, match=complaint):
-        Layout.of(tiny(**change))
+        JointLayout.of(tiny(**change))

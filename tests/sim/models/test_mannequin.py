@@ -8,7 +8,7 @@ from controller.mocap.anatomy import anatomy
 from controller.mocap.formats.jaeger_patterns import read_pattern
 from controller.mocap.formats.reading import read_clip
 from controller.mocap.posture import Pose
-from sim.models.joint_layout import Layout
+from sim.models.joint_layout import JointLayout
 from sim.models.mannequin import build_mannequin
 from sim.models.mannequin_solids import stature
 from sim.physics.playback import PhysicsPlayback
@@ -20,7 +20,7 @@ from simulated_bodies import ROBOTS, bent_pose, human, random_pose, skeletons
 
 def joint_error(model, skeleton, poses):
     """How far any joint of the mannequin is from where forward kinematics of the skeleton has it, m."""
-    layout, retarget, data = Layout.of(model), MannequinRetargeter(skeleton), mujoco.MjData(model)
+    layout, retarget, data = JointLayout.of(model), MannequinRetargeter(skeleton), mujoco.MjData(model)
     worst = 0.0
     for pose in poses:
         data.qpos[:3], data.qpos[3:7] = pose.root_position, pose.rotation[0]
@@ -156,7 +156,7 @@ def test_neighbours_never_push_one_another(bone):
     body = human()
     model = build_mannequin(body).compile()
     data, targets = mujoco.MjData(model), MannequinRetargeter(body)
-    Layout.of(model).place(targets(bent_pose(body, **{bone: (0.0, -1.3, 0.0)})), data.qpos)
+    JointLayout.of(model).place(targets(bent_pose(body, **{bone: (0.0, -1.3, 0.0)})), data.qpos)
     mujoco.mj_forward(model, data)
     pair = {model.body(bone).id, int(model.body(bone).parentid[0])}
     assert all(set(model.geom_bodyid[geoms].tolist()) != pair for geoms in data.contact.geom)
@@ -167,7 +167,7 @@ def test_the_model_survives_being_saved(tmp_path):
     model = spec.compile()
     spec.to_file(str(tmp_path / "mannequin.xml"))
     again = mujoco.MjModel.from_xml_path(str(tmp_path / "mannequin.xml"))
-    assert Layout.of(again).joints == Layout.of(model).joints
+    assert JointLayout.of(again).joints == JointLayout.of(model).joints
     assert np.allclose(again.jnt_range, model.jnt_range)
     assert np.allclose(again.actuator_gainprm, model.actuator_gainprm, rtol=1e-4)
     assert np.allclose(again.geom_size, model.geom_size, atol=1e-4)

@@ -4,12 +4,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from motiondeck_base.errors import FileFormatError
-from sim.models.servo_motor import ROOM, Servo
+from sim.models.servo_motor import ROOM, ServoMotor
 from sim.physics.playback import PhysicsPlayback
 from sim.robots.robot import load_robot
 from simulated_bodies import ROBOTS, bent_pose, human
 
-XM430 = Servo(torque=4.1, speed=4.8, current=2.3)
+XM430 = ServoMotor(torque=4.1, speed=4.8, current=2.3)
 
 
 def servo20(tmp_path, extra):
@@ -28,7 +28,7 @@ def test_the_torque_falls_to_nothing_at_the_no_load_speed_and_never_exceeds_the_
 
 
 def test_a_current_limit_is_a_torque_limit():
-    limited = Servo(torque=4.1, speed=4.8, current=2.3, current_limit=1.15)
+    limited = ServoMotor(torque=4.1, speed=4.8, current=2.3, current_limit=1.15)
     assert limited.torque_range(np.zeros(1))[1][0] == pytest.approx(2.05)
     assert limited.drawn(np.array([-2.05]))[0] == pytest.approx(1.15)
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from controller.mocap.posture import Pose
 from motiondeck_base.errors import FileFormatError, UnknownNameError
-from sim.models.joint_layout import Layout
+from sim.models.joint_layout import JointLayout
 from sim.models.model_file import read_model
 from sim.models.surface import LowestPoint
 from sim.models.urdf_speeds import urdf_speeds
@@ -203,7 +203,7 @@ def test_who_follows_does_as_in_mujoco(tmp_path, equality, follows):
 def test_a_coupling_that_is_not_active_is_none(tmp_path):
     extra = '<equality><joint joint1="lid" joint2="left_knee" active="false"/></equality>'
     model = read_model(model_file(tmp_path, humanoid(trunk=LID, extra=extra, servos=[*SERVOS, "lid"]))).compile()
-    assert "lid" in Layout.of(model).joints
+    assert "lid" in JointLayout.of(model).joints
 
 
 def test_sensors_and_contact_pairs_on_what_is_left_out_go_with_it(tmp_path):

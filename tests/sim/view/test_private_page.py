@@ -7,7 +7,7 @@ import viser
 import websockets.exceptions
 import websockets.sync.client
 
-from sim.view.private_page import PortError, PrivatePage
+from sim.view.private_page import PagePortError, PrivatePage
 
 
 def free_port():
@@ -123,5 +123,5 @@ def test_a_port_it_cannot_have_is_named(port):
         holder.bind(("127.0.0.1", 0))
         holder.listen()
         number = holder.getsockname()[1] if port == "taken" else port
-        with pytest.raises(PortError, match=f"port {number} on 127.0.0.1.*--port"):
+        with pytest.raises(PagePortError, match=f"port {number} on 127.0.0.1.*--port"):
             PrivatePage(number, "test")

@@ -6,7 +6,7 @@ import pytest
 
 from controller.cli.pictures.clip_scene import act_of, act_of_recording
 from controller.mocap.clip import Clip
-from controller.wire.run_recording import Recording
+from controller.wire.run_recording import RunRecording
 from motiondeck_base.errors import MotiondeckError
 from sim.robots.robot import load_robot
 from simulated_bodies import ROBOTS, human, smooth_poses
@@ -48,7 +48,7 @@ def recording(robot, ticks=24, joints=None):
         "root_rotation": np.tile([1.0, 0.0, 0.0, 0.0], (ticks, 1)),
         "heading": np.zeros((ticks, 1)),
     }
-    return Recording(description={"robot": robot.name, "rate": 120.0, "motions": []}, fields=fields, complete=True)
+    return RunRecording(description={"robot": robot.name, "rate": 120.0, "motions": []}, fields=fields, complete=True)
 
 
 def test_a_recorded_run_is_shown_where_it_was_told_to_be():

@@ -18,7 +18,7 @@ from controller.mocap.encodings.joint_angles import angles_of, read_taught_clip,
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
-from hardware.errors import PortError
+from hardware.errors import SerialPortError
 from hardware.rig.joined_rig import JoinedRig
 from hardware.rig.rig_file import load_rig
 from hardware.rig.supervised_rig import SupervisedRig
@@ -135,7 +135,7 @@ def test_a_clip_that_the_limits_hold_back_comes_to_its_last_frame(rig, tmp_path,
 
 
 @pytest.mark.parametrize(
-    ("end", "said"), [(PortError("the port is gone."), "the port is gone"), (SystemExit(143), "ended by SIGTERM")]
+    ("end", "said"), [(SerialPortError("the port is gone."), "the port is gone"), (SystemExit(143), "ended by SIGTERM")]
 )
 def test_a_recording_that_breaks_off_is_saved_as_far_as_it_goes(rig, tmp_path, monkeypatch, end, said):
     clip = tmp_path / "wave.clip"

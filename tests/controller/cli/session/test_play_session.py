@@ -6,7 +6,7 @@ import signal
 import pytest
 
 import synthetic
-from controller.cli.session.robot_on_deck import Cast
+from controller.cli.session.robot_on_deck import RobotSetup
 from controller.cli.session.session import Session, Settings
 from controller.deck.deck import Deck
 from controller.loop.clock import VirtualClock
@@ -20,7 +20,7 @@ def library():
 
 def settings(**changes):
     usual = {
-        "robot": Cast(find("robot", "mannequin", ".toml")),
+        "robot": RobotSetup(find("robot", "mannequin", ".toml")),
         "rate": 100.0,
         "physics": False,
         "realtime": False,
@@ -33,7 +33,7 @@ def settings(**changes):
 
 
 def test_a_second_robot_mirrors_the_first(library):
-    chosen = settings(follow=Cast(find("robot", "mannequin", ".toml")))
+    chosen = settings(follow=RobotSetup(find("robot", "mannequin", ".toml")))
     with Session(
         library, lambda retarget: Deck(library, retarget, "march"), [], chosen, VirtualClock(100.0)
     ) as session:

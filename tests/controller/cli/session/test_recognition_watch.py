@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from controller.cli.session.recognition_watch import NUMBERS, Watch, Watching, in_words
+from controller.cli.session.recognition_watch import NUMBERS, RecognitionWatch, Watching, in_words
 from controller.deck.deck import Deck
 from controller.deck.interfaces import JointLimits
 from controller.loop.clock import VirtualClock
@@ -65,7 +65,7 @@ def play(library, at, stop):
     big = np.full(count, 1e4)
     limits = JointLimits(-big, big, big, big, big * 1e3)
     channel = Channel(Sticking(count, int(moves[:-1].argmax()), at))
-    watch = Watch(
+    watch = RecognitionWatch(
         Watching(0.5, stop), library, bones_as_joints, joints, np.zeros((0, 3), dtype=np.int64), limits, channel, RATE
     )
     request = StopRequest()

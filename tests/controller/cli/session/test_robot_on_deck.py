@@ -20,7 +20,7 @@ def test_limbs_are_kept_apart_within_the_limits_of_the_rig(monkeypatch):
 
     monkeypatch.setattr(body, "open_rig", open_rig)
     skeleton, rate = human(), 100.0
-    cast = body.Cast(find("robot", "servo20", ".toml"), find("rig", "servo20", ".toml"), apart=True)
+    cast = body.RobotSetup(find("robot", "servo20", ".toml"), find("rig", "servo20", ".toml"), apart=True)
     library: Any = SimpleNamespace(skeleton=skeleton)
     with ExitStack() as opening:
         opened = body.open_body(opening, cast, library, rate, physics=False)

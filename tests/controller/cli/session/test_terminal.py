@@ -17,6 +17,7 @@ from controller.wire.command_socket import (
     CommandError,
     CommandServer,
     EmergencyStop,
+    GetStatus,
     Home,
     Pause,
     Queue,
@@ -26,7 +27,6 @@ from controller.wire.command_socket import (
     SetSpeed,
     Settled,
     State,
-    Status,
     Stop,
     Switch,
 )
@@ -48,7 +48,7 @@ from controller.wire.command_socket import (
         ("reset", Reset()),
         ("pause", Pause()),
         ("resume", Resume()),
-        ("status", Status()),
+        ("status", GetStatus()),
         ("stop", Stop()),
         ("quit", Stop()),
     ],
@@ -89,7 +89,7 @@ def test_any_words_are_a_message_or_a_command_error(words):
         message = parse_command(words)
     except CommandError:
         return
-    assert isinstance(message, Switch | Blend | SetSpeed | Pause | Resume | Status | Stop)
+    assert isinstance(message, Switch | Blend | SetSpeed | Pause | Resume | GetStatus | Stop)
 
 
 def test_replies_are_told_in_one_line():
@@ -206,15 +206,15 @@ def test_a_person_switches_by_name_and_the_prompt_ends_with_the_deck():
         person.wait_for("The deck has ended.")
         assert person.process.wait(30.0) == 0
         os.close(person.hand)
-    assert (deck.heard[0], deck.heard[-1], Switch in deck.heard) == (Status, Stop, True)
+    assert (deck.heard[0], deck.heard[-1], Switch in deck.heard) == (GetStatus, Stop, True)
 
 
 def test_listening_ends_when_the_deck_goes_away(capsys, monkeypatch):
     monkeypatch.setattr("controller.cli.session.terminal._HEARTBEAT", 0.01)
-    with Answering(last=Status) as deck:
+    with Answering(last=GetStatus) as deck:
         client = CommandClient(deck.server.port)
         client.post(Pause())
         listen_to(client, lambda: False)
         client.close()
     assert capsys.readouterr().out.splitlines() == ["accepted", "The deck has ended."]
-    assert deck.heard == [Pause, Status]
+    assert deck.heard == [Pause, GetStatus]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from controller.mocap.clip import Clip
-from controller.mocap.formats.clip_facts import Recording, facts, gaps, read_recording
+from controller.mocap.formats.clip_facts import FittedClip, facts, gaps, read_recording
 from controller.mocap.formats.marker_fit import Fit
 from recordings import BVH
 from simulated_bodies import human
@@ -16,7 +16,7 @@ def test_a_body_that_slides_along():
     body = human()
     position = np.stack([np.linspace(0.0, 1.0, 11), np.zeros(11), np.full(11, 0.88)], axis=-1)
     clip = Clip("slide", body, 10.0, position, np.tile([1.0, 0.0, 0.0, 0.0], (11, 20, 1)), "slide.bvh")
-    known = facts(Recording(clip, None))
+    known = facts(FittedClip(clip, None))
     assert (known["frames"], known["bones"], known["rate"]) == (11, 19, 10.0)
     assert known["duration"] == pytest.approx(1.1)
     assert known["path"] == pytest.approx(1.0)

@@ -3,7 +3,7 @@ import pytest
 
 import synthetic
 from controller.evaluation.training_error import training_error
-from controller.measures.self_test import Judge, Verdict
+from controller.measures.self_test import Judge, MotionVerdict
 from controller.measures.trials import FREE_RUN, failures, with_trials
 from controller.training.fit import Syllabus, Taught, first_to_pass
 from controller.training.recipe import LibraryRecipe, MotionRecipe
@@ -69,7 +69,9 @@ def test_only_a_motion_that_fails_is_taught_again(plain, judge, monkeypatch):
 
 
 def test_what_fails_too_often_does_not_pass():
-    verdicts = {name: Verdict(True, 1.0, 1.0, "") for name in ("a", "b")} | {"c": Verdict(False, 1.0, 1.0, "frozen")}
+    verdicts = {name: MotionVerdict(True, 1.0, 1.0, "") for name in ("a", "b")} | {
+        "c": MotionVerdict(False, 1.0, 1.0, "frozen")
+    }
     tested = with_trials(verdicts, {"a": 1, "b": 2, "c": FREE_RUN})
     assert tested["a"].passed
     assert tested["b"].reason == "fails 2 times when disturbed"
@@ -88,7 +90,7 @@ def _silent(part):
 
 def test_the_next_seed_is_tried_until_all_pass_and_else_the_best_is_kept(plain):
     def attempt(seed):
-        verdicts = {str(i): Verdict(i < passing[seed], 1.0, 1.0, "") for i in range(3)}
+        verdicts = {str(i): MotionVerdict(i < passing[seed], 1.0, 1.0, "") for i in range(3)}
         return Taught(seed, plain, verdicts)
 
     passing = {0: 1, 1: 3, 2: 3}
