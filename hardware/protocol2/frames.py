@@ -9,6 +9,8 @@ read (ID FE, instruction 55) is not stuffed.
 
 from __future__ import annotations
 
+from collections import deque
+from heapq import heappop, heappush
 from typing import NamedTuple
 
 from hardware.protocol2.crc import checksum
@@ -22,6 +24,7 @@ ALERT = 0x80
 # No frame of a full bus (253 servos, 10 bytes each) comes near this; what claims more is noise.
 LONGEST = 8192
 
+_SHORTEST = 3  # instruction and checksum
 _OVERHEAD = 7  # header, ID and length stand before what LENGTH counts
 
 
@@ -79,71 +82,89 @@ def as_status(frame: Frame) -> StatusPacket | None:
 
 
 class Parser:
-    """Finds frames in bytes that arrive in pieces of any size; nothing that arrives makes it raise.
+    """Finds frames in bytes that arrive in pieces of any size; no input makes it raise.
 
-    A frame with a bad checksum, or one cut short by the next, is dropped, and the next good one is found. What is kept
-    between calls never exceeds one frame.
+    A frame with a bad checksum is dropped, and the next good one is found. Which frames are found does not depend on how
+    the bytes were cut into pieces; the time is linear in their number, because each header is looked at twice: when it
+    has arrived, and when its frame must have ended. What is kept between calls never exceeds one frame.
 
     Attributes:
-        corrupt: how many frames were dropped because of their checksum, so far.
+        corrupt: how many frames were dropped because of their checksum or length, so far.
         damaged: the IDs of those that the last `feed` dropped, as far as an ID can be trusted in a damaged frame.
     """
 
-    __slots__ = ("_buffer", "corrupt", "damaged")
+    __slots__ = ("_buffer", "_by_end", "_by_start", "_gone", "_searched", "_used", "corrupt", "damaged")
 
     def __init__(self) -> None:
-        self._buffer = b""
+        self._buffer = bytearray()
+        self._gone = 0  # bytes dropped in front of the buffer; every position counts from the first byte ever fed
+        self._searched = 0  # headers that begin before this position are known
+        self._used = 0  # the last good frame ended here: what began before was noise that looked like a header
+        self._by_end: list[tuple[int, int]] = []  # a heap of (end, start) of the frames that have begun
+        self._by_start: deque[tuple[int, int]] = deque()  # the same frames as (start, end)
         self.corrupt = 0
         self.damaged: list[int] = []
 
     @property
     def waiting(self) -> bool:
         """Whether a frame has begun and its end has not arrived."""
-        return self._buffer.startswith(HEADER)
+        return bool(self._by_start) or self._buffer.startswith(HEADER)
 
     def feed(self, data: bytes) -> list[Frame]:
         """The frames that these bytes complete, in order."""
-        buffer = self._buffer + data
-        frames: list[Frame] = []
         self.damaged = []
-        done = 0  # everything before is used up
-        waiting = None  # the first header whose frame has not arrived in full
-        start = buffer.find(HEADER)
-        while start >= 0:
-            end = _end(buffer, start)
-            frame = None if end is None else _frame_between(buffer, start, end)
-            if frame is not None and end is not None:
+        self._buffer += data
+        self._find_headers()
+        arrived = self._gone + len(self._buffer)
+        frames: list[Frame] = []
+        while self._by_end and self._by_end[0][0] <= arrived:
+            end, start = heappop(self._by_end)
+            if start < self._used:
+                continue
+            frame = _frame_in(bytes(self._buffer[start - self._gone : end - self._gone]))
+            if frame is None:
+                self._drop(start)
+            else:
                 frames.append(frame)
-                done, waiting = end, None
-            elif end is not None:
-                if waiting is None:
-                    self.corrupt += 1
-                    self.damaged.append(buffer[start + 4])
-            elif waiting is None:
-                # It may be noise that looks like a header, so a whole frame behind it still counts: inside a good frame
-                # there can be none, stuffing sees to that.
-                waiting = start
-            start = buffer.find(HEADER, done if frame is not None else start + 1)
-        self._buffer = buffer[max(done, len(buffer) - 3) if waiting is None else waiting :]
+                self._used = end
+        while self._by_start and (self._by_start[0][0] < self._used or self._by_start[0][1] <= arrived):
+            self._by_start.popleft()
+        self._forget(self._by_start[0][0] if self._by_start else self._searched)
         return frames
 
+    def _find_headers(self) -> None:
+        """Notes where each newly arrived header says that its frame ends."""
+        buffer = self._buffer
+        at = buffer.find(HEADER, self._searched - self._gone)
+        while at >= 0 and at + _OVERHEAD <= len(buffer):
+            start, length = self._gone + at, buffer[at + 5] | buffer[at + 6] << 8
+            if _SHORTEST <= length <= LONGEST:
+                end = start + _OVERHEAD + length
+                heappush(self._by_end, (end, start))
+                self._by_start.append((start, end))
+            else:
+                self._drop(start)
+            self._searched = start + 1
+            at = buffer.find(HEADER, at + 1)
+        if at < 0:
+            self._searched = max(self._searched, self._gone + len(buffer) - len(HEADER) + 1)
 
-def _end(buffer: bytes, start: int) -> int | None:
-    """Where the frame that starts here ends; None while its end has not arrived, `start` if its length is nonsense."""
-    if len(buffer) < start + _OVERHEAD:
+    def _drop(self, start: int) -> None:
+        """Counts the frame that begins here as damaged."""
+        self.corrupt += 1
+        self.damaged.append(self._buffer[start - self._gone + 4])
+
+    def _forget(self, before: int) -> None:
+        """Drops the bytes before this position."""
+        del self._buffer[: before - self._gone]
+        self._gone = before
+
+
+def _frame_in(data: bytes) -> Frame | None:
+    """The frame that these bytes are, None if its checksum is bad."""
+    if checksum(data[:-2]) != data[-2] | data[-1] << 8:
         return None
-    length = buffer[start + 5] | buffer[start + 6] << 8
-    if not 3 <= length <= LONGEST:
-        return start
-    end = start + _OVERHEAD + length
-    return end if end <= len(buffer) else None
-
-
-def _frame_between(buffer: bytes, start: int, end: int) -> Frame | None:
-    """The frame in buffer[start:end], None if its checksum is bad."""
-    if end <= start or checksum(buffer[start : end - 2]) != buffer[end - 2] | buffer[end - 1] << 8:
-        return None
-    id, instruction = buffer[start + 4], buffer[start + _OVERHEAD]
-    body = buffer[start + _OVERHEAD : end - 2]
+    id, instruction = data[4], data[_OVERHEAD]
+    body = data[_OVERHEAD:-2]
     fast_reply = id == BROADCAST and instruction == STATUS
     return Frame(id, instruction, (body if fast_reply else unstuff(body))[1:])

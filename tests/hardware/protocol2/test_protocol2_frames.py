@@ -1,3 +1,4 @@
+import time
 from itertools import pairwise
 
 import pytest
@@ -76,6 +77,41 @@ def test_a_flipped_bit_costs_that_frame_and_no_other(id, params, data):
     at = data.draw(st.integers(0, len(damaged) - 1))
     damaged[at] ^= 1 << data.draw(st.integers(0, 7))
     assert Parser().feed(bytes(damaged) + build(9, 0x01)) == [Frame(9, 0x01, b"")]
+
+
+@given(st.lists(st.one_of(tricky, st.binary(max_size=8), st.builds(build, st.integers(0, 252), instructions, tricky)), max_size=6),
+       st.lists(st.integers(0, 400), max_size=8))  # fmt: skip
+@example([HEADER + b"\x01\x20\x00\x02", build(5, 0x02, b"\x01"), bytes(40)], [30])
+def test_what_is_found_does_not_depend_on_the_pieces(parts, cuts):
+    stream = b"".join(parts)
+    whole, pieces = Parser(), Parser()
+    at_once = whole.feed(stream)
+    assert [frame for piece in in_pieces(stream, cuts) for frame in pieces.feed(piece)] == at_once
+    assert pieces.corrupt == whole.corrupt
+
+
+@pytest.mark.parametrize("length", [LONGEST + 1, 0xFFFF, 2, 0])
+def test_a_length_that_no_frame_has_is_dropped_at_once(length):
+    """Waiting for its end would keep the parser deaf for as long as the noise claims."""
+    parser = Parser()
+    assert parser.feed(HEADER + b"\x01" + length.to_bytes(2, "little")) == []
+    assert (parser.corrupt, parser.waiting) == (1, False)
+
+
+@pytest.mark.parametrize("params", [LONGEST - 3, 0])
+def test_the_longest_and_the_shortest_frame_are_found(params):
+    assert Parser().feed(build(1, 0x03, bytes(params))) == [Frame(1, 0x03, bytes(params))]
+
+
+@pytest.mark.parametrize(
+    "header", [b"\xff\xff\xfd\x00\x01\xff\x1f", b"\xff\xff\xfd\x00\xfe\xff\x1f\x55"], ids=["plain", "fast reply"]
+)
+def test_a_stream_of_hostile_headers_costs_linear_time(header):
+    """Each promises the longest frame; 8 kB of them, byte by byte, once took 3.5 s."""
+    parser, since = Parser(), time.process_time()
+    for byte in header * (16_000 // len(header)):
+        parser.feed(bytes((byte,)))
+    assert time.process_time() - since < 0.5
 
 
 def test_a_bad_checksum_is_counted():
