@@ -1,4 +1,4 @@
-"""What can go wrong between a rig file and a turning servo, said in one line with the remedy."""
+"""The errors between a rig file and a turning servo; each message is one line with the remedy."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from motiondeck_base.errors import MotiondeckError
 
 
 class RigFileError(MotiondeckError):
-    """A rig file that cannot be read or says something impossible; the message names the place and what is allowed."""
+    """A rig file that cannot be read or holds something impossible; the message names the place and what is allowed."""
 
 
 class SerialPortError(MotiondeckError):
@@ -16,11 +16,11 @@ class SerialPortError(MotiondeckError):
 
 
 class ServoError(MotiondeckError):
-    """A servo that did not do what it was told."""
+    """A servo that did not carry out an instruction."""
 
 
 class NoReplyError(ServoError):
-    """A servo that stayed silent until the deadline, in every attempt."""
+    """A servo that stayed silent until the deadline, each time it was asked."""
 
 
 class RefusedError(ServoError):
@@ -28,14 +28,14 @@ class RefusedError(ServoError):
 
 
 class RigError(MotiondeckError):
-    """A rig that is not as its file says, or not fit to be switched on; the message names the joints."""
+    """A rig that differs from its file, or is not fit to be switched on; the message names the joints."""
 
 
 def still_on(joints: Sequence[str]) -> str:
-    """What to say of joints that did not confirm the end of a rig."""
+    """The warning about joints that did not confirm the end of a rig."""
     return f"torque may still be on: {', '.join(joints)}. Switch the power off first."
 
 
 def with_torque(error: MotiondeckError, joints: Sequence[str]) -> MotiondeckError:
-    """The same error, which says also which joints did not confirm the end of the rig."""
+    """The same error, with the joints that did not confirm the end of the rig added."""
     return type(error)(f"{error} And {still_on(joints)}") if joints else error

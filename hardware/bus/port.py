@@ -1,4 +1,4 @@
-"""A port: the way bytes reach a bus; here over a serial device, without ever waiting in a busy loop."""
+"""The port through which bytes reach a bus: a serial device, waited for in poll() and never in a busy loop."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hardware.errors import SerialPortError
 
 
 class Port(Protocol):
-    """What a bus needs of its wire. Any call may raise SerialPortError when the device is gone."""
+    """What a bus needs of its port. Any call may raise SerialPortError when the device is gone."""
 
     name: str
 
@@ -57,7 +57,7 @@ class SerialPort:
         except (OSError, ValueError) as error:
             raise SerialPortError(f"cannot open the port {name} at {baud} baud: {_reason(error)}") from error
         self._fd = self._serial.fileno()
-        self._at_hand = array("i", [0])  # bytes, as the system says
+        self._available = array("i", [0])  # bytes that wait in the kernel
         self._poll = select.poll()
         self._poll.register(self._fd, select.POLLIN)
 
@@ -72,11 +72,11 @@ class SerialPort:
 
     def receive(self) -> bytes:
         """What has arrived since the last call, without waiting."""
-        # To read, or to poll, where nothing is at hand waits for a worker of the kernel that may bring something: on a
-        # busy machine for milliseconds, whatever one's own priority. To ask how much there is does not.
+        # read() and poll() on an empty pseudo-terminal wait for a kernel worker that may bring something: on a busy
+        # machine for milliseconds, even with real-time priority. Asking how many bytes there are does not.
         try:
-            fcntl.ioctl(self._fd, termios.FIONREAD, self._at_hand)
-            return os.read(self._fd, 65536) if self._at_hand[0] else b""
+            fcntl.ioctl(self._fd, termios.FIONREAD, self._available)
+            return os.read(self._fd, 65536) if self._available[0] else b""
         except BlockingIOError:
             return b""
         except (OSError, ValueError) as error:  # a ValueError for the descriptor of a port that is closed

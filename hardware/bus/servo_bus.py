@@ -15,7 +15,7 @@ from hardware.protocol2.instructions import FastReply
 
 
 class Identity(NamedTuple):
-    """What a ping tells about a servo."""
+    """What a servo answers to a ping."""
 
     id: int
     model_number: int
@@ -52,10 +52,10 @@ class Bus:
 
     Calls that wait do so in poll(), until a deadline: the time the bytes need on the wire, plus `margin` for the
     adapter (a USB latency timer may hold a reply for 16 ms) and the servos' return delay. They are repeated at most
-    `retries` times. That a servo has a hardware problem is a field of its answer (`alert`), never an exception.
+    `retries` times. A servo's hardware problem is a field of its answer (`alert`), never an exception.
 
     For a real-time loop there are three calls that never wait: `sync_write`, `request` and `collect`. Any other call
-    gives up a request under way. Every call raises PortError when the port is gone.
+    gives up a request under way. Every call raises SerialPortError when the port is gone.
 
     Attributes:
         port: what carries the bytes.
@@ -77,7 +77,7 @@ class Bus:
         """The bus on a serial device.
 
         Raises:
-            PortError: if it cannot be opened.
+            SerialPortError: if it cannot be opened.
         """
         return cls(SerialPort(name, baud), baud)
 
@@ -86,7 +86,7 @@ class Bus:
         return 10.0 * count / self.baud
 
     def ping(self, id: int) -> Identity | None:
-        """Who answers at this ID; None if nobody does."""
+        """The servo that answers at this ID; None if none does."""
         status = self._ask(instructions.ping(id), id, 3)
         if status is None or status.error:
             return None
@@ -232,7 +232,7 @@ class Bus:
         return self._insist(instructions.backup(id, restore), id, 0, "restore" if restore else "back up")
 
     def ping_all(self) -> list[Identity]:
-        """Who answers a broadcast ping, in order of ID; waits for the slowest of 253 servos."""
+        """The servos that answer a broadcast ping, in order of ID; waits for the slowest of 253."""
         self._pending = None
         self.port.receive()
         if not self.port.send(instructions.ping(BROADCAST)):
@@ -281,7 +281,7 @@ class Bus:
     ) -> dict[int, StatusPacket]:
         """Sends a frame and waits until all these servos have answered or the deadline is over.
 
-        An answer of another length than expected, unless it says why, is one that came too late for an earlier call.
+        An answer of an unexpected length and without an error number came too late for an earlier call; it is ignored.
         """
         self._pending = None
         self.port.wait(0.0)  # what has arrived may still be on its way through the kernel; this waits for that
@@ -316,8 +316,8 @@ class Bus:
     def _by_turns(self, ids: Sequence[int], ask: _Ask) -> dict[int, StatusPacket]:
         """Asks a line of servos until each has answered or has been silent at the head of the line too often.
 
-        A servo waits for the one before it, so a silent one may hush all behind it: only the head of the line is to
-        blame for itself. It goes to the back, and after `retries` more chances it is given up.
+        A servo waits for the one before it, so a silent one may silence all behind it: only the first in the line is
+        known to be silent itself. It goes to the back, and after `retries` more chances it is given up.
         """
         heard = ask(ids) if ids else {}
         line = deque(id for id in ids if id not in heard) if len(heard) < len(ids) else None
@@ -337,7 +337,7 @@ def _single_replies_length(count: int, length: int) -> int:
 
 
 def _single_replies(received: bytes, ids: Sequence[int], length: int) -> FastReply:
-    """What single statuses say, in the words of a joint reply."""
+    """Single statuses as a joint reply."""
     heard = {
         status.id: status
         for frame in Parser().feed(received)

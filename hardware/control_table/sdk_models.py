@@ -30,7 +30,7 @@ class ModelFile(NamedTuple):
 
     Attributes:
         pulses_per_turn: position counts in one turn.
-        rad_per_s: what one count of velocity is; 0 where the file does not say.
+        rad_per_s: one count of velocity; 0 where the file lacks it.
         rows: in order of address, without the file's second names for a place.
     """
 

@@ -1,4 +1,4 @@
-"""What the maker's `.model` files do not say of the X and MX servos: their motors, units, limits and operating modes.
+"""What the maker's `.model` files lack about the X and MX servos: their motors, units, limits and operating modes.
 
 Speeds and currents are rounded figures of the data sheets at the voltage named; they serve the emulator and the checks
 of a rig file, not a thesis. Where a figure differs from a servo's own register, the register counts.

@@ -1,8 +1,8 @@
 """An emulated bus: bytes and the time in, the servos' answers out; no port, no clock and no thread of its own.
 
 Where the e-Manual is silent: in a sync or bulk read a servo waits for the one before it in the list, so a dead one
-hushes all behind it (`strict`; otherwise they answer anyway); any instruction on the bus feeds every servo's watchdog;
-servos that share an ID all obey, and what they answer at the same time mixes on the wire.
+silences all behind it (`strict`; otherwise they answer anyway); any instruction on the bus feeds every servo's
+watchdog; servos that share an ID all obey, and their simultaneous answers mix on the wire.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Answer(NamedTuple):
     Attributes:
         delay: how long they waited before, s.
         data: the bytes.
-        id: who speaks; BROADCAST where several write one frame.
+        id: the sender; BROADCAST where several write one frame.
     """
 
     delay: float
@@ -49,7 +49,7 @@ class EmulatedBus:
     Attributes:
         devices: the servos, in the order of the rig.
         strict: whether a servo keeps silent when the one before it in a sync read does.
-        baud: at which the host speaks, bits/s; a servo set to another hears nothing.
+        baud: the host's, bits/s; a servo set to another hears nothing.
         longest_gap: the silence inside an instruction that the servos forgive, s; None for any.
     """
 
@@ -129,12 +129,12 @@ class EmulatedBus:
         self._time = now
 
     def feed(self, at: float) -> None:
-        """Has the watchdogs hear a word at the time `at`, s, without any bytes."""
+        """Feeds the watchdogs at the time `at`, s, without any bytes."""
         self._fed = max(self._fed, at)
 
     @property
     def moving(self) -> bool:
-        """Whether any servo says so itself: it turns faster than its moving threshold."""
+        """Whether any servo reports that it moves: it turns faster than its moving threshold."""
         return any(device.moving for device in self.devices)
 
     def reindex(self) -> None:
@@ -161,7 +161,7 @@ class EmulatedBus:
             return group(self, frame.params) if frame.id == BROADCAST else []
         if frame.id == BROADCAST:
             if frame.instruction == wire.PING:
-                return [said for id in sorted(self._by_id) for said in self._together(id, frame)]
+                return [answer for id in sorted(self._by_id) for answer in self._together(id, frame)]
             reset_all = frame.instruction == wire.FACTORY_RESET and frame.params == bytes((wire.RESET_ALL,))
             for device in self._awake(self.devices):
                 if frame.instruction != wire.READ and not (reset_all and device["firmware_version"] >= _NEWER_FIRMWARE):
@@ -175,7 +175,7 @@ class EmulatedBus:
 
     def _together(self, id: int, frame: Frame) -> list[Answer]:
         """The answers of all servos with this ID, mixed into one where there are several."""
-        answers = [said for device in self._hearing(id) for said in self._alone(device, id, frame)]
+        answers = [answer for device in self._hearing(id) for answer in self._alone(device, id, frame)]
         return answers if len(answers) < 2 else [self._mixed(answers)]
 
     def _mixed(self, answers: list[Answer]) -> Answer:
@@ -189,11 +189,11 @@ class EmulatedBus:
         return Answer(first, bytes(mixed), answers[0].id)
 
     def _alone(self, device: Device, id: int, frame: Frame, shadow: bool = False) -> list[Answer]:
-        """Does what an instruction to a single servo says, and gives its status."""
+        """Carries out an instruction to a single servo, and gives its status."""
         params, error, answer, level = frame.params, 0, b"", 2
         deaf_until = self._time + BOOT_TIME
         # The answer leaves before what the instruction does to ID, speed and answering.
-        said = self._status(device, id, 0, b"", 2)
+        done = self._status(device, id, 0, b"", 2)
         match frame.instruction:
             case wire.PING:
                 answer, level = device.read(0, 2) or b"", 0
@@ -212,11 +212,11 @@ class EmulatedBus:
                 self.reindex()
             case wire.REBOOT:
                 device.reboot(deaf_until)
-                return said
+                return done
             case wire.FACTORY_RESET if not shadow:
                 if len(params) == 1 and device.factory_reset(params[0], deaf_until):
                     self.reindex()
-                    return said
+                    return done
                 error = RANGE if len(params) == 1 else LENGTH
             case wire.CLEAR:
                 error = device.clear(params)
@@ -255,13 +255,13 @@ class EmulatedBus:
         """The statuses of servos that answer one behind the other."""
         answers: list[Answer] = []
         for id, params in asked:
-            said = []
+            own: list[Answer] = []
             for device in self._hearing(id):
                 data, error = self._read(device, params)
-                said += self._status(device, id, error, data, 1)
-            if not said and self.strict:
+                own += self._status(device, id, error, data, 1)
+            if not own and self.strict:
                 break
-            answers += said if len(said) < 2 else [self._mixed(said)]
+            answers += own if len(own) < 2 else [self._mixed(own)]
         return answers
 
     def _fast_sync_read(self, params: bytes) -> list[Answer]:

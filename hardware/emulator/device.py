@@ -32,7 +32,7 @@ _RESTORED = ("led", "bus_watchdog", "position_p_gain", "position_i_gain", "posit
              "velocity_p_gain", "feedforward_1st_gain", "feedforward_2nd_gain", "profile_velocity",
              "profile_acceleration")  # fmt: skip
 _NEWER_FIRMWARE = 45  # startup configuration, backup, torque on by goal update
-# What the motors have to be told about when it changes.
+# The motors copy these when they change.
 _MATTERS = frozenset({"torque_enable", "operating_mode", "drive_mode", "homing_offset", "goal_pwm", "goal_current",
                       "goal_velocity", "position_p_gain", "position_i_gain", "position_d_gain",
                       "feedforward_1st_gain"})  # fmt: skip
@@ -89,7 +89,7 @@ class Device:
         return self._get(name)
 
     def __setitem__(self, name: str, value: int) -> None:
-        """Puts a value into a register, with no rule asked and no effect: for the servo itself, and for tests."""
+        """Puts a value into a register without any rule or effect: for the servo itself, and for tests."""
         self._store(self._table[name], value)
         if name in _MATTERS:
             self.bank.settle()
@@ -122,7 +122,7 @@ class Device:
 
     @property
     def moving(self) -> bool:
-        """Whether it says itself that it moves: it turns faster than its moving threshold."""
+        """Whether it reports that it moves: it turns faster than its moving threshold."""
         return self["moving"] != 0
 
     @property
@@ -168,7 +168,7 @@ class Device:
     def write(self, address: int, data: bytes, shadow: bool = False) -> int:
         """Writes bytes if every rule allows all of them; the error number, 0 for none.
 
-        As a `shadow` (spoken to by its second ID) it keeps its EEPROM as it is.
+        As a `shadow` (addressed by its second ID) it keeps its EEPROM as it is.
         """
         plan = self._plan(address, data)
         if isinstance(plan, int):

@@ -1,4 +1,4 @@
-"""The motors of a bank: from what they are told to how the horns turn, for all servos at once.
+"""The motors of a bank: from settings and goals to how the horns turn, for all servos at once.
 
 In steps of at most 2 ms, with e = path - shaft:
 
@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 class MotorDrive:
     """n motors; every array has the shape (n,), in pulses and seconds, currents as parts of the stall current.
 
-    What they are told (`ServoBank.settle` keeps it as the registers are): mode, sign, offset, on, p_gain, i_gain,
+    Settings, which `ServoBank.settle` copies from the registers: mode, sign, offset, on, p_gain, i_gain,
     d_gain, ff_gain, most_pwm, goal_pwm, goal_speed, goal_current; and by `pursue`: target, top_speed, acceleration.
 
     Attributes:
@@ -81,7 +81,7 @@ class MotorDrive:
         self.plan()
 
     def plan(self) -> None:
-        """Finds out which terms of the law matter at all, after something it is told has changed."""
+        """Works out which terms of the law are needed, after a setting has changed."""
         self._positional = (self.mode >= 3) & (self.mode <= 5)
         self._all_positional = bool(self._positional.all())
         self._extra_gains = bool((self.i_gain + self.d_gain + self.ff_gain).any())

@@ -51,7 +51,7 @@ class Fault(NamedTuple):
         at: when it begins, s since the rig was switched on.
         lasts: for how long, s.
         chance: for a fault on answers, the part of them that it meets.
-        value: what the kind's description says; None for its default.
+        value: as in the kind's description; None for its default.
     """
 
     kind: str
@@ -80,7 +80,7 @@ def parse_fault(text: str) -> Fault:
             values[key] = float(value)
         except ValueError:
             raise FaultError(
-                f"fault '{text}': '{pair}' is none of {', '.join(k + '=NUMBER' for k in _KEYS)}."
+                f"fault '{text}': '{pair}' is not one of {', '.join(k + '=NUMBER' for k in _KEYS)}."
             ) from None
     if kind in ("jam", "duplicate", "reboot", "dead", "alert", "overheat") and "id" not in values:
         raise FaultError(f"fault '{text}' needs the servo it is about: {kind}:id=NUMBER.")

@@ -1,4 +1,4 @@
-"""What a servo model's motor can do, which no control table says."""
+"""What a servo model's motor can do, which is in no control table."""
 
 from __future__ import annotations
 

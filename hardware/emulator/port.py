@@ -56,7 +56,7 @@ class EmulatedPort:
         """Nothing is held open."""
 
     def elapse(self, seconds: float) -> None:
-        """Lets time pass without a word on the bus."""
+        """Lets time pass on a silent bus."""
         self._now += seconds
         self.wire.advance(self._now)
 

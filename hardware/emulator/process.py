@@ -63,5 +63,5 @@ def start_emulator(path: str | Path) -> EmulatorProcess:
     emulator = EmulatorProcess(process, ports)
     if not all(ports):
         emulator.stop()
-        raise SerialPortError(f"the emulator for {path} did not start; what it said stands above.")
+        raise SerialPortError(f"the emulator for {path} did not start; its message stands above.")
     return emulator

@@ -69,7 +69,7 @@ class PtyServer:
 
     @property
     def patience(self) -> float:
-        """For how long nothing has to be done if the host says nothing, s."""
+        """How long nothing has to be done while the host is silent, s."""
         due = self.wire.due
         return _WAKE if due is None else min(_WAKE, max(0.0, due - self._now))
 
@@ -92,7 +92,7 @@ class PtyServer:
             self.wire.advance(self._now)
         answers = self.wire.receive(self._now)
         if answers and self._master >= 0:
-            # A wire does not wait: what nobody reads is lost.
+            # A wire does not wait: bytes that are not read are lost.
             with contextlib.suppress(BlockingIOError):
                 os.write(self._master, answers)
 
@@ -144,7 +144,7 @@ def serve(
     seed: int = 0,
     plant: JointPlant | None = None,
 ) -> None:
-    """Emulates the rig, tells `announce` the port to open, and serves any client until the parent process is gone.
+    """Emulates the rig, passes the port to open to `announce`, and serves any client until the parent process is gone.
 
     Runs for ever otherwise: end it with a signal. A rig with several ports gets as many, announced in order; a link is
     numbered then (NAME-1, NAME-2), and a fault about one servo happens on every port that has its ID.
@@ -174,7 +174,7 @@ def serve(
 
 
 def _speed(fd: int) -> int | None:
-    """At which speed the client has opened the terminal, bits/s; None where the system does not tell."""
+    """The speed at which the client has opened the terminal, bits/s; None where the system does not know it."""
     try:
         return _SETTINGS.unpack(fcntl.ioctl(fd, _TCGETS2, bytes(_SETTINGS.size)))[-1] or None
     except OSError:

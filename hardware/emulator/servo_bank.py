@@ -18,10 +18,10 @@ from hardware.emulator.drive import CURRENT, POSITION_MODES, PWM, VELOCITY, Moto
 from hardware.emulator.motor import motor_of
 
 TRIPPED = -1
-"""What the bus watchdog register says once it has stopped the servo."""
+"""The bus watchdog register after it has stopped the servo."""
 
 VOLTAGE, HEAT, OVERLOAD = 0x01, 0x04, 0x20
-"""Bits of the hardware error status that the bank finds by itself."""
+"""Bits of the hardware error status that the bank sets."""
 
 _SHORTEST_STEP = 0.001
 _IN_POSITION = 0x01
@@ -110,16 +110,16 @@ class ServoBank:
         self.halt(row)
 
     def cut_off(self, row: int, cut: bool) -> None:
-        """Has a servo's watchdog hear nothing from now on, or again what is said on the bus."""
+        """Cuts a servo's watchdog off from the bus, or connects it again."""
         self.deaf_since[row] = self._time if cut else np.inf
 
     def halt(self, row: int) -> None:
-        """Makes the servo stay where it comes to rest, whatever its goal registers say."""
+        """Makes the servo stay where it comes to rest, regardless of its goal registers."""
         self.drive.halt(row)
         self._shown = False
 
     def settle(self) -> None:
-        """Has the motors know what the registers say, after any that matters to them was written."""
+        """Copies the registers that matter to the motors to them, after one was written."""
         registers, drive = self.registers, self.drive
         sign = np.where(registers["drive_mode"] & 1, -1.0, 1.0).astype(np.float64)
         drive.mode = registers["operating_mode"].astype(np.int64)
@@ -218,7 +218,7 @@ class ServoBank:
         self._protect(seconds)
 
     def _protect(self, seconds: float) -> None:
-        """Notices heat, overload and a wrong voltage, and shuts down the servos that are told to."""
+        """Notices heat, overload and a wrong voltage, and shuts down the servos whose shutdown mask asks for it."""
         registers, drive = self.registers, self.drive
         self._overload = np.where(np.abs(drive.current) > _OVERLOADED, self._overload + seconds, 0.0)
         tenths = drive.supply * 10.0

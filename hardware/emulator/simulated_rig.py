@@ -63,7 +63,7 @@ class SimulatedRig:
         self._goals = self.positions.copy()
 
     def write(self, targets: Array) -> None:
-        """Gives the servos their targets (J,), rad, clipped to the limits; what is no finite number changes nothing."""
+        """Gives the servos their targets (J,), rad, clipped to the limits; NaN and infinity change nothing."""
         finite = np.isfinite(targets)
         wanted = np.where(finite, targets, self._goals)
         self._goals = np.clip(wanted, self._scale.lower, self._scale.upper)
@@ -87,13 +87,13 @@ class SimulatedRig:
         return asked
 
     def elapse(self, seconds: float) -> None:
-        """Lets time pass; without a word for longer than the watchdog's time the servos stop."""
+        """Lets time pass; after more silence than the watchdog's time the servos stop."""
         self._now += seconds
         self.servos.feed(self._fed)
         self.servos.advance(self._now)
 
     def close(self) -> list[str]:
-        """Ends as the rig file says; the dead joints did not confirm it."""
+        """Ends as the rig file asks; returns the dead joints, which did not confirm it."""
         for joint, device in zip(self.config.joints, self.servos.devices, strict=True):
             off = [("bus_watchdog", 0)] + ([("torque_enable", 0)] if self.config.on_exit == "off" else [])
             for name, value in off if not device.dead else []:

@@ -20,8 +20,8 @@ class Wire:
         bus: the servos.
         faults: what goes wrong.
         paced: whether bytes take their time; otherwise all happens at once.
-        half_duplex: whether a word of the host into an answer destroys both, as on a real wire. Otherwise the host's
-            word waits for the answer's end, and is only counted.
+        half_duplex: whether a frame that the host sends during an answer destroys both, as on a real wire. Otherwise
+            it waits for the answer's end, and is only counted.
         collisions: how often the host spoke into an answer.
     """
 
@@ -44,18 +44,18 @@ class Wire:
         if now < self._free and self._arriving and self.paced:
             self.collisions += 1
             if self.half_duplex:
-                self._arriving = deque((due, said) for due, said in self._arriving if due <= now)
+                self._arriving = deque((due, data) for due, data in self._arriving if due <= now)
                 self._free = now + self._time(data)
                 return
         if self.paced:
             start = max(now, self._free) + self._time(data)
         answers = self.bus.exchange(data, start)
-        for said in answers:
+        for answer in answers:
             if self.paced:
-                start += said.delay + self._time(said.data)
-            heard = self.faults.mangle(said)
+                start += answer.delay + self._time(answer.data)
+            heard = self.faults.mangle(answer)
             if heard is not None:
-                late = max(0.0, heard.delay - said.delay)
+                late = max(0.0, heard.delay - answer.delay)
                 self._arriving.append((self._handed_over(start + late), heard.data))
         self._free = start
 

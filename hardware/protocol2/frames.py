@@ -3,8 +3,8 @@
     FF FF FD 00 | ID | LENGTH (2) | INSTRUCTION | PARAMETERS ... | CRC (2)        numbers little-endian
 
 LENGTH counts what follows it. A status is a frame with instruction 55 whose first parameter is the error byte: bit 7
-says that the servo has a hardware problem (alert), the lower bits hold an error number. Only the joint reply to a fast
-read (ID FE, instruction 55) is not stuffed.
+is set while the servo has a hardware problem (alert), the lower bits hold an error number. Only the joint reply to a
+fast read (ID FE, instruction 55) is not stuffed.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class StatusPacket(NamedTuple):
     Attributes:
         id: of the servo, 0 to 252.
         error: error number, 0 for none (see `instructions.ERRORS`).
-        alert: whether the servo reports a hardware problem (register 70 says which).
+        alert: whether the servo reports a hardware problem (register 70 holds which).
         params: what was asked for.
     """
 
@@ -84,9 +84,9 @@ def as_status(frame: Frame) -> StatusPacket | None:
 class Parser:
     """Finds frames in bytes that arrive in pieces of any size; no input makes it raise.
 
-    A frame with a bad checksum is dropped, and the next good one is found. Which frames are found does not depend on how
-    the bytes were cut into pieces; the time is linear in their number, because each header is looked at twice: when it
-    has arrived, and when its frame must have ended. What is kept between calls never exceeds one frame.
+    A frame with a bad checksum is dropped, and the next good one is found. How the bytes were cut into pieces makes no
+    difference. The time is linear in their number: each header is looked at when it has arrived, and again when its
+    frame must have ended. What is kept between calls never exceeds one frame.
 
     Attributes:
         corrupt: how many frames were dropped because of their checksum or length, so far.
@@ -133,7 +133,7 @@ class Parser:
         return frames
 
     def _find_headers(self) -> None:
-        """Notes where each newly arrived header says that its frame ends."""
+        """Notes where the frame of each newly arrived header ends."""
         buffer = self._buffer
         at = buffer.find(HEADER, self._searched - self._gone)
         while at >= 0 and at + _OVERHEAD <= len(buffer):
@@ -146,8 +146,9 @@ class Parser:
                 self._drop(start)
             self._searched = start + 1
             at = buffer.find(HEADER, at + 1)
-        if at < 0:
-            self._searched = max(self._searched, self._gone + len(buffer) - len(HEADER) + 1)
+        # Where no header is left, the last bytes may still be the beginning of one.
+        rest = at if at >= 0 else len(buffer) - len(HEADER) + 1
+        self._searched = max(self._searched, self._gone + rest)
 
     def _drop(self, start: int) -> None:
         """Counts the frame that begins here as damaged."""

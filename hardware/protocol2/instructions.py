@@ -153,7 +153,7 @@ class FastReply(NamedTuple):
     Attributes:
         statuses: of the servos that were heard, by ID.
         corrupt: IDs whose piece came with a bad checksum.
-        silent: IDs that said nothing when it was their turn.
+        silent: IDs that sent nothing when it was their turn.
         unheard: IDs behind the last silent one, which a servo that waits for its turn could not follow.
     """
 
@@ -191,9 +191,9 @@ def fast_reply(received: bytes, ids: Sequence[int], length: int | Sequence[int])
         crc = checksum(received[start:piece])
         while turn < len(ids) and piece + (size := lengths[turn] + 4) <= len(received):
             tail = received[piece + size - 2 : piece + size]
-            said = tail[0] | tail[1] << 8
+            sent = tail[0] | tail[1] << 8
             error, id = received[piece], received[piece + 1]
-            if checksum(received[piece : piece + size - 2], crc) != said:
+            if checksum(received[piece : piece + size - 2], crc) != sent:
                 corrupt.append(ids[turn])
             elif id in ids[turn:]:
                 while ids[turn] != id:
@@ -204,19 +204,19 @@ def fast_reply(received: bytes, ids: Sequence[int], length: int | Sequence[int])
                 )
             else:
                 break
-            crc = checksum(tail, said)
+            crc = checksum(tail, sent)
             piece += size
             turn += 1
     return FastReply(statuses, corrupt, silent + list(ids[turn : turn + 1]), list(ids[turn + 1 :]))
 
 
 def _whole_fast_reply(received: bytes, start: int, ids: Sequence[int], length: int) -> dict[int, StatusPacket] | None:
-    """The statuses of a joint reply that is all there and all right, as the last checksum tells; else None."""
+    """The statuses of a joint reply that is complete and undamaged (its last checksum is right), else None."""
     end = start + fast_reply_length(len(ids), length)
     if end > len(received) or checksum(received[start : end - 2]) != received[end - 2] | received[end - 1] << 8:
         return None
     pieces = _pieces(length).iter_unpack(received[start + _FAST_HEAD : end])
-    new = tuple.__new__  # what StatusPacket(...) ends in, without the way there: a third of the time
+    new = tuple.__new__  # what StatusPacket(...) calls in the end, in a third of the time
     statuses = {id: new(StatusPacket, (id, error & ~ALERT, error >= ALERT, data)) for error, id, data in pieces}
     return statuses if list(statuses) == list(ids) else None
 

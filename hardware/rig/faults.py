@@ -20,7 +20,7 @@ class RigFaults:
         corrupt: replies with a bad checksum.
         alert: replies in which the servo reported a hardware problem.
         clipped: targets moved back to a limit of the rig file.
-        refused: targets that were no finite number; the joint kept its last goal.
+        refused: targets that were NaN or infinite; the joint kept its last goal.
         unsent: targets that the port would not take, or that came after the watchdogs had stopped the servos.
     """
 
@@ -38,7 +38,7 @@ class RigFaults:
 
     @property
     def total(self) -> int:
-        """All of them except `clipped`, which is the fault of whoever gave the target."""
+        """The sum of all but `clipped`, which is the caller's doing and not the rig's."""
         return sum(int(counts.sum()) for kind, counts in self._kinds() if kind != "clipped")
 
     def by_joint(self, names: Sequence[str]) -> dict[str, dict[str, int]]:

@@ -1,4 +1,4 @@
-"""What drives joints, whatever is behind it: servos on a port, emulated ones, or simulated ones without bytes."""
+"""The interface of every rig: servos on a port, emulated ones, or simulated ones without bytes."""
 
 from __future__ import annotations
 

@@ -105,7 +105,7 @@ class JoinedRig:
         return fresh
 
     def close(self) -> list[str]:
-        """Ends all parts as the rig file says; the joints that did not confirm it. May be called twice."""
+        """Ends all parts, also twice (see `SupervisedRig.close`); returns the joints that did not confirm it."""
         return _close_all([part for part, _ in self._parts])
 
     @contextmanager
@@ -145,7 +145,7 @@ def connect_rig(config: RigConfig, ports: Sequence[str] = ()) -> SupervisedRig |
     Raises:
         RigError: as `DynamixelRig` and `on_ports`; torque is taken off again where it was on, and joints that did not
             confirm that are named.
-        PortError: if a port cannot be opened, or vanishes; the same.
+        SerialPortError: if a port cannot be opened, or vanishes; the same.
     """
     rigs: list[SupervisedRig] = []
     try:
@@ -160,13 +160,13 @@ def connect_rig(config: RigConfig, ports: Sequence[str] = ()) -> SupervisedRig |
 
 
 def _close_all(rigs: Sequence[SupervisedRig]) -> list[str]:
-    """Closes every rig, whatever becomes of the others; the joints that did not confirm it."""
+    """Closes every rig, also after one has failed; returns the joints that did not confirm it."""
     unconfirmed: list[str] = []
 
     def close(rig: SupervisedRig) -> None:
         try:
             unconfirmed.extend(rig.close())
-        except Exception:  # what went wrong is less urgent than the torque that it has left on
+        except Exception:  # the torque that is left on matters more than what went wrong
             unconfirmed.extend(rig.names)
 
     with ExitStack() as closing:

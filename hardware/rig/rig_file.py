@@ -30,7 +30,7 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One servo as a joint: angle = direction * (pulses - zero) * 2 pi / (pulses_per_turn * gear).
 
     Attributes:
-        name: of the robot's joint.
+        name: the robot's joint.
         id: on the bus, 0 to 252.
         model: the maker's name, as in `MODELS`.
         direction: +1 or -1, which way the servo turns when the joint's angle grows.
@@ -68,7 +68,7 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 f"model '{self.model}' is unknown. " + (f"Did you mean {' or '.join(near)}?" if near else "")
             )
         if not (math.isfinite(self.velocity) and self.lower < self.upper):
-            raise ValueError("limits must be finite numbers with lower < upper")
+            raise ValueError("velocity must be finite, and lower below upper")
         missing = [name for name in _NEEDED if name not in self.table.registers]
         if missing or self.table["goal_position"].length != 4:
             raise ValueError(f"model '{self.model}' cannot be a joint of a rig: its control table is of another kind")
@@ -106,14 +106,14 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A rig as its file says.
+    """A rig file's contents.
 
     Attributes:
         port: of the serial adapter, such as /dev/ttyUSB0, for joints that name no other.
         baud: of the bus, bits/s.
         rate_hz: how often targets are sent.
         joints: in the order of every array about this rig.
-        watchdog_ms: silence on the bus after which the servos stop by themselves; 20 to 2540.
+        watchdog_ms: silence on the bus after which the servos' own watchdogs stop them; 20 to 2540.
         read_hz: how often the state is read; 0 for as often as targets are sent.
         on_exit: what the servos do in the end: "off", or "hold" where they are.
         on_loss: what happens when a joint is lost for good: "stop" the rig, or "go on" without it.
@@ -132,7 +132,7 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def __post_init__(self) -> None:
         if self.baud not in BAUD_RATES:
-            raise ValueError(f"baud {self.baud} is none of {', '.join(map(str, BAUD_RATES))}")
+            raise ValueError(f"baud {self.baud} is not one of {', '.join(map(str, BAUD_RATES))}")
         if not 0 <= self.read_hz <= self.rate_hz:
             raise ValueError(f"read_hz {self.read_hz:g} must be from 0 to rate_hz, {self.rate_hz:g}")
         for port in self.ports:
@@ -172,7 +172,7 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return joint.port or self.port
 
     def _refuse_doubles(self, key: str, values: Sequence[object]) -> None:
-        """Raises ValueError where two joints have the same value; None is nobody's."""
+        """Raises ValueError where two joints have the same value; None is ignored."""
         twice = [value for value, count in Counter(values).items() if count > 1 and value is not None]
         if twice:
             who = ", ".join(
@@ -187,7 +187,7 @@ def load_rig(path: str | Path) -> RigConfig:
     """Reads a rig file.
 
     Raises:
-        RigFileError: if it cannot be read, is no TOML, or says something unknown or impossible.
+        RigFileError: if it cannot be read, is not TOML, or has an unknown key or an impossible value.
     """
     try:
         data = Path(path).read_bytes()
@@ -198,11 +198,11 @@ def load_rig(path: str | Path) -> RigConfig:
     except msgspec.ValidationError as error:
         raise RigFileError(_explain(path, data.decode(), str(error))) from error
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise RigFileError(f"{path} is no complete TOML file: {error}") from error
+        raise RigFileError(f"{path} is not a complete TOML file: {error}") from error
 
 
 def _explain(path: str | Path, text: str, message: str) -> str:
-    """What msgspec found, with line and place in the words of the file, and the allowed keys where one is unknown."""
+    """msgspec's message with the line and place in the file, and the allowed keys where one is unknown."""
     what, _, where = message.partition(" - at `$")
     place = re.sub(r"\[(\d+)\]", lambda found: f" {int(found[1]) + 1}", where.rstrip("`").lstrip("."))
     place = place.replace("joints ", "joint ", 1)
@@ -221,11 +221,11 @@ def _explain(path: str | Path, text: str, message: str) -> str:
 
 
 def _line(text: str, where: str, key: str, what: str) -> int | None:
-    """The line of what is wrong: of the key, of the joint, or of what the message itself speaks of first or last."""
+    """The line of the mistake: that of the key, of the joint, or of what the message names first or last."""
     joint = re.search(r"joints\[(\d+)\]", where)
     if joint:
         return line_of(text, key if not key.startswith("joints[") else "", int(joint[1]) + 1)
-    spoken_of = re.findall(r"joint (\d+) \(", what)
-    if spoken_of:
-        return line_of(text, "", int(spoken_of[-1]))
+    named = re.findall(r"joint (\d+) \(", what)
+    if named:
+        return line_of(text, "", int(named[-1]))
     return line_of(text, key or what.split(" ", 1)[0])

@@ -1,4 +1,4 @@
-"""Where in a rig file something stands: the line of a key, for the message that says what is wrong with it."""
+"""Line numbers in a rig file, for error messages: the line of a key."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _STRING = re.compile(r'"(?:\\.|[^"\\\n])*"|\'[^\'\n]*\'')
 def line_of(text: str, key: str, joint: int | None = None) -> int | None:
     """The line, counted from 1, of a key of the file or of its joint number `joint` (from 1); None if it is not found.
 
-    A joint without that key is found itself.
+    Where the joint lacks that key, the line on which the joint begins.
     """
     lines = [_STRING.sub('""', line).partition("#")[0] for line in text.splitlines()]
     starts = _joint_starts(lines)

@@ -2,7 +2,7 @@
 
 The current of each joint, as a part of what it may take, is smoothed over a quarter of a second. Above 75 % the joint
 yields: it aims no farther ahead of where it is than half that current needs, so that it keeps pushing, but gently.
-Below 60 % it is itself again.
+Below 60 % it follows its target again.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from hardware.rig.scale import Array
 _OVER = 0.25  # s
 _STRAINED, _RELIEVED = 0.75, 0.6
 _GENTLE = 0.5  # of the current it may take
-_MOST = 0.8  # of the stall current, where the rig file says nothing: what servos call an overload
+_MOST = 0.8  # of the stall current, where the rig file has no limit: about where servos report an overload
 _FULL_PWM = 885.0
 
 

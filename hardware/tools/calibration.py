@@ -70,7 +70,7 @@ def calibrate(
 
     Raises:
         ServoError: if a servo does not answer.
-        PortError: if the port vanishes.
+        SerialPortError: if the port vanishes.
     """
     joints: list[RigJoint] = []
     for joint in config.joints:

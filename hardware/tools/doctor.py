@@ -84,7 +84,7 @@ def scan(open_bus: Callable[[int], Bus], bauds: Iterable[int] = _LIKELY) -> list
     """Who answers a broadcast ping at each baud rate; the likely rates first.
 
     Raises:
-        PortError: if the port cannot be opened, or vanishes.
+        SerialPortError: if the port cannot be opened, or vanishes.
     """
     found: list[Found] = []
     for baud in bauds:
@@ -129,7 +129,7 @@ def examine(config: RigConfig, bus: Bus) -> Report:
     """Asks every servo of a rig how it is and says what would go wrong; moves nothing.
 
     Raises:
-        PortError: if the port vanishes.
+        SerialPortError: if the port vanishes.
     """
     problems: list[str] = []
     servos: list[ServoReport] = []
@@ -173,7 +173,7 @@ def shorten_return_delays(config: RigConfig, bus: Bus) -> list[str]:
         The joints whose servo did not take it.
 
     Raises:
-        PortError: if the port vanishes.
+        SerialPortError: if the port vanishes.
     """
     refused: list[str] = []
     for joint in config.joints:
@@ -196,7 +196,7 @@ def set_up(open_bus: Callable[[int], Bus], id: int, baud: int) -> tuple[Found, I
         RigError: if there is no servo, or more than one, or its model is not known.
         RefusedError: if it does not take a value.
         NoReplyError: if it does not answer afterwards.
-        PortError: if the port cannot be opened, or vanishes.
+        SerialPortError: if the port cannot be opened, or vanishes.
     """
     found = scan(open_bus)
     if not found:

@@ -23,7 +23,7 @@ def observe(config: RigConfig, bus: Bus, share: float = 1.0) -> Iterator[tuple[l
         share: of each second that is spent on this port, where several are watched one after another.
 
     Raises:
-        PortError: if the port vanishes.
+        SerialPortError: if the port vanishes.
     """
     ids = [joint.id for joint in config.joints]
     table = config.joints[0].table

@@ -1,4 +1,4 @@
-"""Teaching a rig by hand: torque off, the joints' angles written down while somebody moves them, and made fit to play.
+"""Teaching a rig by hand: torque off, the joints' angles recorded while somebody moves them, and prepared for playing.
 
 With torque off a servo counts its position through whole turns, so a joint that passes its own zero is followed; it is
 counted from the turn in which it was found, which is the one it keeps when torque comes on.
@@ -25,10 +25,10 @@ _KEPT = 0.2  # s before the first and after the last movement
 
 
 class Moment(NamedTuple):
-    """What one look at the joints gave.
+    """The joints at one moment.
 
     Attributes:
-        time: s since the first look.
+        time: s since the first one.
         angles: shape (J,), rad; NaN where a servo did not answer.
     """
 
@@ -41,7 +41,7 @@ def loosen(config: RigConfig, bus: Bus) -> None:
 
     Raises:
         RigError: if one is missing or of another model, or does not confirm it; it is named.
-        PortError: if the port vanishes.
+        SerialPortError: if the port vanishes.
     """
     check_identities(config, bus)
     unconfirmed = switch_off(config, bus)
@@ -61,7 +61,7 @@ def watch_hands(
 
     Raises:
         RigError: if a servo is silent for half a second; it is named.
-        PortError: if the port vanishes.
+        SerialPortError: if the port vanishes.
     """
     clock = parts[0][1].port
     turns: dict[str, int] = {}
@@ -119,18 +119,18 @@ def taught(moments: Sequence[Moment], rate: float, trim: bool = True) -> Array:
 
 
 def beyond_limits(config: RigConfig, angles: Array, rate: float) -> list[str]:
-    """What in some angles (T, J), rad, at a rate in Hz, the rig may not do again; each in words, naming the joint."""
-    said: list[str] = []
+    """Where angles (T, J), rad, at a rate in Hz, go beyond the rig file's limits; one line each, naming the joint."""
+    found: list[str] = []
     speeds = np.abs(np.gradient(angles, 1.0 / rate, axis=0)).max(axis=0)
     for joint, values, speed in zip(config.joints, angles.T, speeds, strict=True):
         low, high = float(values.min()), float(values.max())
         if low < joint.lower or high > joint.upper:
-            said.append(
+            found.append(
                 f"{joint.name} went from {low:.2f} to {high:.2f} rad, it may {joint.lower:g} to {joint.upper:g}"
             )
         if speed > joint.velocity:
-            said.append(f"{joint.name} was moved at {speed:.1f} rad/s, it may {joint.velocity:g}")
-    return said
+            found.append(f"{joint.name} was moved at {speed:.1f} rad/s, it may {joint.velocity:g}")
+    return found
 
 
 def _positions(part: RigConfig, bus: Bus) -> Iterator[tuple[RigJoint, int]]:

@@ -33,20 +33,21 @@ def emulate(
     fault: Annotated[
         list[str] | None, typer.Option("--fault", help="KIND[:key=value,...]; `--fault help` lists them.")
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Of the faults that happen by chance.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", help="Of the random faults.")] = 0,
     unpaced: Annotated[bool, typer.Option("--unpaced", help="Bytes take no time on the wire.")] = False,
     lenient: Annotated[
         bool, typer.Option("--lenient", help="In a sync read, servos behind a silent one answer anyway.")
     ] = False,
     link: Annotated[
-        Path | None, typer.Option("--link", help="A lasting name for the port, also when replugged.")
+        Path | None,
+        typer.Option("--link", help="A link to the port; it stays when the adapter is replugged."),
     ] = None,
     robot: Annotated[
         str | None,
         typer.Option("--robot", help="The body that the servos turn: a robot file, or a shipped one."),
     ] = None,
     root: Annotated[
-        str | None, typer.Option("--root", help="With --robot: fixed in the air (by itself), or free to fall.")
+        str | None, typer.Option("--root", help="With --robot: fixed in the air (default), or free to fall.")
     ] = None,
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Only the first servo, as it comes from the box: id 1, 57600 baud.")
@@ -100,7 +101,7 @@ def scan(
 
     wrong = [rate for rate in baud or [] if rate not in BAUD_RATES]
     if wrong:
-        raise MotiondeckError(f"baud {wrong[0]} is none of {', '.join(map(str, BAUD_RATES))}")
+        raise MotiondeckError(f"baud {wrong[0]} is not one of {', '.join(map(str, BAUD_RATES))}")
     found = scan_port(lambda rate: Bus.open(port, rate), *([baud] if baud else []))
     if as_json:
         rows = [
@@ -181,7 +182,7 @@ def setup(
     from hardware.tools.doctor import set_up
 
     if baud not in BAUD_RATES:
-        raise MotiondeckError(f"baud {baud} is none of {', '.join(map(str, BAUD_RATES))}")
+        raise MotiondeckError(f"baud {baud} is not one of {', '.join(map(str, BAUD_RATES))}")
     before, after = set_up(lambda rate: Bus.open(port, rate), id, baud)
     if as_json:
         print(
@@ -196,7 +197,7 @@ def setup(
 def monitor(
     rig: RigArgument,
     port: PortOption = None,
-    seconds: Annotated[float, typer.Option("--seconds", help="End by itself; 0 for Ctrl-C.")] = 0.0,
+    seconds: Annotated[float, typer.Option("--seconds", help="Stop after so many seconds; 0 runs until Ctrl-C.")] = 0.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a second.")] = False,
 ) -> None:
     """Watch position, load, temperature, voltage and errors of every servo, live; moves nothing.
@@ -242,7 +243,7 @@ def calibrate(
         try:
             input(f"{what}, then press Enter ")
         except EOFError:
-            raise MotiondeckError("calibrating needs a terminal: there is nobody to press Enter") from None
+            raise MotiondeckError("calibrating needs a terminal in which to press Enter") from None
 
     def sweep(what: str, read: Callable[[], int]) -> list[int]:
         done = threading.Event()
@@ -320,7 +321,7 @@ def _plant(config: RigConfig, robot: str, root: str) -> JointPlant:
 
 
 def _draw(rows: list[dict[str, object]], hz: float) -> None:
-    """The table, over the one drawn before where the terminal can do that."""
+    """Prints the table; on a terminal it replaces the previous one."""
     if sys.stdout.isatty():
         print("\x1b[H\x1b[2J", end="")
     print(f"{hz:.0f} Hz")

@@ -1,4 +1,4 @@
-"""What the rig commands share: their arguments, the rig file, and its port, given back whatever happens."""
+"""Shared by the rig commands: their arguments, loading the rig file, and opening its ports and closing them again."""
 
 from __future__ import annotations
 

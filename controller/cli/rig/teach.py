@@ -29,8 +29,8 @@ def teach(
 ) -> None:
     """Teach a rig by hand: torque off, you move the joints, and what they did becomes a clip.
 
-    Hold what would fall before the torque goes off. The clip can be played as it is, or learned, so that it goes on for
-    ever and switches like any other motion.
+    Hold what would fall before the torque goes off. The clip can be played as it is, or learned, so that it loops
+    and switches like any other motion.
 
     [bold]Examples[/]
 
@@ -84,8 +84,8 @@ def teach(
     save_taught_clip(clip, out)
     warnings = beyond_limits(config, angles, config.rate_hz)
     if as_json:
-        said = {"written": str(out), "joints": list(config.names), "frames": len(clip), "seconds": clip.duration}
-        print(json.dumps(said | {"beyond_limits": warnings, "cut_short": cut_short or None}))
+        report = {"written": str(out), "joints": list(config.names), "frames": len(clip), "seconds": clip.duration}
+        print(json.dumps(report | {"beyond_limits": warnings, "cut_short": cut_short or None}))
     else:
         for warning in warnings:
             print(f"note: {warning}; played, it will be held back")
@@ -96,12 +96,12 @@ def teach(
 
 
 def _ask(what: str) -> None:
-    """Waits for Enter; asked for on stderr, since stdout is for what the command has to tell."""
+    """Waits for Enter; the prompt goes to stderr, because stdout carries the result."""
     print(what, end="", file=sys.stderr, flush=True)
     try:
         input()
     except EOFError:
-        raise MotiondeckError("there is nobody to press Enter: give --seconds") from None
+        raise MotiondeckError("there is no terminal in which to press Enter: give --seconds") from None
 
 
 def _wait_for_enter(done: threading.Event) -> None:

@@ -32,8 +32,8 @@ def test_a_fault_is_said_in_one_word_and_a_few_numbers():
     ("text", "said"),
     [
         ("explode", "no fault 'explode'. There are: drop, "),
-        ("drop:id", "'id' is none of id=NUMBER"),
-        ("drop:when=2", "'when=2' is none of id=NUMBER"),
+        ("drop:id", "'id' is not one of id=NUMBER"),
+        ("drop:when=2", "'when=2' is not one of id=NUMBER"),
         ("jam", "jam:id=NUMBER"),
     ],
 )

@@ -79,8 +79,13 @@ def test_a_flipped_bit_costs_that_frame_and_no_other(id, params, data):
     assert Parser().feed(bytes(damaged) + build(9, 0x01)) == [Frame(9, 0x01, b"")]
 
 
-@given(st.lists(st.one_of(tricky, st.binary(max_size=8), st.builds(build, st.integers(0, 252), instructions, tricky)), max_size=6),
-       st.lists(st.integers(0, 400), max_size=8))  # fmt: skip
+frames = st.builds(build, st.integers(0, 252), instructions, tricky)
+
+
+@given(
+    st.lists(st.one_of(tricky, st.binary(max_size=8), frames), max_size=6),
+    st.lists(st.integers(0, 400), max_size=8),
+)
 @example([HEADER + b"\x01\x20\x00\x02", build(5, 0x02, b"\x01"), bytes(40)], [30])
 def test_what_is_found_does_not_depend_on_the_pieces(parts, cuts):
     stream = b"".join(parts)
