@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from controller.mocap.anatomy import anatomy
 from controller.mocap.formats.bvh import read_bvh
 from controller.mocap.formats.reading import read_clip
+from controller.mocap.formats.writing import bvh_text
 from motiondeck_base.errors import FileFormatError
 from recordings import BVH
 
@@ -155,3 +156,23 @@ def test_a_mistake_is_named_with_its_line(tmp_path, change, problem):
     with pytest.raises(FileFormatError, match=re.escape(problem)) as caught:
         read_bvh(write(tmp_path, BVH.replace(*change, 1)))
     assert "bow.bvh" in str(caught.value)
+
+
+@pytest.mark.parametrize("unit", [1.0, 0.01, 0.001, 0.0254, 0.0254 / 0.45])
+def test_the_unit_is_guessed_from_the_size_of_the_body(tmp_path, unit):
+    """A file in centimetres, written again in every other unit, is the same body."""
+
+    def scaled(found):
+        return found.group(1) + " ".join(f"{float(number) * 0.01 / unit:.9f}" for number in found.group(2).split())
+
+    text = bvh_text(read_bvh(write(tmp_path, BVH)))
+    text = re.sub(r"((?:OFFSET |^)(?=[-\d]))(\S+ \S+ \S+)", scaled, text, flags=re.MULTILINE)
+    clip = read_bvh(write(tmp_path, text))
+    assert clip.skeleton.leg_length == pytest.approx(0.88, abs=1e-6)
+
+
+@pytest.mark.parametrize(("period", "rate"), [("0.0083333", 120.0), ("0.03336670", 29.97), ("0.0166833", 59.94)])
+def test_a_rate_need_not_be_a_whole_number_of_hertz(tmp_path, period, rate):
+    """A rate rounded to whole Hz would drift by a frame in a thousand."""
+    text = re.sub(r"Frame Time:\s*\S+", f"Frame Time: {period}", BVH)
+    assert read_bvh(write(tmp_path, text)).rate == rate

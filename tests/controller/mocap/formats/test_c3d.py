@@ -45,6 +45,15 @@ def test_points_at_the_origin_were_not_seen(tmp_path):
     assert np.isnan(read_c3d(write(tmp_path, c3d_bytes(LABELS, seen))).position[2, 0]).all()
 
 
+def test_a_point_farther_than_ten_kilometres_is_a_broken_number(tmp_path):
+    """Studio origins may lie kilometres away (survey coordinates); a damaged float lies beyond any place."""
+    seen = points() / 1000.0
+    seen[0, 0, 0], seen[1, 1, 1], seen[2, 2, 2] = 9990.0, -10010.0, 1e30
+    read = read_c3d(write(tmp_path, c3d_bytes(LABELS, seen, unit="m"))).position
+    assert read[0, 0, 0] == pytest.approx(9990.0)
+    assert np.argwhere(np.isnan(read).all(axis=-1)).tolist() == [[1, 1], [2, 2]]
+
+
 def test_more_points_than_one_parameter_can_label(tmp_path):
     labels = [f"p{number}" for number in range(300)]
     markers = read_c3d(write(tmp_path, c3d_bytes(labels, points(2, 300))))
