@@ -13,7 +13,7 @@ from controller.mocap.encodings.bone_directions import BoneDirections
 from controller.mocap.encodings.normalisation import Normalisation
 from controller.mocap.skeleton import Skeleton
 from controller.training.preparation.loops import hold_end
-from controller.training.preparation.training_motion import Lesson
+from controller.training.preparation.training_motion import TrainingMotion
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe, train_conceptors
 
 RATE = 120.0
@@ -90,7 +90,7 @@ def references():
 def lessons():
     frames = references()
     normalisation = Normalisation.fit(list(frames.values()))
-    return [Lesson(name, normalisation.apply(f), name != "bow") for name, f in frames.items()], normalisation
+    return [TrainingMotion(name, normalisation.apply(f), name != "bow") for name, f in frames.items()], normalisation
 
 
 def small_network(seed=0, recipe=SMALL_RECIPE):

@@ -16,7 +16,7 @@ from controller.mocap.encodings.bone_directions import FIRST_BONE
 from controller.mocap.encodings.normalisation import Normalisation
 from controller.mocap.formats.mat5 import read_mat
 from controller.rotations import Array
-from controller.training.preparation.training_motion import Lesson
+from controller.training.preparation.training_motion import TrainingMotion
 from motiondeck_base.errors import FileFormatError
 
 NOISE_CHANNELS = (4, 16)
@@ -77,7 +77,7 @@ THESIS: dict[str, ThesisFigures] = {
 }
 
 
-def noisy_targets(lessons: Sequence[Lesson], files: Sequence[Path]) -> list[Array]:
+def noisy_targets(lessons: Sequence[TrainingMotion], files: Sequence[Path]) -> list[Array]:
     """The lessons' frames with the rounding noise of the recordings in the two channels that are silent otherwise.
 
     Args:

@@ -15,7 +15,7 @@ from controller.library.motion_library import AnyNetwork
 from controller.networks.echo_state import EchoStateNetwork
 from controller.networks.random_feature_conceptor import RandomFeatureNetwork
 from controller.training.centralized.centralized_training import CentralizedRecipe
-from controller.training.fit import Syllabus, teach
+from controller.training.fit import TrainingSet, train
 from controller.training.recipe import LibraryRecipe
 
 SIZES = (300, 600, 1000, 1500)
@@ -49,7 +49,7 @@ class TrainingCost:
 
 
 def costs(
-    recipe: LibraryRecipe, syllabus: Syllabus, seed: int, tick: Callable[[], None] = lambda: None
+    recipe: LibraryRecipe, syllabus: TrainingSet, seed: int, tick: Callable[[], None] = lambda: None
 ) -> list[TrainingCost]:
     """The costs of a recipe with other sizes, shorter recordings and fewer motions, one seed each."""
     found = []
@@ -59,7 +59,7 @@ def costs(
     return found
 
 
-def variants(recipe: LibraryRecipe, syllabus: Syllabus) -> Iterator[tuple[str, LibraryRecipe, Syllabus]]:
+def variants(recipe: LibraryRecipe, syllabus: TrainingSet) -> Iterator[tuple[str, LibraryRecipe, TrainingSet]]:
     """What `costs` measures: what is varied, and the recipe and frames for it."""
     centralized = isinstance(recipe.network, CentralizedRecipe)
     for size in SATELLITES if centralized else SIZES:
@@ -80,18 +80,18 @@ def variants(recipe: LibraryRecipe, syllabus: Syllabus) -> Iterator[tuple[str, L
         yield "P", recipe, few
 
 
-def measure(varied: str, recipe: LibraryRecipe, syllabus: Syllabus, seed: int) -> TrainingCost:
+def measure(varied: str, recipe: LibraryRecipe, syllabus: TrainingSet, seed: int) -> TrainingCost:
     """Trains once for the time and once more for the memory, whose tracing takes time, and plays."""
-    lessons, normalisation = syllabus.lessons()
+    lessons, normalisation = syllabus.normalised()
     with threadpool_limits(1):
         began = time.process_time()
-        network = teach(lessons, normalisation, recipe.network, syllabus.rate, seed)
+        network = train(lessons, normalisation, recipe.network, syllabus.rate, seed)
         training_s = time.process_time() - began
         neurons, step_us = network.neurons, _step_us(network)
         stored = _stored_bytes(network)
         del network
         tracemalloc.start()
-        teach(lessons, normalisation, recipe.network, syllabus.rate, seed)
+        train(lessons, normalisation, recipe.network, syllabus.rate, seed)
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
     frames = sum(len(part) for part in syllabus.frames.values())

@@ -16,7 +16,7 @@ from controller.cli.common.progress import progress
 if TYPE_CHECKING:
     from controller.evaluation.sweep import Subject
     from controller.evaluation.tables import Table, Value
-    from controller.training.fit import Syllabus
+    from controller.training.fit import TrainingSet
     from controller.training.recipe import LibraryRecipe
 
 What = Literal["accuracy", "robustness", "stability", "transitions", "cost"]
@@ -127,7 +127,7 @@ class _Task:
     name: str
     recipe: LibraryRecipe
     library: Path | None
-    syllabus: Syllabus
+    syllabus: TrainingSet
     data: Path
     seeds: list[int]
     runs: int

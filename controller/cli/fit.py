@@ -11,7 +11,7 @@ import typer
 
 if TYPE_CHECKING:
     from controller.library.motion_library import MotionLibrary
-    from controller.training.fit import Syllabus
+    from controller.training.fit import TrainingSet
     from controller.training.recipe import LibraryRecipe
 
 
@@ -65,7 +65,7 @@ def fit(
     from controller.cli.common.library_report import print_table, report
     from controller.library.motion_library import save_library
     from controller.training import fit as training
-    from controller.training.recipe import read_recipe, taught_recipe
+    from controller.training.recipe import gesture_recipe, read_recipe
     from motiondeck_base.errors import MotiondeckError
 
     if all(path.suffix.lower() == ".clip" for path in what):
@@ -73,7 +73,7 @@ def fit(
             raise MotiondeckError(
                 f"--data {data} is for the recordings of a recipe: clips are read from where they are"
             )
-        plan, data = taught_recipe(out.stem, what), Path()
+        plan, data = gesture_recipe(out.stem, what), Path()
     elif len(what) > 1:
         raise MotiondeckError(f"give one recipe, or clips taught by hand (.clip) only, not {', '.join(map(str, what))}")
     else:
@@ -140,7 +140,7 @@ def sized(plan: LibraryRecipe, centers: str | None, satellites: str | None) -> L
     return msgspec.structs.replace(plan, network=msgspec.structs.replace(plan.network, **sizes))
 
 
-def told(library: MotionLibrary, syllabus: Syllabus, every: int, plot: Path | None) -> list[dict[str, Any]]:
+def told(library: MotionLibrary, syllabus: TrainingSet, every: int, plot: Path | None) -> list[dict[str, Any]]:
     """How well each motion is said where its anchors are, in mm (eqs 20 to 27), and what a centralized network took."""
     from controller.cli.pictures.centralized_plots import draw_coordinates
     from controller.measures.motion_matching import joint_features

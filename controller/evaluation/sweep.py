@@ -16,7 +16,7 @@ from controller.measures.disturbance import GuardKnowledge, Kind, disturbed
 from controller.measures.run_batch import batch_of
 from controller.measures.self_test import Judge
 from controller.networks.guard import beat, spread
-from controller.training.fit import Syllabus, first_to_pass, settle
+from controller.training.fit import TrainingSet, first_to_pass, settle
 from controller.training.recipe import LibraryRecipe
 
 Tick = Callable[[], None]
@@ -68,7 +68,7 @@ class Count:
 
 
 def train_subjects(
-    recipe: LibraryRecipe, syllabus: Syllabus, seeds: Iterable[int], jobs: int = 1, tick: Tick = lambda: None
+    recipe: LibraryRecipe, syllabus: TrainingSet, seeds: Iterable[int], jobs: int = 1, tick: Tick = lambda: None
 ) -> list[Subject]:
     """The networks of a recipe, one a seed, in order."""
     return sorted(
@@ -79,7 +79,7 @@ def train_subjects(
 def sweep(
     kind: Kind,
     subjects: list[Subject],
-    syllabus: Syllabus,
+    syllabus: TrainingSet,
     runs: int,
     *,
     motions: list[str] | None = None,
@@ -123,9 +123,9 @@ def _spread(tasks: Iterable[Any], jobs: int, tick: Tick) -> list[Any]:
     return results
 
 
-def _train(recipe: LibraryRecipe, syllabus: Syllabus, seed: int) -> Subject:
+def _train(recipe: LibraryRecipe, syllabus: TrainingSet, seed: int) -> Subject:
     """As `fit` does, other seeds are tried where a motion fails the self-test; not with recordings as they are."""
-    lessons, normalisation = syllabus.lessons()
+    lessons, normalisation = syllabus.normalised()
     judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, holds=not recipe.as_recorded)
     seeds = [seed + SEEDS_APART * attempt for attempt in range(1 if recipe.as_recorded else ATTEMPTS)]
     with threadpool_limits(1):

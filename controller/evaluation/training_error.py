@@ -15,7 +15,7 @@ from controller.measures.self_test import Judge
 from controller.networks.centralized_frames import CentralizedNetwork
 from controller.ridge import ridge
 from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network
-from controller.training.fit import Syllabus, find_recording
+from controller.training.fit import TrainingSet, find_recording
 from controller.training.recipe import LibraryRecipe
 from controller.training.reservoirs.aperture_choice import settled_network
 from controller.training.reservoirs.conceptor_training import load_reservoir, what_drove
@@ -44,7 +44,7 @@ class TrainingError:
     network: AnyNetwork
 
 
-def training_error(recipe: LibraryRecipe, syllabus: Syllabus, seed: int, data: Path | None = None) -> TrainingError:
+def training_error(recipe: LibraryRecipe, syllabus: TrainingSet, seed: int, data: Path | None = None) -> TrainingError:
     """Trains a recipe with a seed and measures it.
 
     Args:
@@ -54,7 +54,7 @@ def training_error(recipe: LibraryRecipe, syllabus: Syllabus, seed: int, data: P
         data: the folder of the recordings, to teach the readout of a conceptor network the two noise channels as the
             thesis did; None leaves them silent.
     """
-    lessons, normalisation = syllabus.lessons()
+    lessons, normalisation = syllabus.normalised()
     plan = recipe.network
     judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, holds=not recipe.as_recorded)
     if isinstance(plan, EchoStateRecipe):
@@ -93,9 +93,9 @@ def training_error(recipe: LibraryRecipe, syllabus: Syllabus, seed: int, data: P
     return TrainingError(seed, mabs(readout), nrmse(states @ readout.T, targets), sized, error, network)
 
 
-def _of_centralized(network: CentralizedNetwork, syllabus: Syllabus, seed: int) -> TrainingError:
+def _of_centralized(network: CentralizedNetwork, syllabus: TrainingSet, seed: int) -> TrainingError:
     """Errors of a centralized network, whose W is taken as that of channels brought to [-1, 1]."""
-    scaling = syllabus.lessons()[1].scaling[:, None]
+    scaling = syllabus.normalised()[1].scaling[:, None]
     parts = {name: network.part(name) for name in network.motions}
     errors = [
         nrmse(parts[name].at(np.arange(len(frames)) / syllabus.rate), frames)

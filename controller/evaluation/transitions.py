@@ -29,7 +29,7 @@ from controller.mocap.posture import Pose, Posture
 from controller.networks.centralized_frames import CentralizedNetwork
 from controller.networks.morph import morph
 from controller.rotations import Array, rotate, yaw
-from controller.training.fit import Syllabus
+from controller.training.fit import TrainingSet
 from motiondeck_base.errors import MotiondeckError
 
 RAMP = 120
@@ -68,7 +68,7 @@ class MeasuredTransition:
 
 def all_crossings(
     library: MotionLibrary,
-    syllabus: Syllabus,
+    syllabus: TrainingSet,
     *,
     holds: bool = True,
     jobs: int = 1,
@@ -103,7 +103,7 @@ def all_crossings(
 
 
 def _from(
-    source: str, library: MotionLibrary, syllabus: Syllabus, judge: Judge, peaks: dict[str, Array]
+    source: str, library: MotionLibrary, syllabus: TrainingSet, judge: Judge, peaks: dict[str, Array]
 ) -> list[MeasuredTransition]:
     """All transitions out of one motion."""
     crossings = []
@@ -224,7 +224,7 @@ def _failure(target: str, run: Array, judge: Judge) -> str:
     return f"holds a pose {away:.0f} mm away from the last one" if away > LOST_MM else ""
 
 
-def _own_peaks(syllabus: Syllabus, frames: Array, loops: bool) -> Array:
+def _own_peaks(syllabus: TrainingSet, frames: Array, loops: bool) -> Array:
     """The peaks of a motion as it was recorded, for a loop over its end."""
     if loops:
         frames = np.concatenate([frames, frames[:4]])

@@ -1,4 +1,4 @@
-"""Body at an instant: a posture says how it is held, a pose also where it stands and which way it faces."""
+"""A body at one instant: a posture is how it is held; a pose also has its place and heading."""
 
 from __future__ import annotations
 

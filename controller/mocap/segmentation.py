@@ -22,7 +22,7 @@ PLANE = 4
 SHORTEST_SECONDS = 1.0
 REDUCED = 16
 
-# A further border must take away this share of the residual of the undivided recording, and no more than these.
+# A further border has to remove this share of the residual of the undivided recording.
 WORTH = 0.03
 MOST_SEGMENTS = 40
 

@@ -1,4 +1,4 @@
-"""Recognition on a robot: experts on its own joint angles, taught by its own library.
+"""Recognition on a robot: experts on its own joint angles, trained on its own library.
 
 There is one body only, and its joints have no angles that flip, so what fails across people works here as it stands:
 the measured joint positions are the features.
@@ -25,7 +25,7 @@ LOOPS = 2.0  # a loop is learned for this many times its length
 THRESHOLD = 0.3
 MEMORY = 0.1  # s; a longer one sees a switch later and nothing better
 
-# Motions on one body are told apart by single frames; a reservoir that forgets fast settles sooner after a switch.
+# On one body single frames tell motions apart; a reservoir that forgets fast settles sooner after a switch.
 EXPERTS = ExpertRecipe(leak=1.0)
 
 
@@ -75,7 +75,7 @@ class JointWatcher:
 
     Args:
         bank: experts on joint positions; see `teach_joints`.
-        rate: frames per second they were taught at, Hz.
+        rate: frames per second of their training, Hz.
         threshold: the margin below which nothing is claimed.
 
     Attributes:

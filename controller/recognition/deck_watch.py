@@ -1,4 +1,4 @@
-"""Is the robot doing what it was told? Experts name what the measured joints do, and each joint has to follow.
+"""Watches whether the robot does its motion: experts recognise the measured joints, and each joint has to follow.
 
 One call a tick, at the same cost. Where the targets stand still (a pause, the end of a motion that happens once) there
 is nothing to be recognized, and nothing is claimed.
@@ -99,7 +99,7 @@ class DeckWatch:
         """Goes one tick on; the alarms that begin with it.
 
         Args:
-            targets: what the joints were told, shape (J,), rad.
+            targets: of the joints, shape (J,), rad.
             measured: where they are, shape (J,), rad; NaN where that is not known.
             commanded: the motion that should be done now.
             settled: whether it is really being played, and no switch is under way.
@@ -146,7 +146,7 @@ class DeckWatch:
         if index < len(self._joints):
             joint = self._joints[index]
             off = self._following.off[index]
-            where = f"is {off:.2f} rad from where it was told to be" if np.isfinite(off) else "is not measured any more"
+            where = f"is {off:.2f} rad from its target" if np.isfinite(off) else "is not measured any more"
             return Alarm(at, commanded, seen, joint, f"joint {joint} {where}: stuck, or unplugged?")
         like = f"looked like '{seen}' instead of" if self._recognizer.known else "not looked like"
         return Alarm(at, commanded, seen, "", f"the joints have {like} '{commanded}' for {self.mismatch:.1f} s")

@@ -67,7 +67,7 @@ class ExpertBank:
 
 
 def teach(recipe: ExpertRecipe, signals: list[Array], labels: Sequence[str]) -> ExpertBank:
-    """A bank taught with labelled signals (T_j, C); its classes are in alphabetical order."""
+    """A bank trained on labelled signals (T_j, C); its classes are in alphabetical order."""
     reservoir = expert_reservoir(recipe, signals[0].shape[1])
     forced = force(reservoir, signals, recipe.washout)
     classes = tuple(sorted(set(labels)))

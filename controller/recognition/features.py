@@ -15,7 +15,7 @@ from controller.mocap.clip import Clip
 from controller.rotations import Array, conjugate, multiply, normalise, rotate, to_rotation_vector, yaw
 from motiondeck_base.errors import MotiondeckError
 
-# Fourteen joints that say what a body does; each name is the bone that ends there.
+# Fourteen joints that show what a body does; each name is the bone that ends there.
 JOINTS = tuple(side + bone for bone in ("femur", "tibia", "foot", "humerus", "radius", "wrist") for side in "lr")
 JOINTS = (*JOINTS, "thorax", "head")
 ENDS = ("lfoot", "rfoot", "lwrist", "rwrist", "head")

@@ -1,6 +1,6 @@
-"""Does every joint follow what it is told? A jammed or unplugged one does not.
+"""Checks that every joint follows its target; a jammed or unplugged one does not.
 
-A joint that follows, with whatever delay up to `lag`, is always somewhere where it was told to be within the last `lag`
+A joint that follows, with whatever delay up to `lag`, is always where its target was at some time within the last `lag`
 seconds. So its distance is counted from the range of its own latest targets; a delay costs nothing, a jam shows as soon
 as the target has moved away. The experts are no help here: they are shown the stuck joint's own past and soon expect it
 to stay where it is (see docs/recognition.md).
@@ -30,7 +30,7 @@ class FollowingWatch:
         patience: for how long it may be further off, s; the count falls as fast as it rises.
 
     Attributes:
-        off: how far each joint is from where it was told to be, shape (J,), rad.
+        off: how far each joint is from its target, shape (J,), rad.
         moved: how far each joint's targets of the last `lag` seconds lie apart, shape (J,), rad.
     """
 

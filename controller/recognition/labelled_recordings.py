@@ -48,7 +48,7 @@ class Dataset:
 
     Attributes:
         examples: in the order of their paths.
-        skipped: a line for each file that could not be used; it names the file and says why.
+        skipped: a line for each file that could not be used; it names the file and the reason.
     """
 
     examples: list[Example]
@@ -78,7 +78,7 @@ def read_dataset(folder: Path, progress: Callable[[int, int], None] = lambda don
 
     Args:
         folder: of the whole set.
-        progress: told how many files of how many are done.
+        progress: called with the number of files done and of all files.
 
     Raises:
         MotiondeckError: if there is no such folder, or not a single usable recording in it.

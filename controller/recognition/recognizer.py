@@ -1,4 +1,4 @@
-"""A recognizer: clip in, verdict out. It knows its features, its experts, and when to say that it does not know."""
+"""A recognizer: clip in, verdict out, which may be "unknown"."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Recognizer:
         """The verdict on a clip.
 
         Raises:
-            MotiondeckError: if its skeleton lacks a joint the features need, or it is too short to foretell anything.
+            MotiondeckError: if its skeleton lacks a joint the features need, or it is too short to predict anything.
         """
         return self.verdict(self.bank.costs([self.look(clip)])[0])
 
@@ -108,7 +108,7 @@ def train_recognizer(
             raise MotiondeckError(f"a tempo of {tempo:g} is not between {SHORTEST_TEMPO:g} and {LONGEST_TEMPO:g}")
     if len(dataset.classes) < 2:
         raise MotiondeckError(
-            f"there is only one class, '{dataset.classes[0]}'; to tell motions apart takes two folders or more."
+            f"there is only one class, '{dataset.classes[0]}'; a recognizer needs two folders or more."
         )
     bones = dataset.examples[0].clip.skeleton.bones
     look = FeatureRecipe(
@@ -119,23 +119,25 @@ def train_recognizer(
         velocity=look.velocity,
         rate=look.rate,
     )
-    takes = [[features(example.clip, look, tempo) for tempo in tempos] for example in dataset.examples]
-    short = [e.path for e, own in zip(dataset.examples, takes, strict=True) if min(map(len, own)) < 2]
+    signals = [[features(example.clip, look, tempo) for tempo in tempos] for example in dataset.examples]
+    short = [e.path for e, own in zip(dataset.examples, signals, strict=True) if min(map(len, own)) < 2]
     if short:
         raise MotiondeckError(f"{short[0]}: too short for {look.rate:g} Hz features. Remove it, or raise --rate.")
-    bank = _taught(takes, range(len(takes)), dataset, experts)
-    threshold = rejection_threshold(takes, dataset, experts)
+    bank = _trained_bank(signals, range(len(signals)), dataset, experts)
+    threshold = rejection_threshold(signals, dataset, experts)
     sources = tuple(example.path.name for example in dataset.examples)
-    return Recognizer(look, bank, threshold, len(takes), sources)
+    return Recognizer(look, bank, threshold, len(signals), sources)
 
 
-def _taught(takes: list[list[Array]], learn: Iterable[int], dataset: Dataset, experts: ExpertRecipe) -> ExpertBank:
-    """A bank that has learned all takes of some examples."""
-    pairs = [(take, dataset.examples[i].label) for i in learn for take in takes[i]]
-    return teach(experts, [take for take, _ in pairs], [label for _, label in pairs])
+def _trained_bank(
+    signals: list[list[Array]], learn: Iterable[int], dataset: Dataset, experts: ExpertRecipe
+) -> ExpertBank:
+    """A bank that has learned all signals of some examples."""
+    pairs = [(signal, dataset.examples[i].label) for i in learn for signal in signals[i]]
+    return teach(experts, [signal for signal, _ in pairs], [label for _, label in pairs])
 
 
-def rejection_threshold(takes: list[list[Array]], dataset: Dataset, experts: ExpertRecipe) -> float:
+def rejection_threshold(signals: list[list[Array]], dataset: Dataset, experts: ExpertRecipe) -> float:
     """The margin that a share of FALSE_REJECTIONS of the known motions falls short of, by cross-validation.
 
     Zero, which rejects nothing, where the set is too small to be split.
@@ -146,6 +148,6 @@ def rejection_threshold(takes: list[list[Array]], dataset: Dataset, experts: Exp
     except MotiondeckError:
         return 0.0
     for learn, ask in splits:
-        bank = _taught(takes, learn, dataset, experts)
-        seen.append(margins(bank.costs([take for i in ask for take in takes[i]])))
+        bank = _trained_bank(signals, learn, dataset, experts)
+        seen.append(margins(bank.costs([signal for i in ask for signal in signals[i]])))
     return float(np.quantile(np.concatenate(seen), FALSE_REJECTIONS))

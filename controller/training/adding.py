@@ -26,7 +26,7 @@ from controller.networks.reservoir import Reservoir
 from controller.rotations import Array
 from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network
 from controller.training.fit import cut, describe_motion, to_learn
-from controller.training.preparation.training_motion import Lesson
+from controller.training.preparation.training_motion import TrainingMotion
 from controller.training.recipe import LibraryRecipe, MotionRecipe, check_name, recipe_of
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe, learn_readouts
@@ -108,22 +108,22 @@ def _learn(
     """The network with one more motion, and what of its space is claimed before and after."""
     network, seed, plan, loop = library.network, library.info.seed, recipe.network, motion.plays == "loop"
     if isinstance(network, ConceptorNetwork) and isinstance(plan, ConceptorRecipe):
-        lesson = Lesson(motion.name, memory_of(network).normalisation.apply(frames), loop)
-        grown = load_one_more(network, lengths, lesson, plan, seed)
+        to_load = TrainingMotion(motion.name, memory_of(network).normalisation.apply(frames), loop)
+        grown = load_one_more(network, lengths, to_load, plan, seed)
         if plan.rank_tolerance_mm is not None:
             # The stored motions were cut when they were learned.
             grown = cut_to_tolerance(grown, library.encoding, plan.rank_tolerance_mm, (motion.name,))
         return grown, (quota(network, lengths, plan), quota(grown, lengths | {motion.name: len(frames)}, plan))
     if isinstance(network, EchoStateNetwork) and isinstance(plan, EchoStateRecipe):
-        lesson = Lesson(motion.name, network.normalisation.apply(frames), loop)
+        to_load = TrainingMotion(motion.name, network.normalisation.apply(frames), loop)
         reservoir = Reservoir(network.weights, network.feedback, network.bias, network.leak)
         # Noise of its own, the same whenever this motion is added in this place.
-        part = learn_readouts(reservoir, [lesson], plan, np.random.default_rng([seed, len(lengths)]))
+        part = learn_readouts(reservoir, [to_load], plan, np.random.default_rng([seed, len(lengths)]))
         return network.with_motions(part), (None, None)
     if isinstance(network, CentralizedNetwork) and isinstance(plan, CentralizedRecipe):
         normalisation = Normalisation.fit([frames])
-        lesson = Lesson(motion.name, normalisation.apply(frames), loop)
-        return network.joined(train_centralized_network([lesson], normalisation, plan, library.info.rate, seed)), (
+        to_load = TrainingMotion(motion.name, normalisation.apply(frames), loop)
+        return network.joined(train_centralized_network([to_load], normalisation, plan, library.info.rate, seed)), (
             None,
             None,
         )

@@ -33,7 +33,7 @@ from controller.networks.centralized_frames import CentralizedNetwork
 from controller.rotations import Array
 from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network
 from controller.training.preparation.loops import close_loop, hold_end
-from controller.training.preparation.training_motion import Lesson
+from controller.training.preparation.training_motion import TrainingMotion
 from controller.training.recipe import LibraryRecipe, MotionRecipe, ReservoirRecipe
 from controller.training.reservoirs.aperture_choice import settled_network
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir
@@ -57,7 +57,7 @@ _KINDS: dict[type, Literal["conceptor", "echo-state", "random-feature", "central
 
 
 @dataclass(frozen=True)
-class Syllabus:
+class TrainingSet:
     """The frames that a recipe wants learned.
 
     Attributes:
@@ -74,11 +74,11 @@ class Syllabus:
     loops: dict[str, bool]
     before: dict[str, Array]
 
-    def lessons(self) -> tuple[list[Lesson], Normalisation]:
+    def normalised(self) -> tuple[list[TrainingMotion], Normalisation]:
         """What a trainer is given, and the normalisation of its channels."""
         normalisation = Normalisation.fit([*self.frames.values(), *self.before.values()])
         return [
-            Lesson(
+            TrainingMotion(
                 name,
                 normalisation.apply(frames),
                 self.loops[name],
@@ -94,7 +94,7 @@ def fit(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None) 
     Args:
         recipe: what to train.
         data: the folder that the recipe's files lie in.
-        progress: is told each step in a few words; there are `steps(recipe)` of them without retries.
+        progress: called with each step in a few words; there are `steps(recipe)` of them without retries.
 
     Returns:
         The library of the first seed with which every motion passes the self-test; where none does, that of the seed
@@ -103,30 +103,30 @@ def fit(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None) 
     Raises:
         MotiondeckError: if a recording is missing or damaged.
     """
-    syllabus = prepare(recipe, data, progress)
-    for name, frames in syllabus.frames.items():
+    training_set = prepare(recipe, data, progress)
+    for name, frames in training_set.frames.items():
         if len(frames[:: recipe.network.anchor_every]) < FEWEST_ANCHORS:
             raise FileFormatError(
                 f"network.anchor_every = {recipe.network.anchor_every} leaves '{name}' with fewer than "
                 f"{FEWEST_ANCHORS} states to start from; give a smaller number"
             )
-    lessons, normalisation = syllabus.lessons()
-    judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, holds=not recipe.as_recorded)
+    motions, normalisation = training_set.normalised()
+    judge = Judge(training_set.encoding, training_set.frames, training_set.loops, holds=not recipe.as_recorded)
 
-    def attempt(seed: int) -> Taught:
+    def train_with(seed: int) -> TrainedNetwork:
         progress(f"training (seed {seed})")
-        taught = settle(lessons, normalisation, recipe.network, syllabus.rate, seed, judge)
+        trained = settle(motions, normalisation, recipe.network, training_set.rate, seed, judge)
         progress("self-test")
-        return taught
+        return trained
 
     # Two BLAS threads on a busy machine wait for each other longer than they help.
     with threadpool_limits(1):
-        taught = first_to_pass(recipe.seeds, attempt)
-    return assemble(recipe, syllabus, taught.network, taught.seed, taught.verdicts)
+        trained = first_to_pass(recipe.seeds, train_with)
+    return assemble(recipe, training_set, trained.network, trained.seed, trained.verdicts)
 
 
 @dataclass(frozen=True)
-class Taught:
+class TrainedNetwork:
     """A trained network.
 
     Attributes:
@@ -147,13 +147,13 @@ class Taught:
         return sum(verdict.passed for verdict in self.verdicts.values())
 
 
-def first_to_pass(seeds: Iterable[int], attempt: Callable[[int], Taught]) -> Taught:
-    """The attempt of the first seed with which every motion passes; where none does, that with which most do."""
-    best: Taught | None = None
+def first_to_pass(seeds: Iterable[int], train_with: Callable[[int], TrainedNetwork]) -> TrainedNetwork:
+    """The network of the first seed with which every motion passes; where none does, that with which most do."""
+    best: TrainedNetwork | None = None
     for seed in seeds:
-        taught = attempt(seed)
-        if best is None or taught.passed > best.passed:
-            best = taught
+        trained = train_with(seed)
+        if best is None or trained.passed > best.passed:
+            best = trained
         if best.passed == len(best.verdicts):
             break
     assert best is not None, "a recipe names at least one seed"
@@ -161,63 +161,70 @@ def first_to_pass(seeds: Iterable[int], attempt: Callable[[int], Taught]) -> Tau
 
 
 def settle(
-    lessons: list[Lesson], normalisation: Normalisation, recipe: Kind, rate: float, seed: int, judge: Judge
-) -> Taught:
+    motions: list[TrainingMotion],
+    normalisation: Normalisation,
+    recipe: Kind,
+    rate: float,
+    seed: int,
+    judge: Judge,
+) -> TrainedNetwork:
     """The network of a recipe, tested; one that chooses gets the apertures or the noise that hold in trials."""
     weights, failed = None, {}
     if isinstance(recipe, ConceptorRecipe):
-        loaded = load_reservoir(lessons, recipe, seed)
+        loaded = load_reservoir(motions, recipe, seed)
         weights = loaded.weights.astype(np.float32)
-        network, failed = settled_network(loaded, lessons, normalisation, recipe, judge, seed)
+        network, failed = settled_network(loaded, motions, normalisation, recipe, judge, seed)
     elif isinstance(recipe, EchoStateRecipe) and recipe.choose_noise:
-        network, failed = settled_echo_state(lessons, normalisation, recipe, judge, seed)
+        network, failed = settled_echo_state(motions, normalisation, recipe, judge, seed)
     else:
-        network = teach(lessons, normalisation, recipe, rate, seed)
+        network = train(motions, normalisation, recipe, rate, seed)
     verdicts = self_test(network, judge)
     if failed:
         verdicts = with_trials(verdicts, failed)
     elif not isinstance(network, CentralizedNetwork):
         # The state of a centralized network is a place on a closed curve; its centers return there by themselves.
         verdicts = stress_test(network, verdicts, judge, seed)
-    return Taught(seed, network, verdicts, weights)
+    return TrainedNetwork(seed, network, verdicts, weights)
 
 
 def assemble(
-    recipe: LibraryRecipe, syllabus: Syllabus, network: AnyNetwork, seed: int, verdicts: dict[str, MotionVerdict]
+    recipe: LibraryRecipe, training_set: TrainingSet, network: AnyNetwork, seed: int, verdicts: dict[str, MotionVerdict]
 ) -> MotionLibrary:
     """A library of a trained network and of all that is known about it."""
     info = LibraryInfo(
         version=VERSION,
         name=recipe.name,
         network=_KINDS[type(recipe.network)],
-        encoding=syllabus.encoding.name,
-        rate=syllabus.rate,
+        encoding=training_set.encoding.name,
+        rate=training_set.rate,
         seed=seed,
         motions=[
             describe_motion(
-                motion, syllabus.frames[motion.name], network, verdicts[motion.name], recipe.network.anchor_every
+                motion, training_set.frames[motion.name], network, verdicts[motion.name], recipe.network.anchor_every
             )
             for motion in recipe.motions
         ],
-        skeleton=describe_skeleton(syllabus.encoding),
+        skeleton=describe_skeleton(training_set.encoding),
         recipe=msgspec.json.decode(msgspec.json.encode(recipe)),
         licence=recipe.licence,
         acknowledgement=recipe.acknowledgement,
         leak=recipe.network.leak if isinstance(recipe.network, EchoStateRecipe) else 1.0,
         clipped=recipe.network.clipped if isinstance(recipe.network, EchoStateRecipe) else True,
     )
-    return MotionLibrary(info, network, syllabus.encoding)
+    return MotionLibrary(info, network, training_set.encoding)
 
 
-def teach(lessons: list[Lesson], normalisation: Normalisation, recipe: Kind, rate: float, seed: int) -> AnyNetwork:
-    """The network of a recipe, of whichever kind it is, as the recipe says and untested."""
+def train(
+    motions: list[TrainingMotion], normalisation: Normalisation, recipe: Kind, rate: float, seed: int
+) -> AnyNetwork:
+    """The network that a recipe describes, untested."""
     if isinstance(recipe, CentralizedRecipe):
-        return train_centralized_network(lessons, normalisation, recipe, rate, seed)
+        return train_centralized_network(motions, normalisation, recipe, rate, seed)
     if isinstance(recipe, ConceptorRecipe):
-        return conceptor_network(load_reservoir(lessons, recipe, seed), lessons, normalisation, recipe)
+        return conceptor_network(load_reservoir(motions, recipe, seed), motions, normalisation, recipe)
     if isinstance(recipe, RandomFeatureRecipe):
-        return train_random_features(lessons, normalisation, recipe, seed)
-    return train_echo_state(lessons, normalisation, recipe, seed)
+        return train_random_features(motions, normalisation, recipe, seed)
+    return train_echo_state(motions, normalisation, recipe, seed)
 
 
 def steps(recipe: LibraryRecipe) -> int:
@@ -225,7 +232,7 @@ def steps(recipe: LibraryRecipe) -> int:
     return len(recipe.motions) + 2
 
 
-def prepare(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None) -> Syllabus:
+def prepare(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None) -> TrainingSet:
     """Reads a recipe's recordings, carries them to one body, and closes their loops or holds their ends.
 
     A recipe that wants them as recorded gets them so.
@@ -250,7 +257,7 @@ def prepare(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: No
     if len(rates) > 1:
         raise FileFormatError(f"recipe '{recipe.name}' mixes frame rates: {sorted(rates)} Hz")
     loops = {motion.name: motion.plays == "loop" for motion in recipe.motions}
-    return Syllabus(encoding, rates.pop(), frames, loops, before)
+    return TrainingSet(encoding, rates.pop(), frames, loops, before)
 
 
 def to_learn(encoding: Encoding, clip: Clip, motion: MotionRecipe, loop_keeps: float) -> Array:

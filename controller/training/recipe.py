@@ -19,10 +19,10 @@ from motiondeck_base.toml_file import read_toml, shaped
 
 ReservoirRecipe = ConceptorRecipe | EchoStateRecipe | RandomFeatureRecipe
 
-_SATELLITES = 6.0  # a second of what was taught
+_SATELLITES = 6.0  # per second of the longest clip
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}")
-"""What a motion may be called, so that prompts and scripts can say it."""
+"""Names that can be typed at a prompt and in a script."""
 
 
 class MotionRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -49,7 +49,7 @@ class LibraryRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_
         network: its kind and parameters.
         motions: what it learns.
         body: the recording whose skeleton all motions are carried to.
-        encoding: what a network hears of a body; joint rotations keep the twist of bones.
+        encoding: what the channels of the network are; joint rotations keep the twist of bones.
         as_recorded: learn the recordings as they are, each on its own body, no loop closed and no end held; the first
             frames, as many as the washout, only lead in. This is what the thesis does.
         loop_keeps: the least share of a recording that its loop keeps.
@@ -78,7 +78,7 @@ def read_recipe(path: Path) -> LibraryRecipe:
     return _checked(read_toml(path, LibraryRecipe), path)
 
 
-def taught_recipe(name: str, clips: Sequence[Path]) -> LibraryRecipe:
+def gesture_recipe(name: str, clips: Sequence[Path]) -> LibraryRecipe:
     """The recipe for a library of clips taught to a rig by hand: each a loop that bears its file's name.
 
     A centralized network, because its state is a place on a closed curve: nothing can lead it away, and servos follow.
@@ -88,18 +88,20 @@ def taught_recipe(name: str, clips: Sequence[Path]) -> LibraryRecipe:
             joints; it names them.
     """
     motions = [MotionRecipe(name=clip.stem, file=str(clip)) for clip in clips]
-    taught = [read_clip(clip) for clip in clips]
-    expected = taught[0].skeleton.bones
-    for path, clip in zip(clips, taught, strict=True):
+    recorded = [read_clip(clip) for clip in clips]
+    expected = recorded[0].skeleton.bones
+    for path, clip in zip(clips, recorded, strict=True):
         lacking = [name for name in expected if name not in clip.skeleton.bones]
         besides = [name for name in clip.skeleton.bones if name not in expected]
         if lacking or besides:
-            said = [f"lacks {', '.join(lacking)}"] * bool(lacking) + [f"has also {', '.join(besides)}"] * bool(besides)
-            raise FileFormatError(
-                f"{path}: beside {clips[0]} it {' and '.join(said)}; the clips of one library need the same joints. "
-                "Teach them anew with one rig file, or make a library of each."
+            differences = [f"lacks {', '.join(lacking)}"] * bool(lacking) + [f"has also {', '.join(besides)}"] * bool(
+                besides
             )
-    longest = max(clip.duration for clip in taught)
+            raise FileFormatError(
+                f"{path}: beside {clips[0]} it {' and '.join(differences)}; the clips of one library need the same "
+                "joints. Teach them anew with one rig file, or make a library of each."
+            )
+    longest = max(clip.duration for clip in recorded)
     return _checked(
         LibraryRecipe(
             name=name,
@@ -122,7 +124,7 @@ def recipe_of(tree: object, path: Path) -> LibraryRecipe:
 
 
 def check_name(name: str, path: Path) -> None:
-    """Refuses what no prompt or script could say.
+    """Refuses a name that cannot be typed at a prompt or in a script.
 
     Raises:
         FileFormatError: it names the file.
@@ -150,7 +152,7 @@ def _checked(recipe: LibraryRecipe, path: Path) -> LibraryRecipe:
     if isinstance(recipe.network, ConceptorRecipe):
         for name, aperture in recipe.network.apertures.items():
             if name not in names:
-                raise FileFormatError(f"{path}: network.apertures names '{name}', which is none of its motions")
+                raise FileFormatError(f"{path}: network.apertures names '{name}', which is not one of its motions")
             if not 0.0 < aperture <= 1e6:
                 raise FileFormatError(f"{path}: the aperture of '{name}' is {aperture}; it lies between 0 and 1e6")
     return recipe

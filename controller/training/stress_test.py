@@ -1,7 +1,7 @@
-"""The second half of the self-test: loops that are started from noise, or disturbed while they play, must come back.
+"""The second half of the self-test: a loop started from noise, or disturbed while it plays, must return to its motion.
 
-Both disturbances are the thesis's (`evaluation/disturbance.py`). A motion that happens once is not asked: after a
-disturbance it may be anywhere on its way, and only a guard that knows the time can put it back.
+Both disturbances are the thesis's (`measures/disturbance.py`). One-shots are not tested: after a
+disturbance they may be anywhere along their course, and only a guard that knows the time can put them back.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@ import pytest
 
 import synthetic
 from benchmarks.papers import training_cost as cost
-from controller.training.fit import Syllabus
+from controller.training.fit import TrainingSet
 from controller.training.recipe import LibraryRecipe, MotionRecipe
 
 LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}
@@ -18,7 +18,7 @@ def found(monkeypatch):
         body="",
         licence="",
     )
-    syllabus = Syllabus(synthetic.small_encoding(), synthetic.RATE, synthetic.references(), LOOPS, {})
+    syllabus = TrainingSet(synthetic.small_encoding(), synthetic.RATE, synthetic.references(), LOOPS, {})
     return cost.costs(recipe, syllabus, 0)
 
 

@@ -23,7 +23,7 @@ FileArgument = Annotated[
 ]
 SkeletonOption = Annotated[
     Path | None,
-    typer.Option("--skeleton", metavar="FILE.asf", help="What an .amc was recorded with; by itself the one nearby."),
+    typer.Option("--skeleton", metavar="FILE.asf", help="The skeleton of an .amc; default: the one nearby."),
 ]
 
 

@@ -24,12 +24,12 @@ def fill(
     ],
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
 ) -> None:
-    """Fill in markers that were lost for a while from what those say that were seen.
+    """Fill in markers that were lost for a while, from those that were seen.
 
     A centralized network learns the other markers around each gap; the lost one follows their frequencies and meets
-    itself on both sides. Beside each marker stands how far off stretches as long as its gaps were that were hidden
-    where it was seen. Gaps through which fewer than three markers were seen, or whose own was hardly seen around them,
-    stay open and are named.
+    itself on both sides. Beside each marker stands the error to expect: that of equally long stretches that were
+    hidden where the marker was seen. A gap stays open, and is named, where fewer than three other markers were seen
+    through it or its own marker was hardly seen around it.
 
     In a .c3d everything else stays as it is; filled points have the residual 0. A .csv holds time in s and x, y, z of
     every marker in m, in the file's own axes; what is still missing is left empty.

@@ -125,7 +125,7 @@ class BoneDirections:
         return out
 
     def rotations(self, channels: Array) -> Array:
-        """The rotations that channels (..., C) speak of, in the heading frame, shape (..., 1 + B, 4)."""
+        """The rotations of channels (..., C), in the heading frame, shape (..., 1 + B, 4)."""
         return orient(self.skeleton, self.directions(channels))
 
     def directions(self, channels: Array) -> Array:

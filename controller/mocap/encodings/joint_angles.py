@@ -54,7 +54,7 @@ class JointBody(Skeleton):
 
 @dataclass(frozen=True)
 class JointAngles:
-    """Clips of a joint body to channels and back; it has the same face as `bone_directions.BoneDirections`.
+    """Clips of a joint body to channels and back; it has the interface of `bone_directions.BoneDirections`.
 
     Attributes:
         skeleton: the joints.
@@ -102,12 +102,12 @@ class JointAngles:
 
 
 class JointRetargeter:
-    """Carries poses of a joint body to the joints of the same names; fits `realtime.interfaces.Retargeter`.
+    """Carries poses of a joint body to the joints of the same names; fits `deck.interfaces.Retargeter`.
 
     Args:
         body: whose poses will come.
         joints: of the robot.
-        rest: what its joints that the body lacks are told, shape (J,), rad.
+        rest: targets of the joints that the body lacks, shape (J,), rad.
 
     Raises:
         UnknownNameError: if the body has a joint that the robot has not.

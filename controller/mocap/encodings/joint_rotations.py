@@ -7,7 +7,7 @@ For a skeleton of B bones a frame has 10 + 6 B channels: the 4 + 3 B of `bone_di
     where the root's left axis points               3
 
 all in the heading frame. A direction and a side fix a rotation: nothing is guessed (as `orientation.py` must), and
-unlike angles or quaternions they have no seam: networks may mix what they say of two motions.
+unlike angles or quaternions they have no seam: networks may average the channels of two motions.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class JointRotations(BoneDirections):
         return np.concatenate([rotate(turned, axis).reshape(len(rotation), -1) for axis in self._axes], axis=1)
 
     def rotations(self, channels: Array) -> Array:
-        """The rotations that channels (..., C) speak of, in the heading frame, shape (..., 1 + B, 4)."""
+        """The rotations of channels (..., C), in the heading frame, shape (..., 1 + B, 4)."""
         direction, side = self._vectors(channels)
         rest, rest_side = self._axes
         swing = between(rest, direction)

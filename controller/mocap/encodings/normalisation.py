@@ -60,7 +60,7 @@ class Normalisation:
             )
         low = np.min([pattern.min(axis=0) for pattern in patterns], axis=0).astype(np.float64)
         high = np.max([pattern.max(axis=0) for pattern in patterns], axis=0).astype(np.float64)
-        with np.errstate(all="ignore"):  # the next line says it better than a warning
+        with np.errstate(all="ignore"):  # the error below names the channel, a warning would not
             bad = np.flatnonzero(~np.isfinite(high - low))
         if len(bad):
             raise MotiondeckError(f"normalisation: channel {bad[0]} holds a number that is not finite or far too large")
@@ -83,6 +83,6 @@ class Normalisation:
         return channels * self._half_range - self.shift
 
     def invert_in_place(self, channels: Array) -> None:
-        """The same where the channels lie, float64, without making an array."""
+        """The same where the channels lie, float64, without allocating."""
         np.multiply(channels, self._half_range, out=channels)
         np.subtract(channels, self.shift, out=channels)

@@ -1,4 +1,4 @@
-"""What an Acclaim skeleton file says beyond the tree of bones, and Acclaim's axes in ours.
+"""What an Acclaim skeleton file holds beyond the tree of bones, and Acclaim's axes in ours.
 
 The format (Acclaim Skeleton File Definition 1.10, M. Schafer 1995) gives all bones in one global frame, y up, x left,
 z forward; ours is x forward, y left, z up, which is a cyclic exchange. With C the rotation of a bone's own axes and M

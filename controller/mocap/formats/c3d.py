@@ -212,7 +212,7 @@ def _floats(raw: bytes, processor: int) -> Array:
 
 
 def _number(parameters: Parameters, name: str, otherwise: float) -> float:
-    """What the file says of one number, or else what its header does."""
+    """A number from the parameters, or the given one where they lack it."""
     values = parameters.get(name)
     return otherwise if values is None or values.size == 0 or values.dtype.kind == "S" else float(values.ravel()[0])
 

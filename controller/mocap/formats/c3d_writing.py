@@ -22,7 +22,7 @@ def with_points(path: Path, position: Array) -> bytes:
         position: shape (T, M, 3), m, in the file's own axes; NaN where there is no place either.
 
     Raises:
-        FileFormatError: if the file cannot be read, or one of the places lies beyond what its numbers can say.
+        FileFormatError: if the file cannot be read, or one of the places lies out of range of the numbers of the file.
     """
     content = bytearray(read_bytes(path))
     form = read_layout(path, bytes(content))
@@ -32,7 +32,7 @@ def with_points(path: Path, position: Array) -> bytes:
         words = np.round(words)
         if np.abs(words).max(initial=0.0) > np.iinfo(np.int16).max:
             raise FileFormatError(
-                f"{path}: a filled point lies beyond what this file's whole numbers can say. Write a .csv instead."
+                f"{path}: a filled point lies beyond what the range of this file's whole numbers. Write a .csv instead."
             )
     stored = np.frombuffer(content, form.number, form.frames * form.width, form.at)
     frame, point = np.nonzero(new)

@@ -1,4 +1,4 @@
-"""What can be said of a clip in figures: its body, its rate, where it goes, and what of it was never seen."""
+"""Figures about a clip: its body, its rate, where it goes, and how much of its markers was never seen."""
 
 from __future__ import annotations
 

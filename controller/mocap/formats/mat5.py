@@ -32,7 +32,7 @@ COMPLEX = 0x0800
 
 @dataclass(frozen=True)
 class Variable:
-    """What a MAT file says about one variable.
+    """One variable of a MAT file.
 
     Attributes:
         kind: MATLAB's name for its class, "complex" for complex doubles, "other" for the rarer classes.

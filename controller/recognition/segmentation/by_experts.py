@@ -79,7 +79,7 @@ def first_occurrences(labels: Labels, stride: float) -> NDArray[np.bool_]:
 def bank_of_first_occurrences(
     signal: Array, labels: Labels, stride: float, recipe: ExpertRecipe = EXPERTS
 ) -> ExpertBank:
-    """A bank taught with the first occurrences in a stream; its classes are in the order of `labels.classes`.
+    """A bank trained on the first occurrences in a stream; its classes are in the order of `labels.classes`.
 
     Raises:
         MotiondeckError: if there is only one class, or one occurs too briefly to learn anything.

@@ -12,7 +12,7 @@ from controller.networks.switching_module import design_module
 from controller.rotations import Array
 from controller.training.centralized.model_search import CENTERS, SATELLITES, score_models
 from controller.training.centralized.motion_training import train_centralized
-from controller.training.preparation.training_motion import Lesson
+from controller.training.preparation.training_motion import TrainingMotion
 
 
 class CentralizedRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True, tag="centralized"):
@@ -35,7 +35,7 @@ class CentralizedRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True,
 
 
 def train_centralized_network(
-    lessons: list[Lesson], normalisation: Normalisation, recipe: CentralizedRecipe, rate: float, seed: int
+    lessons: list[TrainingMotion], normalisation: Normalisation, recipe: CentralizedRecipe, rate: float, seed: int
 ) -> CentralizedNetwork:
     """The network of several motions, each learned for itself.
 

@@ -1,4 +1,4 @@
-"""A lesson: one motion as a trainer sees it, and the signal that drives a reservoir with it."""
+"""One motion as a trainer sees it, and the signal that drives a reservoir with it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from controller.rotations import Array
 
 
 @dataclass(frozen=True)
-class Lesson:
+class TrainingMotion:
     """One motion to learn.
 
     Attributes:

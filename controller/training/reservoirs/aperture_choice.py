@@ -20,7 +20,7 @@ from controller.measures.trials import failures
 from controller.mocap.encodings.normalisation import Normalisation
 from controller.networks.conceptor import ConceptorNetwork
 from controller.rotations import Array
-from controller.training.preparation.training_motion import Lesson
+from controller.training.preparation.training_motion import TrainingMotion
 from controller.training.reservoirs.conceptor_training import (
     ConceptorRecipe,
     LoadedReservoir,
@@ -42,7 +42,7 @@ LOOP: tuple[Kind, ...] = ("robustness", "stability")
 
 def settled_network(
     loaded: LoadedReservoir,
-    lessons: list[Lesson],
+    lessons: list[TrainingMotion],
     normalisation: Normalisation,
     recipe: ConceptorRecipe,
     judge: Judge,
@@ -73,14 +73,14 @@ def settled_network(
     return network, failed
 
 
-def _survives(lesson: Lesson) -> tuple[Kind, ...]:
+def _survives(lesson: TrainingMotion) -> tuple[Kind, ...]:
     return LOOP if lesson.loop else ()
 
 
 def _tried(
     network: ConceptorNetwork,
     loaded: LoadedReservoir,
-    lessons: list[Lesson],
+    lessons: list[TrainingMotion],
     normalisation: Normalisation,
     recipe: ConceptorRecipe,
     judge: Judge,

@@ -21,7 +21,7 @@ from controller.networks.conceptor import ConceptorMotion, ConceptorNetwork, Mem
 from controller.networks.reservoir import Reservoir, drive, random_reservoir
 from controller.ridge import ridge
 from controller.rotations import Array
-from controller.training.preparation.training_motion import Lesson
+from controller.training.preparation.training_motion import TrainingMotion
 
 
 class ConceptorRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True, tag="conceptor"):
@@ -81,7 +81,7 @@ class LoadedReservoir:
 
 
 def train_conceptors(
-    lessons: list[Lesson], normalisation: Normalisation, recipe: ConceptorRecipe, seed: int
+    lessons: list[TrainingMotion], normalisation: Normalisation, recipe: ConceptorRecipe, seed: int
 ) -> ConceptorNetwork:
     """One network that holds all lessons.
 
@@ -106,7 +106,7 @@ def draw_reservoir(recipe: ConceptorRecipe, channels: int, seed: int) -> Reservo
     )
 
 
-def load_reservoir(lessons: list[Lesson], recipe: ConceptorRecipe, seed: int) -> LoadedReservoir:
+def load_reservoir(lessons: list[TrainingMotion], recipe: ConceptorRecipe, seed: int) -> LoadedReservoir:
     """Drives a random reservoir with all lessons and learns W and W_out (eqs 3.8 and 3.11 - 3.13)."""
     reservoir = draw_reservoir(recipe, lessons[0].frames.shape[1], seed)
     driven = drive(reservoir, [np.concatenate([lesson.lead_in(recipe.washout), lesson.frames]) for lesson in lessons])
@@ -128,7 +128,7 @@ def what_drove(reservoir: Reservoir, before: Array, inputs: Array) -> Array:
 
 
 def conceptor_network(
-    loaded: LoadedReservoir, lessons: list[Lesson], normalisation: Normalisation, recipe: ConceptorRecipe
+    loaded: LoadedReservoir, lessons: list[TrainingMotion], normalisation: Normalisation, recipe: ConceptorRecipe
 ) -> ConceptorNetwork:
     """The conceptors of all lessons of a loaded reservoir, as a network that plays."""
     motions = {

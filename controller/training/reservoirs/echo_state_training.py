@@ -15,7 +15,7 @@ from controller.networks.echo_state import EchoStateMotion, EchoStateNetwork
 from controller.networks.reservoir import Floats, Reservoir, drive, random_reservoir
 from controller.ridge import ridge
 from controller.rotations import Array
-from controller.training.preparation.training_motion import Lesson
+from controller.training.preparation.training_motion import TrainingMotion
 
 # How long a run that began in a random state is learned from, in frames; by then it is an ordinary noisy run.
 LOST_FOR = 120
@@ -56,7 +56,7 @@ class EchoStateRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, k
 
 
 def train_echo_state(
-    lessons: list[Lesson], normalisation: Normalisation, recipe: EchoStateRecipe, seed: int
+    lessons: list[TrainingMotion], normalisation: Normalisation, recipe: EchoStateRecipe, seed: int
 ) -> EchoStateNetwork:
     """One network that holds all lessons.
 
@@ -89,7 +89,7 @@ def train_echo_state(
 
 
 def learn_readouts(
-    reservoir: Reservoir, lessons: list[Lesson], recipe: EchoStateRecipe, rng: np.random.Generator
+    reservoir: Reservoir, lessons: list[TrainingMotion], recipe: EchoStateRecipe, rng: np.random.Generator
 ) -> dict[str, EchoStateMotion]:
     """A readout for each lesson; none of them depends on the others (eq. 2.4)."""
     targets = [np.concatenate([lesson.lead_in(recipe.washout), lesson.frames]) for lesson in lessons]
@@ -113,7 +113,7 @@ def learn_readouts(
 
 def _noisy_runs(
     driven: Reservoir,
-    lessons: list[Lesson],
+    lessons: list[TrainingMotion],
     forced: list[Array],
     quiet: list[Floats],
     recipe: EchoStateRecipe,

@@ -20,7 +20,7 @@ from scipy.linalg import cho_factor, cho_solve
 from controller.networks.conceptor import ConceptorMotion, ConceptorNetwork, Memory
 from controller.networks.reservoir import Reservoir, drive
 from controller.rotations import Array
-from controller.training.preparation.training_motion import Lesson
+from controller.training.preparation.training_motion import TrainingMotion
 from controller.training.reservoirs.aperture_choice import APERTURES
 from controller.training.reservoirs.conceptor_training import (
     ConceptorRecipe,
@@ -39,7 +39,7 @@ REDRAWN = 1e-2
 
 
 def load_one_more(
-    network: ConceptorNetwork, lengths: dict[str, int], lesson: Lesson, recipe: ConceptorRecipe, seed: int
+    network: ConceptorNetwork, lengths: dict[str, int], lesson: TrainingMotion, recipe: ConceptorRecipe, seed: int
 ) -> ConceptorNetwork:
     """The network with one more motion.
 

@@ -16,7 +16,7 @@ from controller.measures.trials import failures
 from controller.mocap.encodings.normalisation import Normalisation
 from controller.networks.echo_state import EchoStateNetwork
 from controller.networks.reservoir import Reservoir
-from controller.training.preparation.training_motion import Lesson
+from controller.training.preparation.training_motion import TrainingMotion
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe, learn_readouts, train_echo_state
 
 FACTORS = (1.0, 2.0, 0.4, 1.4)
@@ -29,7 +29,7 @@ ONCE: tuple[Kind, ...] = ("robustness",)
 
 
 def settled_echo_state(
-    lessons: list[Lesson], normalisation: Normalisation, recipe: EchoStateRecipe, judge: Judge, seed: int
+    lessons: list[TrainingMotion], normalisation: Normalisation, recipe: EchoStateRecipe, judge: Judge, seed: int
 ) -> tuple[EchoStateNetwork, dict[str, int]]:
     """The network of a recipe and how many runs of each motion fail.
 

@@ -29,7 +29,7 @@ from controller.networks.random_feature_conceptor import (
 )
 from controller.networks.reservoir import largest_eigenvalue
 from controller.rotations import Array
-from controller.training.preparation.training_motion import Lesson
+from controller.training.preparation.training_motion import TrainingMotion
 from motiondeck_base.errors import MotiondeckError
 
 # How long the means are learned before the weights begin to follow, in frames.
@@ -94,7 +94,7 @@ class Drawn:
 
 
 def train_random_features(
-    lessons: list[Lesson], normalisation: Normalisation, recipe: RandomFeatureRecipe, seed: int
+    lessons: list[TrainingMotion], normalisation: Normalisation, recipe: RandomFeatureRecipe, seed: int
 ) -> RandomFeatureNetwork:
     """One network that holds all lessons.
 
@@ -179,7 +179,7 @@ def conceive(
 
 
 def _harvest(
-    lesson: Lesson,
+    lesson: TrainingMotion,
     drawn: Drawn,
     features: Float32,
     feedback: Float32,

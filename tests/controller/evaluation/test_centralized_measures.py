@@ -11,7 +11,7 @@ from controller.evaluation.tables import cost_table
 from controller.evaluation.training_error import training_error
 from controller.measures.run_batch import batch_of
 from controller.training.centralized.centralized_training import CentralizedRecipe
-from controller.training.fit import Syllabus
+from controller.training.fit import TrainingSet
 from controller.training.recipe import LibraryRecipe, MotionRecipe
 
 LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}
@@ -26,7 +26,7 @@ RECIPE = LibraryRecipe(
 
 @pytest.fixture(scope="module")
 def syllabus():
-    return Syllabus(synthetic.small_encoding(), synthetic.RATE, synthetic.references(), LOOPS, {})
+    return TrainingSet(synthetic.small_encoding(), synthetic.RATE, synthetic.references(), LOOPS, {})
 
 
 @pytest.fixture(scope="module")

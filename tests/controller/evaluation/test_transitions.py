@@ -4,14 +4,14 @@ import pytest
 import synthetic
 from controller.evaluation.tables import crossing_table
 from controller.evaluation.transitions import METHODS, RAMP, all_crossings
-from controller.training.fit import Syllabus
+from controller.training.fit import TrainingSet
 
 LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}
 
 
 @pytest.fixture(scope="module")
 def crossings():
-    syllabus = Syllabus(synthetic.small_encoding(), synthetic.RATE, synthetic.references(), LOOPS, {})
+    syllabus = TrainingSet(synthetic.small_encoding(), synthetic.RATE, synthetic.references(), LOOPS, {})
     return all_crossings(synthetic.small_library(), syllabus)
 
 

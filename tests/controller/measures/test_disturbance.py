@@ -11,7 +11,7 @@ from controller.measures.intervals import wilson
 from controller.measures.run_batch import batch_of
 from controller.measures.self_test import Judge, self_test
 from controller.networks.guard import Guard, beat, spread
-from controller.training.fit import Syllabus
+from controller.training.fit import TrainingSet
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
 from controller.training.stress_test import stress_test
 
@@ -32,7 +32,7 @@ def echo():
 
 @pytest.fixture(scope="module")
 def syllabus():
-    return Syllabus(synthetic.small_encoding(), synthetic.RATE, synthetic.references(), LOOPS, {})
+    return TrainingSet(synthetic.small_encoding(), synthetic.RATE, synthetic.references(), LOOPS, {})
 
 
 @pytest.mark.parametrize("kind", ["conceptors", "echo"])

@@ -15,7 +15,7 @@ from controller.networks.conceptor import ConceptorNetwork
 from controller.rotations import multiply
 from controller.training.adding import add_motion
 from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network
-from controller.training.preparation.training_motion import Lesson
+from controller.training.preparation.training_motion import TrainingMotion
 from controller.training.recipe import LibraryRecipe, MotionRecipe
 from controller.training.reservoirs.conceptor_training import train_conceptors
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
@@ -120,7 +120,7 @@ def test_a_second_addition_builds_on_the_first(library):
 
 def test_loading_one_more_is_as_good_as_learning_all_together():
     lessons, normalisation = synthetic.lessons()
-    new = Lesson("skip", normalisation.apply(skip()), True)
+    new = TrainingMotion("skip", normalisation.apply(skip()), True)
     plan = synthetic.SMALL_RECIPE
     grown = load_one_more(synthetic.small_network(), LENGTHS, new, plan, 0)
     together = train_conceptors([*lessons, new], normalisation, plan, 0)
@@ -170,7 +170,7 @@ def test_another_rate_is_refused(library):
 
 def test_networks_that_cannot_be_added_to_say_so(library):
     clip = clip_of(skip())
-    lesson = Lesson("skip", np.zeros((60, 28)), True)
+    lesson = TrainingMotion("skip", np.zeros((60, 28)), True)
     plan = msgspec.structs.replace(synthetic.SMALL_RECIPE, learns="weights")
     with pytest.raises(MotiondeckError, match="learned all of W"):
         load_one_more(library.network, LENGTHS, lesson, plan, 0)

@@ -13,8 +13,8 @@ from controller.mocap.encodings.joint_angles import (
     save_taught_clip,
     taught_clip,
 )
-from controller.training.fit import Syllabus, fit
-from controller.training.recipe import taught_recipe
+from controller.training.fit import TrainingSet, fit
+from controller.training.recipe import gesture_recipe
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 
 JOINTS = ("pan", "tilt")
@@ -34,7 +34,7 @@ def library(tmp_path_factory):
     clips = [folder / "wave.clip", folder / "nod.clip"]
     teach(clips[0], 0.7, 0.0)
     teach(clips[1], 0.45, 1.5)
-    fitted = fit(taught_recipe("gestures", clips), folder)
+    fitted = fit(gesture_recipe("gestures", clips), folder)
     save_library(fitted, folder / "gestures.safetensors")
     return load_library(folder / "gestures.safetensors")
 
@@ -62,7 +62,7 @@ def test_it_plays_for_ever_and_switches_without_a_jump(library):
 
 
 def test_its_transitions_are_not_judged_as_a_body_s_would_be(library):
-    nothing = Syllabus(library.encoding, RATE, {}, {}, {})
+    nothing = TrainingSet(library.encoding, RATE, {}, {}, {})
     with pytest.raises(MotiondeckError, match="'gestures' holds the joint angles of a rig"):
         all_crossings(library, nothing)
 
@@ -71,11 +71,11 @@ def test_clips_whose_names_cannot_be_typed_are_refused(tmp_path):
     for name in ("my wave.clip", "wave.clip"):
         teach(tmp_path / name, 0.5, 0.0)
     with pytest.raises(FileFormatError, match="cannot be typed"):
-        taught_recipe("gestures", [tmp_path / "my wave.clip"])
+        gesture_recipe("gestures", [tmp_path / "my wave.clip"])
     with pytest.raises(FileFormatError, match="two motions"):
-        taught_recipe("gestures", [tmp_path / "wave.clip", tmp_path / "wave.clip"])
+        gesture_recipe("gestures", [tmp_path / "wave.clip", tmp_path / "wave.clip"])
     with pytest.raises(FileFormatError, match="no such file"):
-        taught_recipe("gestures", [tmp_path / "none.clip"])
+        gesture_recipe("gestures", [tmp_path / "none.clip"])
 
 
 def test_clips_of_different_joints_are_refused_by_their_names(tmp_path):
@@ -83,14 +83,14 @@ def test_clips_of_different_joints_are_refused_by_their_names(tmp_path):
     teach(clips[0], 0.5, 0.0)
     teach(clips[1], 0.5, 0.0, ("grip", "tilt"))
     with pytest.raises(FileFormatError, match=r"nod\.clip: beside .*wave\.clip it lacks pan and has also grip;"):
-        taught_recipe("gestures", clips)
+        gesture_recipe("gestures", clips)
 
 
 def test_joints_in_another_order_are_put_in_order(tmp_path):
     clips = [tmp_path / "wave.clip", tmp_path / "nod.clip"]
     teach(clips[0], 0.5, 0.0)
     teach(clips[1], 0.5, 0.0, ("tilt", "pan"))
-    assert len(taught_recipe("gestures", clips).motions) == 2
+    assert len(gesture_recipe("gestures", clips).motions) == 2
     one, other = (read_taught_clip(path) for path in clips)
     carried = other.carried_to(one.skeleton)
     assert carried.skeleton.bones == JOINTS

@@ -5,7 +5,7 @@ import synthetic
 from controller.evaluation.training_error import training_error
 from controller.measures.self_test import Judge, MotionVerdict
 from controller.measures.trials import FREE_RUN, failures, with_trials
-from controller.training.fit import Syllabus, Taught, first_to_pass
+from controller.training.fit import TrainedNetwork, TrainingSet, first_to_pass
 from controller.training.recipe import LibraryRecipe, MotionRecipe
 from controller.training.reservoirs import noise_choice
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
@@ -33,7 +33,7 @@ def test_accuracy_is_of_the_network_that_fit_would_settle_on(plain, monkeypatch)
     left = iter([3, 0])
     monkeypatch.setattr(noise_choice, "failures", lambda network, motion, *_: next(left) if motion == "wave" else 0)
     frames = synthetic.references()
-    syllabus = Syllabus(
+    syllabus = TrainingSet(
         synthetic.small_encoding(), synthetic.RATE, frames, {name: name != "bow" for name in frames}, {}
     )
     motions = [MotionRecipe(name=name, file="x.bvh") for name in frames]
@@ -91,7 +91,7 @@ def _silent(part):
 def test_the_next_seed_is_tried_until_all_pass_and_else_the_best_is_kept(plain):
     def attempt(seed):
         verdicts = {str(i): MotionVerdict(i < passing[seed], 1.0, 1.0, "") for i in range(3)}
-        return Taught(seed, plain, verdicts)
+        return TrainedNetwork(seed, plain, verdicts)
 
     passing = {0: 1, 1: 3, 2: 3}
     assert first_to_pass([0, 1, 2], attempt).seed == 1
