@@ -153,6 +153,18 @@ def test_a_committee_of_one_that_looks_at_all_joints_together_ranks_as_the_exper
     assert np.allclose(difference, difference[0])  # the errors are the same; only the centre is taken clip by clip
 
 
+def test_a_joint_that_hardly_moves_counts_as_much_as_one_that_swings():
+    # The first joint swings at random whatever the class is; only the second, in the next three channels, knows it.
+    rng, labels = np.random.default_rng(3), np.tile(np.arange(2), 10)
+    signals = [
+        np.hstack([0.2 * rng.standard_normal((60, 3)), 0.01 * (2 * label - 1) + 0.002 * rng.standard_normal((60, 3))])
+        for label in labels
+    ]
+    costs = committee(SMALL, 1)(signals, labels, 2)(np.arange(10), np.arange(10, 20))
+    assert np.array_equal(costs.argmin(1), labels[10:])
+    assert np.abs(costs[:, 0] - costs[:, 1]).min() > 1.0
+
+
 def test_a_nested_doubter_is_chosen_without_the_actor_and_the_class_that_are_asked():
     labels, actors = np.repeat(np.arange(4), 6), np.tile(np.arange(3), 8)
     calls = []

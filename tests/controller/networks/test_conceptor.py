@@ -55,3 +55,12 @@ def test_the_same_seed_gives_the_same_network():
 def test_an_unknown_motion_is_refused_with_the_nearest_name(network):
     with pytest.raises(UnknownNameError, match="march"):
         network.cue("mrach", 0)
+
+
+def test_a_state_three_times_as_long_as_any_stored_one_is_astray(network):
+    for name in network.motions:
+        longest = max(network[name].states, key=np.linalg.norm)
+        for factor, lost in ((1.0, False), (3.0, True)):
+            part, bound, _ = (network.cue(name, 0), network.snapshot())[1]
+            network.restore((part, bound, factor * longest))
+            assert network.astray() is lost

@@ -64,3 +64,16 @@ def test_the_same_seed_gives_the_same_bytes():
 def test_an_unknown_motion_is_refused(network):
     with pytest.raises(UnknownNameError, match="wave"):
         network.cue("wav", 0)
+
+
+def test_the_output_is_kept_within_a_twentieth_of_the_range_of_training(network):
+    network.cue("march", 0)
+    motion, x, y = network.snapshot()
+    strongest = np.sign(motion.readout[0])  # the state that drives one channel as far as it goes
+    network.restore((motion, 50.0 * strongest, 0.0 * y))
+    frame = np.empty(network.channels)
+    largest = 0.0
+    for _ in range(20):
+        network.advance(frame)
+        largest = max(largest, float(np.abs(network.normalisation.apply(frame)).max()))
+    assert largest == pytest.approx(1.05, abs=1e-5)
