@@ -2,13 +2,8 @@
 
 import numpy as np
 
-from controller.library.motion_library import (
-    VERSION,
-    LibraryInfo,
-    MotionInfo,
-    MotionLibrary,
-    describe_skeleton,
-)
+from controller.library.library_header import VERSION, LibraryInfo, MotionInfo, describe_skeleton
+from controller.library.motion_library import MotionLibrary
 from controller.mocap.encodings.bone_directions import BoneDirections
 from controller.mocap.encodings.normalisation import Normalisation
 from controller.mocap.skeleton import Skeleton

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from controller.library.motion_library import AnyNetwork
+from controller.library.network_arrays import AnyNetwork
 from controller.networks.echo_state import EchoStateNetwork
 from controller.networks.random_feature_conceptor import RandomFeatureNetwork
 from controller.training.centralized.centralized_training import CentralizedRecipe

@@ -17,7 +17,8 @@ from controller.deck.joining import Joining
 from controller.deck.mixture import Mixture
 from controller.deck.repertoire import Motion, read_repertoire
 from controller.deck.transition import Fade, NetworkSwitch, best_anchor, difference
-from controller.library.motion_library import MotionLibrary, Network
+from controller.library.motion_library import MotionLibrary
+from controller.library.network_arrays import Network
 from controller.mocap.posture import Posture
 from controller.networks.base import CrossingNetwork
 from controller.networks.centralized_frames import CentralizedNetwork

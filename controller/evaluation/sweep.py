@@ -11,7 +11,7 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from controller.library.motion_library import AnyNetwork
+from controller.library.network_arrays import AnyNetwork
 from controller.measures.disturbance import GuardKnowledge, Kind, disturbed
 from controller.measures.run_batch import batch_of
 from controller.measures.self_test import Judge

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from benchmarks.papers.thesis import noisy_targets
-from controller.library.motion_library import AnyNetwork
+from controller.library.network_arrays import AnyNetwork
 from controller.measures.accuracy import mabs, nrmse
 from controller.measures.self_test import Judge
 from controller.networks.centralized_frames import CentralizedNetwork

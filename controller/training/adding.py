@@ -14,7 +14,8 @@ import msgspec
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from controller.library.motion_library import AnyNetwork, MotionLibrary
+from controller.library.motion_library import MotionLibrary
+from controller.library.network_arrays import AnyNetwork
 from controller.measures.self_test import Judge, MotionVerdict, run_free, self_test
 from controller.mocap.clip import Clip
 from controller.mocap.encodings.normalisation import Normalisation

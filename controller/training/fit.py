@@ -12,15 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from controller.library.motion_library import (
-    FEWEST_ANCHORS,
-    VERSION,
-    AnyNetwork,
-    LibraryInfo,
-    MotionInfo,
-    MotionLibrary,
-    describe_skeleton,
-)
+from controller.library.library_header import FEWEST_ANCHORS, VERSION, LibraryInfo, MotionInfo, describe_skeleton
+from controller.library.motion_library import MotionLibrary
+from controller.library.network_arrays import AnyNetwork
 from controller.measures.accuracy import nrmse
 from controller.measures.motion_matching import joint_features
 from controller.measures.self_test import Judge, MotionVerdict, self_test

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from controller.library.motion_library import Network
+from controller.library.network_arrays import Network
 from controller.measures.disturbance import Kind, disturbed
 from controller.measures.run_batch import batch_of
 from controller.measures.self_test import Judge, MotionVerdict

@@ -68,7 +68,7 @@ def test_an_unknown_motion_is_refused(network):
 
 def test_the_output_is_kept_within_a_twentieth_of_the_range_of_training(network):
     network.cue("march", 0)
-    motion, x, y = network.snapshot()
+    motion, _, y = network.snapshot()
     strongest = np.sign(motion.readout[0])  # the state that drives one channel as far as it goes
     network.restore((motion, 50.0 * strongest, 0.0 * y))
     frame = np.empty(network.channels)

@@ -1,0 +1,156 @@
+"""The header of a motion library: which motions, whose body, which network, and where it all comes from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+import numpy as np
+
+from controller.mocap.encodings.bone_directions import BoneDirections
+from controller.mocap.encodings.encoding import Encoding
+from controller.mocap.encodings.joint_angles import JointAngles, JointBody
+from controller.mocap.encodings.joint_rotations import JointRotations
+from controller.mocap.skeleton import Skeleton
+from motiondeck_base.errors import FileFormatError
+from motiondeck_base.toml_file import shaped
+
+VERSION = 1
+FEWEST_ANCHORS = 3  # with fewer nobody can tell how a motion moves
+
+
+class MotionInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """What a library knows of one motion.
+
+    Attributes:
+        name: what it is called.
+        plays: "loop" goes on for ever, "once" ends in a pose and holds it.
+        frames: how many frames it was learned from.
+        source: the file it was learned from.
+        nrmse: of the readout over training, mean over channels (Jaeger's nrmse.m).
+        error_mm: median distance to the recorded motion at the end of the free run, mm.
+        passed: whether the self-test passed.
+        reason: why not, or "".
+    """
+
+    name: str
+    plays: Literal["loop", "once"]
+    frames: int
+    source: str
+    nrmse: float
+    error_mm: float
+    passed: bool
+    reason: str = ""
+
+
+class SkeletonInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """A skeleton as the header spells it (see `mocap.skeleton`); the joints of a rig have no hips."""
+
+    name: str
+    bones: list[str]
+    parent: list[int]
+    rest_direction: list[list[float]]
+    length: list[float]
+    right_hip: str
+    left_hip: str
+
+
+class LibraryInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """The header of a library.
+
+    Attributes:
+        version: of the format.
+        name: of the library.
+        network: which kind of network plays it.
+        encoding: what its channels mean.
+        rate: frames per second.
+        seed: of everything random in training.
+        motions: what it holds.
+        skeleton: whose motions they are.
+        recipe: the training recipe, as it was read.
+        licence: terms under which the library may be passed on.
+        acknowledgement: what the owners of the data ask to be said.
+        leak: of an echo-state network, else 1.
+        clipped: whether an echo-state network keeps its state and output in the range of training.
+    """
+
+    version: int
+    name: str
+    network: Literal["conceptor", "echo-state", "random-feature", "centralized"]
+    encoding: Literal["bone directions", "joint rotations", "joint angles"]
+    rate: float
+    seed: int
+    motions: list[MotionInfo]
+    skeleton: SkeletonInfo
+    recipe: dict[str, Any]
+    licence: str
+    acknowledgement: str
+    leak: float = 1.0
+    clipped: bool = True
+
+
+def describe_skeleton(encoding: Encoding) -> SkeletonInfo:
+    """A skeleton as the header spells it."""
+    skeleton = encoding.skeleton
+    return SkeletonInfo(
+        skeleton.name,
+        list(skeleton.bones),
+        skeleton.parent.tolist(),
+        skeleton.rest_direction.tolist(),
+        skeleton.length.tolist(),
+        *((encoding.right_hip, encoding.left_hip) if isinstance(encoding, BoneDirections) else ("", "")),
+    )
+
+
+def read_header(path: Path, tree: object) -> LibraryInfo:
+    """The header of a library file, checked.
+
+    Raises:
+        FileFormatError: one line that names the file and what is wrong with it.
+    """
+    info = shaped(tree, LibraryInfo, f"{path} (header)")
+    names = [motion.name for motion in info.motions]
+    if not names or len(set(names)) < len(names):
+        raise FileFormatError(f"{path}: its header names no motion, or one twice")
+    if not (1.0 <= info.rate <= 1000.0 and 0.0 < info.leak <= 1.0):
+        raise FileFormatError(f"{path}: rate {info.rate} Hz or leak {info.leak} is impossible")
+    for motion in info.motions:
+        if not (motion.name and motion.frames >= FEWEST_ANCHORS):
+            raise FileFormatError(f"{path}: its header has a motion '{motion.name}' of {motion.frames} frames")
+    return info
+
+
+def encoding_in(path: Path, info: LibraryInfo) -> Encoding:
+    """What the channels of a library mean, by its header.
+
+    Raises:
+        FileFormatError: if its skeleton is damaged.
+    """
+    return _joints(path, info) if info.encoding == JointAngles.name else _bones(path, info)
+
+
+def _joints(path: Path, info: LibraryInfo) -> JointAngles:
+    try:
+        return JointAngles(JointBody.of(info.skeleton.bones))
+    except FileFormatError as error:
+        raise FileFormatError(f"{path}: {error}") from None
+
+
+def _bones(path: Path, header: LibraryInfo) -> BoneDirections:
+    info = header.skeleton
+    try:
+        skeleton = Skeleton(
+            info.name,
+            tuple(info.bones),
+            np.array(info.parent, dtype=np.int64),
+            np.array(info.rest_direction, dtype=np.float64),
+            np.array(info.length, dtype=np.float64),
+        )
+    except (FileFormatError, ValueError, OverflowError) as error:
+        raise FileFormatError(f"{path}: {error}") from None
+    for hip in (info.right_hip, info.left_hip):
+        if hip not in skeleton.bones:
+            raise FileFormatError(f"{path}: hip bone '{hip}' is not in its skeleton")
+    kind = JointRotations if header.encoding == JointRotations.name else BoneDirections
+    return kind(skeleton, info.right_hip, info.left_hip)

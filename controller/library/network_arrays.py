@@ -1,0 +1,170 @@
+"""The weights of each kind of network as named arrays, and back."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.arrays_file import StoredArrays
+from controller.library.library_header import FEWEST_ANCHORS, LibraryInfo
+from controller.mocap.encodings.normalisation import Normalisation
+from controller.networks.centralized_frames import CentralizedNetwork, StoredMotion
+from controller.networks.conceptor import ConceptorMotion, ConceptorNetwork, Memory
+from controller.networks.echo_state import EchoStateMotion, EchoStateNetwork
+from controller.networks.random_feature_conceptor import FeatureMotion, FeatureReservoir, RandomFeatureNetwork
+from motiondeck_base.errors import FileFormatError, MotiondeckError
+
+Network = ConceptorNetwork | EchoStateNetwork | RandomFeatureNetwork
+AnyNetwork = Network | CentralizedNetwork
+
+
+def arrays_of(network: AnyNetwork) -> dict[str, NDArray[Any]]:
+    """Everything that is stored of a network, by name."""
+    arrays: dict[str, NDArray[Any]] = {}
+    for motion in network.motions:
+        part = network[motion]
+        for field in fields(part):
+            arrays[f"motion/{motion}/{field.name}"] = getattr(part, field.name)
+    if isinstance(network, ConceptorNetwork) and network.memory is not None:
+        memory, normalisation = network.memory, network.memory.normalisation
+        arrays |= {f"memory/{name}": getattr(memory, name) for name in ("estimate", "readout", "means")}
+        arrays |= {"memory/shift": normalisation.shift, "memory/scaling": normalisation.scaling}
+    if isinstance(network, EchoStateNetwork):
+        arrays |= {"weights": network.weights, "feedback": network.feedback, "bias": network.bias}
+        arrays |= {"shift": network.normalisation.shift, "scaling": network.normalisation.scaling}
+    if isinstance(network, RandomFeatureNetwork):
+        arrays |= {field.name: getattr(network.reservoir, field.name) for field in fields(network.reservoir)}
+    return arrays
+
+
+def network_in(stored: StoredArrays, info: LibraryInfo, channels: int) -> AnyNetwork:
+    """The network whose arrays a library file holds.
+
+    Raises:
+        FileFormatError: if an array is missing, is left over, or has another shape or type.
+    """
+    network = _Reader(stored).network(info, channels)
+    stored.finish()
+    return network
+
+
+class _Reader:
+    """Makes a network of the arrays of a file."""
+
+    def __init__(self, stored: StoredArrays) -> None:
+        self.stored, self.path, self.size, self.take = stored, stored.path, stored.size, stored.take
+
+    def network(self, info: LibraryInfo, channels: int) -> AnyNetwork:
+        if info.network == "conceptor":
+            parts = {motion.name: self.conceptor(motion.name, channels) for motion in info.motions}
+            sizes = {len(part.bias) for part in parts.values()}
+            if len(sizes) > 1:
+                raise FileFormatError(f"{self.path}: motions of different reservoir sizes {sorted(sizes)}")
+            memory = self.memory(len(parts), sizes.pop(), channels) if "memory/estimate" in self.stored else None
+            network: AnyNetwork = ConceptorNetwork(parts, memory)
+        elif info.network == "centralized":
+            network = self.centralized(info, channels)
+        elif info.network == "random-feature":
+            network = self.random_features(info, channels)
+        else:
+            neurons = self.size("bias")
+            network = EchoStateNetwork(
+                self.take("weights", neurons, neurons),
+                self.take("feedback", neurons, channels),
+                self.take("bias", neurons),
+                info.leak,
+                self.normalisation("", channels),
+                {motion.name: self.echo_state(motion.name, neurons, channels) for motion in info.motions},
+                clipped=info.clipped,
+            )
+        return network
+
+    def memory(self, motions: int, neurons: int, channels: int) -> Memory:
+        return Memory(
+            estimate=self.take("memory/estimate", channels, neurons),
+            readout=self.take("memory/readout", channels, neurons),
+            means=self.take("memory/means", motions, neurons),
+            normalisation=self.normalisation("memory/", channels),
+        )
+
+    def normalisation(self, at: str, channels: int) -> Normalisation:
+        shift, scaling = (self.take(at + name, channels, kind=np.float64) for name in ("shift", "scaling"))
+        try:
+            return Normalisation(shift, scaling)
+        except MotiondeckError as error:
+            raise FileFormatError(f"{self.path}: {error}") from None
+
+    def conceptor(self, motion: str, channels: int) -> ConceptorMotion:
+        at = f"motion/{motion}/"
+        neurons, rank, anchors = self.size(at + "bias"), self.size(at + "offset"), self.anchors(at)
+        return ConceptorMotion(
+            recurrent=self.take(at + "recurrent", neurons, rank),
+            bias=self.take(at + "bias", neurons),
+            project=self.take(at + "project", rank, neurons),
+            offset=self.take(at + "offset", rank),
+            readout=self.take(at + "readout", channels, rank),
+            rest=self.take(at + "rest", channels),
+            states=self.take(at + "states", anchors, rank),
+        )
+
+    def echo_state(self, motion: str, neurons: int, channels: int) -> EchoStateMotion:
+        at = f"motion/{motion}/"
+        anchors = self.anchors(at)
+        return EchoStateMotion(
+            readout=self.take(at + "readout", channels, neurons),
+            states=self.take(at + "states", anchors, neurons),
+            outputs=self.take(at + "outputs", anchors, channels),
+        )
+
+    def random_features(self, info: LibraryInfo, channels: int) -> RandomFeatureNetwork:
+        many, neurons = self.size("features"), self.size("features", 1)
+        reservoir = FeatureReservoir(
+            features=self.take("features", many, neurons),
+            feedback=self.take("feedback", many, neurons),
+            bias=self.take("bias", neurons),
+            readout=self.take("readout", many, channels),
+            rest=self.take("rest", channels),
+        )
+        motions = {}
+        for motion in info.motions:
+            at = f"motion/{motion.name}/"
+            count, anchors = self.size(at + "uses"), self.anchors(at)
+            uses = self.take(at + "uses", count, kind=np.int32)
+            if not 0 <= uses.min() <= uses.max() < many:
+                raise FileFormatError(f"{self.path}: '{at}uses' names a feature that is not among the {many}")
+            motions[motion.name] = FeatureMotion(
+                uses=uses,
+                conception=self.take(at + "conception", count),
+                offset=self.take(at + "offset", count),
+                states=self.take(at + "states", anchors, count),
+            )
+        return RandomFeatureNetwork(reservoir, motions)
+
+    def centralized(self, info: LibraryInfo, channels: int) -> CentralizedNetwork:
+        motions = {}
+        for motion in info.motions:
+            at = f"motion/{motion.name}/"
+            n, m = self.size(at + "frequency"), self.size(at + "sharpness")
+            stored = StoredMotion(
+                frequency=self.take(at + "frequency", n, kind=np.float64),
+                phase=self.take(at + "phase", n, kind=np.float64),
+                places=self.take(at + "places", m, 2 * n, kind=np.float64),
+                sharpness=self.take(at + "sharpness", m, kind=np.float64),
+                weights=self.take(at + "weights", channels, m, kind=np.float64),
+                rest=self.take(at + "rest", channels, kind=np.float64),
+            )
+            try:
+                motions[motion.name] = stored.revive(motion.frames, info.rate, loop=motion.plays == "loop")
+            except MotiondeckError as error:
+                raise FileFormatError(f"{self.path}: motion '{motion.name}': {error}") from None
+        return CentralizedNetwork(motions, info.rate)
+
+    def anchors(self, at: str) -> int:
+        """How many stored states a motion has."""
+        count = self.size(at + "states")
+        if count < FEWEST_ANCHORS:
+            raise FileFormatError(f"{self.path}: '{at}states' holds {count} anchors; {FEWEST_ANCHORS} are the fewest")
+        return count
