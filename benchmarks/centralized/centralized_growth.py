@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.centralized.centralized_step import motion
-from controller.cli.pictures.centralized_plots import need_folder, save
+from controller.cli.pictures.figures import check_picture, new_figure, save
 from controller.networks.centers import pairs_at
 from controller.networks.centralized import CentralizedGenerator
 from controller.networks.satellites import GaussianSatellites, grid_places, spacing
@@ -109,10 +109,9 @@ def main(picture: Path | None) -> None:
 
 def draw(found: dict[str, dict[str, np.ndarray]], picture: Path) -> None:
     """A panel a cost, a line for what is varied, over how many times the usual."""
-    from matplotlib.figure import Figure
     from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
-    figure = Figure(figsize=(15.0, 4.0), layout="constrained")
+    figure = new_figure(15.0, 4.0)
     for axes, (cost, unit) in zip(figure.subplots(1, len(COSTS)), COSTS.items(), strict=True):
         for name, sizes in VARIED.items():
             if cost != "step" or name not in NOT_OF_A_STEP:
@@ -141,5 +140,5 @@ if __name__ == "__main__":
     if options and (len(options) != 2 or options[0] != "--plot"):
         sys.exit(__doc__)
     if options:
-        need_folder(Path(options[1]))
+        check_picture(Path(options[1]))
     main(Path(options[1]) if options else None)

@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import BSpline
 
-from controller.cli.pictures.centralized_plots import draw_lines, need_folder
+from controller.cli.pictures.curve_plots import draw_lines
+from controller.cli.pictures.figures import check_picture
 from controller.mocap.formats.reading import read_clip
 from controller.mocap.segmentation import body_features, find_segments
 from controller.training.centralized.model_choice import mean_absolute, mean_distance
@@ -65,7 +66,7 @@ def movement_primitives(part: np.ndarray) -> np.ndarray:
 
 def main(folder: str, picture: str | None = None) -> None:
     if picture is not None:
-        need_folder(Path(picture))
+        check_picture(Path(picture))
     clip = read_clip(Path(folder) / "86_01.amc")
     places = 1e3 * clip.joints()
     segments = find_segments(body_features(clip), clip.rate, SEGMENTS)

@@ -1,106 +1,142 @@
-"""What Deliallisi 2017 measured, to be printed beside ours, and the quirk that some of its figures need.
-
-Two of the 61 channels (5 and 17, counted from 1) are zero by construction; the files hold rounding there, which min-max
-normalisation blows up to noise between -1 and 1. The thesis silenced them in the input of its conceptor networks but
-still taught its readout to say them: its NRMSE(W_out) and MABS(W_out) are reproduced that way and no other. In a
-network that is to play motions they have no place.
-"""
+"""Training errors, robustness and stability beside the figures of Deliallisi 2017 (thesis tables 4.1 to 4.9)."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated, Literal
 
-from controller.mocap.encodings.bone_directions import FIRST_BONE
-from controller.mocap.encodings.normalisation import Normalisation
-from controller.mocap.formats.mat5 import read_mat
+import numpy as np
+import typer
+
+from benchmarks.command import run
+from benchmarks.papers.thesis_figures import THESIS, noisy_targets
+from controller.cli.common.options import check_folder
+from controller.cli.common.progress import progress
+from controller.cli.common.tables import deliver
+from controller.cli.pictures.figures import check_picture
+from controller.cli.pictures.table_plots import draw_bars
+from controller.evaluation.evaluation import Evaluation, read_evaluation
+from controller.evaluation.sweep import sweep
+from controller.evaluation.tables import Table, Value, failure_table, training_table
+from controller.measures.disturbance import Kind
 from controller.rotations import Array
-from controller.training.preparation.training_motion import TrainingMotion
-from motiondeck_base.errors import FileFormatError
-
-NOISE_CHANNELS = (4, 16)
+from controller.training.fit import find_recording
+from controller.training.reservoirs.conceptor_training import ConceptorRecipe
 
 
-@dataclass(frozen=True)
-class ThesisFigures:
-    """What the thesis says about one of its networks.
+def main(
+    recipe: Annotated[str, typer.Argument(metavar="RECIPE", help="Such as configs/libraries/paper/esn-4.1.toml.")],
+    measure: Annotated[Literal["accuracy", "robustness", "stability"], typer.Argument(help="What to measure.")],
+    data: Annotated[Path, typer.Option("--data", metavar="DIR", help="The folder with Jaeger's recordings.")],
+    seeds: Annotated[int, typer.Option("--seeds", min=1, max=1000, help="Networks to train.")] = 3,
+    first_seed: Annotated[int, typer.Option("--first-seed", min=0, help="Seed of the first network.")] = 0,
+    runs: Annotated[int, typer.Option("--runs", min=1, max=100_000, help="Runs per motion and network.")] = 100,
+    jobs: Annotated[int, typer.Option("--jobs", help="Parallel processes; -1 for one per core.")] = -1,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+    table: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Write the table as CSV.")] = None,
+    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw it (.png, .svg, .pdf).")] = None,
+) -> None:
+    """Measure a recipe as the thesis did, with its figures beside ours.
 
-    Attributes:
-        accuracy: its training errors by the names of `evaluation.training_error.TrainingError`.
-        robustness, stability: failure rates by motion, as shares.
-        tables: the numbers of the tables that those two are in.
+    The thesis's motions and layout, no guard; the readouts of conceptor networks are taught the two noise channels.
+
+    Example:  python -m benchmarks thesis configs/libraries/paper/esn-4.1.toml robustness --data recordings
     """
-
-    accuracy: dict[str, float]
-    robustness: dict[str, float] = field(default_factory=dict)
-    stability: dict[str, float] = field(default_factory=dict)
-    tables: tuple[str, str] = ("", "")
-
-
-def _rates(*percent: int) -> dict[str, float]:
-    motions = ("jog", "cartwheel", "waltz", "box3", "getseated")
-    return {motion: rate / 100 for motion, rate in zip(motions, percent, strict=False)}
-
-
-THESIS: dict[str, ThesisFigures] = {
-    "esn-4.1": ThesisFigures(
-        {"mabs_readout": 0.0016, "nrmse_readout": 0.0275},
-        _rates(0, 16, 35, 84, 87),
-        _rates(0, 19, 65, 0),
-        ("4.2", "4.7"),
-    ),
-    "esn-4.3": ThesisFigures(
-        {"mabs_readout": 0.0015, "nrmse_readout": 0.0328},
-        _rates(9, 32, 23, 23, 74),
-        _rates(0, 45, 3, 3),
-        ("4.4", "4.8"),
-    ),
-    "esn-4.5": ThesisFigures(
-        {"mabs_readout": 0.0013, "nrmse_readout": 0.0156},
-        _rates(0, 0, 27, 12, 74),
-        _rates(0, 0, 8, 0),
-        ("4.6", "4.9"),
-    ),
-    "conceptor-4.1": ThesisFigures(
-        {"mabs_readout": 0.0066, "nrmse_readout": 0.0435, "mabs_weights": 0.0312, "nrmse_weights": 0.0057},
-        _rates(0, 1, 30, 31, 57),
-        _rates(0, 0, 22, 0),
-        ("4.2", "4.7"),
-    ),
-    "conceptor-4.3": ThesisFigures(
-        {"mabs_readout": 0.0065, "nrmse_readout": 0.0454, "mabs_weights": 0.0328, "nrmse_weights": 0.0072},
-        _rates(0, 3, 27, 12, 60),
-        _rates(0, 0, 13, 0),
-        ("4.4", "4.8"),
-    ),
-}
+    check_folder(table)
+    if plot is not None:
+        check_picture(plot)
+    evaluation = read_evaluation(recipe, data)
+    chosen = range(first_seed, first_seed + seeds)
+    if measure == "accuracy":
+        result = accuracy(evaluation, chosen, data)
+    else:
+        result = failures(evaluation, measure, chosen, runs, jobs)
+    deliver(result, csv_file=table, plot=plot, draw=draw_bars, as_json=as_json)
 
 
-def noisy_targets(lessons: Sequence[TrainingMotion], files: Sequence[Path]) -> list[Array]:
-    """The lessons' frames with the rounding noise of the recordings in the two channels that are silent otherwise.
-
-    Args:
-        lessons: as the thesis has them: the plain recordings without their first frames.
-        files: the recording of each, in Jaeger's format.
-
-    Raises:
-        FileFormatError: if a file is none of Jaeger's.
-    """
-    noise = [_noise(file) for file in files]
-    normalisation = Normalisation.fit(noise)
-    out = []
-    for lesson, channels in zip(lessons, noise, strict=True):
-        target = lesson.frames.copy()
-        target[:, NOISE_CHANNELS] = normalisation.apply(channels)[-len(target) :]
-        out.append(target)
-    return out
+def accuracy(evaluation: Evaluation, seeds: range, data: Path) -> Table:
+    """Training errors (tables 4.1, 4.3, 4.5) and self-tests, with the thesis's errors and how far ours are off."""
+    with progress("training and testing", len(seeds)) as tick:
+        errors, verdicts = evaluation.training_errors(seeds, tick, readout_targets(evaluation, data))
+    notes = [
+        "NRMSE as Jaeger's nrmse.m computes it, not eq. 3.3 as printed (docs/evaluation.md)",
+        "readouts of conceptor networks are taught channels 5 and 17, which are noise, as in the thesis",
+    ]
+    table = training_table(f"{evaluation.name}: training", errors, verdicts, notes)
+    return with_training_figures(table, evaluation.name)
 
 
-def _noise(file: Path) -> Array:
-    for name, variable in read_mat(file).items():
-        if name.startswith("nnRawData") and variable.values is not None and variable.values.shape[1] > FIRST_BONE + 12:
-            return variable.values[:, NOISE_CHANNELS]
-    raise FileFormatError(
-        f"{file}: --paper needs Jaeger's recordings, and this is none (there is no field nnRawData...)"
-    )
+def readout_targets(evaluation: Evaluation, data: Path) -> list[Array] | None:
+    """What the readout of a conceptor network learned in the thesis: the frames, with noise in two channels."""
+    if not isinstance(evaluation.recipe.network, ConceptorRecipe):
+        return None
+    files = [find_recording(data, motion.file) for motion in evaluation.recipe.motions]
+    return noisy_targets(evaluation.syllabus.normalised()[0], files)
+
+
+def failures(evaluation: Evaluation, kind: Kind, seeds: range, runs: int, jobs: int) -> Table:
+    """Failure rates of the thesis's motions (tables 4.2, 4.4, 4.6 and 4.7 to 4.9), all motions where it has none."""
+    names = list(evaluation.syllabus.frames)
+    motions = [name for name in known_failures(evaluation.name, kind) if name in names] or names
+    with progress("training", len(seeds)) as tick:
+        networks = evaluation.networks(seeds, jobs, tick)
+    with progress(kind, len(networks) * len(motions)) as tick:
+        counts = sweep(
+            kind,
+            networks,
+            evaluation.syllabus,
+            runs,
+            motions=motions,
+            holds=evaluation.holds,
+            guarded=False,
+            jobs=jobs,
+            tick=tick,
+        )
+    notes = ["low, high: 95 % Wilson intervals. A one-shot fails where it is not gone through once more."]
+    table = failure_table(f"{evaluation.name}: {kind}, {len(networks)} x {runs} runs", counts, notes)
+    return with_failure_figures(table, evaluation.name, kind)
+
+
+def known_failures(name: str, kind: Kind) -> dict[str, float]:
+    """The thesis's failure rates by motion, as shares; empty where it has no such network."""
+    if name not in THESIS:
+        return {}
+    return THESIS[name].stability if kind == "stability" else THESIS[name].robustness
+
+
+def with_training_figures(table: Table, name: str) -> Table:
+    """The table with two more rows: the thesis's errors, and how far ours are off, %."""
+    thesis = THESIS[name].accuracy if name in THESIS else {}
+    if not thesis:
+        return table
+    blank: dict[str, Value] = {"self-test": "", "free run mm": None, "failing": ""}
+    mean = table.rows[-1]
+    off = {one: 100.0 * (float(mean[one] or 0.0) / thesis[one] - 1.0) for one in table.draws if one in thesis}
+    rows = [
+        *table.rows,
+        {"network": "thesis", **{one: thesis.get(one) for one in table.draws}, **blank},
+        {"network": "off by %", **{one: off.get(one) for one in table.draws}, **blank},
+    ]
+    return Table(table.title, rows, table.draws, table.notes)
+
+
+def with_failure_figures(table: Table, name: str, kind: Kind) -> Table:
+    """The table in the thesis's layout: its rates beside ours, and one average in place of our sums."""
+    known = known_failures(name, kind)
+    if not known:
+        return table
+    average = float(np.mean([known[str(row["motion"])] for row in table.rows if row["motion"] in known]))
+    rows: list[dict[str, Value]] = []
+    for row in table.rows:
+        if row["motion"] == "all loops":
+            continue
+        if row["motion"] == "everything":
+            row = row | {"motion": "average"}
+        share = known.get(str(row["motion"]), average)
+        rows.append({"motion": row["motion"], "runs": row["runs"], "thesis %": 100.0 * share} | row)
+    number = THESIS[name].tables[kind == "stability"]
+    return Table(f"table {number}, {table.title}", rows, ("thesis %", *table.draws), table.notes)
+
+
+if __name__ == "__main__":
+    run("thesis", main)

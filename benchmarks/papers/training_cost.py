@@ -1,137 +1,123 @@
-"""What training and playing cost, against size of the reservoir, length and number of motions (tables 4.10 - 4.13)."""
+"""Training and playing cost against reservoir size, recording length and motions (thesis tables 4.10 to 4.13)."""
 
 from __future__ import annotations
 
-import time
-import tracemalloc
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields, replace
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-import msgspec
 import numpy as np
-from threadpoolctl import threadpool_limits
+import typer
 
-from controller.library.network_arrays import AnyNetwork
-from controller.networks.echo_state import EchoStateNetwork
-from controller.networks.random_feature_conceptor import RandomFeatureNetwork
-from controller.training.centralized.centralized_training import CentralizedRecipe
-from controller.training.fit import TrainingSet, train
-from controller.training.recipe import LibraryRecipe
+from benchmarks.command import run
+from benchmarks.papers.cost_measurement import TrainingCost, costs, exponent, variants
+from controller.cli.common.options import check_folder
+from controller.cli.common.progress import progress
+from controller.cli.common.tables import deliver
+from controller.cli.pictures.figures import check_picture, new_figure, save
+from controller.evaluation.evaluation import read_evaluation
+from controller.evaluation.tables import Table, Value
 
-SIZES = (300, 600, 1000, 1500)
-SATELLITES = (16, 36, 64, 100)
-SHARES = (0.25, 0.5, 1.0)
-STEPS = 300
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# Exponents of the thesis's big-O bounds, with the other factors fixed: time and memory of training.
+THESIS_EXPONENTS = {"N": (3.0, 2.0), "T": (3.0, 1.0), "P": (3.0, 1.0)}
+
+LABELS = {
+    "training_s": "training, s",
+    "training_mb": "training, MB",
+    "neurons": "neurons N",
+    "frames": "frames",
+    "motions": "motions P",
+}
 
 
-@dataclass(frozen=True)
-class TrainingCost:
-    """What one network cost.
+def main(
+    recipe: Annotated[str, typer.Argument(metavar="RECIPE", help="A recipe (.toml), or a library for its recipe.")],
+    data: Annotated[Path, typer.Option("--data", metavar="DIR", help="The folder with the recordings.")],
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the networks.")] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+    table: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Write the measurements as CSV.")] = None,
+    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw it (.png, .svg, .pdf).")] = None,
+) -> None:
+    """Train a recipe with other sizes, shorter recordings and fewer motions, and print what each network costs.
 
-    Attributes:
-        varied: "N", "T" or "P": what differs from the recipe.
-        neurons, frames, motions: N, of a centralized network its centers and satellites; how many frames were learned
-            in all; P.
-        training_s: processor time of one training on one core, s.
-        training_mb: the most memory that arrays took meanwhile, MB.
-        step_us: processor time of one frame, microseconds (median of STEPS).
-        stored_mb: of the network, MB.
+    Processor time on one core, memory of arrays. Powers are the slopes of lines through the logarithms; beside those
+    of reservoirs stand the bounds of Deliallisi 2017, tables 4.10 to 4.13.
     """
-
-    varied: str
-    neurons: int
-    frames: int
-    motions: int
-    training_s: float
-    training_mb: float
-    step_us: float
-    stored_mb: float
-
-
-def costs(
-    recipe: LibraryRecipe, syllabus: TrainingSet, seed: int, tick: Callable[[], None] = lambda: None
-) -> list[TrainingCost]:
-    """The costs of a recipe with other sizes, shorter recordings and fewer motions, one seed each."""
-    found = []
-    for varied, plan, taught in variants(recipe, syllabus):
-        found.append(measure(varied, plan, taught, seed))
-        tick()
-    return found
+    check_folder(table)
+    if plot is not None:
+        check_picture(plot)
+    evaluation = read_evaluation(recipe, data)
+    with progress("training", len(list(variants(evaluation.recipe, evaluation.syllabus)))) as tick:
+        found = costs(evaluation.recipe, evaluation.syllabus, seed, tick)
+    notes = ["processor time on one core; powers are slopes of lines through logarithms, the thesis's are upper bounds"]
+    result = cost_table(f"{evaluation.name}: cost", found, notes, bounds=not evaluation.centralized)
+    deliver(result, csv_file=table, plot=plot, draw=draw_costs, as_json=as_json)
 
 
-def variants(recipe: LibraryRecipe, syllabus: TrainingSet) -> Iterator[tuple[str, LibraryRecipe, TrainingSet]]:
-    """What `costs` measures: what is varied, and the recipe and frames for it."""
-    centralized = isinstance(recipe.network, CentralizedRecipe)
-    for size in SATELLITES if centralized else SIZES:
-        yield "N", _sized(recipe, size), syllabus
-    names = list(syllabus.frames)
-    # Of a reservoir the whole recipe is among those in which N is varied.
-    shares = SHARES if centralized else SHARES[:-1]
-    for share in shares:
-        frames = {name: part[: max(60, int(share * len(part)))] for name, part in syllabus.frames.items()}
-        yield "T", recipe, replace(syllabus, frames=frames)
-    for share in shares:
-        kept = names[: max(1, round(share * len(names)))]
-        few = replace(
-            syllabus,
-            frames={name: syllabus.frames[name] for name in kept},
-            before={name: part for name, part in syllabus.before.items() if name in kept},
-        )
-        yield "P", recipe, few
+def cost_table(title: str, found: Sequence[TrainingCost], notes: list[str], *, bounds: bool = True) -> Table:
+    """What each network cost, the power with which the costs grow, and, with `bounds`, the thesis's bounds."""
+    rows: list[dict[str, Value]] = []
+    for cost in found:
+        row: dict[str, Value] = {"network": f"{cost.neurons} neurons, {cost.frames} frames, {cost.motions} motions"}
+        row |= {"training s": cost.training_s, "training MB": cost.training_mb}
+        rows.append(row | {"step us": cost.step_us, "stored MB": cost.stored_mb})
+    for varied, against in (("N", "neurons"), ("T", "frames"), ("P", "motions")):
+        powers = [
+            exponent(list(found), varied, against, what)
+            for what in ("training_s", "training_mb", "step_us", "stored_mb")
+        ]
+        row = dict(zip(("training s", "training MB", "step us", "stored MB"), powers, strict=True))
+        rows.append({"network": f"power of {varied}", **row})
+        if not bounds:
+            continue
+        time, memory = THESIS_EXPONENTS[varied]
+        bound: dict[str, Value] = {"training s": time, "training MB": memory, "step us": None, "stored MB": None}
+        rows.append({"network": f"thesis's bound for {varied}", **bound})
+    details = [asdict(cost) for cost in found]
+    return Table(title, rows, ("training_s", "training_mb"), notes, details)
 
 
-def measure(varied: str, recipe: LibraryRecipe, syllabus: TrainingSet, seed: int) -> TrainingCost:
-    """Trains once for the time and once more for the memory, whose tracing takes time, and plays."""
-    lessons, normalisation = syllabus.normalised()
-    with threadpool_limits(1):
-        began = time.process_time()
-        network = train(lessons, normalisation, recipe.network, syllabus.rate, seed)
-        training_s = time.process_time() - began
-        neurons, step_us = network.neurons, _step_us(network)
-        stored = _stored_bytes(network)
-        del network
-        tracemalloc.start()
-        train(lessons, normalisation, recipe.network, syllabus.rate, seed)
-        peak = tracemalloc.get_traced_memory()[1]
-        tracemalloc.stop()
-    frames = sum(len(part) for part in syllabus.frames.values())
-    return TrainingCost(varied, neurons, frames, len(lessons), training_s, peak / 1e6, step_us, stored / 1e6)
+def draw_costs(table: Table, path: Path) -> None:
+    """Draws a cost table into a file."""
+    figure = cost_figure(table)
+    figure.suptitle(table.title)
+    save(figure, path)
 
 
-def exponent(found: list[TrainingCost], varied: str, against: str, what: str) -> float | None:
-    """The slope p of  log cost = p log size + c  over the costs in which a size was varied; None below two sizes."""
-    part = [cost for cost in found if cost.varied == varied]
-    if varied != "N" and part:
-        # The recipe in full is one of those in which N was varied.
-        part += [cost for cost in found if cost.varied == "N" and cost.neurons == part[0].neurons]
-    sizes = np.array([getattr(cost, against) for cost in part], dtype=np.float64)
-    if len(set(sizes)) < 2:
-        return None
-    values = np.array([getattr(cost, what) for cost in part])
-    return float(np.polyfit(np.log(sizes), np.log(np.maximum(values, 1e-9)), 1)[0])
+def cost_figure(table: Table) -> Figure:
+    """Costs against N, T and P on logarithmic axes: measured, fitted by a power, and the thesis's bound."""
+    sizes = {"N": "neurons", "T": "frames", "P": "motions"}
+    bounds = {"training_s": 0, "training_mb": 1}
+    figure = new_figure(11.0, 3.4 * len(table.draws))
+    grid = figure.subplots(len(table.draws), len(sizes), squeeze=False)
+    # The recipe in full is one of those in which N was varied; shorter and smaller ones have its neurons.
+    own = {row["neurons"] for row in table.details if row["varied"] != "N"}
+    whole = [row for row in table.details if row["varied"] == "N" and row["neurons"] in own]
+    for line, what in zip(grid, table.draws, strict=True):
+        for axes, (varied, size) in zip(line, sizes.items(), strict=True):
+            part = [row for row in table.details if row["varied"] == varied]
+            part += whole if varied != "N" else []
+            at = np.array([float(row[size] or 0.0) for row in part])
+            cost = np.array([float(row[what] or 0.0) for row in part])
+            axes.set(xlabel=LABELS[size] + (" T" if varied == "T" else ""), ylabel=LABELS[what])
+            if len(set(at)) < 2:
+                axes.text(0.5, 0.5, "not varied", ha="center", transform=axes.transAxes)
+                continue
+            at, cost = at[np.argsort(at)], cost[np.argsort(at)]
+            power, level = np.polyfit(np.log(at), np.log(np.maximum(cost, 1e-9)), 1)
+            bound = THESIS_EXPONENTS[varied][bounds[what]]
+            axes.loglog(at, cost, "o", label="measured")
+            axes.loglog(at, np.exp(level) * at**power, "-", label=f"fitted, power {power:.1f}")
+            axes.loglog(at, cost[0] * (at / at[0]) ** bound, ":", label=f"thesis's bound, power {bound:.0f}")
+            axes.set_xticks(at, [f"{value:g}" for value in at])
+            axes.minorticks_off()
+            axes.legend(fontsize=8)
+    return figure
 
 
-def _sized(recipe: LibraryRecipe, size: int) -> LibraryRecipe:
-    """The recipe with so many neurons in its reservoir, or satellites for each motion."""
-    name = "satellites" if isinstance(recipe.network, CentralizedRecipe) else "neurons"
-    return msgspec.structs.replace(recipe, network=msgspec.structs.replace(recipe.network, **{name: size}))
-
-
-def _step_us(network: AnyNetwork) -> float:
-    network.cue(network.motions[0], 0)
-    out = np.empty(network.channels)
-    spent = np.empty(STEPS)
-    for step in range(STEPS):
-        began = time.perf_counter()
-        network.advance(out)
-        spent[step] = time.perf_counter() - began
-    return 1e6 * float(np.median(spent))
-
-
-def _stored_bytes(network: AnyNetwork) -> int:
-    arrays = [getattr(network[name], field.name) for name in network.motions for field in fields(network[name])]
-    if isinstance(network, EchoStateNetwork):
-        arrays += [network.weights, network.feedback, network.bias]
-    if isinstance(network, RandomFeatureNetwork):
-        arrays += [getattr(network.reservoir, field.name) for field in fields(network.reservoir)]
-    return sum(array.nbytes for array in arrays)
+if __name__ == "__main__":
+    run("training_cost", main)

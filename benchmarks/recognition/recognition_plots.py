@@ -1,25 +1,15 @@
-"""Pictures of `recognize benchmark`: accuracies, confusion, and the curves over time warp and dimensions."""
+"""Pictures of the recognition benchmark: accuracies, confusion, and the curves over time warp and dimensions."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from controller.cli.pictures.figures import new_figure, save
 from motiondeck_base.errors import MotiondeckError
 
-
-def need_matplotlib() -> None:
-    """Says what to install if matplotlib is missing.
-
-    Raises:
-        MotiondeckError: if it is.
-    """
-    try:
-        import matplotlib  # noqa: F401
-    except ImportError:
-        raise MotiondeckError(
-            "--plot needs matplotlib, which is not installed. Install it with: pip install 'motiondeck[plot]'"
-        ) from None
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def draw(report: dict[str, Any], folder: Path) -> list[Path]:
@@ -28,10 +18,6 @@ def draw(report: dict[str, Any], folder: Path) -> list[Path]:
     Raises:
         MotiondeckError: if the folder cannot be written.
     """
-    need_matplotlib()
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     figures: dict[str, Figure] = {"recognition-methods.png": _methods(report)}
     for result in report["results"]:
         if result["method"] == "experts (ours)" or result["method"].startswith("proposal, 50"):
@@ -49,20 +35,17 @@ def draw(report: dict[str, Any], folder: Path) -> list[Path]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, figure in figures.items():
-            FigureCanvasAgg(figure)
-            figure.savefig(folder / name, dpi=130, bbox_inches="tight")
+            save(figure, folder / name)
             paths.append(folder / name)
     except OSError as error:
         raise MotiondeckError(f"{folder}: cannot be written ({error.strerror or error})") from None
     return paths
 
 
-def _methods(report: dict[str, Any]) -> Any:
-    from matplotlib.figure import Figure
-
+def _methods(report: dict[str, Any]) -> Figure:
     names = list(dict.fromkeys(result["method"] for result in report["results"]))
     protocols = list(dict.fromkeys(result["protocol"] for result in report["results"]))
-    figure = Figure(figsize=(9, 0.42 * len(names) + 1.5))
+    figure = new_figure(9, 0.42 * len(names) + 1.5)
     axes = figure.subplots()
     for row, protocol in enumerate(protocols):
         own = [r for r in report["results"] if r["protocol"] == protocol]
@@ -82,11 +65,9 @@ def _methods(report: dict[str, Any]) -> Any:
     return figure
 
 
-def _confusion(result: dict[str, Any], classes: list[str]) -> Any:
-    from matplotlib.figure import Figure
-
+def _confusion(result: dict[str, Any], classes: list[str]) -> Figure:
     counts = result["confusion"]
-    figure = Figure(figsize=(0.6 * len(classes) + 3, 0.5 * len(classes) + 2.5))
+    figure = new_figure(0.6 * len(classes) + 3, 0.5 * len(classes) + 2.5)
     axes = figure.subplots()
     shares = [[count / max(sum(row), 1) for count in row] for row in counts]
     axes.imshow(shares, cmap="Blues", vmin=0.0, vmax=1.0)
@@ -102,10 +83,8 @@ def _confusion(result: dict[str, Any], classes: list[str]) -> Any:
     return figure
 
 
-def _curves(curves: dict[str, Any], label: str, title: str, *, logarithmic: bool) -> Any:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(6.5, 4))
+def _curves(curves: dict[str, Any], label: str, title: str, *, logarithmic: bool) -> Figure:
+    figure = new_figure(6.5, 4)
     axes = figure.subplots()
     ticks: set[float] = set()
     for name, points in curves.items():

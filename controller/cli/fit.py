@@ -86,9 +86,9 @@ def fit(
         raise MotiondeckError(f"{out.parent}: there is no such folder to write the library to")
     plan = sized(plan, centers, satellites)
     if plot is not None:
-        from controller.cli.pictures.centralized_plots import need_folder
+        from controller.cli.pictures.figures import check_picture
 
-        need_folder(plot / "motion.png")
+        check_picture(plot / "motion.png")
     console = Console(stderr=True)
     columns = (TextColumn("{task.description:28}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, disable=not sys.stderr.isatty(), transient=True) as bar:
@@ -142,7 +142,7 @@ def sized(plan: LibraryRecipe, centers: str | None, satellites: str | None) -> L
 
 def told(library: MotionLibrary, syllabus: TrainingSet, every: int, plot: Path | None) -> list[dict[str, Any]]:
     """How well each motion is said where its anchors are, in mm (eqs 20 to 27), and what a centralized network took."""
-    from controller.cli.pictures.centralized_plots import draw_coordinates
+    from controller.cli.pictures.curve_plots import draw_coordinates
     from controller.measures.motion_matching import joint_features
     from controller.networks.centralized_frames import CentralizedNetwork
     from controller.training.centralized.model_choice import (

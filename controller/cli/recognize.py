@@ -1,4 +1,4 @@
-"""`motiondeck recognize`: trains recognizers and asks them; `recognize benchmark` is in `recognize_benchmark`."""
+"""`motiondeck recognize`: trains recognizers and recognizes recordings with them."""
 
 from __future__ import annotations
 
@@ -9,15 +9,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from benchmarks.recognition.recognize_benchmark import benchmark
 from controller.cli.recognition_data import SKIPPED_EXIT, AsJson, DataArgument, leave, read
 
 if TYPE_CHECKING:
     from controller.recognition.recognizer import Recognizer
 
-app = typer.Typer(help="Recognize motions: train, ask, and measure.", no_args_is_help=True)
+app = typer.Typer(help="Train a recognizer, and name the motion of a recording.", no_args_is_help=True)
 
-app.command("benchmark")(benchmark)
+
+@app.command("benchmark", hidden=True, context_settings={"ignore_unknown_options": True})
+def benchmark(arguments: Annotated[list[str] | None, typer.Argument()] = None) -> None:
+    """Names the command that measures recognition now."""
+    from motiondeck_base.errors import MotiondeckError
+
+    words = " ".join(arguments or ["DATA"])
+    raise MotiondeckError(f"this is a benchmark now; from a source checkout: python -m benchmarks recognition {words}")
 
 
 @app.command("train")

@@ -68,9 +68,9 @@ def segment(
     if count is not None and method is not SegmentMethod.PLANES:
         raise MotiondeckError(f"--segments goes with --method planes, not with {method.value}")
     if plot is not None:
-        from controller.cli.pictures.centralized_plots import need_folder
+        from controller.cli.pictures.figures import check_picture
 
-        need_folder(plot)
+        check_picture(plot)
     clip = read_clip(file, skeleton or skeleton_of(file, file.parent.parent))
     marked = read_labels(labels) if labels else None
     if marked is not None and abs(marked.frames - len(clip)) > 0.05 * len(clip):
@@ -93,7 +93,7 @@ def segment(
             "f1": score.f1,
         }
     if plot is not None:
-        from controller.cli.pictures.centralized_plots import draw_segments
+        from controller.cli.pictures.curve_plots import draw_segments
 
         draw_segments(clip, said, marked, plot)
     if as_json:

@@ -1,14 +1,12 @@
-"""What was measured as tables: rows of named values that print, go into CSV and JSON, and can be drawn."""
+"""Measurements as tables: rows of named values that are printed, written as CSV or JSON, and drawn."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
-from typing import Literal
 
 import numpy as np
 
-from benchmarks.papers.training_cost import TrainingCost, exponent
 from controller.evaluation.sweep import Count
 from controller.evaluation.training_error import TrainingError
 from controller.evaluation.transitions import MeasuredTransition
@@ -27,8 +25,7 @@ class Table:
         rows: each a value by column; all have the same columns.
         draws: the columns that a plot shows.
         notes: below it, one line each.
-        details: what the rows summarise, for CSV and JSON; or nothing.
-        picture: how it is drawn: a bar a row, the details' spread by method, or the details' costs against their sizes.
+        details: the single measurements that the rows summarise, for CSV and JSON; may be empty.
     """
 
     title: str
@@ -36,26 +33,19 @@ class Table:
     draws: tuple[str, ...]
     notes: list[str] = field(default_factory=list)
     details: list[dict[str, Value]] = field(default_factory=list)
-    picture: Literal["bars", "spread", "costs"] = "bars"
 
 
-def failure_table(title: str, counts: Sequence[Count], thesis: dict[str, float], notes: list[str]) -> Table:
+def failure_table(title: str, counts: Sequence[Count], notes: list[str]) -> Table:
     """Failure rates by motion, then over all loops and over everything; percentages with 95 % intervals."""
     motions = list(dict.fromkeys(count.motion for count in counts))
     groups = {motion: [count for count in counts if count.motion == motion] for motion in motions}
     sums = {"all loops": [count for count in counts if count.loop], "everything": list(counts)}
-    known = {motion: thesis[motion] for motion in motions if motion in thesis}
-    if len(known) == len(motions):
-        sums = {"average": list(counts)}
-        known["average"] = float(np.mean(list(known.values())))
     kinds = ("intrinsic",) if any(count.guarded is None for count in counts) else ("intrinsic", "guarded")
     again = any(count.drawn != count.seed for count in counts)
     rows: list[dict[str, Value]] = []
     for name, group in (groups | sums).items():
         runs = sum(count.runs for count in group)
         row: dict[str, Value] = {"motion": name, "runs": runs}
-        if known:
-            row["thesis %"] = 100.0 * known[name] if name in known else None
         for kind in kinds:
             failed = sum(getattr(count, kind) for count in group)
             low, high = wilson(failed, runs)
@@ -71,7 +61,7 @@ def failure_table(title: str, counts: Sequence[Count], thesis: dict[str, float],
             next((count.reason for count in group if count.reason), "") if name in groups else ""
         )
         rows.append(row)
-    return Table(title, rows, (*(("thesis %",) if known else ()), *(f"{kind} %" for kind in kinds)), notes)
+    return Table(title, rows, tuple(f"{kind} %" for kind in kinds), notes)
 
 
 def crossing_table(
@@ -94,44 +84,16 @@ def crossing_table(
                 row[name] = " / ".join(f"{value:.0f}" if name == "frames" else f"{value:.2f}" for value in values)
             rows.append(row)
     details = [asdict(crossing) for crossing in crossings]
-    return Table(title, rows, ("frames", "velocity", "acceleration", "jerk"), notes, details, "spread")
-
-
-# Big-O of tables 4.10 - 4.13 for one factor with the others fixed: time and memory of training.
-THESIS_EXPONENTS = {"N": (3.0, 2.0), "T": (3.0, 1.0), "P": (3.0, 1.0)}
-
-
-def cost_table(title: str, found: Sequence[TrainingCost], notes: list[str], *, bounds: bool = True) -> Table:
-    """What each network cost, and with which power the costs grow, beside the thesis's bounds for reservoirs."""
-    rows: list[dict[str, Value]] = []
-    for cost in found:
-        row: dict[str, Value] = {"network": f"{cost.neurons} neurons, {cost.frames} frames, {cost.motions} motions"}
-        row |= {"training s": cost.training_s, "training MB": cost.training_mb}
-        rows.append(row | {"step us": cost.step_us, "stored MB": cost.stored_mb})
-    for varied, against in (("N", "neurons"), ("T", "frames"), ("P", "motions")):
-        powers = [
-            exponent(list(found), varied, against, what)
-            for what in ("training_s", "training_mb", "step_us", "stored_mb")
-        ]
-        row = dict(zip(("training s", "training MB", "step us", "stored MB"), powers, strict=True))
-        rows.append({"network": f"power of {varied}", **row})
-        if not bounds:
-            continue
-        time, memory = THESIS_EXPONENTS[varied]
-        bound: dict[str, Value] = {"training s": time, "training MB": memory, "step us": None, "stored MB": None}
-        rows.append({"network": f"thesis's bound for {varied}", **bound})
-    details = [asdict(cost) for cost in found]
-    return Table(title, rows, ("training_s", "training_mb"), notes, details, "costs")
+    return Table(title, rows, ("frames", "velocity", "acceleration", "jerk"), notes, details)
 
 
 def training_table(
     title: str,
     errors: Sequence[TrainingError],
     verdicts: Sequence[dict[str, MotionVerdict]],
-    thesis: dict[str, float],
     notes: list[str],
 ) -> Table:
-    """Training errors and self-tests by seed, their mean, and the thesis's where it has them."""
+    """Training errors and self-tests by seed, and the mean of the errors."""
     names = ["mabs_readout", "nrmse_readout", "mabs_weights", "nrmse_weights"]
     shown = [name for name in names if getattr(errors[0], name) is not None]
     rows: list[dict[str, Value]] = []
@@ -150,8 +112,4 @@ def training_table(
     blank: dict[str, Value] = {"self-test": "", "free run mm": None, "failing": ""}
     mean: dict[str, Value] = {name: float(np.mean([getattr(error, name) for error in errors])) for name in shown}
     rows.append({"network": "mean", **mean, **blank})
-    if thesis:
-        rows.append({"network": "thesis", **{name: thesis.get(name) for name in shown}, **blank})
-        off = {name: 100.0 * (float(mean[name] or 0.0) / thesis[name] - 1.0) for name in shown if name in thesis}
-        rows.append({"network": "off by %", **{name: off.get(name) for name in shown}, **blank})
     return Table(title, rows, tuple(shown), notes)

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import msgspec
 import numpy as np
 
-from benchmarks.papers.thesis import noisy_targets
 from controller.library.network_arrays import AnyNetwork
 from controller.measures.accuracy import mabs, nrmse
 from controller.measures.self_test import Judge
 from controller.networks.centralized_frames import CentralizedNetwork
 from controller.ridge import ridge
+from controller.rotations import Array
 from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network
-from controller.training.fit import TrainingSet, find_recording
+from controller.training.fit import TrainingSet
 from controller.training.recipe import LibraryRecipe
 from controller.training.reservoirs.aperture_choice import settled_network
 from controller.training.reservoirs.conceptor_training import load_reservoir, what_drove
@@ -44,15 +44,16 @@ class TrainingError:
     network: AnyNetwork
 
 
-def training_error(recipe: LibraryRecipe, syllabus: TrainingSet, seed: int, data: Path | None = None) -> TrainingError:
+def training_error(
+    recipe: LibraryRecipe, syllabus: TrainingSet, seed: int, readout_targets: Sequence[Array] | None = None
+) -> TrainingError:
     """Trains a recipe with a seed and measures it.
 
     Args:
         recipe: what to train.
         syllabus: its frames.
         seed: of everything random.
-        data: the folder of the recordings, to teach the readout of a conceptor network the two noise channels as the
-            thesis did; None leaves them silent.
+        readout_targets: what the readout of a conceptor network learns, one (T, channels) a motion; its frames if None.
     """
     lessons, normalisation = syllabus.normalised()
     plan = recipe.network
@@ -81,9 +82,8 @@ def training_error(recipe: LibraryRecipe, syllabus: TrainingSet, seed: int, data
     network, _ = settled_network(loaded, lessons, normalisation, plan, judge, seed)
     states, inputs = np.concatenate(loaded.states), np.concatenate([lesson.frames for lesson in lessons])
     readout, targets = loaded.readout, inputs
-    if data is not None:
-        files = [find_recording(data, motion.file) for motion in recipe.motions]
-        targets = np.concatenate(noisy_targets(lessons, files))
+    if readout_targets is not None:
+        targets = np.concatenate(readout_targets)
         readout = ridge(states, targets, plan.ridge)
     sized = error = None
     if plan.learns == "weights":

@@ -3,17 +3,43 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Protocol
+
+
+class Tick(Protocol):
+    """Moves the bar one step on; new words stand beside it from then on."""
+
+    def __call__(self, words: str | None = None) -> None:
+        """One step is done, or, with words, the step of that name begins."""
+        ...
 
 
 @contextmanager
-def progress(words: str, total: int) -> Iterator[Callable[[], None]]:
-    """A bar on a terminal, nothing in a pipe."""
+def progress(words: str, total: int | None) -> Iterator[Tick]:
+    """A bar of so many steps (None: unknown) on standard error; the context gives the function that moves it on."""
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
-    columns = (TextColumn("{task.description:24}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    columns = (
+        TextColumn("{task.description:28}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
     with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
-        line = bar.add_task(words, total=total)
-        yield lambda: bar.update(line, advance=1)
+        task = bar.add_task(words, total=total)
+
+        def tick(words: str | None = None) -> None:
+            bar.update(task, advance=1, description=words)
+
+        yield tick

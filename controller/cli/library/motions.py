@@ -133,13 +133,14 @@ def anticipate(
 
     import numpy as np
 
-    from controller.cli.pictures.centralized_plots import draw_lines, need_folder
+    from controller.cli.pictures.curve_plots import draw_lines
+    from controller.cli.pictures.figures import check_picture
     from controller.library.anticipation import Anticipator, foresight
     from controller.library.motion_library import load_library
     from motiondeck_base.shipped import find
 
     if plot is not None:
-        need_folder(plot)
+        check_picture(plot)
     loaded = load_library(find("library", library, ".safetensors"))
     seen = _cut(clip, frames, skeleton).carried_to(loaded.skeleton)
     rows = [asdict(row) for row in foresight(Anticipator(loaded), loaded.encoding.encode(seen), seen.rate)]

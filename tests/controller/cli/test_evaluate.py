@@ -9,11 +9,11 @@ import pytest
 from typer.testing import CliRunner
 
 import synthetic
-from benchmarks.papers.training_cost import TrainingCost
-from controller.cli.evaluate import _print, _write_csv
+from controller.cli.common.tables import print_measurements, write_csv
 from controller.cli.main import app
+from controller.cli.pictures.figures import check_picture
 from controller.evaluation.sweep import Count
-from controller.evaluation.tables import Table, cost_table, failure_table
+from controller.evaluation.tables import Table, failure_table
 from controller.library.motion_library import save_library
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 
@@ -27,13 +27,13 @@ def counts():
 
 
 def test_a_table_prints_intervals_and_goes_into_csv(tmp_path, capsys):
-    table = failure_table("three networks", counts(), {"walk": 0.04}, ["a note"])
-    _print(table)
+    table = failure_table("three networks", counts(), ["a note"])
+    print_measurements(table)
     shown = capsys.readouterr().out
     assert "three networks" in shown
     assert "2.0 (0.7-5.7)" in shown
     assert "a note" in shown
-    _write_csv(table, tmp_path / "table.csv")
+    write_csv(table, tmp_path / "table.csv")
     with (tmp_path / "table.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert rows[0]["intrinsic by seed"] == "0 1 2"
@@ -42,43 +42,17 @@ def test_a_table_prints_intervals_and_goes_into_csv(tmp_path, capsys):
 
 def test_a_network_that_was_drawn_again_is_named_by_the_seed_that_draws_it():
     first, second, _ = counts()
-    assert "drawn with seed" not in failure_table("as asked", [first, second], {}, []).rows[0]
-    table = failure_table("drawn again", [first, replace(second, drawn=10_001)], {}, [])
+    assert "drawn with seed" not in failure_table("as asked", [first, second], []).rows[0]
+    table = failure_table("drawn again", [first, replace(second, drawn=10_001)], [])
     assert {row["drawn with seed"] for row in table.rows} == {"0 10001"}
-
-
-def test_costs_grow_with_the_power_they_were_made_with():
-    found = [TrainingCost("N", n, 3000, 15, 1e-6 * n**2, 1e-3 * n, 5.0, 0.01 * n) for n in (300, 600, 1000)]
-    found.append(TrainingCost("T", 1000, 1500, 15, 0.5, 1.0, 5.0, 10.0))
-    rows = {row["network"]: row for row in cost_table("c", found, []).rows}
-    assert rows["power of N"]["training s"] == pytest.approx(2.0)
-    assert rows["power of N"]["step us"] == pytest.approx(0.0, abs=1e-9)
-    assert rows["power of T"]["training s"] == pytest.approx(1.0)
-    assert rows["power of P"]["training s"] is None
-    assert rows["thesis's bound for N"]["training s"] == 3.0
 
 
 def test_a_plot_is_drawn_where_matplotlib_is(tmp_path):
     pytest.importorskip("matplotlib")
-    from controller.cli.pictures.table_plots import drawing
+    from controller.cli.pictures.table_plots import draw_bars
 
-    drawing()(failure_table("three networks", counts(), {"walk": 0.04}, []), tmp_path / "plot.png")
+    draw_bars(failure_table("three networks", counts(), []), tmp_path / "plot.png")
     assert (tmp_path / "plot.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_costs_are_drawn_against_each_size_with_power_and_bound():
-    pytest.importorskip("matplotlib")
-    from controller.cli.pictures.table_plots import _costs
-
-    found = [TrainingCost("N", n, 3000, 15, 1e-6 * n**2, 1e-3 * n, 5.0, 0.01 * n) for n in (300, 1000)]
-    found += [TrainingCost("T", 1000, 1500, 15, 0.5, 1.0, 5.0, 10.0)]
-    panels = _costs(cost_table("c", found, [])).axes
-    assert [axes.get_xlabel() for axes in panels] == ["neurons N", "frames T", "motions P"] * 2
-    said = [text.get_text() for text in panels[0].get_legend().get_texts()]
-    assert said == ["measured", "fitted, power 2.0", "thesis's bound, power 3"]
-    # The recipe in full belongs to the costs in which the length was varied; where nothing was it is said.
-    assert list(panels[1].get_lines()[0].get_xdata()) == [1500, 3000]
-    assert [text.get_text() for text in panels[2].texts] == ["not varied"]
 
 
 def test_training_errors_of_another_size_have_panels_of_their_own():
@@ -91,12 +65,18 @@ def test_training_errors_of_another_size_have_panels_of_their_own():
     assert [label.get_text() for label in panels[0].get_xticklabels()] == ["seed 0"]
 
 
-def test_without_matplotlib_a_plot_says_how_to_get_it(monkeypatch):
-    from controller.cli.pictures.table_plots import drawing
-
+def test_without_matplotlib_a_plot_names_the_remedy(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "matplotlib", None)
     with pytest.raises(MotiondeckError, match=r"pip install 'motiondeck\[plot\]'"):
-        drawing()
+        check_picture(tmp_path / "plot.png")
+
+
+def test_a_picture_that_cannot_be_written_is_refused_before_anything_is_computed(tmp_path):
+    pytest.importorskip("matplotlib")
+    with pytest.raises(MotiondeckError, match="pictures end in"):
+        check_picture(tmp_path / "plot.doc")
+    with pytest.raises(MotiondeckError, match="no such folder"):
+        check_picture(tmp_path / "none" / "plot.png")
 
 
 def test_a_folder_that_is_not_there_is_named(tmp_path):
@@ -119,7 +99,25 @@ def test_accuracy_is_a_matter_of_training(tmp_path, mocap_data):
 
 
 def test_what_is_unknown_is_refused(tmp_path):
-    assert invoke("thesis15", "beauty", "--data", tmp_path).exit_code == 2
+    result = invoke("thesis15", "beauty", "--data", tmp_path)
+    assert str(result.exception) == (
+        "unknown measure 'beauty'. There are: accuracy, robustness, stability, transitions."
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "command"),
+    [
+        (("esn-4.1.toml", "robustness", "--paper"), "thesis RECIPE robustness --data DIR"),
+        (("--paper", "centralized-table1"), "vakulenko_table1 DIR"),
+        (("esn-4.1.toml", "cost"), "training_cost RECIPE --data DIR"),
+        (("86_01.amc", "segments"), "vakulenko RECORDING segments"),
+    ],
+)
+def test_whoever_types_an_old_command_is_given_the_new_one(words, command, tmp_path):
+    result = invoke(*words, "--data", tmp_path)
+    assert isinstance(result.exception, MotiondeckError)
+    assert str(result.exception).endswith(f"python -m benchmarks {command}")
 
 
 def test_the_shipped_library_survives_noise(mocap_data):

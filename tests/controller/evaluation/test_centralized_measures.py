@@ -1,13 +1,10 @@
-"""Centralized networks are measured as reservoirs are: what they were taught, what disturbs them, what they cost."""
+"""Centralized networks are measured as reservoirs are: training errors and disturbances."""
 
-import msgspec
 import numpy as np
 import pytest
 
 import synthetic
-from benchmarks.papers import training_cost as cost
 from controller.evaluation.sweep import sweep, train_subjects
-from controller.evaluation.tables import cost_table
 from controller.evaluation.training_error import training_error
 from controller.measures.run_batch import batch_of
 from controller.training.centralized.centralized_training import CentralizedRecipe
@@ -81,17 +78,3 @@ def test_training_errors(syllabus):
     assert 0.0 < found.nrmse_readout < 0.1
     assert 0.0 < found.mabs_readout < 10.0
     assert found.mabs_weights is None
-
-
-def test_costs_grow_with_satellites_frames_and_motions(syllabus, monkeypatch):
-    monkeypatch.setattr(cost, "SATELLITES", (4, 16))
-    monkeypatch.setattr(cost, "SHARES", (0.5, 1.0))
-    quick = msgspec.structs.replace(RECIPE, network=CentralizedRecipe(satellites=16, iterations=1))
-    found = cost.costs(quick, syllabus, 0)
-    assert [one.varied for one in found] == ["N", "N", "T", "T", "P", "P"]
-    assert [one.neurons for one in found[:2]] == [3 * (4 + 2), 3 * (16 + 2)]
-    assert found[2].frames < found[3].frames
-    assert found[4].motions < found[5].motions
-    stored = cost.exponent(found, "P", "motions", "stored_mb")
-    assert stored == pytest.approx(1.0, abs=0.4)
-    assert not [row for row in cost_table("c", found, [], bounds=False).rows if "thesis" in str(row["network"])]

@@ -1,5 +1,4 @@
 import json
-import sys
 
 import pytest
 from typer.testing import CliRunner
@@ -98,44 +97,9 @@ def test_one_wrong_clip_among_several_is_skipped_and_alone_it_is_an_error(folder
         invoke("recognize", "run", out, folder / "none.amc")
 
 
-def test_the_benchmark_reports_and_draws_all_it_measures(folder, tmp_path):
-    pytest.importorskip("matplotlib")
-    words = ("--method", "ours)", "--method", "mean pose", "--method", "templates", "--seeds", 2, "--json")
-    pictures = tmp_path / "pictures"
-    result = invoke("recognize", "benchmark", folder, "--protocol", "actor-out", *words, "--plot", pictures)
-    assert result.exit_code == 0
-    report = json.loads(result.stdout)
-    measured = {one["method"]: one for one in report["results"]}
-    assert set(measured) == {"experts (ours)", "nearest mean pose"}
-    assert measured["experts (ours)"]["accuracy"] == 1.0
-    assert measured["experts (ours)"]["confusion"] == [[12, 0], [0, 12]]
-    assert "lfemur" in report["unable"]["motion templates"]
-    assert len(report["time_warp"]["actor-out"]) == 7
-    assert report["time_warp"]["actor-out, learned at three tempos"][3] == {"x": 1.0, "accuracy": 1.0}
-    assert report["cost"]["classes"] == 2
-    assert {row["bias"] for row in report["first_check"]} == {True, False}
-    drawn = {path.name for path in pictures.iterdir()}
-    assert {"recognition-methods.png", "confusion-ours-actor-out.png", "time-warp.png"} <= drawn
-    assert len(report["pictures"]) == len(drawn)
-
-
-def test_the_benchmark_prints_a_table(folder):
-    shown = invoke("recognize", "benchmark", folder, "--protocol", "half", "--method", "mean pose").stdout
-    assert "nearest mean pose" in shown
-    assert "12 clips, 2 motions, 2 actors" in shown
-
-
-def test_without_matplotlib_it_says_what_to_install(folder, monkeypatch):
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(MotiondeckError, match=r"motiondeck\[plot\]"):
-        invoke("recognize", "benchmark", folder, "--plot", "x")
-
-
-def test_names_that_do_not_exist_are_answered_with_those_that_do(folder):
-    with pytest.raises(MotiondeckError, match="actor-out"):
-        invoke("recognize", "benchmark", folder, "--protocol", "actor-in")
-    with pytest.raises(MotiondeckError, match="no method has 'magic'"):
-        invoke("recognize", "benchmark", folder, "--method", "magic")
+def test_whoever_types_the_old_benchmark_is_given_the_new_one():
+    with pytest.raises(MotiondeckError, match=r"python -m benchmarks recognition hdm05 --seeds 8$"):
+        invoke("recognize", "benchmark", "hdm05", "--seeds", 8)
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""Table 1 of Vakulenko et al. 2017 with the paper's method and with learned satellites: CMU 86 trial 1, four segments.
+"""The networks of table 1 of Vakulenko et al. 2017: CMU 86 trial 1, four segments, two ways to place satellites.
 
 The paper's method: q_i = sin(omega_i t) with omega_i of at least one turn a segment, Gaussian satellites that stay on a
 grid, an exhaustive search over pairs of frequencies or a random one over triples, then a local refinement. Feet and
@@ -8,7 +8,7 @@ on which relative accuracies depend, so mm are given too.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,15 +66,12 @@ class Entry:
     learned_mm: float
 
 
-def centralized_table1(
-    clip: Clip, iterations: int = 250, progress: Callable[[str], None] = lambda _: None
-) -> Iterator[Entry]:
+def centralized_table1(clip: Clip, iterations: int = 250) -> Iterator[Entry]:
     """The cells of the table, one after another; a few minutes for all.
 
     Args:
         clip: CMU 86 trial 1 at 120 Hz.
         iterations: of the joint refinement of learned satellites.
-        progress: is told each cell.
 
     Raises:
         FileFormatError: if the clip is too short or lacks one of the joints.
@@ -86,7 +83,6 @@ def centralized_table1(
     markers = 1e3 * clip.joints()[:, [names.index(marker) for marker in MARKERS]]
     for (centers, satellites), paper in PAPER.items():
         for segment, figure in enumerate(paper):
-            progress(f"{centers} centers, {satellites} satellites, segment {segment + 1}")
             part = markers[BORDERS[segment] : BORDERS[segment + 1]]
             fixed = fixed_network(part, clip.rate, centers, satellites)
             learned = learned_network(part, clip.rate, centers, satellites, iterations)

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from benchmarks.papers.thesis import NOISE_CHANNELS, THESIS, noisy_targets
-from controller.evaluation.tables import training_table
-from controller.evaluation.training_error import training_error
+from benchmarks.papers.thesis import accuracy, with_failure_figures, with_training_figures
+from benchmarks.papers.thesis_figures import NOISE_CHANNELS, THESIS, noisy_targets
+from controller.evaluation.evaluation import read_evaluation
+from controller.evaluation.sweep import Count
+from controller.evaluation.tables import Table, failure_table
 from controller.training.fit import prepare
 from controller.training.recipe import read_recipe
 from motiondeck_base.errors import FileFormatError
@@ -29,12 +31,25 @@ def test_every_network_of_the_thesis_has_its_recipe(name):
 
 def test_training_errors_are_the_thesis_s_to_5_percent(mocap_data):
     name = "conceptor-4.3"
-    recipe = paper(name)
-    error = training_error(recipe, prepare(recipe, mocap_data), 0, mocap_data)
-    for figure, value in THESIS[name].accuracy.items():
-        assert getattr(error, figure) == pytest.approx(value, rel=0.05), figure
-    table = training_table(name, [error], [{}], THESIS[name].accuracy, [])
+    table = accuracy(read_evaluation(str(PAPER / f"{name}.toml"), mocap_data), range(1), mocap_data)
     assert [row["network"] for row in table.rows] == ["seed 0", "mean", "thesis", "off by %"]
+    for figure, value in THESIS[name].accuracy.items():
+        assert table.rows[0][figure] == pytest.approx(value, rel=0.05), figure
+        assert table.rows[2][figure] == value
+
+
+def test_failure_rates_stand_beside_the_thesis_s_with_one_average():
+    names = list(THESIS["esn-4.1"].robustness)
+    counts = [Count(name, True, 0, 0, 10, 1, None, "freezes") for name in names]
+    ours = failure_table("esn-4.1: robustness", counts, [])
+    table = with_failure_figures(ours, "esn-4.1", "robustness")
+    assert table.title == "table 4.2, esn-4.1: robustness"
+    assert [row["motion"] for row in table.rows] == [*names, "average"]
+    assert [row["thesis %"] for row in table.rows] == [0.0, 16.0, 35.0, 84.0, 87.0, pytest.approx(44.4)]
+    assert {row["intrinsic %"] for row in table.rows} == {10.0}
+    assert list(table.rows[0])[:3] == ["motion", "runs", "thesis %"]
+    assert with_failure_figures(ours, "another", "robustness") is ours
+    assert with_training_figures(Table("t", [], ()), "another").rows == []
 
 
 def test_recordings_are_taken_as_they_are(mocap_data):

@@ -1,21 +1,42 @@
-"""`motiondeck recognize benchmark`: the proposal, ours and every peer in the same folds; table, JSON and pictures."""
+"""Recognition on labelled recordings: the 2012 proposal, our experts and every peer in the same folds."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
+import msgspec
+import numpy as np
 import typer
 
-from controller.cli.recognition_data import AsJson, DataArgument, leave, read, steps
+from benchmarks.command import run
+from benchmarks.recognition.contenders import (
+    COMMITTEE,
+    OURS,
+    WITH_VELOCITY,
+    at_any_tempo,
+    contenders,
+    doubters,
+    ours,
+)
+from benchmarks.recognition.first_check import checks
+from benchmarks.recognition.folds import TEMPOS, dimension_curves, measure, warp_curve
+from benchmarks.recognition.recognition_cost import cost
+from benchmarks.recognition.recognition_plots import draw
+from benchmarks.recognition.unknown import Doubter, nested_unknown_auc, unknown_auc
+from controller.cli.common.progress import progress
+from controller.cli.common.tables import show_table
+from controller.cli.pictures.figures import need_matplotlib
+from controller.cli.recognition_data import AsJson, DataArgument, leave, read
+from controller.recognition.experts import ExpertRecipe
+from controller.recognition.labelled_recordings import Dataset
+from controller.recognition.protocols import PROTOCOLS, Protocol
+from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
-if TYPE_CHECKING:
-    from controller.recognition.labelled_recordings import Dataset
 
-
-def benchmark(
+def main(
     data: DataArgument,
     protocol: Annotated[
         list[str] | None,
@@ -41,15 +62,8 @@ def benchmark(
     nested row chooses its settings anew in each fold, from what it has learned alone. With --seeds 8 and all methods
     this takes some minutes.
 
-    Example:  motiondeck recognize benchmark hdm05 --protocol actor-out --seeds 8 --plot pictures
+    Example:  python -m benchmarks recognition hdm05 --protocol actor-out --seeds 8 --plot pictures
     """
-    import msgspec
-
-    from benchmarks.recognition.contenders import contenders
-    from benchmarks.recognition.folds import measure
-    from controller.recognition.protocols import PROTOCOLS, Protocol
-    from motiondeck_base.errors import MotiondeckError, UnknownNameError
-
     asked: list[Protocol] = [one for one in PROTOCOLS if not protocol or one in protocol]
     for name in protocol or ():
         if name not in asked:
@@ -60,15 +74,15 @@ def benchmark(
         if not method or any(part.lower() in name.lower() for part in method)
     }
     if not wanted:
-        raise MotiondeckError(f"no method has '{' or '.join(method or [])}' in its name; see `recognize benchmark`.")
+        raise MotiondeckError(
+            f"no method has '{' or '.join(method or [])}' in its name; there are: {', '.join(contenders())}"
+        )
     if plot is not None:
-        from benchmarks.recognition.recognition_plots import need_matplotlib
-
         need_matplotlib()
     dataset = read(data)
     results = []
     unable: dict[str, str] = {}
-    with steps(len(wanted) * len(asked)) as done:
+    with progress("", len(wanted) * len(asked)) as done:
         for name, (candidates, seeded) in wanted.items():
             for one in asked:
                 done(f"{name}, {one}")
@@ -91,8 +105,6 @@ def benchmark(
         **more,
     }
     if plot is not None:
-        from benchmarks.recognition.recognition_plots import draw
-
         report["pictures"] = [str(path) for path in draw(report, plot)]
     if as_json:
         print(json.dumps(report))
@@ -103,16 +115,8 @@ def benchmark(
 
 def _more(dataset: Dataset, protocols: list[Any], seeds: int) -> dict[str, Any]:
     """The curves and figures beyond the table, for our experts with their standing settings."""
-    import msgspec
-
-    from benchmarks.recognition.contenders import WITH_VELOCITY, at_any_tempo, ours
-    from benchmarks.recognition.first_check import checks
-    from benchmarks.recognition.folds import TEMPOS, dimension_curves, warp_curve
-    from benchmarks.recognition.recognition_cost import cost
-    from controller.recognition.experts import ExpertRecipe
-
     out: dict[str, Any] = {"time_warp": {}, "dimensions": {}, "unknown_auc": {}}
-    with steps(3 * len(protocols) + 2) as done:
+    with progress("", 3 * len(protocols) + 2) as done:
         for protocol in protocols:
             done(f"time warp, {protocol}")
             out["time_warp"][protocol] = msgspec.to_builtins(warp_curve(ours(1)[0], dataset, protocol))
@@ -130,13 +134,7 @@ def _more(dataset: Dataset, protocols: list[Any], seeds: int) -> dict[str, Any]:
 
 
 def _unknown(dataset: Dataset, protocol: Any, seeds: int) -> dict[str, dict[str, float]]:
-    """How well unknown motions are told: by our experts, by a committee, and by what each fold chooses nested."""
-    import numpy as np
-
-    from benchmarks.recognition.contenders import COMMITTEE, OURS, doubters, ours
-    from benchmarks.recognition.unknown import Doubter, nested_unknown_auc, unknown_auc
-    from motiondeck_base.errors import MotiondeckError
-
+    """Area under the ROC curve for unknown motions: our experts, a committee, and what each fold chooses nested."""
     found: dict[str, list[float]] = {}
     labels, actors = dataset.labels, dataset.actors
     for seed in range(1, seeds + 1):
@@ -156,25 +154,12 @@ def _unknown(dataset: Dataset, protocol: Any, seeds: int) -> dict[str, dict[str,
 
 
 def _print(report: dict[str, Any], protocols: Sequence[str]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    console = Console()
-    table = Table(title=f"{report['clips']} clips, {len(report['classes'])} motions, {len(report['actors'])} actors")
-    table.add_column("method")
-    for protocol in protocols:
-        table.add_column(protocol, justify="right")
     by_name: dict[str, dict[str, Any]] = {}
     for result in report["results"]:
         by_name.setdefault(result["method"], {})[result["protocol"]] = result
-    for name, own in by_name.items():
-        cells = []
-        for protocol in protocols:
-            result = own.get(protocol)
-            spread = f" ± {result['spread']:.3f}" if result and report["seeds"] > 1 and result["spread"] else ""
-            cells.append(f"{result['accuracy']:.3f}{spread}" if result else "")
-        table.add_row(name, *cells)
-    console.print(table)
+    rows = [[name, *(_share(own.get(one), report["seeds"]) for one in protocols)] for name, own in by_name.items()]
+    title = f"{report['clips']} clips, {len(report['classes'])} motions, {len(report['actors'])} actors"
+    show_table(["method", *protocols], rows, title=title)
     for name, reason in report["unable"].items():
         print(f"{name}: not measured. {reason}")
     ours = [r for r in report["results"] if r["method"] == "experts (ours)"]
@@ -183,6 +168,12 @@ def _print(report: dict[str, Any], protocols: Sequence[str]) -> None:
         print(f"ours by class, {result['protocol']}: " + ", ".join(f"{name} {share:.3f}" for name, share in worst))
     if "time_warp" in report:
         _print_more(report)
+
+
+def _share(result: dict[str, Any] | None, seeds: int) -> str:
+    if result is None:
+        return ""
+    return f"{result['accuracy']:.3f}" + (f" ± {result['spread']:.3f}" if seeds > 1 and result["spread"] else "")
 
 
 def _print_more(report: dict[str, Any]) -> None:
@@ -208,3 +199,7 @@ def _print_more(report: dict[str, Any]) -> None:
         )
     for path in report.get("pictures", ()):
         print(f"wrote {path}")
+
+
+if __name__ == "__main__":
+    run("recognition", main)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import synthetic
-from benchmarks.papers.centralized_table1 import (
+from benchmarks.papers.table1_networks import (
     BORDERS,
     MARKERS,
     PAPER,

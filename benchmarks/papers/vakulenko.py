@@ -1,98 +1,80 @@
-"""`motiondeck evaluate RECORDING ...`: what centralized networks make of one recording (Vakulenko et al. 2017)."""
+"""Figures 3 to 16 of Vakulenko et al. 2017 for any recording: segments, models, coordinates, reconstruction."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
+import typer
 
+from benchmarks.command import run
+from benchmarks.papers.hidden_joints import fill_hidden
+from benchmarks.papers.vakulenko_plots import draw_hidden, draw_segment_errors
+from controller.cli.common.options import check_folder
+from controller.cli.common.progress import progress
+from controller.cli.common.tables import deliver
+from controller.cli.pictures.curve_plots import draw_coordinates, draw_lines
+from controller.cli.pictures.figures import check_picture
 from controller.evaluation.tables import Table, Value
+from controller.mocap.clip import Clip
+from controller.mocap.formats.reading import read_clip, skeleton_of
+from controller.mocap.segmentation import body_features, find_segments
+from controller.training.centralized.model_choice import (
+    hands_and_feet,
+    mean_absolute,
+    mean_distance,
+    relative_accuracy,
+)
+from controller.training.centralized.model_search import CENTERS as CENTER_CHOICES
+from controller.training.centralized.model_search import RATE, SATELLITES, score_models
+from controller.training.centralized.segment_network import say_segment
 from motiondeck_base.errors import MotiondeckError
 
-if TYPE_CHECKING:
-    from controller.mocap.clip import Clip
-
 Draw = Callable[[Table, Path], None]
-
-TABLE1 = "centralized-table1"
-RECORDINGS = (".amc", ".bvh", ".mat", ".c3d")
 
 SEGMENT_SATELLITES = (16, 49, 100)
 SHOWN_SATELLITES = (25, 50, 100)
 CENTERS = 2
 
-# The paper cuts CMU 86 trial 1 into eleven segments; other recordings into what is worth a border.
+# The paper cuts CMU 86 trial 1 into eleven segments; for other recordings their number is found.
 PAPER_SEGMENTS = {"86_01": 11}
 SHOWN_SECONDS = 12.0
 GAPS_S = (0.25, 0.5, 1.0)
 
 
-def is_recording(subject: str) -> bool:
-    """Whether what is to be evaluated is a recording, by its name."""
-    return Path(subject).suffix.lower() in RECORDINGS
+def main(
+    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="An .amc, .bvh, .mat or .c3d file.")],
+    measure: Annotated[
+        Literal["segments", "models", "coordinates", "reconstruction"], typer.Argument(help="What to measure.")
+    ],
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+    table: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Write the table as CSV.")] = None,
+    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw it (.png, .svg, .pdf).")] = None,
+) -> None:
+    """Measure what centralized networks make of one recording, as Vakulenko et al. 2017 did.
 
+    segments: errors of all joints in each segment with 16, 49 and 100 satellites (figures 14 to 16). models: Akaike's
+    criterion over centers and satellites (figure 13). coordinates: feet and wrists over time with 25, 50 and 100
+    satellites (figures 3 to 12, drawn with --plot). reconstruction: errors of joints that are hidden for a while and
+    filled in from the others.
 
-def measure_recording(subject: str, what: str | None, data: Path | None) -> tuple[Table, Draw]:
-    """A table, and how it is drawn.
-
-    Raises:
-        MotiondeckError: if the recording cannot be read, or this is not measured of recordings.
+    Example:  python -m benchmarks vakulenko 86_01.amc coordinates --plot coordinates.png
     """
-    from controller.mocap.formats.reading import read_clip, skeleton_of
-
-    if subject == TABLE1:
-        if what is not None or data is None:
-            raise MotiondeckError(f"{TABLE1} is a table of its own: leave out '{what}'")
-        from controller.cli.pictures.centralized_plots import draw_table1
-
-        return table1(data), draw_table1
+    check_folder(table)
+    if plot is not None:
+        check_picture(plot)
+    if not recording.is_file():
+        raise MotiondeckError(f"{recording}: there is no such file")
     measures = {"segments": segments, "models": models, "coordinates": coordinates, "reconstruction": reconstruction}
-    if what not in measures:
-        raise MotiondeckError(f"of a recording is measured: {', '.join(measures)}")
-    path = Path(subject)
-    if not path.is_file():
-        raise MotiondeckError(f"{path}: there is no such file")
-    return measures[what](read_clip(path, skeleton_of(path, path.parent.parent)))
-
-
-def table1(data: Path) -> Table:
-    """Table 1 of the paper: its figures, ours with its method, ours with learned satellites."""
-    from benchmarks.papers.centralized_table1 import PAPER, centralized_table1
-    from controller.cli.common.progress import progress
-    from controller.mocap.formats.reading import read_clip
-    from controller.training.fit import find_recording
-
-    with progress("networks", 4 * len(PAPER)) as tick:
-        entries = list(centralized_table1(read_clip(find_recording(data, "86/86_01.amc")), progress=lambda _: tick()))
-    rows: list[dict[str, Value]] = [
-        {
-            "centers, satellites, segment": f"{e.centers}, {e.satellites}, {e.segment}",
-            "paper": e.paper,
-            "its method": e.fixed,
-            "learned": e.learned,
-            "its method mm": e.fixed_mm,
-            "learned mm": e.learned_mm,
-        }
-        for e in entries
-    ]
-    won = sum(e.learned < e.paper for e in entries)
-    notes = [
-        "integral relative accuracy (eq. 26) of feet and wrists, and mean absolute error of a coordinate in mm",
-        f"learned satellites are more accurate than the paper's figure in {won} of {len(entries)} cells",
-    ]
-    return Table("table 1, CMU 86 trial 1", rows, ("paper", "its method", "learned"), notes)
+    result, draw = measures[measure](read_clip(recording, skeleton_of(recording, recording.parent.parent)))
+    deliver(result, csv_file=table, plot=plot, draw=draw, as_json=as_json)
 
 
 def segments(clip: Clip) -> tuple[Table, Draw]:
     """Errors of all joints in each segment (figures 14 to 16)."""
-    from controller.cli.common.progress import progress
-    from controller.mocap.segmentation import body_features, find_segments
-    from controller.training.centralized.model_choice import mean_absolute, mean_distance, relative_accuracy
-    from controller.training.centralized.segment_network import say_segment
-
     places = 1e3 * clip.joints()
     names = ("root", *clip.skeleton.bones)
     cuts = find_segments(body_features(clip), clip.rate, PAPER_SEGMENTS.get(clip.name))
@@ -103,12 +85,12 @@ def segments(clip: Clip) -> tuple[Table, Draw]:
             part = places[first:end]
             row: dict[str, Value] = {"segment": str(number), "seconds": (end - first) / clip.rate}
             for satellites in SEGMENT_SATELLITES:
-                said = say_segment(part, clip.rate, satellites)
-                row[f"{satellites} satellites"] = mean_absolute(said, part)
-                row[f"{satellites}, joint"] = mean_distance(said, part)
+                played = say_segment(part, clip.rate, satellites)
+                row[f"{satellites} satellites"] = mean_absolute(played, part)
+                row[f"{satellites}, joint"] = mean_distance(played, part)
                 tick()
                 if satellites == SEGMENT_SATELLITES[1]:
-                    apart, shares = np.abs(said - part).mean((0, 2)), relative_accuracy(said, part)
+                    apart, shares = np.abs(played - part).mean((0, 2)), relative_accuracy(played, part)
                     details += [
                         {"segment": number, "joint": name, "mm": float(mm), "relative": float(share)}
                         for name, mm, share in zip(names, apart, shares, strict=True)
@@ -118,7 +100,7 @@ def segments(clip: Clip) -> tuple[Table, Draw]:
     mean |= {name: float(np.mean([row[name] for row in rows])) for name in rows[0] if name != "segment"}  # pyright: ignore
     rows.append(mean)
     notes = [
-        "mm with so many satellites: mean absolute error of a coordinate, and mean distance of a joint",
+        "mm, by satellites: mean absolute error of a coordinate, and mean distance of a joint",
         "details: each joint with 49 satellites, mm a coordinate and relative (eq. 26)",
     ]
     table = Table(
@@ -130,7 +112,6 @@ def segments(clip: Clip) -> tuple[Table, Draw]:
     )
 
     def draw(table: Table, path: Path) -> None:
-        from controller.cli.pictures.centralized_plots import draw_segment_errors
 
         draw_segment_errors(table, path)
 
@@ -139,12 +120,6 @@ def segments(clip: Clip) -> tuple[Table, Draw]:
 
 def models(clip: Clip) -> tuple[Table, Draw]:
     """Akaike's criterion over centers and satellites (figure 13), summed over the segments that are long enough."""
-    from controller.cli.common.progress import progress
-    from controller.mocap.segmentation import body_features, find_segments
-    from controller.training.centralized.model_choice import hands_and_feet
-    from controller.training.centralized.model_search import CENTERS as CHOICES
-    from controller.training.centralized.model_search import RATE, SATELLITES, score_models
-
     bones = [0, *(bone + 1 for bone in hands_and_feet(clip.skeleton))]
     places = clip.joints()[:, bones].reshape(len(clip), -1)
     cuts = [cut for cut in find_segments(body_features(clip), clip.rate) if _frames(cut, clip) > 1.2 * SATELLITES[-1]]
@@ -155,30 +130,29 @@ def models(clip: Clip) -> tuple[Table, Draw]:
     found: dict[tuple[int, int], list[float]] = {}
     with progress("segments", len(cuts)) as tick:
         for first, end in cuts:
-            for one in score_models(places[first:end], clip.rate, loop=False, centers=(*CHOICES, 4)):
+            for one in score_models(places[first:end], clip.rate, loop=False, centers=(*CENTER_CHOICES, 4)):
                 found.setdefault((one.centers, one.satellites), []).append(one.aicc)
             tick()
-    # A choice that failed in one segment cannot be compared with those that had to say them all.
+    # A choice that failed in one segment cannot be compared with those that learned them all.
     sums = {key: sum(values) for key, values in found.items() if len(values) == len(cuts)}
     if not sums:
         raise MotiondeckError(f"{clip.source or clip.name}: no choice of sizes suits all of its segments")
     best = min(sums, key=lambda key: sums[key])
     rows: list[dict[str, Value]] = [
-        {"satellites": str(m)} | {f"{n} centers": sums.get((n, m)) for n in (*CHOICES, 4)} for m in SATELLITES
+        {"satellites": str(m)} | {f"{n} centers": sums.get((n, m)) for n in (*CENTER_CHOICES, 4)} for m in SATELLITES
     ]
     title = f"{clip.name}: AICc at {RATE:g} Hz, {len(cuts)} segments, {places.shape[1]} coordinates"
-    notes = [f"the least: {best[0]} centers, {best[1]} satellites. A higher rate favours more satellites."]
+    notes = [f"lowest: {best[0]} centers, {best[1]} satellites. A higher rate favours more satellites."]
     table = Table(title, rows, tuple(name for name in rows[0] if name != "satellites"), notes)
 
     def draw(table: Table, path: Path) -> None:
-        from controller.cli.pictures.centralized_plots import draw_lines
 
         curves: dict[str, Any] = {}
         for name in table.draws:
             points = [(float(str(row["satellites"])), row[name]) for row in table.rows if row[name] is not None]
             if points:
                 curves[name] = tuple(np.array(points, dtype=np.float64).T)
-        # Far too many satellites score so high that the least would not be seen.
+        # Far too many satellites score so high that the minimum would not be seen.
         least = min(float(y.min()) for _, y in curves.values())
         first = max(float(y[0]) for _, y in curves.values())
         room = 0.05 * (first - least)
@@ -188,48 +162,36 @@ def models(clip: Clip) -> tuple[Table, Draw]:
 
 
 def coordinates(clip: Clip) -> tuple[Table, Draw]:
-    """Feet and wrists over time as networks say them (figures 3 to 12): the first segments, each by its own network."""
-    from controller.cli.common.progress import progress
-    from controller.mocap.segmentation import body_features, find_segments
-    from controller.training.centralized.model_choice import hands_and_feet, mean_absolute
-    from controller.training.centralized.segment_network import say_segment
-
+    """Feet and wrists over time as networks play them (figures 3 to 12): the first segments, a network each."""
     bones = hands_and_feet(clip.skeleton)
     names = [clip.skeleton.bones[bone] for bone in bones]
     places = 1e3 * clip.joints()[:, [bone + 1 for bone in bones]]
     cuts = find_segments(body_features(clip), clip.rate)
     shown = [cut for cut in cuts if cut[1] <= max(SHOWN_SECONDS * clip.rate, cuts[0][1])]
     end = shown[-1][1]
-    said = {}
+    played = {}
     with progress("networks", len(SHOWN_SATELLITES)) as tick:
         for satellites in SHOWN_SATELLITES:
             parts = [say_segment(places[a:b], clip.rate, satellites) for a, b in shown]
-            said[f"{satellites} satellites"] = np.concatenate(parts)
+            played[f"{satellites} satellites"] = np.concatenate(parts)
             tick()
     rows: list[dict[str, Value]] = [
         dict[str, Value](joint=name)
-        | {f"{label} mm": mean_absolute(path[:, i : i + 1], places[:end, i : i + 1]) for label, path in said.items()}
+        | {f"{label} mm": mean_absolute(path[:, i : i + 1], places[:end, i : i + 1]) for label, path in played.items()}
         for i, name in enumerate(names)
     ]
     title = f"{clip.name}: the first {end / clip.rate:.1f} s, {len(shown)} segments, {CENTERS} centers"
-    table = Table(title, rows, tuple(f"{label} mm" for label in said), ["mean absolute error of a coordinate"])
+    table = Table(title, rows, tuple(f"{label} mm" for label in played), ["mean absolute error of a coordinate"])
 
     def draw(table: Table, path: Path) -> None:
-        from controller.cli.pictures.centralized_plots import draw_coordinates
 
-        draw_coordinates(places[:end], said, names, clip.rate, table.title, path)
+        draw_coordinates(places[:end], played, names, clip.rate, table.title, path)
 
     return table, draw
 
 
 def reconstruction(clip: Clip) -> tuple[Table, Draw]:
     """How far off joints are that were hidden for a while and filled in from the others."""
-    from benchmarks.papers.hidden_joints import fill_hidden
-    from controller.cli.common.progress import progress
-    from controller.cli.pictures.centralized_plots import draw_hidden
-    from controller.mocap.segmentation import body_features, find_segments
-    from controller.training.centralized.model_choice import hands_and_feet
-
     bones = hands_and_feet(clip.skeleton)
     places = 1e3 * clip.joints()
     cuts = find_segments(body_features(clip), clip.rate)
@@ -256,6 +218,8 @@ def reconstruction(clip: Clip) -> tuple[Table, Draw]:
 
 def _frames(cut: tuple[int, int], clip: Clip) -> float:
     """How many frames a segment has at the rate that models are compared at."""
-    from controller.training.centralized.model_search import RATE
-
     return (cut[1] - cut[0]) * RATE / clip.rate
+
+
+if __name__ == "__main__":
+    run("vakulenko", main)

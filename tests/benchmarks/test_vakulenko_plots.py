@@ -1,4 +1,4 @@
-"""Figures of centralized networks are drawn from their tables."""
+"""Figures of Vakulenko et al. 2017 are drawn from their tables."""
 
 import pytest
 
@@ -8,7 +8,7 @@ pytest.importorskip("matplotlib")
 
 
 def test_table_1_has_a_panel_a_segment(tmp_path):
-    from controller.cli.pictures.centralized_plots import draw_table1
+    from benchmarks.papers.vakulenko_plots import draw_table1
 
     rows = [
         {"centers, satellites, segment": f"2, {m}, {k}", "paper": 0.1 / m, "its method": 0.2 / m, "learned": 0.05 / m}
@@ -20,7 +20,7 @@ def test_table_1_has_a_panel_a_segment(tmp_path):
 
 
 def test_errors_by_segment_and_joint(tmp_path):
-    from controller.cli.pictures.centralized_plots import draw_segment_errors
+    from benchmarks.papers.vakulenko_plots import draw_segment_errors
 
     rows = [{"segment": name, "16 satellites": 2.0, "49 satellites": 0.3} for name in ("1", "2", "mean")]
     details = [{"segment": k, "joint": joint, "mm": 0.1 * k, "relative": 0.01} for k in (1, 2) for joint in ("a", "b")]
@@ -29,7 +29,7 @@ def test_errors_by_segment_and_joint(tmp_path):
 
 
 def test_hidden_joints_share_one_scale(tmp_path):
-    from controller.cli.pictures.centralized_plots import draw_hidden
+    from benchmarks.papers.vakulenko_plots import draw_hidden
 
     rows = [
         {"hidden": "lfoot, 0.25 s", "network mm": 1.0, "cubic mm": 4.0},
