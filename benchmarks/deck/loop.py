@@ -39,9 +39,9 @@ import numpy as np  # noqa: E402
 
 from benchmarks.deck._beside import hog, stolen_ms  # noqa: E402
 from benchmarks.deck._peer_clock import PeerClock, RateLimiter  # noqa: E402
-from controller.cli.session.robot_on_deck import RobotSetup  # noqa: E402
+from controller.cli.session.robot_on_deck import RobotSetup, open_robots  # noqa: E402
 from controller.cli.session.script import Timed  # noqa: E402
-from controller.cli.session.session import Session, Settings  # noqa: E402
+from controller.cli.session.session import RunSettings, Session  # noqa: E402
 from controller.deck.deck import Deck  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
 from controller.loop.clock import Clock, Ticker  # noqa: E402
@@ -71,20 +71,23 @@ def measure(
     motions = [name for name in ("jog", "walk", "box1", "waltz") if name in library.network.motions]
     show = [Timed(2.0 * k, Switch(motions[k % len(motions)])) for k in range(1, int(options.seconds / 2.0))]
     with tempfile.TemporaryDirectory() as folder, hog(beside == "hog", options.core):
-        settings = Settings(
-            robot=RobotSetup(
-                find("robot", "servo20", ".toml"), rig_file(Path(folder), rate) if options.rig else None, emulated=True
-            ),
+        rig = rig_file(Path(folder), rate) if options.rig else None
+        setup = RobotSetup(find("robot", "servo20", ".toml"), rig, emulated=True, physics=False)
+        settings = RunSettings(
             rate=rate,
-            physics=False,
             realtime=fifo,
-            command_port=0,
             page_port=0 if beside == "view" else None,
-            terminal=False,
             seconds=options.seconds,
             core=options.core,
         )
-        with Session(library, lambda retarget: Deck(library, retarget, "walk"), show, settings, clock) as session:
+        with Session(
+            library,
+            lambda opening: open_robots(opening, [setup], library, rate),
+            lambda retarget: Deck(library, retarget, "walk"),
+            settings,
+            show,
+            clock,
+        ) as session:
             before = stolen_ms()
             report: dict[str, Any] = session.run()
     skipped = getattr(clock, "skipped", 0)

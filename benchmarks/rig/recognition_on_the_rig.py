@@ -20,7 +20,7 @@ from copy import deepcopy
 
 import numpy as np
 
-from controller.cli.session.recognition_watch import RecognitionWatch, Watching
+from controller.cli.session.recognition_watch import MismatchPolicy, RecognitionWatch
 from controller.cli.session.rig_output import RigOutput, narrowed
 from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
@@ -83,7 +83,7 @@ class Stage:
             output = RigOutput(rig, robot.joints, self.config.rate_hz)  # pyright: ignore[reportArgumentType]
             channel = Channel(output, round(RATE / self.config.rate_hz))
         watch = RecognitionWatch(
-            Watching(PATIENCE, stop=False),
+            MismatchPolicy(PATIENCE, stop=False),
             self.library,
             deepcopy(robot.retarget),
             robot.joints,

@@ -5,12 +5,16 @@ from __future__ import annotations
 import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from controller.cli.common.options import PAGE_PORT
 from controller.wire.command_socket import DEFAULT_PORT, Switch
+
+if TYPE_CHECKING:
+    from controller.cli.session.script import Timed
+    from controller.library.motion_library import MotionLibrary
 
 
 class OnMismatch(StrEnum):
@@ -64,7 +68,7 @@ def play(
     ] = False,
     realtime: Annotated[
         bool,
-        typer.Option("--realtime", help="Ask for real-time scheduling and locked memory, and say what was granted."),
+        typer.Option("--realtime", help="Ask for real-time scheduling and locked memory, and print what was granted."),
     ] = False,
     core: Annotated[
         int | None, typer.Option("--core", help="Run the loop on this core of the CPU, and all else on the others.")
@@ -93,12 +97,12 @@ def play(
         typer.Option("--on-mismatch", help="With --recognize: warn or stop when the joints do something else."),
     ] = OnMismatch.WARN,
     mismatch_after: Annotated[
-        float, typer.Option("--mismatch-after", help="How long something else must be seen before that, s.")
+        float, typer.Option("--mismatch-after", help="How long they must do something else before that, s.")
     ] = 0.5,
     listen: Annotated[
         str | None,
         typer.Option(
-            "--listen", metavar="ADDRESS", help="Take commands at this address of this machine too, with a token only."
+            "--listen", metavar="ADDRESS", help="Take commands at this address of this machine too; needs --token-file."
         ),
     ] = None,
     token_file: Annotated[
@@ -106,11 +110,11 @@ def play(
     ] = None,
     join: Annotated[
         Literal["inertialise", "crossfade", "morph", "cut"] | None,
-        typer.Option("--join", help="How motions are joined; by itself as suits the network."),
+        typer.Option("--join", help="How motions are joined; default: what suits the network."),
     ] = None,
     check_collisions: Annotated[
         bool,
-        typer.Option("--check-collisions", help="Hold joints back where limbs of the robot would run into each other."),
+        typer.Option("--check-collisions", help="Hold joints back where limbs of the robot would collide."),
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print a report as one JSON object in the end.")] = False,
 ) -> None:
@@ -139,13 +143,18 @@ def play(
 
       motiondeck play --video walk.mp4 --seconds 6
     """
-    from controller.cli.session.script import Cue, Timed, parse_script, read_timeline
+    from controller.cli.session.recognition_watch import MismatchPolicy
+    from controller.cli.session.report import summary
+    from controller.cli.session.robot_on_deck import open_robots
+    from controller.cli.session.session import RunSettings, Session
+    from controller.cli.session.setup import check_seconds, robot_setup
+    from controller.deck.deck import Deck
     from controller.library.motion_library import load_library
-    from motiondeck_base.errors import MotiondeckError, UnknownNameError
+    from controller.wire.authentication import read_token
+    from motiondeck_base.errors import MotiondeckError
     from motiondeck_base.shipped import find
 
-    if seconds is not None and not 0.0 < seconds < 1e8:
-        raise MotiondeckError(f"--seconds {seconds:g} is not a length of time above 0")
+    check_seconds(seconds)
     if script is not None and motion is not None:
         raise MotiondeckError(f"give either a motion ('{motion}') or a --script, not both")
     if (kinematic or video is not None) and (root != "gantry" or balance):
@@ -153,80 +162,40 @@ def play(
     if not 0.0 < mismatch_after < 1e4:
         raise MotiondeckError(f"--mismatch-after {mismatch_after:g} s is not a length of time above 0")
     loaded = load_library(find("library", library, ".safetensors"))
-    names = loaded.network.motions
-    if motion is not None and motion not in names:
-        raise UnknownNameError.among("motion", motion, names)
-    first, timeline = motion or ("walk" if "walk" in names else names[0]), []
-    if script is not None and script.endswith(".toml"):
-        first, timeline = read_timeline(Path(script), names)
-    elif script is not None:
-        cues, length = parse_script(script, names)
-        first, timeline = cues[0].motion, [Timed(cue.at, Switch(cue.motion)) for cue in cues[1:]]
-        seconds = seconds if seconds is not None else length
+    first, timeline, length = _timeline(loaded, motion, script)
+    seconds = seconds if seconds is not None else length
     if video is not None:
-        if rig is not None:
-            raise MotiondeckError(
-                "a film is not made live, so nothing can be streamed to a rig: leave --rig or --video"
-            )
-        if record is not None:
-            raise MotiondeckError("a film is not made live, so there are no ticks to record: leave --record or --video")
-        if recognize:
-            raise MotiondeckError("in a film nothing is measured to be recognized: leave --recognize or --video")
-        from controller.cli.pictures.library_pictures import film
-
-        cues = [Cue(0.0, first)]
-        for timed in timeline:
-            if not isinstance(timed.message, Switch):
-                raise MotiondeckError(f"{script}: in a film there can be switches only")
-            cues.append(Cue(timed.at, timed.message.to))
-        length = seconds if seconds is not None else max(6.0, cues[-1].at + 4.0)
-        said = film(loaded, robot, cues, length, video, solver)
-        _print(said, as_json, f"wrote {video} ({length:g} s, {video.stat().st_size / 1e6:.1f} MB)")
+        _refuse_live_options(rig=rig is not None, record=record is not None, recognize=recognize)
+        _film(loaded, robot, first, timeline, seconds, video, solver, as_json)
         return
-
-    from dataclasses import replace
-
-    from controller.cli.session.recognition_watch import Watching
-    from controller.cli.session.report import summary
-    from controller.cli.session.robot_on_deck import RobotSetup
-    from controller.cli.session.session import Session, Settings
-    from controller.deck.deck import Deck
-    from controller.wire.authentication import read_token
-
-    second = None
-    if follow is not None:
-        second = RobotSetup(
-            find("robot", follow, ".toml"),
-            rig_file(follow_rig, follow),
-            follow_rig == "emulated",
-            root,
-            balance,
-            apart=check_collisions,
-        )
-    elif follow_rig is not None:
+    if follow_rig is not None and follow is None:
         raise MotiondeckError("--follow-rig needs --follow ROBOT: whose servos are they?")
     if listen is not None and token_file is None:
         raise MotiondeckError(f"--listen {listen} needs --token-file FILE: anybody could move the robot otherwise")
-    player = RobotSetup(find("robot", robot, ".toml"), rig_file(rig, robot), rig == "emulated", root, balance, solver)
-    settings = Settings(
-        robot=replace(player, apart=check_collisions),
+    physics = {"physics": not kinematic, "root": root, "balance": balance, "keep_apart": check_collisions}
+    setups = [robot_setup(robot, rig, solver=solver, **physics)]
+    if follow is not None:
+        setups.append(robot_setup(follow, follow_rig, **physics))
+    settings = RunSettings(
         rate=rate,
-        physics=not kinematic,
-        realtime=realtime,
         command_port=command_port,
         page_port=None if headless else page_port,
         terminal=not (headless or as_json) and sys.stdin.isatty() and sys.stdout.isatty(),
         seconds=seconds,
         record=record,
+        realtime=realtime,
         core=core,
-        follow=second,
         catch_up=overruns == "catch-up",
-        watching=Watching(mismatch_after, on_mismatch is OnMismatch.STOP) if recognize else None,
+        mismatch=MismatchPolicy(mismatch_after, on_mismatch is OnMismatch.STOP) if recognize else None,
         listen=listen,
         token=read_token(token_file) if token_file is not None else None,
     )
     with Session(
-        loaded, lambda retarget: Deck(loaded, retarget, first, direct=direct, joining=join), timeline, settings
+        loaded,
+        lambda opening: open_robots(opening, setups, loaded, rate),
+        lambda retarget: Deck(loaded, retarget, first, direct=direct, joining=join),
+        settings,
+        timeline,
     ) as session:
         report = session.run()
     _print(report, as_json, summary(report))
@@ -234,21 +203,55 @@ def play(
         raise typer.Exit(1)
 
 
-def rig_file(rig: str | None, robot: str) -> Path | None:
-    """The rig file: that of the robot's own name for emulated servos."""
-    from motiondeck_base.errors import MotiondeckError
-    from motiondeck_base.shipped import find
+def _timeline(library: MotionLibrary, motion: str | None, script: str | None) -> tuple[str, list[Timed], float | None]:
+    """What is played first, what is commanded when, and how long a script takes, if it says so."""
+    from controller.cli.session.script import Timed, parse_script, read_timeline
+    from controller.cli.session.setup import first_motion
 
-    if rig is None:
-        return None
-    if rig != "emulated":
-        return find("rig", rig, ".toml")
-    try:
-        return find("rig", Path(robot).stem, ".toml")
-    except MotiondeckError:
-        raise MotiondeckError(
-            f"there is no rig for robot '{Path(robot).stem}' to be emulated. Try: --rig emulated --robot servo20"
-        ) from None
+    names = library.network.motions
+    if script is None:
+        return first_motion(library, motion), [], None
+    if script.endswith(".toml"):
+        return *read_timeline(Path(script), names), None
+    cues, length = parse_script(script, names)
+    return cues[0].motion, [Timed(cue.at, Switch(cue.motion)) for cue in cues[1:]], length
+
+
+def _refuse_live_options(*, rig: bool, record: bool, recognize: bool) -> None:
+    """Refuses options that make no sense with --video."""
+    from motiondeck_base.errors import MotiondeckError
+
+    if rig:
+        raise MotiondeckError("a film is not made live, so nothing can be streamed to a rig: leave --rig or --video")
+    if record:
+        raise MotiondeckError("a film is not made live, so there are no ticks to record: leave --record or --video")
+    if recognize:
+        raise MotiondeckError("in a film nothing is measured to be recognized: leave --recognize or --video")
+
+
+def _film(
+    library: MotionLibrary,
+    robot: str,
+    first: str,
+    timeline: list[Timed],
+    seconds: float | None,
+    video: Path,
+    solver: str | None,
+    as_json: bool,
+) -> None:
+    """Films a run instead of playing it live."""
+    from controller.cli.pictures.library_pictures import film
+    from controller.cli.session.script import Cue
+    from motiondeck_base.errors import MotiondeckError
+
+    cues = [Cue(0.0, first)]
+    for timed in timeline:
+        if not isinstance(timed.message, Switch):
+            raise MotiondeckError("a film can have switches only: leave the other commands out of the script")
+        cues.append(Cue(timed.at, timed.message.to))
+    length = seconds if seconds is not None else max(6.0, cues[-1].at + 4.0)
+    report = film(library, robot, cues, length, video, solver)
+    _print(report, as_json, f"wrote {video} ({length:g} s, {video.stat().st_size / 1e6:.1f} MB)")
 
 
 def _print(report: dict[str, Any], as_json: bool, words: str) -> None:

@@ -10,17 +10,16 @@ from typing import Annotated
 import typer
 
 from controller.cli.common.options import PAGE_PORT
-from controller.cli.play import rig_file
 from controller.wire.command_socket import DEFAULT_PORT
 
 
 def replay(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="What `play --record FILE` has made.")],
     library: Annotated[
-        str | None, typer.Option("--library", help="The library that was played; by itself found by its name.")
+        str | None, typer.Option("--library", help="The library that was played; default: found by its name.")
     ] = None,
     robot: Annotated[
-        str | None, typer.Option("--robot", help="The robot that played; by itself found by its name.")
+        str | None, typer.Option("--robot", help="The robot that played; default: found by its name.")
     ] = None,
     rig: Annotated[
         str | None, typer.Option("--rig", help="Stream to servos: a rig file, or 'emulated' for emulated ones.")
@@ -30,7 +29,7 @@ def replay(
     ] = False,
     headless: Annotated[bool, typer.Option("--headless", help="No page and no terminal.")] = False,
     rate: Annotated[
-        float | None, typer.Option("--rate", help="Ticks of the loop a second; by itself what was recorded.")
+        float | None, typer.Option("--rate", help="Ticks of the loop a second; default: as recorded.")
     ] = None,
     kinematic: Annotated[bool, typer.Option("--kinematic", help="Show the targets themselves.")] = False,
     page_port: Annotated[int, typer.Option("--port", help="The page's port; 0 for any free one.")] = PAGE_PORT,
@@ -39,15 +38,18 @@ def replay(
     ] = DEFAULT_PORT,
     as_json: Annotated[bool, typer.Option("--json", help="Print a report as one JSON object in the end.")] = False,
 ) -> None:
-    """Replay a recording: the same targets, through the same limits; speed, pause, home and estop work as in `play`.
+    """Replay a recorded run: the same targets, through the same limits.
+
+    Commands for speed, pause, home and the emergency stop work as in `play`.
 
     With --scrub the targets are shown on a page where one can drag a bar through time and step from frame to frame.
 
     Example:  motiondeck replay show.rec --rig emulated
     """
     from controller.cli.session.report import summary
-    from controller.cli.session.robot_on_deck import RobotSetup
-    from controller.cli.session.session import Session, Settings
+    from controller.cli.session.robot_on_deck import open_robots
+    from controller.cli.session.session import RunSettings, Session
+    from controller.cli.session.setup import robot_setup
     from controller.deck.recorded_deck import RecordedDeck
     from controller.library.motion_library import load_library
     from controller.wire.run_recording import load_recording
@@ -57,27 +59,26 @@ def replay(
     if not recording.complete:
         print(f"{file} was cut short: its last whole chunk ends after {recording.ticks} ticks", file=sys.stderr)
     recorded = str(recording.description["robot"])
-    body = robot or recorded
+    player = robot or recorded
     loaded = load_library(find("library", library or str(recording.description["library"]), ".safetensors"))
     if scrub:
         from controller.cli.pictures.clip_scene import act_of_recording
         from controller.cli.session.page import show_act
         from sim.robots.robot import load_robot
 
-        show_act(act_of_recording(recording, load_robot(find("robot", body, ".toml"), loaded.skeleton)), page_port)
+        show_act(act_of_recording(recording, load_robot(find("robot", player, ".toml"), loaded.skeleton)), page_port)
         return
     root, balance = str(recording.description.get("root", "gantry")), bool(recording.description.get("balance"))
     deck = RecordedDeck(recording, same_robot=robot is None or Path(robot).stem == recorded)
-    settings = Settings(
-        robot=RobotSetup(find("robot", body, ".toml"), rig_file(rig, body), rig == "emulated", root, balance),
+    setup = robot_setup(player, rig, physics=not kinematic, root=root, balance=balance)
+    settings = RunSettings(
         rate=rate if rate is not None else float(recording.description["rate"]),
-        physics=not kinematic,
-        realtime=False,
         command_port=command_port,
         page_port=None if headless else page_port,
         terminal=not headless and sys.stdin.isatty(),
-        seconds=None,
     )
-    with Session(loaded, lambda _: deck, [], settings) as session:
+    with Session(
+        loaded, lambda opening: open_robots(opening, [setup], loaded, settings.rate), lambda _: deck, settings
+    ) as session:
         report = session.run()
     print(json.dumps(report) if as_json else summary(report))

@@ -75,7 +75,7 @@ def read_recipe(path: Path) -> LibraryRecipe:
     Raises:
         FileFormatError: one line that names the file, the key and what is allowed.
     """
-    return _checked(read_toml(path, LibraryRecipe), path)
+    return check_recipe(read_toml(path, LibraryRecipe), path)
 
 
 def gesture_recipe(name: str, clips: Sequence[Path]) -> LibraryRecipe:
@@ -102,7 +102,7 @@ def gesture_recipe(name: str, clips: Sequence[Path]) -> LibraryRecipe:
                 "joints. Teach them anew with one rig file, or make a library of each."
             )
     longest = max(clip.duration for clip in recorded)
-    return _checked(
+    return check_recipe(
         LibraryRecipe(
             name=name,
             network=CentralizedRecipe(satellites=max(60, round(_SATELLITES * longest))),
@@ -120,7 +120,7 @@ def recipe_of(tree: object, path: Path) -> LibraryRecipe:
     Raises:
         FileFormatError: if there is none in it.
     """
-    return _checked(shaped(tree, LibraryRecipe, f"{path} (its recipe)"), path)
+    return check_recipe(shaped(tree, LibraryRecipe, f"{path} (its recipe)"), path)
 
 
 def check_name(name: str, path: Path) -> None:
@@ -133,7 +133,12 @@ def check_name(name: str, path: Path) -> None:
         raise FileFormatError(f"{path}: motion '{name}' cannot be typed; use letters, digits, - and _ (at most 40)")
 
 
-def _checked(recipe: LibraryRecipe, path: Path) -> LibraryRecipe:
+def check_recipe(recipe: LibraryRecipe, path: Path) -> LibraryRecipe:
+    """The recipe itself, if its names and numbers make sense.
+
+    Raises:
+        FileFormatError: if they do not; it names the path and what is allowed.
+    """
     names = [motion.name for motion in recipe.motions]
     twice = {name for name in names if names.count(name) > 1}
     if twice:

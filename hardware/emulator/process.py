@@ -54,7 +54,7 @@ def start_emulator(path: str | Path) -> EmulatorProcess:
         SerialPortError: if the emulator does not start.
     """
     config = load_rig(path)
-    command = [sys.executable, "-m", "hardware.emulator", str(path)]
+    command = [sys.executable, "-P", "-m", "hardware.emulator", str(path)]
     # In a session of its own: Ctrl-C is for the deck, which still needs its servos to come to rest.
     process = subprocess.Popen(
         command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True, start_new_session=True

@@ -1,4 +1,4 @@
-"""Processes of this program that a run starts and that end with it."""
+"""Processes of this program that a run starts and that end with it; they never import from the working directory."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from contextlib import contextmanager
 def child_process(
     module: str, *arguments: str, patience: float = 2.0, own_session: bool = False
 ) -> Iterator[subprocess.Popen[bytes]]:
-    """Runs a module beside the block; after it the process has some seconds to end by itself, or is asked to end.
+    """Runs a module beside the block; after the block it has some seconds to end, then it is killed.
 
     Args:
-        module: what to run.
+        module: its name.
         arguments: its command line.
-        patience: s that it has to end by itself.
+        patience: how long it may take to end, s.
         own_session: keeps Ctrl-C from it, which is for the deck alone.
     """
-    child = subprocess.Popen([sys.executable, "-m", module, *arguments], start_new_session=own_session)
+    child = subprocess.Popen([sys.executable, "-P", "-m", module, *arguments], start_new_session=own_session)
     try:
         yield child
     except BaseException:
@@ -38,9 +38,9 @@ def child_process(
 
 @contextmanager
 def kept_tty() -> Iterator[Callable[[], None]]:
-    """Remembers how the terminal is set and leaves it so, whatever a prompt that was killed has done to it.
+    """Restores the settings of the terminal after the block, whatever a killed prompt has done to them.
 
-    Yields what sets it back before the end.
+    Yields a function that restores them before that.
     """
     before = None
     with contextlib.suppress(termios.error, ValueError, OSError):

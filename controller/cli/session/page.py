@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from controller.cli.session.child_process import child_process
 from controller.cli.session.recognition_watch import NUMBERS, RecognitionWatch
-from controller.cli.session.robot_on_deck import RobotOnDeck
+from controller.cli.session.robot_on_deck import RobotOnDeck, Simulation
 from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
 from controller.mocap.skeleton import Skeleton
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 PICTURE_HZ = 50.0
 HEALTH_EVERY = 12  # pictures
 
-# What the page is told, besides the position of the robot: each field is one number.
+# What the page shows besides the position of the robot: each field is one number.
 _NUMBERS = (
     "tick",
     "time_s",
@@ -47,8 +47,8 @@ _NUMBERS = (
 
 
 @contextmanager
-def viewer(command_port: int, port: int) -> Iterator[tuple[Path, subprocess.Popen[bytes]]]:
-    """The browser view, a process of its own; yields the state file that it waits for, and the process."""
+def viewer(command_port: int, port: int) -> Iterator[tuple[Path, subprocess.Popen[bytes], int]]:
+    """The browser view in its own process; yields the state file that it waits for, the process, and its port."""
     port = free_port(port)
     folder = Path(tempfile.mkdtemp(prefix="motiondeck-"))
     try:
@@ -56,7 +56,7 @@ def viewer(command_port: int, port: int) -> Iterator[tuple[Path, subprocess.Pope
         arguments = ("--state", str(state), "--command-port", str(command_port), "--port", str(port))
         with child_process("sim.view.viewer", *arguments, own_session=True) as viewer:
             print(f"page: http://127.0.0.1:{port}", file=sys.stderr, flush=True)
-            yield state, viewer
+            yield state, viewer, port
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
@@ -97,16 +97,16 @@ class Page:
 
     Args:
         writer: of that state.
-        bodies: whose positions are drawn.
-        watch: what recognizes the motion of the joints, if anything does.
+        robots: whose positions are drawn, each with a simulation.
+        watch: recognizes the motion of the joints, if that is wanted.
     """
 
     def __init__(
-        self, writer: StateWriter, bodies: Sequence[RobotOnDeck], watch: RecognitionWatch | None = None
+        self, writer: StateWriter, robots: Sequence[RobotOnDeck], watch: RecognitionWatch | None = None
     ) -> None:
         self._writer, self._watch = writer, watch
-        self._stage, *self._followers = [body.stage for body in bodies]
-        self._guards = [body.guard for body in bodies if body.guard is not None]
+        self._stage, *self._followers = [simulation.stage for simulation in _simulations(robots)]
+        self._guards = [robot.guard for robot in robots if robot.guard is not None]
 
     @classmethod
     @contextmanager
@@ -114,17 +114,18 @@ class Page:
         cls,
         state: Path,
         motions: Sequence[str],
-        bodies: Sequence[RobotOnDeck],
+        robots: Sequence[RobotOnDeck],
         human: Skeleton | None,
         watch: RecognitionWatch | None = None,
     ) -> Iterator[Page]:
         """Puts the robots' models, the human's and the state beside each other, where the view waits for them."""
         from sim.view.ghost import draw_ghost
 
-        robot = bodies[0].robot
-        models = [state.with_name(f"robot{index}.xml") for index in range(len(bodies))]
-        for body, model in zip(bodies, models, strict=True):
-            body.robot.spec.to_file(str(model))
+        shown = [simulation.robot for simulation in _simulations(robots)]
+        robot = shown[0]
+        models = [state.with_name(f"robot{index}.xml") for index in range(len(shown))]
+        for one, model in zip(shown, models, strict=True):
+            one.spec.to_file(str(model))
         rest = robot.model.qpos0.copy()
         robot.layout.place(robot.rest, rest)
         description = {
@@ -136,18 +137,18 @@ class Page:
             "robot": robot.name,
         }
         numbers = {"qpos": robot.model.nq, "root_xy": 2} | dict.fromkeys(_NUMBERS + (NUMBERS if watch else ()), 1)
-        numbers |= {f"qpos {index}": body.robot.model.nq for index, body in enumerate(bodies[1:])}
+        numbers |= {f"qpos {index}": one.model.nq for index, one in enumerate(shown[1:])}
         if human is not None:
             description["human"] = draw_ghost(human, robot.path_scale, state.with_name("human.xml"))
             numbers |= {"human_root": 3, "human_turn": 4 * (1 + len(human))}
-        page = cls(StateWriter.create(state, description, numbers), bodies, watch)
+        page = cls(StateWriter.create(state, description, numbers), robots, watch)
         try:
             yield page
         finally:
             page.close()
 
     def show(self, state: LoopState, stop: StopRequest, deck: Showable, *, health: bool) -> None:
-        """Shows the robot as it is, and how the loop is doing: with `health` the figures that take time to tell."""
+        """Shows the robot as it is, and how the loop is doing: with `health` also the figures that take time."""
         fields = self._writer.fields
         fields["qpos"][:] = self._stage.qpos
         fields["root_xy"][:] = self._stage.qpos[:2]
@@ -176,8 +177,13 @@ class Page:
         self._writer.publish()
 
     def close(self) -> None:
-        """Tells the view that this was all; may be called twice."""
+        """Ends the view; may be called twice."""
         self._writer.close()
+
+
+def _simulations(robots: Sequence[RobotOnDeck]) -> list[Simulation]:
+    """The simulations of robots, without those that are a rig alone."""
+    return [robot.simulation for robot in robots if robot.simulation is not None]
 
 
 def show_act(act: Act, port: int) -> None:

@@ -1,4 +1,4 @@
-"""`motiondeck play --recognize`: experts of the library look at the measured joints, and say so when they disagree."""
+"""`motiondeck play --recognize`: compares the motion that the measured joints show with the commanded one."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from controller.recognition.deck_recognizer import joint_motions, teach_joints, 
 from controller.recognition.deck_watch import DeckWatch
 from controller.rotations import Array
 
-# What the page is told, one number each.
+# What the page shows of it, one number each.
 NUMBERS = ("seen", "confidence", "mismatch_s", "stuck")
-MOST_SAID = 20  # alarms on the terminal; the report has more
+MOST_PRINTED = 20  # alarms on the terminal; the report has more
 
 
 @dataclass(frozen=True)
-class Watching:
-    """What is asked of a watch.
+class MismatchPolicy:
+    """What happens when the joints do something else than was commanded.
 
     Attributes:
-        patience: how long the joints may look like another motion than the commanded one, s.
+        patience: how long the joints may look like another motion before there is an alarm, s.
         stop: whether an alarm ends the run.
     """
 
@@ -56,20 +56,21 @@ class WatchedDeck(Protocol):
 
 
 class RecognitionWatch:
-    """Feeds a `DeckWatch` from the loop, and says what it finds on the terminal, on the page and in the report."""
+    """Feeds a `DeckWatch` from the loop and shows what it finds on the terminal, on the page and in the report."""
 
     @classmethod
     def over(
-        cls, body: RobotOnDeck, channel: Channel, library: MotionLibrary, rate: float, asked: Watching
+        cls, player: RobotOnDeck, channel: Channel, library: MotionLibrary, rate: float, policy: MismatchPolicy
     ) -> RecognitionWatch:
-        """A watch over the joints of a body that one of its channels measures."""
-        robot = body.robot
-        retarget = deepcopy(robot.retarget)  # one that remembers a pose must not remember the last one taught
-        return cls(asked, library, retarget, robot.joints, robot.layout.ball, body.limits, channel, rate)
+        """A watch over the joints of a simulated robot that one of its channels measures."""
+        assert player.simulation is not None, "a watch over a rig alone"
+        robot = player.simulation.robot
+        retarget = deepcopy(robot.retarget)  # one that remembers a pose must not remember the last one learned
+        return cls(policy, library, retarget, robot.joints, robot.layout.ball, player.limits, channel, rate)
 
     def __init__(
         self,
-        asked: Watching,
+        policy: MismatchPolicy,
         library: MotionLibrary,
         retarget: Retargeter,
         joints: Sequence[str],
@@ -81,7 +82,7 @@ class RecognitionWatch:
         """Teaches the experts.
 
         Args:
-            asked: what to do.
+            policy: what to do about a mismatch.
             library: the motions.
             retarget: from its skeleton to the robot's joints.
             joints: the robot's joints; other robots' come after them in the targets.
@@ -94,15 +95,15 @@ class RecognitionWatch:
         known = np.ones(len(joints), dtype=np.bool_) if measured is None else np.isfinite(measured[: len(joints)])
         self._order = np.flatnonzero(known)
         self._balls = np.searchsorted(self._order, balls[known[balls].all(1)])
-        self._asked, self._channel = asked, channel
+        self._policy, self._channel = policy, channel
         motions = joint_motions(library, retarget)
         for name, targets in motions.items():
             motions[name] = np.clip(targets, limits.lower, limits.upper)[:, self._order]
             unwind(motions[name], self._balls)
-        self.watch = DeckWatch(teach_joints(motions), [joints[j] for j in self._order.tolist()], rate, asked.patience)
+        self.watch = DeckWatch(teach_joints(motions), [joints[j] for j in self._order.tolist()], rate, policy.patience)
         self._targets, self._measured = np.zeros(len(self._order)), np.zeros(len(self._order))
         self._time = -1.0
-        self._said = 0
+        self._printed = 0
         self._stopped = False
 
     @property
@@ -111,7 +112,7 @@ class RecognitionWatch:
         return (self.watch.seen, self.watch.confidence) if self.watch.seen is not None else None
 
     def look(self, state: LoopState, deck: WatchedDeck, stop: StopRequest) -> None:
-        """Takes in one tick; an alarm is said once, and ends the run if that was asked for."""
+        """Takes in one tick; an alarm is printed once, and ends the run if that is the policy."""
         played = stop.mode == "playing" and deck.time != self._time
         self._time = deck.time
         if self._channel.measured is None:
@@ -122,11 +123,11 @@ class RecognitionWatch:
         unwind(self._measured, self._balls)
         settled = played and deck.settled
         for alarm in self.watch.update(self._targets, self._measured, deck.playing, settled=settled, at=deck.time):
-            if self._asked.stop and not stop:
+            if self._policy.stop and not stop:
                 stop.ask(alarm.text)
                 self._stopped = True
-            if self._said < MOST_SAID:
-                self._said += 1
+            if self._printed < MOST_PRINTED:
+                self._printed += 1
                 print(f"motiondeck: at {alarm.at:.1f} s {alarm.text}", file=sys.stderr)
 
     def show(self, fields: dict[str, Array], motions: Sequence[str]) -> None:
@@ -139,7 +140,7 @@ class RecognitionWatch:
         fields["stuck"][0] = self._order[int(stuck.argmax())] if stuck.any() else -1
 
     def report(self) -> dict[str, Any]:
-        """What `--json` says of it."""
+        """Its part of the report of the run."""
         watch = self.watch
         return {
             "right_share": watch.right,
@@ -152,8 +153,8 @@ class RecognitionWatch:
         }
 
 
-def in_words(report: dict[str, Any]) -> list[str]:
-    """The lines of a run's summary."""
+def summary_lines(report: dict[str, Any]) -> list[str]:
+    """The same as lines of a run's summary."""
     share, after = report["right_share"], report["seen_after_s"]
     seen = f"the commanded motion was seen in {100.0 * share:.1f} % of the ticks" if share is not None else "nothing"
     when = f", {after:.2f} s after a switch had begun (median)" if after is not None else ""

@@ -8,23 +8,23 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from controller.cli.session.recognition_watch import in_words
+from controller.cli.session.recognition_watch import summary_lines
 from controller.deck.switch import CommandedSwitch
 from controller.loop.loop import LoopReport
 from controller.loop.permissions import Permission
 
 
-def full_report(
+def run_report(
     report: LoopReport,
     joints: Sequence[str],
     switches: Iterable[CommandedSwitch],
     permissions: Iterable[Permission],
 ) -> dict[str, Any]:
     """How the loop went, with joints by their names and the switches that were commanded; see docs/commands.md."""
-    said: dict[str, Any] = msgspec.to_builtins(report)
-    changed = said.pop("changed")
-    said["limited"] = {joint: count for joint, count in zip(joints, changed, strict=True) if count}
-    said["switches"] = [
+    full: dict[str, Any] = msgspec.to_builtins(report)
+    changed = full.pop("changed")
+    full["limited"] = {joint: count for joint, count in zip(joints, changed, strict=True) if count}
+    full["switches"] = [
         {
             "to": switch.to,
             "commanded_s": switch.commanded_s,
@@ -37,11 +37,11 @@ def full_report(
         }
         for switch in switches
     ]
-    said["permissions"] = {permission.name: permission.granted for permission in permissions}
-    for output in said["outputs"]:
+    full["permissions"] = {permission.name: permission.granted for permission in permissions}
+    for output in full["outputs"]:
         if output["name"] == "rig":
-            said["rig"] = output
-    return said
+            full["rig"] = output
+    return full
 
 
 def summary(report: dict[str, Any]) -> str:
@@ -71,6 +71,6 @@ def summary(report: dict[str, Any]) -> str:
     if kept := report.get("kept_apart"):
         most = sorted(kept.items(), key=lambda item: -item[1])[:3]
         lines.append("kept apart: " + ", ".join(f"{pair} ({count} ticks)" for pair, count in most))
-    lines += in_words(report["recognition"]) if "recognition" in report else []
+    lines += summary_lines(report["recognition"]) if "recognition" in report else []
     lines += [f"output {o['name']} was parked: {o['fault']}" for o in report["outputs"] if o["parked"]]
     return "\n".join(lines)

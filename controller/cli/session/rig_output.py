@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class RigOutput:
-    """Streams targets to a connected rig and measures how well its joints follow; fits `realtime.interfaces.Output`.
+    """Streams targets to a connected rig and measures how well its joints follow; fits `deck.interfaces.Output`.
 
     Args:
         rig: connected, torque on.
@@ -99,12 +99,12 @@ class RigOutput:
         }
 
     def close(self) -> None:
-        """Ends the rig as its file says, and names the joints of which that is not certain."""
-        close_saying(self._rig)
+        """Ends the rig as its file says, and names the joints that did not confirm it."""
+        close_rig(self._rig)
 
 
-def close_saying(rig: SupervisedRig | JoinedRig) -> None:
-    """Closes a rig, and says on stderr which joints did not confirm it; may be called twice."""
+def close_rig(rig: SupervisedRig | JoinedRig) -> None:
+    """Closes a rig and names on stderr the joints that did not confirm it; may be called twice."""
     from hardware.errors import still_on
 
     unconfirmed = rig.close()
@@ -145,12 +145,12 @@ def open_rig(
     limits = narrowed(robot.limits, robot, config)
     ports = opening.enter_context(start_emulator(file)).ports if emulated else ()
     rig = connect_rig(config, ports)
-    opening.callback(close_saying, rig)
+    opening.callback(close_rig, rig)
     return Channel(RigOutput(rig, robot.joints, config.rate_hz), round(every)), limits
 
 
 def narrowed(limits: JointLimits, robot: Robot, config: RigConfig) -> JointLimits:
-    """The limits that robot and rig both allow, so that the servos are never told to go where they would be clipped."""
+    """The limits that robot and rig both allow, so that no servo gets a target that it would clip."""
     lower, upper, velocity = limits.lower.copy(), limits.upper.copy(), limits.velocity.copy()
     for joint in config.joints:
         if joint.name in robot.joints:

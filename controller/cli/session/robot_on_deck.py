@@ -1,4 +1,4 @@
-"""A body on the deck: one robot, the stage where it is simulated, and its rig, if it has one."""
+"""A robot on the deck: its joints and limits, the way poses are carried to them, its simulation and its rig."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FOLLOWER = "follower "
 
 
 class Stage(Output, Protocol):
-    """Where a robot is simulated."""
+    """The output that simulates a robot."""
 
     @property
     def qpos(self) -> Array:
@@ -39,75 +39,108 @@ class Stage(Output, Protocol):
 
 @dataclass(frozen=True)
 class RobotSetup:
-    """Who plays.
+    """Which robot plays, and how.
 
     Attributes:
         robot: the robot file.
         rig: the rig file, or None.
         emulated: whether the rig's servos are emulated.
+        physics: whether the simulated robot moves by servos and masses, or exactly along its targets.
         root: what holds the simulated robot: gantry, fixed or free.
         balance: whether a free robot keeps its balance.
-        solver: how motions are carried onto it, in place of what its file says.
-        apart: whether targets in which it would run into itself are held back.
+        solver: how motions are carried onto it, in place of what its file chooses.
+        keep_apart: whether targets at which its limbs would collide are held back.
     """
 
     robot: Path
     rig: Path | None = None
     emulated: bool = False
+    physics: bool = True
     root: str = "gantry"
     balance: bool = False
     solver: str | None = None
-    apart: bool = False
+    keep_apart: bool = False
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """How a robot is simulated.
+
+    Attributes:
+        robot: its model.
+        stage: the output that simulates it.
+        root, balance: as in its `RobotSetup`.
+    """
+
+    robot: Robot
+    stage: Stage
+    root: str
+    balance: bool
 
 
 @dataclass(frozen=True)
 class RobotOnDeck:
-    """A robot that has been opened.
+    """Joints that a run drives.
 
     Attributes:
-        robot: itself.
-        limits: its own, narrowed to its rig's.
-        stage: where it is simulated.
+        name: of the robot or rig.
+        own_joints: the names of its joints.
+        limits: of a robot, narrowed to those of its rig.
+        rest: where the joints end, shape (J,), rad, or None for where they stop.
+        retarget: carries poses to its joints.
         rig: its servos, if it has any.
-        called: what goes before the names of its joints and outputs.
-        guard: keeps its limbs apart, if that was asked for.
+        simulation: None for a rig alone.
+        prefix: goes before the names of its joints and outputs.
+        guard: keeps its limbs apart, if that is wanted.
     """
 
-    robot: Robot
+    name: str
+    own_joints: tuple[str, ...]
     limits: JointLimits
-    stage: Stage
+    rest: Array | None
+    retarget: Retargeter
     rig: Channel | None
-    called: str = ""
+    simulation: Simulation | None = None
+    prefix: str = ""
     guard: CollisionGuard | None = None
 
     @property
-    def retarget(self) -> Retargeter:
-        """From the skeleton's poses to its joints."""
-        return self.guard or self.robot.retarget
+    def joints(self) -> list[str]:
+        """The names of its joints, distinct from those of another robot."""
+        return [self.prefix + joint for joint in self.own_joints]
 
     @property
-    def joints(self) -> list[str]:
-        """The names of its joints, which tell it from other bodies."""
-        return [self.called + joint for joint in self.robot.joints]
-
-    @staticmethod
-    def channels_of(bodies: Sequence[RobotOnDeck]) -> list[Channel]:
-        """The outputs of all bodies; a rig before the stage, for an approach starts from where its joints are."""
-        channels: list[Channel] = []
-        count, first = sum(len(body.joints) for body in bodies), 0
-        for body in bodies:
-            for channel in [*([body.rig] if body.rig is not None else []), Channel(body.stage)]:
-                if len(bodies) > 1:
-                    channel.output = Share(channel.output, first, len(body.joints), count, body.called)
-                channels.append(channel)
-            first += len(body.joints)
-        return channels
+    def outputs(self) -> list[Channel]:
+        """The rig before the simulation, because an approach starts from where the first output measures the joints."""
+        stage = Channel(self.simulation.stage) if self.simulation is not None else None
+        return [channel for channel in (self.rig, stage) if channel is not None]
 
 
-def open_body(
-    opening: ExitStack, cast: RobotSetup, library: MotionLibrary, rate: float, *, physics: bool, called: str = ""
+def channels_of(robots: Sequence[RobotOnDeck]) -> list[Channel]:
+    """The outputs of all robots; where there are several, each gets the targets of its own joints only."""
+    channels: list[Channel] = []
+    count, first = sum(len(robot.own_joints) for robot in robots), 0
+    for robot in robots:
+        for channel in robot.outputs:
+            if len(robots) > 1:
+                channel.output = Share(channel.output, first, len(robot.own_joints), count, robot.prefix)
+            channels.append(channel)
+        first += len(robot.own_joints)
+    return channels
+
+
+def open_robots(
+    opening: ExitStack, setups: Sequence[RobotSetup], library: MotionLibrary, rate: float
+) -> list[RobotOnDeck]:
+    """Opens the robot that plays and, if there is a second one, the robot that mirrors it; see `open_robot`."""
+    prefixes = ("", FOLLOWER)[: len(setups)]
+    return [open_robot(opening, setup, library, rate, prefix) for setup, prefix in zip(setups, prefixes, strict=True)]
+
+
+def open_robot(
+    opening: ExitStack, setup: RobotSetup, library: MotionLibrary, rate: float, prefix: str = ""
 ) -> RobotOnDeck:
-    """Opens a robot, its stage and its rig for a loop of some rate (Hz); `opening` closes them.
+    """Opens a robot, its simulation and its rig for a loop of some rate (Hz); `opening` closes them.
 
     Raises:
         MotiondeckError: if a file is wrong or the rig cannot be connected; the message names it.
@@ -117,12 +150,15 @@ def open_body(
     from sim.robots.collision_guard import CollisionGuard
     from sim.robots.robot import load_robot
 
-    robot = load_robot(cast.robot, library.skeleton, solver_named(cast.solver), 1.0 / rate)
-    stage = PhysicsPlayback(robot, 1.0 / rate, cast.root, cast.balance) if physics else KinematicPlayback(robot)
+    dt = 1.0 / rate
+    robot = load_robot(setup.robot, library.skeleton, solver_named(setup.solver), dt)
+    stage = PhysicsPlayback(robot, dt, setup.root, setup.balance) if setup.physics else KinematicPlayback(robot)
     opening.callback(stage.close)
     rig, limits = None, robot.limits
-    if cast.rig is not None:
-        rig, limits = open_rig(opening, cast.rig, robot, rate, emulated=cast.emulated)
+    if setup.rig is not None:
+        rig, limits = open_rig(opening, setup.rig, robot, rate, emulated=setup.emulated)
         opening.callback(rig.output.close)
-    guard = CollisionGuard(replace(robot, limits=limits), 1.0 / rate) if cast.apart else None
-    return RobotOnDeck(robot, limits, stage, rig, called, guard)
+    guard = CollisionGuard(replace(robot, limits=limits), dt) if setup.keep_apart else None
+    retarget = guard or robot.retarget
+    simulation = Simulation(robot, stage, setup.root, setup.balance)
+    return RobotOnDeck(robot.name, robot.joints, limits, robot.rest, retarget, rig, simulation, prefix, guard)

@@ -1,4 +1,4 @@
-"""One run of `motiondeck play`: everything is opened, the loop runs, everything is closed in the reverse order."""
+"""One run: everything is opened, the loop runs, everything is closed in the reverse order."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ import numpy as np
 
 from controller.cli.session.child_process import child_process, kept_tty
 from controller.cli.session.page import HEALTH_EVERY, PICTURE_HZ, Page, viewer
-from controller.cli.session.recognition_watch import RecognitionWatch, Watching
-from controller.cli.session.report import full_report
-from controller.cli.session.robot_on_deck import FOLLOWER, RobotOnDeck, RobotSetup, open_body
+from controller.cli.session.recognition_watch import MismatchPolicy, RecognitionWatch
+from controller.cli.session.report import run_report
+from controller.cli.session.robot_on_deck import RobotOnDeck, channels_of
 from controller.cli.session.script import Timed
 from controller.cli.session.tick_recorder import TickRecorder, recording
 from controller.deck.interfaces import Retargeter
@@ -39,51 +39,48 @@ from controller.loop.permissions import (
 from controller.loop.run_phases import Player
 from controller.loop.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest, stop_on_signals
+from controller.mocap.clip import Clip
 from controller.mocap.encodings.joint_angles import JointBody
+from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array
 from controller.wire.command_socket import CommandServer, Refused
+from motiondeck_base.errors import MotiondeckError
 
 
 @dataclass(frozen=True)
-class Settings:
-    """What a run is made of.
+class RunSettings:
+    """How a run goes, whatever is played and whoever plays it.
 
     Attributes:
-        robot: who plays, and with which rig.
-        rate: ticks a second.
-        physics: whether robots move by servos and masses or exactly as they are told.
-        realtime: whether to ask for real-time scheduling.
+        rate: ticks of the loop a second, Hz.
         command_port: where commands come in; 0 for a free port.
         page_port: where the page is, 0 for a free port, None for no page.
         terminal: whether there is a prompt.
-        seconds: how long to play, or None for as long as nobody stops it.
-        record: where every tick is recorded, if anywhere.
+        seconds: how long to play, or None until somebody stops it.
+        record: the file in which every tick is recorded, if any.
+        realtime: whether to ask for real-time scheduling.
         core: the core that the loop is to run on, if it matters; all other processes then keep off it.
-        follow: a second robot that mirrors the first, if any.
-        listen: the address of another interface where commands are taken, sealed with the token.
+        catch_up: whether missed ticks are made up for without waiting, or skipped.
+        mismatch: what to do when the joints look like another motion than the commanded one; None recognizes nothing.
+        listen: the address of another interface where commands are taken, if they are sealed with the token.
         token: who has it may command.
-        catch_up: whether ticks that were missed are made up for without waiting, or skipped.
-        watching: how the motion that the joints make is to be recognized, if at all.
     """
 
-    robot: RobotSetup
     rate: float
-    physics: bool
-    realtime: bool
-    command_port: int
-    page_port: int | None
-    terminal: bool
-    seconds: float | None
+    command_port: int = 0
+    page_port: int | None = None
+    terminal: bool = False
+    seconds: float | None = None
     record: Path | None = None
+    realtime: bool = False
     core: int | None = None
-    follow: RobotSetup | None = None
     catch_up: bool = False
-    watching: Watching | None = None
+    mismatch: MismatchPolicy | None = None
     listen: str | None = None
     token: bytes | None = None
 
 
-class Playable(Player, Commandable, Protocol):
+class PlayableDeck(Player, Commandable, Protocol):
     """A deck as a session needs it."""
 
     time: float
@@ -113,32 +110,38 @@ class Session:
     """Opens all that a run needs; use it as a context manager.
 
     Args:
-        library: whose skeleton the robot is fitted to.
-        make_deck: makes what is played, for the robot's retargeting.
-        timeline: what is commanded when, in order.
+        source: what is played: its name and its skeleton.
+        open_robots: opens those who play, at least one; the stack that it is given closes them.
+        make_deck: makes what is played, for the robots' retargeting.
         settings: the rest.
-        clock: what the loop runs on, of the rate in the settings; by itself a `Ticker`.
+        timeline: what is commanded when, in order.
+        clock: what the loop runs on, of the rate in the settings; a `Ticker` by default.
 
     Attributes:
-        bodies: who plays; there are some once it is open.
+        robots: who plays, once it is open.
+        command_port: where commands are taken, once it is open.
+        page_port: where the page is, once it is open, if there is one.
     """
 
     def __init__(
         self,
-        library: MotionLibrary,
-        make_deck: Callable[[Retargeter], Playable],
-        timeline: list[Timed],
-        settings: Settings,
+        source: MotionLibrary | Clip,
+        open_robots: Callable[[ExitStack], list[RobotOnDeck]],
+        make_deck: Callable[[Retargeter], PlayableDeck],
+        settings: RunSettings,
+        timeline: Sequence[Timed] = (),
         clock: Clock | None = None,
     ) -> None:
-        self._library, self._make_deck, self._settings = library, make_deck, settings
+        self._source, self._open_robots, self._make_deck, self._settings = source, open_robots, make_deck, settings
         self._clock = clock or Ticker(settings.rate, "catch_up" if settings.catch_up else "skip")
-        self._waiting = list(timeline)
-        self.bodies: list[RobotOnDeck] = []
+        self._timeline = list(timeline)
+        self.robots: list[RobotOnDeck] = []
+        self.command_port = 0
+        self.page_port: int | None = None
         self._refused: list[dict[str, object]] = []
         self._permissions: list[Permission] = []
         self._restore_tty: Callable[[], None] = lambda: None
-        self._beside: list[tuple[str, subprocess.Popen[bytes]]] = []
+        self._children: list[tuple[str, subprocess.Popen[bytes]]] = []
         self._open = ExitStack()
         self._page: Page | None = None
 
@@ -157,68 +160,103 @@ class Session:
         self._open.close()
 
     def _prepare(self, opening: ExitStack) -> None:
-        settings = self._settings
-        self._server = CommandServer(settings.command_port)
-        servers = [self._server]
-        if settings.listen is not None:
-            servers.append(CommandServer(self._server.port, settings.listen, settings.token))
-        for server in servers:
-            opening.callback(server.close)
-        # The view takes longest to start, so it starts first and waits for the rest.
-        view: Path | None = None
-        if settings.page_port is not None:
-            view, process = opening.enter_context(viewer(self._server.port, settings.page_port))
-            self._beside.append(("the page", process))
-        casts = {"": settings.robot} | ({FOLLOWER: settings.follow} if settings.follow is not None else {})
-        self.bodies = [
-            open_body(opening, cast, self._library, settings.rate, physics=settings.physics, called=called)
-            for called, cast in casts.items()
-        ]
-        self._body = self.bodies[0]
-        self._deck = self._make_deck(Ensemble([body.retarget for body in self.bodies]))
-        self._channels = RobotOnDeck.channels_of(self.bodies)
-        self._envelope = SafetyEnvelope(all_limits([body.limits for body in self.bodies]), self._clock.period)
-        self._watch = (
-            RecognitionWatch.over(self._body, self._channels[0], self._library, settings.rate, settings.watching)
-            if settings.watching
-            else None
-        )
-        # Of a recorded run the human's root alone is known, and joints taught by hand were never a human's.
-        skeleton = self._library.skeleton
-        human = None if isinstance(self._deck, RecordedDeck) or isinstance(skeleton, JointBody) else skeleton
-        if view is not None:
-            page = Page.open(view, self._deck.motions, self.bodies, human, self._watch)
+        """Opens everything; the page takes longest to start, so it starts first and waits for the rest."""
+        servers = self._open_servers(opening)
+        page_state = self._start_page(opening)
+        self.robots = self._open_robots(opening)
+        self._first = self.robots[0]
+        self._deck = self._make_deck(Ensemble([robot.retarget for robot in self.robots]))
+        self._channels = channels_of(self.robots)
+        self._envelope = SafetyEnvelope(all_limits([robot.limits for robot in self.robots]), self._clock.period)
+        self._watch = self._open_watch()
+        if page_state is not None:
+            page = Page.open(page_state, self._deck.motions, self.robots, self._shown_human(), self._watch)
             self._page = opening.enter_context(page)
-        self._recorder = self._open_recorder(opening) if settings.record else None
+        self._recorder = self._open_recorder(opening)
         self._desk = CommandDesk(
             self._deck,
             servers,
             self._recorder.note if self._recorder else None,
             (lambda watch=self._watch: watch.seen) if self._watch else None,
         )
-        if settings.terminal:
-            self._restore_tty = opening.enter_context(kept_tty())
-            terminal = child_process("controller.cli.session.terminal", "--command-port", str(self._server.port))
-            self._beside.append(("the prompt", opening.enter_context(terminal)))
+        self._start_terminal(opening)
+
+    def _open_servers(self, opening: ExitStack) -> list[CommandServer]:
+        settings = self._settings
+        servers = [CommandServer(settings.command_port)]
+        opening.callback(servers[0].close)
+        self.command_port = servers[0].port
+        if settings.listen is not None:
+            servers.append(CommandServer(self.command_port, settings.listen, settings.token))
+            opening.callback(servers[1].close)
+        return servers
+
+    def _start_page(self, opening: ExitStack) -> Path | None:
+        """The state file that the page waits for, if there is a page."""
+        if self._settings.page_port is None:
+            return None
+        state, process, self.page_port = opening.enter_context(viewer(self.command_port, self._settings.page_port))
+        self._children.append(("the page", process))
+        return state
+
+    def _open_watch(self) -> RecognitionWatch | None:
+        settings = self._settings
+        if settings.mismatch is None or not isinstance(self._source, MotionLibrary):
+            return None
+        return RecognitionWatch.over(self._first, self._channels[0], self._source, settings.rate, settings.mismatch)
+
+    def _open_recorder(self, opening: ExitStack) -> TickRecorder | None:
+        settings, simulation = self._settings, self._first.simulation
+        if settings.record is None:
+            return None
+        if simulation is None:
+            raise MotiondeckError("a rig without a simulated robot cannot be recorded; use: motiondeck play --record")
+        joints = list(self._first.own_joints)
+        description = {
+            "library": self._source_name,
+            "robot": self._first.name,
+            "joints": joints,
+            "motions": list(self._deck.motions),
+            "rate": settings.rate,
+            "root": simulation.root,
+            "balance": simulation.balance,
+        }
+        return opening.enter_context(recording(settings.record, description, len(joints), settings.rate))
+
+    def _start_terminal(self, opening: ExitStack) -> None:
+        if not self._settings.terminal:
+            return
+        self._restore_tty = opening.enter_context(kept_tty())
+        terminal = child_process("controller.cli.session.terminal", "--command-port", str(self.command_port))
+        self._children.append(("the prompt", opening.enter_context(terminal)))
+
+    @property
+    def _source_name(self) -> str:
+        return self._source.info.name if isinstance(self._source, MotionLibrary) else self._source.name
+
+    def _shown_human(self) -> Skeleton | None:
+        """Whose motion the page shows beside the robot.
+
+        Of a recorded run the human's root alone is known, and joints taught by hand were never a human's.
+        """
+        skeleton = self._source.skeleton
+        unknown = isinstance(self._deck, RecordedDeck) or isinstance(skeleton, JointBody)
+        return None if unknown else skeleton
 
     def run(self) -> dict[str, Any]:
-        """Plays until the time is over or somebody stops it, and says how it went."""
+        """Plays until the time is over or somebody stops it; the report of the run."""
         settings = self._settings
+        rests = [robot.rest for robot in self.robots if robot.rest is not None]
         with handed_back():
-            if settings.core is not None:
-                self._permissions.append(request_core(settings.core))
-            if settings.realtime:
-                self._permissions += [*request_realtime(), request_one_blas_thread()]
-            for permission in self._permissions:
-                print(permission, file=sys.stderr)
+            self._request_permissions()
             report = run(
                 self._deck,
                 self._channels,
                 self._clock,
                 self._envelope,
                 seconds=settings.seconds if settings.seconds is not None else float("inf"),
-                rest=np.concatenate([body.robot.rest for body in self.bodies]),
-                commands=self._commands,
+                rest=np.concatenate(rests) if len(rests) == len(self.robots) else None,
+                commands=self._carry_out_commands,
                 publish=self._publish if self._page or self._recorder or self._watch else None,
                 publish_every=1 if self._recorder or self._watch else self._ticks_a_picture,
                 stop=self._stop,
@@ -228,39 +266,50 @@ class Session:
             channel.output.close()
         if self._page:
             self._page.close()
-        names = [name for body in self.bodies for name in body.joints]
-        said = full_report(report, names, self._deck.switches, self._permissions)
-        said |= {"refused": self._refused, "recues": self._deck.recues}
-        guards = {body.called: body.guard for body in self.bodies if body.guard is not None}
-        kept = {called + pair: count for called, guard in guards.items() for pair, count in guard.kept_apart.items()}
-        said |= {"kept_apart": kept} if guards else {}
-        said |= {"recognition": self._watch.report()} if self._watch else {}
-        return said | {"library": self._library.info.name, "robot": self._body.robot.name}
+        names = [name for robot in self.robots for name in robot.joints]
+        full = run_report(report, names, self._deck.switches, self._permissions)
+        full |= {"refused": self._refused, "recues": self._deck.recues}
+        full |= {"library": self._source_name, "robot": self._first.name}
+        return full | self._kept_apart() | ({"recognition": self._watch.report()} if self._watch else {})
 
-    def _commands(self, stop: StopRequest) -> None:
+    def _request_permissions(self) -> None:
+        if self._settings.core is not None:
+            self._permissions.append(request_core(self._settings.core))
+        if self._settings.realtime:
+            self._permissions += [*request_realtime(), request_one_blas_thread()]
+        for permission in self._permissions:
+            print(permission, file=sys.stderr)
+
+    def _kept_apart(self) -> dict[str, Any]:
+        """How often which limbs were kept apart, where that was wanted."""
+        guards = {robot.prefix: robot.guard for robot in self.robots if robot.guard is not None}
+        counts = {prefix + pair: count for prefix, guard in guards.items() for pair, count in guard.kept_apart.items()}
+        return {"kept_apart": counts} if guards else {}
+
+    def _carry_out_commands(self, stop: StopRequest) -> None:
         """What comes in over the socket, and the timeline's commands when their time has come."""
-        while self._waiting and self._waiting[0].at <= self._deck.time:
-            timed = self._waiting.pop(0)
+        while self._timeline and self._timeline[0].at <= self._deck.time:
+            timed = self._timeline.pop(0)
             reply, _ = self._desk.carry_out(timed.message, stop)
             if isinstance(reply, Refused):
                 self._refused.append({"at": timed.at, "reason": reply.reason})
         if isinstance(self._deck, RecordedDeck) and self._deck.over:
-            stop.ask("replayed to the end")
-        for body in self.bodies:
-            if body.rig is not None and body.rig.parked:
-                stop.ask(f"the rig is lost: {body.rig.fault}")
+            stop.ask("played to the end")
+        for robot in self.robots:
+            if robot.rig is not None and robot.rig.parked:
+                stop.ask(f"the rig is lost: {robot.rig.fault}")
         self._desk(stop)
 
     def _measured(self) -> Array | None:
         """Where the joints of the first robot are, as far as it is known, rad."""
         measured = self._channels[0].measured
-        return None if measured is None else measured[: len(self._body.joints)]
+        return None if measured is None else measured[: len(self._first.own_joints)]
 
-    def _look_beside(self) -> None:
-        """Says so when the page or the prompt has died: the deck plays on without them."""
-        for name, process in [*self._beside]:
+    def _report_dead_children(self) -> None:
+        """Prints a line when the page or the prompt has died: the deck plays on without them."""
+        for name, process in [*self._children]:
             if process.poll() is not None:
-                self._beside.remove((name, process))
+                self._children.remove((name, process))
                 if process.returncode != 0:
                     self._restore_tty()
                     print(f"motiondeck: {name} has ended; the deck plays on", file=sys.stderr)
@@ -270,40 +319,29 @@ class Session:
         if self._watch is not None:
             self._watch.look(state, self._deck, self._stop)
         if self._recorder is not None:
-            deck = self._deck
-            seen = self._watch.seen if self._watch is not None else None
-            self._recorder.record(
-                state,
-                self._stop,
-                self._measured(),
-                self._body.stage.placed,
-                time_s=deck.time,
-                motion=deck.motions.index(deck.playing),
-                speed=deck.speed,
-                switching=not deck.settled,
-                seen=deck.motions.index(seen[0]) if seen is not None else -1.0,
-                confidence=seen[1] if seen is not None else 0.0,
-            )
+            self._record(self._recorder, state)
         if self._page is not None and state.tick % self._ticks_a_picture == 0:
-            self._page.show(
-                state, self._stop, self._deck, health=state.tick // self._ticks_a_picture % HEALTH_EVERY == 0
-            )
+            health = state.tick // self._ticks_a_picture % HEALTH_EVERY == 0
+            self._page.show(state, self._stop, self._deck, health=health)
         if state.tick // self._ticks_a_picture % HEALTH_EVERY == 0:
-            self._look_beside()
+            self._report_dead_children()
 
-    def _open_recorder(self, opening: ExitStack) -> TickRecorder:
-        settings, joints = self._settings, list(self._body.joints)
-        assert settings.record is not None
-        description = {
-            "library": self._library.info.name,
-            "robot": self._body.robot.name,
-            "joints": joints,
-            "motions": list(self._deck.motions),
-            "rate": settings.rate,
-            "root": settings.robot.root,
-            "balance": settings.robot.balance,
-        }
-        return opening.enter_context(recording(settings.record, description, len(joints), settings.rate))
+    def _record(self, recorder: TickRecorder, state: LoopState) -> None:
+        deck, simulation = self._deck, self._first.simulation
+        assert simulation is not None, "recorded without a simulation"
+        seen = self._watch.seen if self._watch is not None else None
+        recorder.record(
+            state,
+            self._stop,
+            self._measured(),
+            simulation.stage.placed,
+            time_s=deck.time,
+            motion=deck.motions.index(deck.playing),
+            speed=deck.speed,
+            switching=not deck.settled,
+            seen=deck.motions.index(seen[0]) if seen is not None else -1.0,
+            confidence=seen[1] if seen is not None else 0.0,
+        )
 
     @property
     def _ticks_a_picture(self) -> int:

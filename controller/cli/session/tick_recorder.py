@@ -21,7 +21,7 @@ from controller.wire.telemetry import StateWriter
 from motiondeck_base.errors import FileFormatError
 
 KEPT_SECONDS = 8.0
-"""So far the recorder may fall behind before ticks are lost."""
+"""How far the recorder may fall behind before ticks are lost, s."""
 
 _NUMBERS = (
     *("tick", "time_s", "late_us", "work_us", "overruns"),
@@ -36,7 +36,7 @@ class TickRecorder:
 
     Args:
         writer: with the fields that `recording` makes.
-        motions: what commands name.
+        motions: the names that commands use.
     """
 
     def __init__(self, writer: StateWriter, motions: Sequence[str]) -> None:
@@ -68,7 +68,7 @@ class TickRecorder:
 
         Args:
             state: of the loop.
-            stop: says in which mode it is.
+            stop: knows in which mode it is.
             measured: joint positions (J,), rad, if any.
             placed: where the robot's root was meant to be, position and quaternion, shape (7,), m.
             numbers: motion (its index), speed, switching and time_s; seen (an index too) and confidence.

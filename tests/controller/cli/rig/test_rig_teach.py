@@ -13,7 +13,8 @@ import pytest
 from typer.testing import CliRunner
 
 from controller.cli.main import app
-from controller.cli.rig.play import stream
+from controller.cli.rig.play import play_clip
+from controller.cli.session.session import RunSettings
 from controller.mocap.encodings.joint_angles import angles_of, read_taught_clip, save_taught_clip, taught_clip
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
@@ -129,7 +130,7 @@ def test_a_clip_that_the_limits_hold_back_comes_to_its_last_frame(rig, tmp_path,
     port = EmulatedPort(EmulatedBus(config))
     connected = SupervisedRig(config, lambda: Bus(port, config.baud), beside=False)
     monkeypatch.setattr("hardware.rig.joined_rig.connect_rig", lambda config, ports: connected)
-    run = stream(config, None, read_taught_clip(clip), None, "arm", None, 0)
+    run = play_clip(config, [], read_taught_clip(clip), RunSettings(rate=config.rate_hz))
     assert run["reason"] == "played to the end"
     assert connected._rig.goals == pytest.approx([1.2], abs=0.005)
 

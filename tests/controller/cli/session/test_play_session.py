@@ -6,8 +6,8 @@ import signal
 import pytest
 
 import synthetic
-from controller.cli.session.robot_on_deck import RobotSetup
-from controller.cli.session.session import Session, Settings
+from controller.cli.session.robot_on_deck import RobotSetup, open_robots
+from controller.cli.session.session import RunSettings, Session
 from controller.deck.deck import Deck
 from controller.loop.clock import VirtualClock
 from motiondeck_base.shipped import find
@@ -18,27 +18,22 @@ def library():
     return synthetic.small_library()
 
 
-def settings(**changes):
-    usual = {
-        "robot": RobotSetup(find("robot", "mannequin", ".toml")),
-        "rate": 100.0,
-        "physics": False,
-        "realtime": False,
-        "command_port": 0,
-        "page_port": None,
-        "terminal": False,
-        "seconds": 0.5,
-    }
-    return Settings(**usual | changes)
+def session(library, deck, robots=1, **changes):
+    """A run of mannequins at 100 Hz on a virtual clock."""
+    setups = [RobotSetup(find("robot", "mannequin", ".toml"), physics=False)] * robots
+    return Session(
+        library,
+        lambda opening: open_robots(opening, setups, library, 100.0),
+        deck,
+        RunSettings(rate=100.0, **{"seconds": 0.5} | changes),
+        clock=VirtualClock(100.0),
+    )
 
 
 def test_a_second_robot_mirrors_the_first(library):
-    chosen = settings(follow=RobotSetup(find("robot", "mannequin", ".toml")))
-    with Session(
-        library, lambda retarget: Deck(library, retarget, "march"), [], chosen, VirtualClock(100.0)
-    ) as session:
-        first, second = (body.stage for body in session.bodies)
-        report = session.run()
+    with session(library, lambda retarget: Deck(library, retarget, "march"), robots=2) as run:
+        first, second = (robot.simulation.stage for robot in run.robots)
+        report = run.run()
     assert [output["name"] for output in report["outputs"]] == ["kinematics", "follower kinematics"]
     assert report["outputs"][0]["writes"] == report["outputs"][1]["writes"] == report["ticks"]
     assert first.qpos.tolist() == second.qpos.tolist()
@@ -51,8 +46,8 @@ def test_a_signal_while_the_run_is_opening_ends_it_before_anything_moves(library
         return Deck(library, retarget, "march")
 
     before = signal.getsignal(number)
-    with Session(library, deck, [], settings(), VirtualClock(100.0)) as session:
-        report = session.run()
+    with session(library, deck) as run:
+        report = run.run()
     assert (report["reason"], report["ticks"]) == (f"{number.name} received", 0)
     assert report["outputs"][0]["writes"] == 0
     assert signal.getsignal(number) is before
@@ -64,7 +59,7 @@ def test_a_second_signal_while_opening_ends_it_at_once(library):
         os.kill(os.getpid(), signal.SIGTERM)
         raise AssertionError("never reached")
 
-    with pytest.raises(KeyboardInterrupt), Session(library, deck, [], settings(), VirtualClock(100.0)):
+    with pytest.raises(KeyboardInterrupt), session(library, deck):
         pass
 
 
@@ -76,8 +71,7 @@ def test_the_loop_gets_its_core_and_what_it_started_the_others(library):
         assert os.sched_getaffinity(0) == (before - {core} or before)
         return Deck(library, retarget, "march")
 
-    chosen = settings(core=core, seconds=0.1)
-    with Session(library, deck, [], chosen, VirtualClock(100.0)) as session:
-        report = session.run()
+    with session(library, deck, core=core, seconds=0.1) as run:
+        report = run.run()
     assert report["permissions"] == {f"core {core} (CPU affinity)": True}
     assert os.sched_getaffinity(0) == before

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from controller.cli.session.recognition_watch import NUMBERS, RecognitionWatch, Watching, in_words
+from controller.cli.session.recognition_watch import NUMBERS, MismatchPolicy, RecognitionWatch, summary_lines
 from controller.deck.deck import Deck
 from controller.deck.interfaces import JointLimits
 from controller.loop.clock import VirtualClock
@@ -66,7 +66,14 @@ def play(library, at, stop):
     limits = JointLimits(-big, big, big, big, big * 1e3)
     channel = Channel(Sticking(count, int(moves[:-1].argmax()), at))
     watch = RecognitionWatch(
-        Watching(0.5, stop), library, bones_as_joints, joints, np.zeros((0, 3), dtype=np.int64), limits, channel, RATE
+        MismatchPolicy(0.5, stop),
+        library,
+        bones_as_joints,
+        joints,
+        np.zeros((0, 3), dtype=np.int64),
+        limits,
+        channel,
+        RATE,
     )
     request = StopRequest()
 
@@ -97,7 +104,7 @@ def test_a_run_in_which_all_joints_follow_is_recognized_without_alarm(library, c
     page = what_is_seen(fields, library.network.motions, joints)
     assert "march" in page
     assert "does not follow" not in page
-    assert "100.0 % of the ticks" in in_words(report)[0]
+    assert "100.0 % of the ticks" in summary_lines(report)[0]
 
 
 @pytest.mark.parametrize("stop", [False, True])

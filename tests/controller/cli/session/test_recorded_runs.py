@@ -92,7 +92,7 @@ def test_a_recording_is_replayed(run, folder):
     )
     assert done.returncode == 0, done.stderr
     report = json.loads(done.stdout)
-    assert report["reason"] == "replayed to the end"
+    assert report["reason"] == "played to the end"
     assert sum(report["limited"].values()) < 0.25 * report["ticks"]  # of 24 targets a tick
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from controller.cli.session import robot_on_deck as body
+from controller.cli.session import robot_on_deck
 from motiondeck_base.shipped import find
 from simulated_bodies import bent_pose, human
 
@@ -18,14 +18,16 @@ def test_limbs_are_kept_apart_within_the_limits_of_the_rig(monkeypatch):
         rig = SimpleNamespace(output=SimpleNamespace(close=lambda: None))
         return rig, replace(robot.limits, lower=robot.rest - 0.2, upper=upper, velocity=velocity)
 
-    monkeypatch.setattr(body, "open_rig", open_rig)
+    monkeypatch.setattr(robot_on_deck, "open_rig", open_rig)
     skeleton, rate = human(), 100.0
-    cast = body.RobotSetup(find("robot", "servo20", ".toml"), find("rig", "servo20", ".toml"), apart=True)
+    setup = robot_on_deck.RobotSetup(
+        find("robot", "servo20", ".toml"), find("rig", "servo20", ".toml"), physics=False, keep_apart=True
+    )
     library: Any = SimpleNamespace(skeleton=skeleton)
     with ExitStack() as opening:
-        opened = body.open_body(opening, cast, library, rate, physics=False)
+        opened = robot_on_deck.open_robot(opening, setup, library, rate)
         bent = bent_pose(skeleton, rkne=(0.0, -1.0, 0.0), relb=(0.0, 0.0, 1.0))
         targets = [opened.retarget(pose).copy() for pose in (bent_pose(skeleton), *[bent] * 20)]
     assert np.ptp(targets, axis=0).max() > 0.02
     assert (np.abs(np.diff(targets, axis=0)) <= 0.5 / rate + 1e-9).all()
-    assert (np.abs(targets - opened.robot.rest) <= 0.2 + 1e-9).all()
+    assert (np.abs(targets - opened.rest) <= 0.2 + 1e-9).all()

@@ -1,0 +1,131 @@
+"""Learning from signals that are no motions: any time series (T, D), by name.
+
+What plays motions needs a body and an encoding; the networks themselves do not. A signal is normalised to [-1, 1], its
+first frames lead the reservoir in, and the rest is learned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller.library.network_arrays import AnyNetwork
+from controller.mocap.encodings.normalisation import Normalisation
+from controller.networks.base import FrameNetwork
+from controller.networks.loaded_signals import LoadedSignals
+from controller.networks.reservoir import Reservoir, drive
+from controller.ridge import ridge
+from controller.rotations import Array
+from controller.training.fit import Kind, train
+from controller.training.preparation.training_motion import TrainingMotion
+from controller.training.reservoirs.conceptor_training import ConceptorRecipe, load_reservoir
+from motiondeck_base.errors import MotiondeckError
+
+# Of Jaeger 2014, section 3.2, in the units of a normalised signal.
+SMALL_RESERVOIR = ConceptorRecipe(
+    neurons=100, spectral_radius=1.5, input_scale=1.5, bias_scale=0.2, learns="weights", ridge=1e-3, washout=100
+)
+
+
+def load_signals(
+    signals: Mapping[str, Array], recipe: ConceptorRecipe = SMALL_RESERVOIR, seed: int = 0
+) -> LoadedSignals:
+    """Loads signals into one reservoir (Jaeger 2014, section 3.3), whose conceptors can then be computed with.
+
+    Args:
+        signals: shape (T, D) each; the first `recipe.washout` frames only lead in.
+        recipe: sizes and scales; aperture, form and rank do not matter here.
+        seed: of the random weights.
+
+    Raises:
+        MotiondeckError: if there is no signal, channels differ, a signal is too short, or a number is not finite.
+    """
+    motions, normalisation = _motions(signals, (), recipe.washout)
+    loaded = load_reservoir(motions, recipe, seed)
+    states = {motion.name: own for motion, own in zip(motions, loaded.states, strict=True)}
+    return LoadedSignals(loaded.reservoir, loaded.weights, loaded.readout, normalisation, states)
+
+
+def learn_signals(
+    signals: Mapping[str, Array], recipe: Kind, *, rate: float = 1.0, loops: Collection[str] = (), seed: int = 0
+) -> AnyNetwork:
+    """One network that plays all signals, of the kind that the recipe names.
+
+    Args:
+        signals: shape (T, D) each.
+        recipe: kind, sizes and scales.
+        rate: frames per second, Hz; what is learned in frames does not depend on it.
+        loops: the signals that are one period, whose first frame follows the last.
+        seed: of everything random.
+
+    Raises:
+        MotiondeckError: as `load_signals`, or if a name in `loops` is no signal.
+    """
+    motions, normalisation = _motions(signals, loops, 0)
+    return train(motions, normalisation, recipe, rate, seed)
+
+
+def run_free(network: FrameNetwork, motion: str, frames: int, anchor: int = 0) -> Array:
+    """What a network plays without any input, from a stored state on, shape (frames, C).
+
+    Raises:
+        UnknownNameError: if there is no such motion; it names the nearest.
+    """
+    network.cue(motion, anchor)
+    out = np.empty((frames, network.channels))
+    for frame in out:
+        network.advance(frame)
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class ReservoirResponse:
+    """A driven reservoir with a readout: an input signal in, an output signal out.
+
+    Attributes:
+        reservoir: with C inputs.
+        readout: W_out, shape (D, N).
+    """
+
+    reservoir: Reservoir
+    readout: Array
+
+    def respond(self, inputs: Array) -> Array:
+        """The outputs to inputs (T, C), shape (T, D), from x = 0 on: the first frames are still a transient."""
+        (states,) = drive(self.reservoir, [inputs])
+        return states @ self.readout.T
+
+
+def learn_response(
+    reservoir: Reservoir, inputs: Array, outputs: Array, *, regulariser: float = 1e-6, washout: int = 100
+) -> ReservoirResponse:
+    """Learns to answer an input signal (T, C) with an output signal (T, D) by ridge regression on the driven states.
+
+    Raises:
+        MotiondeckError: if the two do not fit each other, or the washout leaves nothing to learn from.
+    """
+    if not len(inputs) == len(outputs) > washout:
+        raise MotiondeckError(
+            f"{len(inputs)} input and {len(outputs)} output frames with a washout of {washout}: "
+            "give equally many of both, and more than the washout"
+        )
+    (states,) = drive(reservoir, [inputs])
+    return ReservoirResponse(reservoir, ridge(states[washout:], outputs[washout:], regulariser))
+
+
+def _motions(signals: Mapping[str, Array], loops: Collection[str], washout: int) -> tuple[list[TrainingMotion], Normalisation]:
+    """What a trainer is given: normalised signals, of which the first frames lead in."""
+    for name in loops:
+        if name not in signals:
+            raise MotiondeckError(f"loops names '{name}', which is none of the signals {', '.join(signals)}")
+    for name, signal in signals.items():
+        if len(signal) < washout + 2:
+            raise MotiondeckError(f"signal '{name}' of {len(signal)} frames is too short for a washout of {washout}")
+    normalisation = Normalisation.fit(list(signals.values()))
+    return [
+        TrainingMotion(name, frames[washout:], name in loops, frames[:washout] if washout else None)
+        for name, signal in signals.items()
+        for frames in [normalisation.apply(signal)]
+    ], normalisation

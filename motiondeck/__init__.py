@@ -1,0 +1,89 @@
+# pyright: strict
+"""Motiondeck: learns human motions into small recurrent networks and plays them live on robots and servo rigs.
+
+What this package and `motiondeck.networks` list in `__all__` is public and described in docs/api.md; everything else
+may change from one version to the next.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from motiondeck import networks
+    from motiondeck.libraries import Library, MotionGenerator, learn, learn_recipe, load_library
+    from motiondeck.live import CommandedMotion, DeckEvent, DeckStatus, LiveDeck, play
+    from motiondeck.recognition import (
+        RecognitionStream,
+        RecognitionVerdict,
+        Recognizer,
+        learn_recognizer,
+        load_recognizer,
+    )
+    from motiondeck.recordings import Clip, Skeleton, read_recording, save_recording
+    from motiondeck.rigs import Rig, open_rig
+    from motiondeck.robots import JointMotion, Robot, load_robot
+    from motiondeck_base.errors import MotiondeckError, UnknownNameError
+
+__all__ = [
+    "Clip",
+    "CommandedMotion",
+    "DeckEvent",
+    "DeckStatus",
+    "JointMotion",
+    "Library",
+    "LiveDeck",
+    "MotionGenerator",
+    "MotiondeckError",
+    "RecognitionStream",
+    "RecognitionVerdict",
+    "Recognizer",
+    "Rig",
+    "Robot",
+    "Skeleton",
+    "UnknownNameError",
+    "learn",
+    "learn_recipe",
+    "learn_recognizer",
+    "load_library",
+    "load_recognizer",
+    "load_robot",
+    "networks",
+    "open_rig",
+    "play",
+    "read_recording",
+    "save_recording",
+]
+
+_HOMES = {
+    "motiondeck.libraries": ("Library", "MotionGenerator", "learn", "learn_recipe", "load_library"),
+    "motiondeck.live": ("CommandedMotion", "DeckEvent", "DeckStatus", "LiveDeck", "play"),
+    "motiondeck.recognition": (
+        "RecognitionStream",
+        "RecognitionVerdict",
+        "Recognizer",
+        "learn_recognizer",
+        "load_recognizer",
+    ),
+    "motiondeck.recordings": ("Clip", "Skeleton", "read_recording", "save_recording"),
+    "motiondeck.rigs": ("Rig", "open_rig"),
+    "motiondeck.robots": ("JointMotion", "Robot", "load_robot"),
+    "motiondeck_base.errors": ("MotiondeckError", "UnknownNameError"),
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+
+
+def __getattr__(name: str) -> object:
+    """Imports what is asked for when it is first used (PEP 562): importing everything takes a second."""
+    if name == "networks":
+        return import_module("motiondeck.networks")
+    if name not in _HOME_OF:
+        raise AttributeError(f"module 'motiondeck' has no attribute '{name}'")
+    value = getattr(import_module(_HOME_OF[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -1,0 +1,356 @@
+# pyright: strict
+"""A live deck that does not block: the real-time loop runs in a process of its own and takes commands from here."""
+
+from __future__ import annotations
+
+import contextlib
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Literal
+
+import msgspec
+
+from controller.cli.session.live_deck import Ended, Failed, LiveNews, LiveRequest, Ready
+from controller.wire.command_socket import (
+    Accepted,
+    Blend,
+    CommandClient,
+    CommandError,
+    EmergencyStop,
+    GetStatus,
+    Home,
+    Message,
+    Pause,
+    Queue,
+    Refused,
+    Reset,
+    Resume,
+    SetSpeed,
+    SocketError,
+    Stop,
+    Switch,
+)
+from controller.wire.command_socket import State as DeckStatus
+from controller.wire.messages import checked
+from motiondeck.libraries import Library
+from motiondeck_base.errors import MotiondeckError
+
+__all__ = ["CommandedMotion", "DeckEvent", "DeckStatus", "LiveDeck", "play"]
+
+_ANSWERS_WITHIN = 5.0  # s
+_ENDS_WITHIN = 30.0  # s: on the way to rest a rig may take its time
+_LOOKS_EVERY = 0.05  # s
+
+_news = msgspec.json.Decoder(LiveNews)
+
+
+@dataclass(frozen=True)
+class DeckEvent:
+    """Something that happened on a deck.
+
+    Attributes:
+        kind: "motion" when another motion is commanded, "settled" when nothing is left of the one before, "mode" when
+            the deck goes home, is stopped in an emergency or plays again, "paused" and "resumed", "ended" at the end.
+        status: of the deck at that time, or the last one.
+    """
+
+    kind: Literal["motion", "settled", "mode", "paused", "resumed", "ended"]
+    status: DeckStatus
+
+
+@dataclass(frozen=True)
+class CommandedMotion:
+    """A motion that a deck has been commanded to play.
+
+    Attributes:
+        motion: its name, or "walk + jog" for a blend.
+        after: the one-shot whose end is awaited first, or "".
+        via: the motions on the way.
+    """
+
+    motion: str
+    after: str
+    via: tuple[str, ...]
+    _wait: Callable[[float], float]
+
+    def wait(self, timeout: float = 30.0) -> float:
+        """Waits until nothing is left of the motion before; the seconds that took since the command.
+
+        Raises:
+            CommandError: if another command overtook this one.
+            MotiondeckError: if it has not settled in time, or the deck has ended.
+        """
+        return self._wait(timeout)
+
+
+class LiveDeck:
+    """A deck that is playing; made by `play`. Use it as a context manager, or `close` it; not from several threads.
+
+    Attributes:
+        motions: all that can be played.
+        command_port: where `motiondeck send` reaches it as well.
+        page: the address of its page, or None.
+        report: how the run went, as `motiondeck play --json` prints it; None until it has ended.
+    """
+
+    def __init__(self, process: subprocess.Popen[bytes], opened: contextlib.ExitStack) -> None:
+        self._process, self._opened = process, opened
+        self.report: dict[str, Any] | None = None
+        assert process.stdout is not None
+        self._stdout = process.stdout
+        first = self._stdout.readline()
+        ready = _news.decode(first) if first else None
+        # A report may be longer than the pipe holds, so somebody must read it while the deck ends.
+        self._reader = threading.Thread(target=self._read_report, daemon=True)
+        self._reader.start()
+        if not isinstance(ready, Ready):
+            self._end()
+            raise MotiondeckError(ready.reason if isinstance(ready, Failed) else self._how_it_ended())
+        self.motions = tuple(ready.motions)
+        self.command_port = ready.command_port
+        self.page = f"http://127.0.0.1:{ready.page_port}" if ready.page_port is not None else None
+        self._client = CommandClient(ready.command_port)
+
+    def __enter__(self) -> LiveDeck:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+    @property
+    def running(self) -> bool:
+        """Whether it still plays."""
+        return self._process.poll() is None
+
+    def status(self) -> DeckStatus:
+        """What is played now, at which tempo, what comes next, and in which mode the deck is.
+
+        Raises:
+            MotiondeckError: if the deck has ended; it says why.
+        """
+        reply = self._request(GetStatus())
+        assert isinstance(reply, DeckStatus), "a status is answered by a state"
+        return reply
+
+    def switch(self, motion: str, *, direct: bool = False) -> CommandedMotion:
+        """Plays another motion now, or when the present one-shot has ended; what was queued is forgotten.
+
+        Args:
+            motion: its name.
+            direct: go there at once and straight, however far it is.
+
+        Raises:
+            CommandError: if it cannot be done now, or there is no such motion; it names the nearest.
+            MotiondeckError: if the deck has ended.
+        """
+        return self._commanded(motion, Switch(motion, direct=direct))
+
+    def queue(self, motion: str) -> CommandedMotion:
+        """Plays a motion after what is played and queued; raises as `switch`."""
+        return self._commanded(motion, Queue(motion))
+
+    def blend(self, first: str, second: str, share: float) -> CommandedMotion:
+        """Plays a mixture of two loops with a share in [0, 1] of the second; raises as `switch`."""
+        return self._commanded(f"{first} + {second}", Blend(first, second, share))
+
+    def set_tempo(self, factor: float, over: float = 0.0) -> None:
+        """Plays at 0.1 to 3 times the recorded tempo; the change takes `over` seconds, or as few as are smooth."""
+        self._request(SetSpeed(factor, over=over))
+
+    def pause(self) -> None:
+        """Comes to a standstill."""
+        self._request(Pause())
+
+    def resume(self) -> None:
+        """Goes on after a pause, from home, or after the emergency stop was reset."""
+        self._request(Resume())
+
+    def home(self) -> None:
+        """Goes slowly to the rest pose and stays there until `resume` or a motion."""
+        self._request(Home())
+
+    def emergency_stop(self) -> None:
+        """Brakes every joint as hard as its limits allow and holds until `reset`."""
+        self._request(EmergencyStop())
+
+    def reset(self) -> None:
+        """Releases the emergency stop; nothing moves before `resume`, `switch` or `home`."""
+        self._request(Reset())
+
+    def events(self) -> Iterator[DeckEvent]:
+        """What happens on the deck from now on, as it happens, until it has ended; looks 20 times a second."""
+        before = self.status()
+        while True:
+            try:
+                now = self.status()
+            except SocketError:
+                yield DeckEvent("ended", before)
+                return
+            if now.motion != before.motion:
+                yield DeckEvent("motion", now)
+            if before.switching and not now.switching:
+                yield DeckEvent("settled", now)
+            if now.paused != before.paused:
+                yield DeckEvent("paused" if now.paused else "resumed", now)
+            if now.mode != before.mode:
+                yield DeckEvent("mode", now)
+            before = now
+            time.sleep(_LOOKS_EVERY)
+
+    def wait(self, timeout: float | None = None) -> dict[str, Any]:
+        """Waits until the deck has ended by its own `seconds`, by a command or by a fault; the report of the run.
+
+        Raises:
+            MotiondeckError: if it has not ended in time, or ended without a report.
+        """
+        if self.running:
+            try:
+                self._process.wait(timeout)  # the report has been read by the thread meanwhile
+            except subprocess.TimeoutExpired:
+                raise MotiondeckError(f"the deck still plays after {timeout:g} s") from None
+        self._end()
+        if self.report is None:
+            raise MotiondeckError(self._how_it_ended())
+        return self.report
+
+    def close(self) -> None:
+        """Brings the joints to rest and ends the deck; may be called twice."""
+        if self._process.poll() is None:
+            with contextlib.suppress(SocketError):
+                self._client.post(Stop())
+        self._end()
+
+    def _commanded(self, motion: str, message: Message) -> CommandedMotion:
+        reply = self._request(message)
+        assert isinstance(reply, Accepted), "what is not refused is accepted"
+
+        def wait(timeout: float) -> float:
+            settled = self._client.wait_settled(reply.id, timeout)
+            if isinstance(settled, Refused):
+                raise CommandError(settled.reason)
+            if settled is None:
+                raise MotiondeckError(f"{motion} has not settled after {timeout:g} s")
+            return settled.seconds
+
+        return CommandedMotion(motion, reply.after, tuple(reply.via), wait)
+
+    def _request(self, message: Message) -> Accepted | DeckStatus:
+        """Sends a command and takes its answer.
+
+        Raises:
+            CommandError: if it is refused.
+            SocketError: if the deck has ended; it says why.
+        """
+        if not self.running:
+            self._end()
+            raise SocketError(self._how_it_ended())
+        try:
+            reply = self._client.request(checked(message), _ANSWERS_WITHIN)
+        except SocketError:
+            # It may just be ending: then there is more to say than that nobody answers.
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(1.0)
+                self._end()
+                raise SocketError(self._how_it_ended()) from None
+            raise
+        if isinstance(reply, Accepted | DeckStatus):
+            return reply
+        raise CommandError(reply.reason if isinstance(reply, Refused) else "the deck's answer is not understood")
+
+    def _read_report(self) -> None:
+        """Keeps the report that the deck's process prints in the end."""
+        for line in self._stdout:
+            news = _news.decode(line)
+            if isinstance(news, Ended):
+                self.report = news.report
+
+    def _end(self) -> None:
+        """Waits for the process, which is killed if it does not end, and takes its report."""
+        try:
+            self._process.wait(_ENDS_WITHIN)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._reader.join()
+        assert self._process.stdin is not None
+        self._process.stdin.close()
+        self._stdout.close()
+        self._opened.close()
+
+    def _how_it_ended(self) -> str:
+        if self.report is not None:
+            return f"the deck has ended: {self.report['reason']}"
+        return f"the deck's process broke off with exit code {self._process.returncode}; its own message stands above"
+
+
+def play(
+    library: str | Path | Library = "thesis15",
+    motion: str | None = None,
+    *,
+    robot: str | Path = "mannequin",
+    rig: str | Path | None = None,
+    page: bool | int = False,
+    seconds: float | None = None,
+    record: str | Path | None = None,
+    rate: float = 200.0,
+    physics: bool = True,
+    root: Literal["gantry", "fixed", "free"] = "gantry",
+    balance: bool = False,
+    command_port: int = 0,
+) -> LiveDeck:
+    """Starts a live deck and returns when it plays.
+
+    The deck ends with its `with` block, with `seconds`, and with the program that started it, whatever becomes of that.
+
+    Args:
+        library: a shipped one by its name, a file, or one in memory.
+        motion: what is played first; `walk` where there is one.
+        robot: a shipped one by its name ("mannequin", "servo20"), or a robot file.
+        rig: its servos: "emulated", a shipped rig or a rig file; None for none.
+        page: whether there is a page in the browser, on a free port or on this one; see `LiveDeck.page`.
+        seconds: how long to play; None until it is closed.
+        record: the file in which every tick is recorded, for `motiondeck replay` and `plot`.
+        rate: ticks of the loop a second, Hz.
+        physics: whether the simulated robot moves by servos and masses, or exactly along its targets.
+        root: what holds it: a gantry, nothing that moves, or nothing at all.
+        balance: whether a free robot keeps its balance.
+        command_port: where commands come in; 0 for a free port.
+
+    Raises:
+        MotiondeckError: if a name does not exist (it names the nearest), or a file, port or rig cannot be used.
+    """
+    with contextlib.ExitStack() as opening:
+        if isinstance(library, Library):
+            file = Path(opening.enter_context(tempfile.TemporaryDirectory(prefix="motiondeck-"))) / "played.safetensors"
+            library.save(file)
+            library = file
+        request = LiveRequest(
+            library=str(library),
+            motion=motion,
+            robot=str(robot),
+            rig=str(rig) if rig is not None else None,
+            rate=rate,
+            physics=physics,
+            root=root,
+            balance=balance,
+            page_port=None if page is False else 0 if page is True else page,
+            command_port=command_port,
+            seconds=seconds,
+            record=str(record) if record is not None else None,
+        )
+        module = "controller.cli.session.live_deck"
+        # In a session of its own: Ctrl-C is for the program, whose `with` block then ends the deck.
+        process = subprocess.Popen(
+            [sys.executable, "-P", "-m", module, msgspec.json.encode(request).decode()],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            start_new_session=True,
+        )
+        return LiveDeck(process, opening.pop_all())

@@ -1,0 +1,137 @@
+# pyright: strict
+"""The networks themselves, for time series of your own: reservoirs, conceptors, centers with satellites, switching.
+
+Each stands in a file of its own in `controller/networks`, with its equations; here they are together.
+"""
+
+from __future__ import annotations
+
+from controller.library.network_arrays import AnyNetwork
+from controller.measures.accuracy import nrmse
+from controller.networks.base import FrameNetwork, Generator
+from controller.networks.centers import (
+    Duffing,
+    FrequencyError,
+    HarmonicCenters,
+    NonlinearCenters,
+    Pendulum,
+    Spring,
+    control_for,
+)
+from controller.networks.centralized import CentralizedGenerator, CentralizedMotion
+from controller.networks.conceptor import ConceptorNetwork
+from controller.networks.conceptor_algebra import (
+    adapt_aperture,
+    attenuation,
+    conceptor,
+    conjunction,
+    correlation,
+    disjunction,
+    negation,
+    quota,
+    similarity,
+)
+from controller.networks.echo_state import EchoStateNetwork
+from controller.networks.loaded_signals import LoadedSignals
+from controller.networks.morph import Morph, morph
+from controller.networks.random_feature_conceptor import RandomFeatureNetwork
+from controller.networks.reservoir import Reservoir, drive, random_reservoir
+from controller.networks.satellite_network import SatelliteNetwork, learn_weights
+from controller.networks.satellites import (
+    GaussianSatellites,
+    HarmonicSatellites,
+    PolynomialSatellites,
+    SatelliteError,
+    Satellites,
+    grid_places,
+    lowest_orders,
+    spacing,
+)
+from controller.networks.switching_module import (
+    Command,
+    ModuleDesign,
+    SwitchingModule,
+    SwitchingModuleError,
+    clamp,
+    collapse_and_kick,
+    design_module,
+    excite,
+)
+from controller.ridge import ridge
+from controller.training.centralized.centralized_training import CentralizedRecipe
+from controller.training.centralized.motion_training import train_centralized
+from controller.training.own_signals import (
+    SMALL_RESERVOIR,
+    ReservoirResponse,
+    learn_response,
+    learn_signals,
+    load_signals,
+    run_free,
+)
+from controller.training.reservoirs.conceptor_training import ConceptorRecipe
+from controller.training.reservoirs.echo_state_training import EchoStateRecipe
+from controller.training.reservoirs.random_feature_training import RandomFeatureRecipe
+
+__all__ = [
+    "SMALL_RESERVOIR",
+    "AnyNetwork",
+    "CentralizedGenerator",
+    "CentralizedMotion",
+    "CentralizedRecipe",
+    "Command",
+    "ConceptorNetwork",
+    "ConceptorRecipe",
+    "Duffing",
+    "EchoStateNetwork",
+    "EchoStateRecipe",
+    "FrameNetwork",
+    "FrequencyError",
+    "GaussianSatellites",
+    "Generator",
+    "HarmonicCenters",
+    "HarmonicSatellites",
+    "LoadedSignals",
+    "ModuleDesign",
+    "Morph",
+    "NonlinearCenters",
+    "Pendulum",
+    "PolynomialSatellites",
+    "RandomFeatureNetwork",
+    "RandomFeatureRecipe",
+    "Reservoir",
+    "ReservoirResponse",
+    "SatelliteError",
+    "SatelliteNetwork",
+    "Satellites",
+    "Spring",
+    "SwitchingModule",
+    "SwitchingModuleError",
+    "adapt_aperture",
+    "attenuation",
+    "clamp",
+    "collapse_and_kick",
+    "conceptor",
+    "conjunction",
+    "control_for",
+    "correlation",
+    "design_module",
+    "disjunction",
+    "drive",
+    "excite",
+    "grid_places",
+    "learn_response",
+    "learn_signals",
+    "learn_weights",
+    "load_signals",
+    "lowest_orders",
+    "morph",
+    "negation",
+    "nrmse",
+    "quota",
+    "random_reservoir",
+    "ridge",
+    "run_free",
+    "similarity",
+    "spacing",
+    "train_centralized",
+]

@@ -1,0 +1,137 @@
+# pyright: strict
+"""Recognition: which motion is this clip, and what is being done in a stream of poses?"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.mocap.clip import Clip
+from controller.recognition.experts import ExpertRecipe
+from controller.recognition.features import FeatureRecipe
+from controller.recognition.labelled_recordings import Dataset, Example, read_dataset
+from controller.recognition.online import OnlineRecognizer
+from controller.recognition.recognizer import RecognitionVerdict, train_recognizer
+from controller.recognition.recognizer import Recognizer as TrainedRecognizer
+from controller.recognition.recognizer_file import load_recognizer as load_recognizer_file
+from controller.recognition.recognizer_file import save_recognizer
+
+__all__ = ["RecognitionStream", "RecognitionVerdict", "Recognizer", "learn_recognizer", "load_recognizer"]
+
+
+@dataclass(frozen=True)
+class Recognizer:
+    """Tells motions apart; made by `learn_recognizer` or `load_recognizer`.
+
+    Attributes:
+        model: its features, experts and threshold.
+    """
+
+    model: TrainedRecognizer
+
+    @property
+    def motions(self) -> tuple[str, ...]:
+        """The motions it knows."""
+        return self.model.bank.classes
+
+    def recognize(self, clip: Clip) -> RecognitionVerdict:
+        """The motion that a clip shows, how sure that is, and whether it is a known one at all.
+
+        Raises:
+            MotiondeckError: if the clip's skeleton lacks a joint that is looked at, or the clip is too short.
+        """
+        return self.model.recognize(clip)
+
+    def stream(self) -> RecognitionStream:
+        """Recognizes frame by frame."""
+        model = self.model
+        return RecognitionStream(self, OnlineRecognizer(model.bank, model.threshold, model.recipe.rate))
+
+    def frames(self, clip: Clip) -> NDArray[np.float64]:
+        """What a stream is fed with: the features of a clip at `rate` frames per second, shape (T, C)."""
+        return self.model.look(clip)
+
+    @property
+    def rate(self) -> float:
+        """Frames per second that are looked at, Hz."""
+        return self.model.recipe.rate
+
+    def save(self, path: str | Path, licence: str = "") -> None:
+        """Writes the recognizer into one file (.safetensors).
+
+        Raises:
+            MotiondeckError: if the folder cannot be written.
+        """
+        save_recognizer(self.model, Path(path), licence)
+
+
+@dataclass
+class RecognitionStream:
+    """Recognition while it happens; the evidence is that of the last third of a second."""
+
+    recognizer: Recognizer
+    _online: OnlineRecognizer = field(repr=False)
+
+    def update(self, frame: NDArray[np.float64]) -> str | None:
+        """Takes the next frame of features, shape (C,); the motion that is seen, or None while nothing is sure."""
+        self._online.update(frame)
+        return self.motion
+
+    @property
+    def motion(self) -> str | None:
+        """The motion that is seen, or None while nothing is sure."""
+        return self._online.motion if self._online.known else None
+
+    @property
+    def confidence(self) -> float:
+        """How far the best motion is ahead of the second, in [0, 1)."""
+        return self._online.confidence
+
+    def reset(self) -> None:
+        """Forgets everything that was seen."""
+        self._online.reset()
+
+
+def learn_recognizer(
+    recordings: str | Path | Mapping[str, Collection[Clip]],
+    *,
+    rate: float = 30.0,
+    tempos: Collection[float] = (1.0,),
+    seed: int = 1,
+) -> Recognizer:
+    """Learns to tell motions apart.
+
+    Args:
+        recordings: a folder with one folder of recordings a motion, or the clips of each motion by its name.
+        rate: frames per second that are looked at, Hz.
+        tempos: each clip is learned as if it took so many times as long, once for each.
+        seed: of the reservoir.
+
+    Raises:
+        MotiondeckError: if there are fewer than two motions, or a recording cannot be used.
+    """
+    dataset = read_dataset(Path(recordings)) if isinstance(recordings, str | Path) else _labelled(recordings)
+    return Recognizer(train_recognizer(dataset, FeatureRecipe(rate=rate), ExpertRecipe(seed=seed), tuple(tempos)))
+
+
+def load_recognizer(path: str | Path) -> Recognizer:
+    """A recognizer that was saved, by its path.
+
+    Raises:
+        MotiondeckError: one line that names the file and what is wrong with it.
+    """
+    return Recognizer(load_recognizer_file(Path(path)))
+
+
+def _labelled(clips: Mapping[str, Collection[Clip]]) -> Dataset:
+    """Clips as a dataset; who has one skeleton is one actor."""
+    examples = [
+        Example(clip, motion, clip.skeleton.name, Path(clip.source or clip.name))
+        for motion, own in clips.items()
+        for clip in own
+    ]
+    return Dataset(examples, [])

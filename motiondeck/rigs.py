@@ -1,0 +1,172 @@
+# pyright: strict
+"""Servo rigs: joint angles in, joint angles out; on a real port, on an emulated one, or simulated in this process."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from controller.quintic import rise
+from hardware.emulator.process import start_emulator
+from hardware.emulator.simulated_rig import SimulatedRig
+from hardware.errors import RigError, still_on
+from hardware.rig.interface import Rig as ConnectedRig
+from hardware.rig.joined_rig import connect_rig
+from hardware.rig.rig_file import RigConfig, load_rig
+from motiondeck_base.errors import UnknownNameError
+from motiondeck_base.shipped import find
+
+__all__ = ["Rig", "open_rig"]
+
+Array = NDArray[np.float64]
+Servos = Literal["real", "emulated", "simulated"]
+SERVOS: tuple[Servos, ...] = ("real", "emulated", "simulated")
+
+_ANSWERS_WITHIN = 0.2  # s
+_LOOK_AGAIN = 0.5e-3  # s
+
+
+class Rig:
+    """A rig that is switched on, each servo where it stands; made by `open_rig`.
+
+    Every target is kept within the limits of the rig file; the servos keep to its speed limits themselves. When
+    nothing is heard for the rig file's `watchdog_ms` the servos stop: write, read or `wait` at least that often.
+
+    Attributes:
+        config: the rig file.
+        joints: the names of the J joints, the order of every array.
+        lower, upper: position limits, shape (J,), rad.
+    """
+
+    def __init__(self, connected: ConnectedRig) -> None:
+        self._rig = connected
+        self.config: RigConfig = connected.config
+        self.joints = connected.names
+        self.lower: Array = np.array([joint.lower for joint in self.config.joints])
+        self.upper: Array = np.array([joint.upper for joint in self.config.joints])
+        self._goal: Array = connected.positions.copy()
+        self._due = time.monotonic()
+
+    def read(self) -> Array:
+        """Where the joints are now, shape (J,), rad.
+
+        Raises:
+            RigError: if no servo answers in time, or the rig has stopped for good; it names the servo.
+        """
+        rig = self._rig
+        deadline = time.monotonic() + _ANSWERS_WITHIN
+        rig.collect_state()  # an answer to an earlier question is older than this call
+        rig.request_state()
+        while not rig.collect_state():
+            if time.monotonic() > deadline:
+                raise RigError("no servo of the rig answers. Check its power and cable: motiondeck rig doctor")
+            time.sleep(_LOOK_AGAIN)
+        return rig.positions.copy()
+
+    def write(self, angles: ArrayLike | Mapping[str, float]) -> None:
+        """Sends targets and returns at once.
+
+        Args:
+            angles: shape (J,), rad; or some joints by name, the others keep their target.
+
+        Raises:
+            UnknownNameError: if there is no such joint; it names the nearest.
+            RigError: if the shape is wrong, or the rig has stopped for good.
+        """
+        goal = np.clip(self._targets(angles), self.lower, self.upper)
+        self._rig.write(goal)
+        self._goal = goal
+
+    def wait(self, seconds: float) -> None:
+        """Lets time pass and keeps the servos' watchdogs fed; a simulated rig does not keep you waiting.
+
+        Calls add up to what was asked, whatever happens in between: a loop of `write` and `wait(0.01)` runs at 100 Hz.
+        """
+        rig = self._rig
+        if isinstance(rig, SimulatedRig):
+            for dt in _portions(seconds, 1.0 / self.config.rate_hz):
+                rig.request_state()
+                rig.elapse(dt)
+            return
+        now = time.monotonic()
+        due = self._due = (self._due if now - self._due < seconds else now) + seconds
+        while (left := due - time.monotonic()) > 0.0:
+            rig.collect_state()
+            rig.request_state()
+            time.sleep(min(left, 1.0 / self.config.rate_hz))
+
+    def move_to(self, angles: ArrayLike | Mapping[str, float], seconds: float = 2.0) -> None:
+        """Moves smoothly from the present targets to others, and returns when the time is over.
+
+        Args:
+            angles: as for `write`.
+            seconds: how long; position, speed and acceleration have no jump.
+
+        Raises:
+            UnknownNameError, RigError: as `write`.
+        """
+        start, end = self._goal, np.clip(self._targets(angles), self.lower, self.upper)
+        steps = max(1, round(seconds * self.config.rate_hz))
+        for step in range(1, steps + 1):
+            self.write(start + rise(step / steps) * (end - start))
+            self.wait(seconds / steps)
+
+    def _targets(self, angles: ArrayLike | Mapping[str, float]) -> Array:
+        """Angles of all joints, shape (J,), rad."""
+        if not isinstance(angles, Mapping):
+            targets = np.array(angles, dtype=np.float64)
+            if targets.shape != (len(self.joints),) or not np.isfinite(targets).all():
+                raise RigError(f"targets of shape {targets.shape}; a rig of {len(self.joints)} joints takes one each")
+            return targets
+        targets = self._goal.copy()
+        for joint, angle in angles.items():
+            if joint not in self.joints:
+                raise UnknownNameError.among("joint", str(joint), self.joints)
+            targets[self.joints.index(joint)] = angle
+        return targets
+
+
+@contextmanager
+def open_rig(name: str | Path, servos: Servos = "real", ports: Sequence[str] = ()) -> Generator[Rig, None, None]:
+    """Connects a rig for the length of a `with` block and switches its servos on where they stand.
+
+    Afterwards torque is switched off, or the joints are held, as the rig file says.
+
+    Args:
+        name: a shipped rig ("servo20"), or the path of a rig file (.toml).
+        servos: "real" on a serial port, "emulated" on a pseudo-terminal with every byte of the protocol, or "simulated"
+            in this process without bytes or waiting, for tests and fast trials.
+        ports: in place of the rig file's own, for real servos.
+
+    Raises:
+        MotiondeckError: if the file is wrong, a port cannot be opened, or a servo is missing or unfit; it names them.
+    """
+    if servos not in SERVOS:
+        raise UnknownNameError.among("kind of servos", servos, SERVOS)
+    file = find("rig", str(name), ".toml")
+    config = load_rig(file)
+    with ExitStack() as opened:
+        if servos == "simulated":
+            connected: ConnectedRig = SimulatedRig(config)
+        elif servos == "emulated":
+            connected = connect_rig(config, opened.enter_context(start_emulator(file)).ports)
+        else:
+            connected = connect_rig(config, ports)
+        try:
+            yield Rig(connected)
+        finally:
+            unconfirmed = connected.close()
+        if unconfirmed:
+            raise RigError(still_on(unconfirmed))
+
+
+def _portions(seconds: float, longest: float) -> list[float]:
+    """A time in parts of at most so many seconds."""
+    count = max(1, round(seconds / longest))
+    return [seconds / count] * count

@@ -1,0 +1,56 @@
+# pyright: strict
+"""Robots: a clip carried onto a robot's joints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from controller.mocap.clip import Clip
+from motiondeck_base.shipped import find
+from sim.models.average_body import reference_body
+from sim.models.robot_file import read_robot_file, solver_named
+from sim.robots.joint_motion import JointMotion, retargeted
+from sim.robots.robot import load_robot as load_robot_for
+
+__all__ = ["JointMotion", "Robot", "load_robot"]
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A robot; made by `load_robot`.
+
+    Attributes:
+        file: the robot file.
+        name: what it is called.
+        solver: how motions are carried onto it, "angles" or "ik", in place of what its file chooses.
+    """
+
+    file: Path
+    name: str
+    solver: str | None = None
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The names of its joints; a mannequin's are those of the skeleton that it is built for."""
+        return load_robot_for(self.file, reference_body()).joints
+
+    def retarget(self, clip: Clip) -> JointMotion:
+        """A clip carried onto the robot, frame by frame: joint angles within its position limits, and its root.
+
+        Raises:
+            MotiondeckError: if the clip's skeleton lacks what the robot needs; it names the bones.
+        """
+        robot = load_robot_for(self.file, clip.skeleton, solver_named(self.solver), 1.0 / clip.rate)
+        return retargeted(robot, clip)
+
+
+def load_robot(name: str | Path, solver: Literal["angles", "ik"] | None = None) -> Robot:
+    """A shipped robot by its name ("mannequin", "servo20"), or one of your own by the path of its file (.toml).
+
+    Raises:
+        MotiondeckError: if there is no such robot or solver (it names the nearest), or the file is wrong.
+    """
+    file = find("robot", str(name), ".toml")
+    return Robot(file, read_robot_file(file).name, solver_named(solver))

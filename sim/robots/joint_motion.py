@@ -1,0 +1,78 @@
+"""A clip carried onto a robot: its joint angles and its root over time, ready to be saved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from controller.mocap.clip import Clip
+from controller.mocap.encodings.joint_angles import save_taught_clip, taught_clip
+from controller.mocap.formats.writing import write_file
+from controller.mocap.posture import Pose
+from controller.rotations import Array
+from motiondeck_base.errors import FileFormatError
+from sim.robots.robot import Robot
+
+
+@dataclass(frozen=True, eq=False)
+class JointMotion:
+    """T frames of a robot with J joints.
+
+    Attributes:
+        name: what is done.
+        joints: the names of the joints.
+        rate: frames per second, Hz.
+        angles: shape (T, J), rad, within the robot's position limits.
+        root: position (m) and quaternion (w, x, y, z) of the robot's root, shape (T, 7).
+    """
+
+    name: str
+    joints: tuple[str, ...]
+    rate: float
+    angles: Array
+    root: Array
+
+    def __len__(self) -> int:
+        return len(self.angles)
+
+    def save(self, path: str | Path) -> None:
+        """Writes it as .csv (time, root and every joint, one line a frame) or as .clip (the joints alone).
+
+        A .clip can be played with `motiondeck rig play RIG FILE` or learned with `motiondeck fit FILE`.
+
+        Raises:
+            FileFormatError: for another ending, or if the file cannot be written.
+        """
+        path = Path(path)
+        match path.suffix.lower():
+            case ".csv":
+                write_file(path, self._csv().encode())
+            case ".clip":
+                save_taught_clip(taught_clip(self.name, self.joints, self.rate, self.angles), path)
+            case _:
+                raise FileFormatError(f"{path}: joint motions are written as .csv or .clip. Name the file so.")
+
+    def _csv(self) -> str:
+        """The text of a CSV file: s, m, quaternion, rad."""
+        columns = ("time", *(f"root_{name}" for name in ("x", "y", "z", "qw", "qx", "qy", "qz")), *self.joints)
+        time = np.arange(len(self)) / self.rate
+        rows = np.column_stack([time, self.root, self.angles])
+        return "\n".join([",".join(columns), *(",".join(f"{value:.9g}" for value in row) for row in rows), ""])
+
+
+def retargeted(robot: Robot, clip: Clip) -> JointMotion:
+    """A clip carried onto a robot that was loaded for the clip's skeleton and rate.
+
+    Angles are kept within the robot's position limits; its limits in time are the safety envelope's, when it is played.
+    """
+    qpos = robot.model.qpos0.copy()
+    robot.layout.place(robot.rest, qpos)
+    angles, root = np.empty((len(clip), len(robot.joints))), np.empty((len(clip), 7))
+    for frame, (place, rotation) in enumerate(zip(clip.root_position, clip.rotation, strict=True)):
+        pose = Pose(place, np.zeros(()), rotation)
+        np.clip(robot.retarget(pose), robot.limits.lower, robot.limits.upper, out=angles[frame])
+        robot.place(angles[frame], pose, qpos)
+        root[frame] = qpos[:7]
+    return JointMotion(clip.name, robot.joints, clip.rate, angles, root)
