@@ -115,7 +115,9 @@ def learn_response(
     return ReservoirResponse(reservoir, ridge(states[washout:], outputs[washout:], regulariser))
 
 
-def _motions(signals: Mapping[str, Array], loops: Collection[str], washout: int) -> tuple[list[TrainingMotion], Normalisation]:
+def _motions(
+    signals: Mapping[str, Array], loops: Collection[str], washout: int
+) -> tuple[list[TrainingMotion], Normalisation]:
     """What a trainer is given: normalised signals, of which the first frames lead in."""
     for name in loops:
         if name not in signals:
