@@ -76,11 +76,17 @@ _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 def __getattr__(name: str) -> object:
     """Imports what is asked for when it is first used (PEP 562): importing everything takes a second."""
-    if name == "networks":
-        return import_module("motiondeck.networks")
-    if name not in _HOME_OF:
+    if name not in __all__:
         raise AttributeError(f"module 'motiondeck' has no attribute '{name}'")
-    value = getattr(import_module(_HOME_OF[name]), name)
+    try:
+        home = import_module(_HOME_OF.get(name, f"motiondeck.{name}"))
+    except ImportError as error:
+        from motiondeck.command import shadowed
+
+        for line in shadowed():
+            raise ImportError(line) from error
+        raise
+    value = getattr(home, name) if name in _HOME_OF else home
     globals()[name] = value
     return value
 

@@ -1,0 +1,115 @@
+"""The installed wheel, started in a folder that holds packages with the names of ours."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import urllib.request
+import venv
+from pathlib import Path
+
+import pytest
+
+from controller.wire.run_recording import load_recording
+
+CHECKOUT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def command(tmp_path_factory):
+    """The console script of an environment that holds the wheel; its dependencies are those of this one."""
+    pytest.importorskip("hatchling", reason="the wheel is built without the network: pip install hatchling")
+    folder = tmp_path_factory.mktemp("wheel")
+    subprocess.run(
+        [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)],
+        cwd=CHECKOUT,
+        check=True,
+        capture_output=True,
+    )
+    (wheel,) = folder.glob("*.whl")
+    venv.create(folder / "env", symlinks=True)
+    python = folder / "env" / "bin" / "python"
+    subprocess.run(
+        [sys.executable, "-m", "pip", "-q", "--python", str(python), "install", "--no-deps", "--no-index", str(wheel)],
+        check=True,
+        capture_output=True,
+    )
+    (packages,) = folder.glob("env/lib/python*/site-packages")
+    dependencies = [path for path in sys.path if path.endswith("site-packages")]
+    (packages / "dependencies.pth").write_text("\n".join(dependencies))
+    return folder / "env" / "bin" / "motiondeck"
+
+
+@pytest.fixture(scope="module")
+def crowded(tmp_path_factory):
+    """A folder with packages of other people."""
+    folder = tmp_path_factory.mktemp("crowded")
+    for name in ("motiondeck_base", "controller", "sim", "hardware"):
+        (folder / name).mkdir()
+        (folder / name / "__init__.py").write_text("raise SystemExit('the wrong package was imported')")
+    return folder
+
+
+def environment(**more):
+    return {name: value for name, value in os.environ.items() if name != "PYTHONPATH"} | more
+
+
+def test_page_recording_and_emulated_rig_work_beside_foreign_packages(command, crowded):
+    deck = subprocess.Popen(
+        [
+            *(command, "play", "--robot", "servo20", "--rig", "emulated", "--kinematic", "--record", "show.rec"),
+            *("--port", "0", "--command-port", "0", "--json"),
+        ],
+        cwd=crowded,
+        env=environment(),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert deck.stderr is not None
+        first = deck.stderr.readline()
+        assert first.startswith("page: http"), first + deck.stderr.read()
+        assert answers(first.split()[1])
+        until_recorded(crowded / "show.rec")
+        deck.send_signal(signal.SIGTERM)
+        out, errors = deck.communicate(timeout=30)
+    finally:
+        deck.kill()
+    assert deck.returncode == 0, errors
+    report = json.loads(out)
+    assert (report["rig"]["joints"], report["faults"]["deck"]) == (20, 0)
+    assert "has ended" not in errors
+    assert load_recording(crowded / "show.rec").complete
+
+
+def test_a_foreign_package_on_the_path_is_named(command, crowded):
+    done = subprocess.run(
+        [command, "play"], env=environment(PYTHONPATH=str(crowded)), capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert len(done.stderr.splitlines()) == 1
+    assert str(crowded / "motiondeck_base") in done.stderr
+
+
+def answers(url):
+    """Whether a page answers within a minute."""
+    deadline = time.monotonic() + 60.0
+    while time.monotonic() < deadline:
+        try:
+            with urllib.request.urlopen(url, timeout=5) as page:
+                return page.status == 200
+        except OSError:
+            time.sleep(0.05)
+    return False
+
+
+def until_recorded(path):
+    """Waits until there is something in a recording."""
+    deadline = time.monotonic() + 60.0
+    while not path.exists() or path.stat().st_size < 5_000:
+        assert time.monotonic() < deadline, "nothing is recorded"
+        time.sleep(0.05)
