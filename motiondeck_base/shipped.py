@@ -9,7 +9,7 @@ from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 def shipped_configs() -> Path:
     """The folder of the shipped configuration: inside an installed package, or at the root of a checkout."""
-    package = Path(__file__).resolve().parents[1]
+    package = Path(__file__).resolve().parent
     for folder in (package / "configs", package.parent / "configs"):
         if folder.is_dir():
             return folder
