@@ -1,25 +1,30 @@
-"""What a user can do wrong, said in one line that names the place and the remedy."""
+"""The errors that a user can cause: one clear line each, with the place and the remedy."""
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 
 class MotiondeckError(Exception):
-    """A mistake that the user can mend; the command line prints it without a traceback."""
+    """A mistake that the user can correct; the command line prints it without a traceback."""
 
 
 class FileFormatError(MotiondeckError):
-    """A file that does not say what its format demands; the message names the file and the place."""
+    """A file that does not follow its format; the message names the file and the place."""
+
+    @classmethod
+    def listing(cls, place: str, problems: Sequence[str]) -> FileFormatError:
+        """The error for several problems of one file: one line each, and each begins with `place`."""
+        return cls("\n".join(f"{place}: {problem}" for problem in problems))
 
 
 class UnknownNameError(MotiondeckError):
-    """A name that nothing here bears; the message offers the nearest ones."""
+    """A name that does not exist; the message offers the nearest ones."""
 
     @classmethod
     def among(cls, kind: str, name: str, known: Iterable[str]) -> UnknownNameError:
-        """The error for `name`, which is no known `kind`, with the nearest names or else all of them."""
+        """The error for `name`, which is no known `kind`, with the nearest known names or else all of them."""
         names = list(known)
         near = difflib.get_close_matches(name.lower(), names, n=3, cutoff=0.5)
         if near:

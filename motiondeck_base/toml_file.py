@@ -1,12 +1,14 @@
-"""Reading TOML into typed structures, with errors that name the file, the key and what would have been right."""
+"""Reading TOML into typed structures; errors name the file, each wrong key and what is allowed there."""
 
 from __future__ import annotations
 
 import difflib
 import re
 import tomllib
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, TypeVar
+from types import UnionType
+from typing import Any, TypeVar, Union, get_args, get_origin
 
 import msgspec
 
@@ -19,7 +21,7 @@ def read_toml(path: Path, shape: type[T]) -> T:
     """The contents of a TOML file as a msgspec structure that forbids unknown fields.
 
     Raises:
-        FileFormatError: one line with the file, the place, and the allowed keys or the expected type.
+        FileFormatError: one line per problem, with the file, the place, and the allowed keys or the expected type.
     """
     try:
         text = path.read_text(encoding="utf-8")
@@ -35,56 +37,92 @@ def read_toml(path: Path, shape: type[T]) -> T:
 
 
 def shaped(tree: object, shape: type[T], place: str) -> T:
-    """A tree of plain values as a msgspec structure; `place` is what errors call it.
+    """A tree of plain values as a msgspec structure; `place` is what errors call the tree.
 
     Raises:
-        FileFormatError: if the tree does not fit.
+        FileFormatError: if the tree does not fit; one line per problem.
     """
     try:
         return msgspec.convert(tree, shape, strict=True)
+    except msgspec.ValidationError:
+        raise FileFormatError.listing(place, _problems(tree, shape, "")) from None
+
+
+def _problems(tree: object, shape: Any, where: str) -> list[str]:
+    """Every problem of a tree; msgspec stops at the first one, so each part is converted alone.
+
+    Args:
+        tree: plain values.
+        shape: the type that they should fit.
+        where: the dotted keys that lead to this tree; empty at the root.
+    """
+    try:
+        msgspec.convert(tree, shape, strict=True)
     except msgspec.ValidationError as error:
-        raise FileFormatError(f"{place}: {_explain(str(error), shape, tree)}") from None
+        message = str(error)
+    else:
+        return []
+    shape = _member(shape, tree)
+    found = list(_wrong_keys(tree, shape, where))
+    for key, part, part_shape in _parts(tree, shape):
+        found += _problems(part, part_shape, f"{where}.{key}" if where else key)
+    # A problem of the whole: a wrong type, a value out of range, or what the structure itself checks.
+    return found or [_lower(re.sub(r" - at `\$[^`]*`$", "", message)) + _at(where)]
 
 
-def _explain(message: str, shape: Any, tree: Any) -> str:
-    """msgspec's message with the allowed keys added where a key is unknown."""
-    where = re.search(r" - at `\$(?P<path>[^`]*)`$", message)
-    path = where["path"] if where else ""
-    said = message[: where.start()] if where else message
-    at = f" in [{path.lstrip('.')}]" if path else ""
-    unknown = re.search(r"unknown field `(?P<key>[^`]*)`", said)
-    if unknown is None:
-        return said[:1].lower() + said[1:] + at
-    key, allowed = unknown["key"], _allowed(shape, path, tree)
-    near = difflib.get_close_matches(key, allowed, n=1)
-    hint = f" Did you mean '{near[0]}'?" if near else ""
-    return f"unknown key '{key}'{at}.{hint} Allowed are: {', '.join(sorted(allowed))}."
+def _wrong_keys(tree: object, shape: Any, where: str) -> Iterator[str]:
+    """The unknown and the missing keys of one table."""
+    if not (isinstance(tree, dict) and _is_struct(shape)):
+        return
+    fields = msgspec.structs.fields(shape)
+    config = shape.__struct_config__
+    allowed = [field.encode_name for field in fields]
+    if config.tag is not None:
+        allowed.append(config.tag_field)
+    for key in tree:
+        if key not in allowed and config.forbid_unknown_fields:
+            near = difflib.get_close_matches(str(key), allowed, n=1)
+            hint = f" Did you mean '{near[0]}'?" if near else ""
+            yield f"unknown key '{key}'{_at(where)}.{hint} Allowed are: {', '.join(sorted(allowed))}."
+    for field in fields:
+        if field.required and field.encode_name not in tree:
+            yield f"missing required field `{field.encode_name}`{_at(where)}"
 
 
-def _allowed(shape: Any, path: str, tree: Any) -> list[str]:
-    """The keys that the structure at a msgspec path takes."""
-    kind: Any = msgspec.inspect.type_info(shape)
-    for step in re.findall(r"\.(\w+)|\[(\d+|\.\.\.)\]", path):
-        name = step[0]
-        kind = _struct_of(kind, tree)
-        if name:
-            field = next((f for f in getattr(kind, "fields", ()) if f.encode_name == name), None)
-            if field is None:
-                return []
-            kind = field.type
-            tree = tree.get(name) if isinstance(tree, dict) else None
-        else:
-            kind = getattr(kind, "item_type", None) or getattr(kind, "value_type", kind)
-            tree = tree[int(step[1])] if step[1].isdigit() and isinstance(tree, list) else None
-    kind = _struct_of(kind, tree)
-    names = [field.encode_name for field in getattr(kind, "fields", ())]
-    return [*names, kind.tag_field] if getattr(kind, "tag_field", None) else names
+def _parts(tree: object, shape: Any) -> Iterable[tuple[str, object, Any]]:
+    """The parts of a table or an array: key or number (from 1), value, and the type that it should fit."""
+    if isinstance(tree, dict) and _is_struct(shape):
+        fields = msgspec.structs.fields(shape)
+        return [(f.encode_name, tree[f.encode_name], f.type) for f in fields if f.encode_name in tree]
+    kinds = get_args(shape)
+    if isinstance(tree, dict) and get_origin(shape) is dict:
+        return [(str(key), part, kinds[1]) for key, part in tree.items()]
+    if isinstance(tree, list) and get_origin(shape) in (list, tuple):
+        each = [kinds[0]] * len(tree) if len(kinds) == 1 or kinds[-1] is Ellipsis else kinds
+        return [(str(number), part, kind) for number, (part, kind) in enumerate(zip(tree, each, strict=False), 1)]
+    return []
 
 
-def _struct_of(kind: Any, tree: Any) -> Any:
-    """Of a union the member that the tree's tag picks, else the type itself."""
-    members = [m for m in getattr(kind, "types", ()) if isinstance(m, msgspec.inspect.StructType)]
-    for member in members:
-        if isinstance(tree, dict) and member.tag_field and tree.get(member.tag_field) == member.tag:
+def _member(shape: Any, tree: object) -> Any:
+    """The type of a union that the tree's tag picks, or else its only table or array; other types as they are."""
+    if get_origin(shape) not in (Union, UnionType):
+        return shape
+    members = get_args(shape)
+    for member in filter(_is_struct, members):
+        config = member.__struct_config__
+        if isinstance(tree, dict) and config.tag is not None and tree.get(config.tag_field) == config.tag:
             return member
-    return members[0] if members else kind
+    containers = [member for member in members if _is_struct(member) or get_origin(member) in (dict, list, tuple)]
+    return containers[0] if len(containers) == 1 else shape
+
+
+def _is_struct(shape: Any) -> bool:
+    return isinstance(shape, type) and issubclass(shape, msgspec.Struct)
+
+
+def _at(where: str) -> str:
+    return f" in [{where}]" if where else ""
+
+
+def _lower(message: str) -> str:
+    return message[:1].lower() + message[1:]

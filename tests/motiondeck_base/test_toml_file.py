@@ -24,6 +24,8 @@ class Thing(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     name: str
     shape: Round | Square | None = None
     parts: list[Part] = []
+    named: dict[str, Part] = {}
+    span: tuple[int, int] | None = None
 
 
 def read(tmp_path, text):
@@ -40,7 +42,7 @@ def test_a_good_file_is_read(tmp_path):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ('nmae = "a"', "unknown key 'nmae'.*Did you mean 'name'.*name, parts, shape"),
+        ('nmae = "a"', "unknown key 'nmae'.*Did you mean 'name'.*name, named, parts, shape, span"),
         ('name = "a"\n[[parts]]\nsize = 1\ncolor = "x"', r"unknown key 'color' in \[parts.*\].*'colour'.*colour, size"),
         ('name = "a"\nshape = {type = "round", side = 1.0}', "unknown key 'side'.*radius, type"),
         ('name = "a"\nshape = {type = "oval"}', "oval"),
@@ -53,6 +55,43 @@ def test_what_is_wrong_is_said_with_file_place_and_remedy(tmp_path, text, says):
     with pytest.raises(FileFormatError, match=says) as caught:
         read(tmp_path, text)
     assert str(caught.value).startswith(str(tmp_path / "thing.toml"))
+
+
+def test_all_problems_of_a_file_are_reported_a_line_each(tmp_path):
+    text = """
+nmae = "a"
+shape = {type = "square", side = "long", radius = 1.0}
+span = [1, "two"]
+parts = [{size = 1}, {size = "big"}, {color = "x"}]
+named = {left = {size = 1.5}}
+"""
+    with pytest.raises(FileFormatError) as caught:
+        read(tmp_path, text)
+    place = f"{tmp_path / 'thing.toml'}: "
+    lines = str(caught.value).split("\n")
+    assert all(line.startswith(place) for line in lines)
+    assert [line.removeprefix(place).split(" Did")[0].split(" Allowed")[0] for line in lines] == [
+        "unknown key 'nmae'.",
+        "missing required field `name`",
+        "unknown key 'radius' in [shape].",
+        "expected `float`, got `str` in [shape.side]",
+        "expected `int`, got `str` in [parts.2.size]",
+        "unknown key 'color' in [parts.3].",
+        "missing required field `size` in [parts.3]",
+        "expected `int`, got `float` in [named.left.size]",
+        "expected `int`, got `str` in [span.2]",
+    ]
+
+
+@given(st.sets(st.integers(0, 9), min_size=1), st.sets(st.integers(0, 9)))
+def test_each_wrong_part_has_a_line_of_its_own(wrong, unknown):
+    parts = [{"size": "x" if i in wrong else 1} | ({"seize": 1} if i in unknown else {}) for i in range(10)]
+    with pytest.raises(FileFormatError) as caught:
+        shaped({"name": "a", "parts": parts}, Thing, "here")
+    lines = str(caught.value).split("\n")
+    assert {i for i in range(10) for line in lines if line.endswith(f"in [parts.{i + 1}.size]")} == wrong
+    assert {i for i in range(10) for line in lines if f"'seize' in [parts.{i + 1}]" in line} == unknown
+    assert len(lines) == len(wrong) + len(unknown)
 
 
 def test_a_missing_file_a_folder_and_junk_are_named(tmp_path):
@@ -72,7 +111,9 @@ def test_a_missing_file_a_folder_and_junk_are_named(tmp_path):
         st.none() | st.booleans() | st.integers(-5, 5) | st.text("abc", max_size=3),
         lambda inner: (
             st.lists(inner, max_size=3)
-            | st.dictionaries(st.sampled_from(["name", "shape", "parts", "size", "type", "x"]), inner, max_size=4)
+            | st.dictionaries(
+                st.sampled_from(["name", "shape", "parts", "named", "span", "size", "type", "x"]), inner, max_size=4
+            )
         ),
         max_leaves=8,
     )
