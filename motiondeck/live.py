@@ -185,8 +185,10 @@ class LiveDeck:
         self._request(Reset())
 
     def events(self) -> Iterator[DeckEvent]:
-        """What happens on the deck from now on, as it happens, until it has ended; looks 20 times a second."""
-        before = self.status()
+        """What happens on the deck from this call on, as it happens, until it has ended; looks 20 times a second."""
+        return self._changes_since(self.status())
+
+    def _changes_since(self, before: DeckStatus) -> Iterator[DeckEvent]:
         while True:
             try:
                 now = self.status()

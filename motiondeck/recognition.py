@@ -87,6 +87,11 @@ class RecognitionStream:
         return self._online.motion if self._online.known else None
 
     @property
+    def nearest(self) -> str | None:
+        """The motion that it looks like most, however sure that is; None before the second frame."""
+        return self._online.motion
+
+    @property
     def confidence(self) -> float:
         """How far the best motion is ahead of the second, in [0, 1)."""
         return self._online.confidence

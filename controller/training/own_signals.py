@@ -119,6 +119,8 @@ def _motions(
     signals: Mapping[str, Array], loops: Collection[str], washout: int
 ) -> tuple[list[TrainingMotion], Normalisation]:
     """What a trainer is given: normalised signals, of which the first frames lead in."""
+    if not signals:
+        raise MotiondeckError("there are no signals to learn")
     for name in loops:
         if name not in signals:
             raise MotiondeckError(f"loops names '{name}', which is none of the signals {', '.join(signals)}")

@@ -1,0 +1,215 @@
+"""The public Python API: what it offers, what it says to mistakes, and that importing it costs nothing."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import motiondeck
+import synthetic
+from controller.library.motion_library import save_library
+from motiondeck import MotiondeckError, UnknownNameError
+from motiondeck.libraries import Library
+from motiondeck.networks import CentralizedRecipe
+
+TINY = CentralizedRecipe(satellites=30, iterations=30)
+
+
+@pytest.fixture(scope="module")
+def library():
+    return Library(synthetic.small_library())
+
+
+@pytest.fixture(scope="module")
+def file(library, tmp_path_factory):
+    path = tmp_path_factory.mktemp("front-door") / "small.safetensors"
+    library.save(path)
+    return path
+
+
+def test_every_public_name_is_there_and_no_other():
+    for name in motiondeck.__all__:
+        assert getattr(motiondeck, name) is not None
+    assert dir(motiondeck) == sorted(motiondeck.__all__)
+    for name in motiondeck.networks.__all__:
+        assert hasattr(motiondeck.networks, name)
+    with pytest.raises(AttributeError, match="no attribute 'lern'"):
+        motiondeck.lern  # noqa: B018
+
+
+def test_importing_it_imports_nothing_heavy():
+    program = "import sys, motiondeck; print(sorted({'numpy', 'scipy', 'mujoco', 'controller'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_a_library_is_loaded_by_name_and_by_path(file):
+    assert "walk" in motiondeck.load_library("thesis15").motions
+    for path in (file, str(file)):
+        loaded = motiondeck.load_library(path)
+        assert (loaded.name, loaded.motions, loaded.loops) == ("small", ("march", "wave", "bow"), ("march", "wave"))
+
+
+def test_a_library_that_does_not_exist_is_not_called_damaged(tmp_path):
+    with pytest.raises(UnknownNameError, match=r"unknown library 'thesis14'\. Did you mean thesis15"):
+        motiondeck.load_library("thesis14")
+    for path in (tmp_path / "my.safetensors", str(tmp_path / "my.safetensors"), "my.safetensors"):
+        with pytest.raises(MotiondeckError, match="there is no such file"):
+            motiondeck.load_library(path)
+
+
+@pytest.mark.parametrize("motion", ["march", "bow"])
+def test_steps_give_what_the_array_holds(library, motion):
+    frames = library.generate(motion, seconds=0.5, rate=90.0, tempo=1.3)
+    generator = library.generator(motion, tempo=1.3)
+    assert frames.shape == (45, 28)
+    assert np.array_equal([generator.step(dt) for dt in [0.0] + [1.0 / 90.0] * 44], frames)
+
+
+def test_tempo_is_time_and_speed(library):
+    usual = library.generate("march", seconds=1.0, rate=100.0)
+    fast = library.generate("march", seconds=0.5, rate=200.0, tempo=2.0)
+    turn, forward = 1, 2
+    assert fast[:, 0] == pytest.approx(usual[:, 0], abs=1e-6)
+    assert fast[:, [turn, forward]] == pytest.approx(2.0 * usual[:, [turn, forward]], abs=1e-6)
+    there = library.generate_clip("march", seconds=1.0, rate=100.0).root_position[-1]
+    assert library.generate_clip("march", seconds=0.5, rate=200.0, tempo=2.0).root_position[-1] == pytest.approx(there)
+
+
+def test_half_way_round_is_phase_a_half(library):
+    count = synthetic.march().shape[0]
+    whole = library.generate("march", seconds=1.0)
+    half = library.generate("march", seconds=0.3, phase=0.5)
+    assert half[5] == pytest.approx(whole[5 + count // 2], abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        ({"motion": "marhc"}, "Did you mean march"),
+        ({"seconds": 0.0}, "at least one frame"),
+        ({"seconds": float("nan")}, "at least one frame"),
+        ({"rate": -1.0}, "a rate of -1 Hz"),
+        ({"tempo": -1.0}, "a tempo of -1"),
+        ({"tempo": float("inf")}, "a tempo of inf"),
+        ({"phase": 1.0}, "a phase of 1"),
+    ],
+)
+def test_what_cannot_be_generated_is_refused(library, wrong, says):
+    with pytest.raises(MotiondeckError, match=says):
+        library.generate(**{"motion": "march", "seconds": 1.0} | wrong)
+
+
+def test_time_goes_forward(library):
+    with pytest.raises(MotiondeckError, match="time goes forward"):
+        library.generator("march").step(-0.1)
+
+
+def test_what_was_generated_is_learned_again(library, tmp_path):
+    files = []
+    for name in ("march", "wave"):
+        files.append(tmp_path / f"{name}.bvh")
+        motiondeck.save_recording(library.generate_clip(name, seconds=2.0), str(files[-1]))
+    learned = motiondeck.learn([str(file) for file in files], name="two", network=TINY, seeds=[0])
+    assert learned.motions == ("march", "wave")
+    assert learned.failed == {}
+    learned.save(str(tmp_path / "two.safetensors"))
+    assert motiondeck.load_library(tmp_path / "two.safetensors").name == "two"
+
+
+@pytest.mark.parametrize(
+    ("recordings", "one_shots", "says"),
+    [
+        ("walk.bvh", (), "takes several recordings"),
+        ([], (), "no recordings"),
+        (["none.bvh"], (), "none.bvh: there is no such file"),
+        ({"step": "none.bvh"}, ("stop",), "one_shots names 'stop'"),
+        ({"one step": "none.bvh"}, (), "cannot be typed"),
+    ],
+)
+def test_what_cannot_be_learned_is_refused(recordings, one_shots, says):
+    with pytest.raises(MotiondeckError, match=says):
+        motiondeck.learn(recordings, name="mine", one_shots=one_shots)
+
+
+def test_a_clip_is_carried_onto_a_robot_and_saved(tmp_path):
+    walk = motiondeck.load_library("thesis15").generate_clip("walk", seconds=0.2, rate=50.0)
+    robot = motiondeck.load_robot("servo20")
+    motion = robot.retarget(walk)
+    assert (motion.joints, motion.angles.shape, motion.root.shape) == (robot.joints, (10, 20), (10, 7))
+    assert np.linalg.norm(motion.root[:, 3:], axis=1) == pytest.approx(np.ones(10))
+    motion.save(str(tmp_path / "walk.csv"))
+    lines = (tmp_path / "walk.csv").read_text().splitlines()
+    assert lines[0].split(",")[8:] == list(robot.joints)
+    assert [float(word) for word in lines[4].split(",")] == pytest.approx([0.06, *motion.root[3], *motion.angles[3]])
+    motion.save(tmp_path / "walk.clip")
+    assert motiondeck.read_recording(str(tmp_path / "walk.clip")).skeleton.bones == robot.joints
+    with pytest.raises(MotiondeckError, match=r"\.csv or \.clip"):
+        motion.save(tmp_path / "walk.txt")
+
+
+def test_robots_and_solvers_that_do_not_exist_are_named():
+    with pytest.raises(UnknownNameError, match="Did you mean servo20"):
+        motiondeck.load_robot("servo21")
+    with pytest.raises(UnknownNameError, match="unknown solver 'magic'"):
+        motiondeck.load_robot("servo20", solver="magic")
+
+
+def test_clips_and_streams_are_recognized(library, tmp_path):
+    def clips(motion):
+        return [library.generate_clip(motion, seconds=2.0, tempo=tempo) for tempo in (0.9, 1.0, 1.1)]
+
+    recognizer = motiondeck.learn_recognizer({motion: clips(motion) for motion in ("march", "wave")})
+    asked = {motion: library.generate_clip(motion, seconds=2.0, tempo=0.95) for motion in ("march", "wave")}
+    assert [recognizer.recognize(clip).motion for clip in asked.values()] == ["march", "wave"]
+    recognizer.save(str(tmp_path / "two.safetensors"))
+    stream = motiondeck.load_recognizer(str(tmp_path / "two.safetensors")).stream()
+    seen, nearest = [], []
+    for frame in np.concatenate([recognizer.frames(clip) for clip in asked.values()]):
+        seen.append(stream.update(frame))
+        nearest.append(stream.nearest)
+    assert (nearest[0], set(nearest[1:60]), set(nearest[75:])) == (None, {"march"}, {"wave"})
+    assert "march" in seen
+    assert 0.0 < stream.confidence < 1.0
+    stream.reset()
+    assert stream.motion is None
+
+
+def test_a_simulated_rig_is_moved_without_waiting():
+    with motiondeck.open_rig("servo20", servos="simulated") as rig:
+        joint, other = rig.joints[3], rig.joints[5]
+        rig.move_to({joint: 0.3}, seconds=1.0)
+        rig.move_to({other: -0.2}, seconds=1.0)
+        angles = dict(zip(rig.joints, rig.read().tolist(), strict=True))
+        assert (angles[joint], angles[other]) == pytest.approx((0.3, -0.2), abs=0.01)
+        rig.write(np.full(len(rig.joints), 100.0))
+        rig.wait(3.0)
+        assert rig.read() == pytest.approx(rig.upper, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("angles", "says"), [({"hed": 0.0}, "unknown joint 'hed'"), ([0.0], "one each"), ([np.nan] * 20, "20")]
+)
+def test_targets_that_do_not_fit_a_rig_are_refused(angles, says):
+    with motiondeck.open_rig("servo20", servos="simulated") as rig:
+        before = rig.read()
+        with pytest.raises(MotiondeckError, match=says):
+            rig.write(angles)
+        assert np.array_equal(rig.read(), before)
+
+
+def test_rigs_that_do_not_exist_are_named():
+    for arguments, says in (
+        (("servo2o", "simulated"), "Did you mean servo20"),
+        (("servo20", "imagined"), "unknown kind of servos 'imagined'"),
+        (("servo20", "real", ("/dev/nowhere",)), "/dev/nowhere"),
+    ):
+        with pytest.raises(MotiondeckError, match=says), motiondeck.open_rig(*arguments):
+            pass
+
+
+def test_a_library_in_memory_is_saved_as_it_is(library, tmp_path):
+    save_library(library.model, tmp_path / "one.safetensors")
+    library.save(tmp_path / "other.safetensors")
+    assert (tmp_path / "one.safetensors").read_bytes() == (tmp_path / "other.safetensors").read_bytes()

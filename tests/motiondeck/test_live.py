@@ -1,0 +1,129 @@
+"""A live deck in its own process: commands, events, and its end, whoever brings it about."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+import motiondeck
+import synthetic
+from controller.wire.run_recording import load_recording
+from motiondeck import MotiondeckError
+from motiondeck.libraries import Library
+
+PROGRAM = """
+import motiondeck, sys
+deck = motiondeck.play(sys.argv[1], physics=False, rate=100.0)
+print(deck._process.pid, flush=True)
+sys.stdin.read()
+"""
+
+
+@pytest.fixture(scope="module")
+def library():
+    return Library(synthetic.small_library())
+
+
+def test_ten_lines_play_switch_on_a_condition_and_end(library, tmp_path):
+    with motiondeck.play(library, "march", physics=False, rate=100.0, record=tmp_path / "show.rec") as deck:
+        assert deck.motions == ("march", "wave", "bow")
+        assert deck.status().motion == "march"
+        if deck.status().speed > 0.5:
+            settled = deck.switch("wave").wait()
+        assert 0.0 < settled < 5.0
+        assert (deck.status().motion, deck.status().switching, deck.running) == ("wave", False, True)
+    assert not deck.running
+    assert deck.report is not None
+    assert (deck.report["reason"], deck.report["switches"][0]["to"]) == ("stopped on command", "wave")
+    assert load_recording(tmp_path / "show.rec").complete
+    with pytest.raises(MotiondeckError, match="the deck has ended: stopped on command"):
+        deck.switch("march")
+    deck.close()
+
+
+def test_commands_change_the_status_and_appear_as_events(library):
+    with motiondeck.play(library, "march", physics=False, rate=100.0) as deck:
+        events = deck.events()
+        for command, kind in (
+            (deck.pause, "paused"),
+            (deck.resume, "resumed"),
+            (lambda: deck.switch("wave"), "settled"),
+            (deck.emergency_stop, "mode"),
+        ):
+            command()
+            while next(events).kind != kind:
+                pass
+        assert deck.status().mode == "emergency stop"
+        with pytest.raises(MotiondeckError, match="the emergency stop is on"):
+            deck.switch("march")
+        with pytest.raises(MotiondeckError, match=r"unknown motion 'mrach'\. Did you mean march"):
+            deck.queue("mrach")
+        with pytest.raises(MotiondeckError, match="speed 9 is not allowed"):
+            deck.set_tempo(9.0)
+
+
+def test_a_switch_that_is_overtaken_says_so(library):
+    with motiondeck.play(library, "march", physics=False, rate=100.0) as deck:
+        first = deck.switch("wave")
+        second = deck.switch("bow")
+        with pytest.raises(MotiondeckError, match="overtaken"):
+            first.wait()
+        second.wait()
+        deck.set_tempo(1.5)
+        with pytest.raises(MotiondeckError, match="bow happens once"):
+            deck.blend("march", "bow", 0.5)
+
+
+def test_it_ends_by_itself_and_events_with_it(library):
+    with motiondeck.play(library, "march", physics=False, rate=100.0, seconds=0.5) as deck:
+        assert [event.kind for event in deck.events()][-1] == "ended"
+        assert deck.wait(30.0)["reason"] == "played to the end"
+        assert deck.wait() is deck.report
+
+
+@pytest.mark.parametrize(
+    ("wanted", "says"),
+    [
+        ({"library": "thesis14"}, "unknown library 'thesis14'. Did you mean thesis15"),
+        ({"motion": "wlak"}, "unknown motion 'wlak'. Did you mean walk"),
+        ({"rig": "emulated"}, "no rig for robot 'mannequin'"),
+        ({"seconds": -1.0}, "-1 is not a length of time"),
+    ],
+)
+def test_what_cannot_be_played_is_said_in_one_line(wanted, says):
+    with pytest.raises(MotiondeckError, match=says):
+        motiondeck.play(**wanted)
+
+
+def test_a_deck_that_breaks_off_is_noticed(library, capfd):
+    deck = motiondeck.play(library, "march", physics=False, rate=100.0)
+    os.kill(deck._process.pid, signal.SIGKILL)
+    deck._process.wait()
+    with pytest.raises(MotiondeckError, match="broke off with exit code -9"):
+        deck.wait()
+    deck.close()
+
+
+def test_it_ends_with_the_program_that_started_it(library, tmp_path):
+    library.save(tmp_path / "small.safetensors")
+    command = [sys.executable, "-c", PROGRAM, str(tmp_path / "small.safetensors")]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as program:
+        assert program.stdout is not None
+        pid = int(program.stdout.readline())
+        program.kill()
+    deadline = time.monotonic() + 30.0
+    while alive(pid):
+        assert time.monotonic() < deadline, "the deck plays on without its program"
+        time.sleep(0.05)
+
+
+def alive(pid):
+    """Whether a process runs; one that has ended but was not waited for does not."""
+    try:
+        with open(f"/proc/{pid}/stat") as file:  # noqa: PTH123
+            return file.read().rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False
