@@ -41,15 +41,17 @@ def main() -> None:
     """Loads, recalls, computes with conceptors, morphs."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--aperture", type=float, default=10.0)
+    parser.add_argument("--seed", type=int, default=2, help="of the random reservoir")
     parser.add_argument("--plot", type=Path, metavar="FILE")
     options = parser.parse_args()
 
     signals = patterns()
-    loaded = networks.load_signals(signals)
+    # Not every random reservoir holds all four for ever: of the seeds 0 to 5, 1 and 2 do.
+    loaded = networks.load_signals(signals, seed=options.seed)
     conceptors = {name: loaded.conceptor(name, options.aperture) for name in signals}
 
     for name, c in conceptors.items():
-        # Begun in another pattern's state, it may fall into the mirror image, which a conceptor lets through as well.
+        # There may be other attractors beside the pattern, so the run begins in one of its own states.
         played = loaded.run(c, 300, start=loaded.states[name][0])[100:]
         # Its phase drifts freely, so the best of many shifts counts.
         error = min(networks.nrmse(played, signals[name][start : start + 200]) for start in range(100, 300))

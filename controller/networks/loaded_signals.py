@@ -64,8 +64,8 @@ class LoadedSignals:
         Args:
             c: shape (N, N), of a signal or computed from others.
             steps: how many.
-            start: the state before the first step, shape (N,); by default the first of the first signal. A conceptor
-                may also let the mirror image of its signal through: to be sure, begin in one of the signal's own states.
+            start: the state before the first step, shape (N,); by default the first of the first signal. Where there
+                are several attractors it decides between them: `states[signal][0]` begins in a signal's own.
 
         Returns:
             The signal, shape (steps, D), in its own units.

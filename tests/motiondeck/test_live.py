@@ -59,6 +59,7 @@ def test_commands_change_the_status_and_appear_as_events(library):
         assert deck.status().mode == "emergency stop"
         with pytest.raises(MotiondeckError, match="the emergency stop is on"):
             deck.switch("march")
+        deck.reset()
         with pytest.raises(MotiondeckError, match=r"unknown motion 'mrach'\. Did you mean march"):
             deck.queue("mrach")
         with pytest.raises(MotiondeckError, match="speed 9 is not allowed"):
