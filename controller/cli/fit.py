@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -59,10 +58,8 @@ def fit(
 
       motiondeck fit configs/libraries/cmu86.toml --data cmu --centers auto --satellites auto --out small.safetensors
     """
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
     from controller.cli.common.library_report import print_table, report
+    from controller.cli.common.progress import progress
     from controller.library.motion_library import save_library
     from controller.training import fit as training
     from controller.training.recipe import gesture_recipe, read_recipe
@@ -89,15 +86,8 @@ def fit(
         from controller.cli.pictures.figures import check_picture
 
         check_picture(plot / "motion.png")
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description:28}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, disable=not sys.stderr.isatty(), transient=True) as bar:
-        task = bar.add_task("", total=training.steps(plan))
-
-        def progress(step: str) -> None:
-            bar.update(task, advance=1, description=step)
-
-        library = training.fit(plan, data, progress)
+    with progress("", training.steps(plan)) as tick:
+        library = training.fit(plan, data, tick)
     closeness = told(library, training.prepare(plan, data), plan.network.anchor_every, plot)
     failing = [motion.name for motion in library.info.motions if not motion.passed]
     written = not failing or allow_failing
@@ -184,12 +174,8 @@ def told(library: MotionLibrary, syllabus: TrainingSet, every: int, plot: Path |
 
 def print_closeness(library: MotionLibrary, rows: list[dict[str, Any]]) -> None:
     """One row a motion: its network and its errors."""
-    from rich.console import Console
-    from rich.table import Table
+    from controller.cli.common.tables import show_table
 
-    table = Table(title="joints beside the recording, seen from the root")
-    for name in rows[0]:
-        table.add_column(name.replace("_mm", ", mm").replace("_", " "), justify="left" if name == "motion" else "right")
-    for row in rows:
-        table.add_row(*(f"{value:.4g}" if isinstance(value, float) else str(value) for value in row.values()))
-    Console().print(table)
+    headings = [name.replace("_mm", ", mm").replace("_", " ") for name in rows[0]]
+    cells = [[f"{value:.4g}" if isinstance(value, float) else str(value) for value in row.values()] for row in rows]
+    show_table(headings, cells, title="joints beside the recording, seen from the root")

@@ -76,19 +76,12 @@ def _draw(recording: RunRecording, picture: Path) -> None:
     """
     import numpy as np
 
+    from controller.cli.pictures.figures import new_figure, save
     from controller.wire.run_recording import COMMANDS
-    from motiondeck_base.errors import MotiondeckError
-
-    try:
-        import matplotlib
-    except ImportError:
-        raise MotiondeckError("`plot` needs matplotlib; install it with: pip install 'motiondeck[plot]'") from None
-    matplotlib.use("Agg")
-    from matplotlib.figure import Figure
 
     fields, motions = recording.fields, list(recording.description["motions"])
     time = fields["tick"][:, 0] / float(recording.description["rate"])
-    figure = Figure(figsize=(11.0, 8.0), layout="constrained")
+    figure = new_figure(11.0, 8.0)
     loop, tracking, playing = figure.subplots(3, 1, sharex=True)
     loop.plot(time, fields["late_us"], ".", markersize=2, label="how late a tick came")
     loop.plot(time, fields["work_us"], ".", markersize=2, label="work of a tick")
@@ -112,7 +105,4 @@ def _draw(recording: RunRecording, picture: Path) -> None:
         colour = "red" if name == "estop" or fields["refused"][at, 0] else "grey"
         playing.axvline(time[at], color=colour, linewidth=0.7)
         playing.annotate(name, (time[at], len(shown) - 0.35), rotation=90, va="top", fontsize=7, color=colour)
-    try:
-        figure.savefig(picture)
-    except (OSError, ValueError) as error:
-        raise MotiondeckError(f"{picture}: cannot be drawn ({error})") from None
+    save(figure, picture)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import asdict, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from controller.cli.common.progress import progress
 
 if TYPE_CHECKING:
     from controller.deck.interfaces import JointLimits
@@ -69,22 +69,22 @@ def preflight(
     if balance and root != "free":
         raise MotiondeckError(f"a robot whose root is {root} need not balance: give --root free with --balance")
     if plot is not None:
-        from controller.cli.pictures.preflight_plot import need_matplotlib
+        from controller.cli.pictures.figures import check_picture
 
-        need_matplotlib(plot)
+        check_picture(plot)
     loaded = load_library(find("library", library, ".safetensors"))
     body = load_for_takes(find("robot", robot, ".toml"), loaded.skeleton)
     physics_model(body, root)  # an unknown root is better refused now
     body, limits = _on_rig(body, rig)
     judge = Preflight(body, limits, root, balance)
     verdicts: list[PreflightVerdict] = []
-    with _progress("motions", len(loaded.network.motions)) as tick:
+    with progress("motions", len(loaded.network.motions)) as tick:
         for take in motion_takes(loaded, body):
             verdicts.append(judge.judge(take, simulate=True, tempo=speed))
             tick()
     motions = len(verdicts)
     if not motions_only:
-        with _progress("switches", count_switches(loaded)) as tick:
+        with progress("switches", count_switches(loaded)) as tick:
             for take in switch_takes(loaded, body):
                 verdicts.append(judge.judge(take, simulate=False, tempo=speed))
                 tick()
@@ -177,26 +177,25 @@ def _report(
 
 def _print(verdicts: list[PreflightVerdict], motions: int, report: dict[str, Any]) -> None:
     """A row a motion, green where all is well; of the switches only what is not."""
-    from rich import box
     from rich.console import Console
-    from rich.table import Table
 
-    console = Console()
+    from controller.cli.common.tables import show_table
+
     held = {"gantry": "on a gantry", "fixed": "fixed"}.get(report["root"], "free" + ", balancing" * report["balance"])
     every = [finding for verdict in verdicts[:motions] for finding in verdict.findings]
     judged = {finding.check for finding in every if finding.limit is not None or finding.check == "speed"}
     title = f"{report['library']} on {report['robot']}, {held}, at tempo {report['speed']:g}"
     for words, among in ((title, judged), ("for information", {finding.check for finding in every} - judged)):
         units = {finding.check: finding.unit for finding in every if finding.check in among}
-        table = Table(title=words, box=box.SIMPLE_HEAD)
         tempo = ("passes at",) if among is judged else ()
-        for heading in ("", *tempo, *(f"{check}\n[dim]{unit}[/]" for check, unit in units.items())):
-            table.add_column(heading, justify="right" if heading else "left", overflow="fold", min_width=5)
+        rows = []
         for verdict in verdicts[:motions]:
             found = {finding.check: _cell(finding.value, finding.limit, finding.ok) for finding in verdict.findings}
             passes = (_tempo(verdict),) if among is judged else ()
-            table.add_row(verdict.name, *passes, *(found.get(check, "-") for check in units))
-        console.print(table)
+            rows.append((verdict.name, *passes, *(found.get(check, "-") for check in units)))
+        headings = ("", *tempo, *(f"{check}\n[dim]{unit}[/]" for check, unit in units.items()))
+        show_table(headings, rows, title=words)
+    console = Console()
     for verdict in verdicts[:motions]:
         for finding in verdict.troubles:
             where = f" ({finding.where})" if finding.where else ""
@@ -230,15 +229,3 @@ def _remedy(verdict: PreflightVerdict) -> str:
     if verdict.passes_at is None:
         return "no slower tempo mends it"
     return f"passes at tempo {verdict.passes_at:.2f}"
-
-
-@contextmanager
-def _progress(words: str, total: int) -> Iterator[Callable[[], None]]:
-    """A bar on a terminal, nothing in a pipe."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn("{task.description:10}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
-        line = bar.add_task(words, total=total)
-        yield lambda: bar.update(line, advance=1)

@@ -143,10 +143,8 @@ def _read(file: Path, skeleton: Path | None) -> FittedClip:
 
 
 def _print(known: Facts) -> None:
-    from rich.console import Console
-    from rich.table import Table
+    from controller.cli.common.tables import show_facts
 
-    table = Table.grid(padding=(0, 2))
     rows = {
         "motion": f"{known['name']} ({known['source']})",
         "body": f"{known['skeleton']}, {known['bones']} bones, legs {known['leg']:.2f} m"
@@ -166,6 +164,4 @@ def _print(known: Facts) -> None:
             f"markers off by {gaps['residual_rms_mm']:.1f} mm rms, 95 % under {gaps['residual_p95_mm']:.1f} mm, "
             f"at most {gaps['residual_max_mm']:.0f} mm"
         )
-    for name, value in rows.items():
-        table.add_row(f"[bold]{name}[/]", value)
-    Console().print(table)
+    show_facts(rows)

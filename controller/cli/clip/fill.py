@@ -94,17 +94,13 @@ def _mean_mm(gaps: list[Gap]) -> float | None:
 
 def _print(rows: list[dict[str, Any]]) -> None:
     """One line a marker with gaps."""
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
+    from controller.cli.common.tables import show_table
 
-    table = Table(box=box.SIMPLE_HEAD)
-    for name in ("marker", "gaps", "frames", "longest, s", "expected, mm", "still open, frames"):
-        table.add_column(name, justify="left" if name == "marker" else "right", no_wrap=name == "marker")
+    cells = []
     for row in rows:
         expected = "-" if row["expected_mm"] is None else f"{row['expected_mm']:.1f}"
-        left = ", ".join(f"{first} to {end - 1}" for first, end in row["open"])
-        table.add_row(
-            row["marker"], str(row["gaps"]), str(row["frames"]), f"{row['longest_s']:.2f}", expected, left or "-"
+        still = ", ".join(f"{first} to {end - 1}" for first, end in row["open"])
+        cells.append(
+            (row["marker"], str(row["gaps"]), str(row["frames"]), f"{row['longest_s']:.2f}", expected, still or "-")
         )
-    Console().print(table)
+    show_table(("marker", "gaps", "frames", "longest, s", "expected, mm", "still open, frames"), cells)

@@ -26,22 +26,12 @@ def report(library: MotionLibrary) -> dict[str, object]:
 
 def print_table(library: MotionLibrary) -> None:
     """One row a motion: what it was learned from and how its free run went."""
-    from rich.console import Console
-    from rich.table import Table
+    from controller.cli.common.tables import show_table
 
     info = library.info
-    table = Table(title=f"{info.name}: {info.network}, {library.network.neurons} neurons, {info.rate:g} Hz")
-    for name, where in (
-        ("motion", "left"),
-        ("plays", "left"),
-        ("seconds", "right"),
-        ("NRMSE", "right"),
-        ("free run, mrad" if info.encoding == "joint angles" else "free run, mm", "right"),
-        ("self-test", "left"),
-    ):
-        table.add_column(name, justify=where)  # pyright: ignore[reportArgumentType]
-    for motion in info.motions:
-        table.add_row(
+    error = "free run, mrad" if info.encoding == "joint angles" else "free run, mm"
+    rows = [
+        (
             motion.name,
             motion.plays,
             f"{motion.frames / info.rate:.2f}",
@@ -49,4 +39,11 @@ def print_table(library: MotionLibrary) -> None:
             f"{motion.error_mm:.1f}",
             "[green]passed[/]" if motion.passed else f"[red]failed[/]: {motion.reason}",
         )
-    Console().print(table)
+        for motion in info.motions
+    ]
+    show_table(
+        ("motion", "plays", "seconds", "NRMSE", error, "self-test"),
+        rows,
+        title=f"{info.name}: {info.network}, {library.network.neurons} neurons, {info.rate:g} Hz",
+        left=("plays", "self-test"),
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import sys
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -36,13 +36,25 @@ def show_table(
 
     table = RichTable(title=title or None, box=box.SIMPLE_HEAD)
     for column, heading in enumerate(headings):
-        table.add_column(heading, justify="left" if not column or heading in left else "right", no_wrap=not column)
+        justify = "left" if not column or heading in left else "right"
+        table.add_column(heading, justify=justify, no_wrap=not column, overflow="fold")
     for row in rows:
         table.add_row(*row)
     console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH)
     console.print(table)
     for note in notes:
         console.print(note, style="dim", highlight=False, markup=False)
+
+
+def show_facts(facts: Mapping[str, str]) -> None:
+    """Prints names and what they stand for, one line each."""
+    from rich.console import Console
+    from rich.table import Table as RichTable
+
+    grid = RichTable.grid(padding=(0, 2))
+    for name, value in facts.items():
+        grid.add_row(f"[bold]{name}[/]", value)
+    Console().print(grid)
 
 
 def deliver(

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from controller.cli.pictures.figures import new_figure, save
 from controller.mocap.anatomy import Side, anatomy
 from controller.rotations import Array
-from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:
     from controller.mocap.clip import Clip
@@ -26,15 +26,8 @@ def plot_clip(recording: FittedClip, out: Path) -> None:
     Raises:
         MotiondeckError: if matplotlib is missing or the picture cannot be written.
     """
-    try:
-        import matplotlib
-    except ImportError:
-        raise MotiondeckError("`clip plot` needs matplotlib; install it with: pip install 'motiondeck[plot]'") from None
-    matplotlib.use("Agg")
-    from matplotlib.figure import Figure
-
     clip = recording.clip
-    figure = Figure(figsize=(12.0, 8.0), layout="constrained")
+    figure = new_figure(12.0, 8.0)
     heights = [2.2, 1.0, 1.0] + ([0.8] if recording.fit is not None else [])
     rows = figure.subplots(len(heights), 1, height_ratios=heights)
     _figures(rows[0], clip)
@@ -44,10 +37,7 @@ def plot_clip(recording: FittedClip, out: Path) -> None:
     for lower in rows[2:]:
         lower.sharex(rows[1])
     rows[-1].set_xlabel("s")
-    try:
-        figure.savefig(out)
-    except (OSError, ValueError) as error:
-        raise MotiondeckError(f"{out}: cannot be drawn ({error})") from None
+    save(figure, out)
 
 
 def plot_sheet(clips: Sequence[Clip], out: Path) -> None:

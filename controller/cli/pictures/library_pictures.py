@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -73,17 +73,12 @@ def film(
 
 def film_frames(model: Any, frames: Iterable[Array], total: int, out: Path) -> dict[str, object]:
     """Films so many qpos (nq,) of a MuJoCo model, at the rate that FILM gives the ending of the file."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
+    from controller.cli.common.progress import progress
     from sim.pictures.video import render
 
     hz, size = FILM.get(out.suffix.lower(), FILM[".mp4"])
-    columns = (TextColumn("filming"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
-        task = bar.add_task("", total=total)
-        done: Callable[[int], None] = lambda count: bar.update(task, completed=count)  # noqa: E731
-        count = render(model, frames, out, hz, size, True, done)
+    with progress("filming", total) as tick:
+        count = render(model, frames, out, hz, size, True, lambda _: tick())
     return {"video": str(out), "frames": count, "fps": hz, "bytes": out.stat().st_size}
 
 

@@ -8,30 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from motiondeck_base.errors import MotiondeckError
+from controller.cli.pictures.figures import new_figure, save
 
 if TYPE_CHECKING:
     from sim.physics.preflight import PreflightVerdict
-
-
-ENDINGS = (".png", ".svg", ".pdf")
-
-
-def need_matplotlib(path: Path) -> None:
-    """Checks that a picture can be drawn to a file.
-
-    Raises:
-        MotiondeckError: if matplotlib is not installed, the file ends otherwise, or there is no such folder.
-    """
-    try:
-        import matplotlib
-    except ImportError:
-        raise MotiondeckError("--plot needs matplotlib; install it with: pip install 'motiondeck[plot]'") from None
-    if path.suffix.lower() not in ENDINGS:
-        raise MotiondeckError(f"{path}: pictures end in {', '.join(ENDINGS)}")
-    matplotlib.use("Agg")
-    if not path.absolute().parent.is_dir():
-        raise MotiondeckError(f"{path.parent}: there is no such folder to write {path.name} to")
 
 
 def draw(verdicts: Sequence[PreflightVerdict], path: Path) -> None:
@@ -40,12 +20,10 @@ def draw(verdicts: Sequence[PreflightVerdict], path: Path) -> None:
     Raises:
         MotiondeckError: if the file cannot be written.
     """
-    from matplotlib.figure import Figure
-
     limited = [f for f in verdicts[0].findings if f.limit is not None]
     checks = [finding.check for finding in limited]
     share = np.zeros((len(verdicts), len(checks)))
-    figure = Figure(figsize=(2.5 + 0.95 * len(checks), 1.8 + 0.33 * len(verdicts)), layout="constrained")
+    figure = new_figure(2.5 + 0.95 * len(checks), 1.8 + 0.33 * len(verdicts))
     axes = figure.add_subplot()
     for row, verdict in enumerate(verdicts):
         by_check = {finding.check: finding for finding in verdict.findings}
@@ -64,7 +42,4 @@ def draw(verdicts: Sequence[PreflightVerdict], path: Path) -> None:
     axes.tick_params(axis="x", rotation=30)
     axes.set_yticks(range(len(verdicts)), [verdict.name for verdict in verdicts], fontsize=8)
     axes.text(len(checks) - 0.4, -0.8, "passes at", fontsize=8)
-    try:
-        figure.savefig(path, dpi=110)
-    except (OSError, ValueError) as error:
-        raise MotiondeckError(f"{path}: cannot be drawn ({error})") from None
+    save(figure, path)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -35,9 +34,7 @@ def recordings(paths: Sequence[Path]) -> list[Path]:
     return found
 
 
-def check(
-    robot: Path, files: Sequence[Path], solver: Solver | None, seconds: float | None, progress: bool
-) -> Iterator[dict[str, Any]]:
+def check(robot: Path, files: Sequence[Path], solver: Solver | None, seconds: float | None) -> Iterator[dict[str, Any]]:
     """One row a recording: `clip`, and `unread`, or its `frames` and `error` or the measures of `sim.robots.fidelity`.
 
     Args:
@@ -45,14 +42,8 @@ def check(
         files: the recordings.
         solver: in place of the robot file's.
         seconds: of each recording, from its beginning; None for all of it.
-        progress: whether to show a progress bar on a terminal.
     """
-    from rich.console import Console
-    from rich.progress import track
-
-    console = Console(stderr=True)
-    rows = track(files, "carrying", console=console, transient=True, disable=not (progress and sys.stderr.isatty()))
-    for file in rows:
+    for file in files:
         try:
             clip = _shortened(read_clip(file, skeleton_of(file, file.parent.parent)), seconds)
         except MotiondeckError as error:

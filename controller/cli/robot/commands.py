@@ -69,9 +69,7 @@ def show(robot: RobotArgument, as_json: JsonOption = False) -> None:
 
     Example:  motiondeck robot show servo20
     """
-    from rich.console import Console
-    from rich.table import Table
-
+    from controller.cli.common.tables import show_table
     from motiondeck_base.shipped import find
     from sim.models.average_body import reference_body
     from sim.models.robot_file import read_robot_file
@@ -107,12 +105,10 @@ def show(robot: RobotArgument, as_json: JsonOption = False) -> None:
     print(f"{file.name}: {file.kind}, {len(joints)} joints, {said['mass_kg']:.1f} kg, posed by {how}")
     if file.kind == "mannequin":
         print("built from the skeleton of the motions; shown is that of an average body")
-    table = Table(box=None, header_style="bold")
-    for name in ("joint", "lower rad", "upper rad", "speed rad/s", "rest rad"):
-        table.add_column(name, justify="left" if name == "joint" else "right")
-    for joint in joints:
-        table.add_row(joint["name"], *(f"{joint[key]:.2f}" for key in ("lower", "upper", "velocity", "rest")))
-    Console().print(table)
+    rows = [
+        (joint["name"], *(f"{joint[key]:.2f}" for key in ("lower", "upper", "velocity", "rest"))) for joint in joints
+    ]
+    show_table(("joint", "lower rad", "upper rad", "speed rad/s", "rest rad"), rows)
     for part, body in file.parts.items():
         print(f"{part:<12} {body}")
 
@@ -202,6 +198,7 @@ def check(
 
       motiondeck robot check op3.toml walk.bvh jog.amc --json
     """
+    from controller.cli.common.progress import progress
     from controller.cli.robot.check import check as rows_of
     from controller.cli.robot.check import passes, recordings
     from motiondeck_base.shipped import find
@@ -210,7 +207,12 @@ def check(
     if seconds is not None and not seconds > 0.0:
         raise MotiondeckError(f"--seconds {seconds:g} is not a length of time above 0")
     named = solver_named(solver)
-    rows = list(rows_of(find("robot", robot, ".toml"), recordings(files), named, seconds, not as_json))
+    found = recordings(files)
+    rows = []
+    with progress("carrying", len(found)) as tick:
+        for row in rows_of(find("robot", robot, ".toml"), found, named, seconds):
+            rows.append(row)
+            tick()
     if as_json:
         print(json.dumps({"robot": robot, "solver": solver, "recordings": rows}))
     else:
@@ -221,25 +223,23 @@ def check(
 
 def _print_rows(rows: list[dict[str, Any]]) -> None:
     """The table, its sums, and what went wrong."""
-    from rich.console import Console
-    from rich.table import Table
+    from controller.cli.common.tables import show_table
 
     counts, millimetres = ("bad", "beyond", "too_fast", "jumps"), ("knee", "ankle", "elbow", "wrist", "slide", "sunk")
-    table = Table(box=None, header_style="bold")
     reach = {"past_range": "past"} if any("past_range" in row for row in rows) else {}
     if any("short_worst" in row for row in rows):
         reach = {"short_rms": "short", "short_worst": "worst"}
-    for name in ("recording", "frames", "bad", "beyond", "fast", "jumps", "changed", *reach.values(), *millimetres):
-        table.add_column(name, justify="left" if name == "recording" else "right")
+    headings = ("recording", "frames", "bad", "beyond", "fast", "jumps", "changed", *reach.values(), *millimetres)
+    lines = []
     for row in rows:
         if "altered" in row:
             cells = [str(row["frames"]), *(f"{row[name]:.0f}" for name in counts), f"{100.0 * row['altered']:.1f} %"]
             cells += [f"{row[name]:.0f}" if name == "past_range" else f"{1000.0 * row[name]:.1f}" for name in reach]
             cells += [f"{1000.0 * row[name]:.1f}" if name in row else "" for name in millimetres]
-            table.add_row(Path(row["clip"]).name, *cells)
+            lines.append((Path(row["clip"]).name, *cells))
         elif "error" in row:
-            table.add_row(Path(row["clip"]).name, str(row["frames"]), "ERROR")
-    Console(width=None if sys.stdout.isatty() else 160).print(table)
+            lines.append((Path(row["clip"]).name, str(row["frames"]), "ERROR"))
+    show_table(headings, lines)
     carried = [row for row in rows if "altered" in row]
     sums = ", ".join(f"{name.replace('_', ' ')} {sum(row[name] for row in carried):.0f}" for name in counts)
     print(f"{len(carried)} recordings, {sum(row['frames'] for row in carried)} frames: {sums}")
