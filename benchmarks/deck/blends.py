@@ -22,7 +22,7 @@ import numpy as np  # noqa: E402
 
 from controller.deck.blend_check import STILL, TURNS_OVER  # noqa: E402
 from controller.deck.mixture import Mixture  # noqa: E402
-from controller.deck.repertoire import read_repertoire  # noqa: E402
+from controller.deck.motions import read_motions  # noqa: E402
 from controller.deck.routes import Routes  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
 from controller.measures.motion_matching import joint_features  # noqa: E402
@@ -79,7 +79,7 @@ def main() -> int:
     parser.add_argument("--json", action="store_true", help="one JSON object")
     options = parser.parse_args()
     library = load_library(find("library", options.library, ".safetensors"))
-    repertoire = read_repertoire(library)
+    repertoire = read_motions(library)
     routes = Routes.between(repertoire)
     loops = [name for name, motion in repertoire.items() if motion.loop]
     pairs = [pair for pair in permutations(loops, 2) if not routes.by_way_of(*pair)]

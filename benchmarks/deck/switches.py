@@ -23,7 +23,7 @@ import numpy as np  # noqa: E402
 
 from controller.deck.deck import Deck  # noqa: E402
 from controller.deck.joining import JOININGS, Joining  # noqa: E402
-from controller.deck.repertoire import read_repertoire  # noqa: E402
+from controller.deck.motions import read_motions  # noqa: E402
 from controller.deck.routes import Routes  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
 from controller.rotations import Array  # noqa: E402
@@ -49,7 +49,7 @@ def peak(places: list[Array]) -> float:
 
 
 def measure(library: MotionLibrary, source: str, target: str, joining: Joining | None, own: dict[str, float]) -> dict:
-    repertoire = read_repertoire(library)
+    repertoire = read_motions(library)
     deck = Deck(library, lambda pose: pose.root_position, source, direct=True, joining=joining)
     moment = np.random.default_rng([ord(letter) for letter in source + target]).uniform(0.2, 0.8)
     played(library, deck, moment if repertoire[source].loop else repertoire[source].seconds + 0.1)
@@ -78,7 +78,7 @@ def main() -> int:
     options = parser.parse_args()
     library = load_library(find("library", options.library, ".safetensors"))
     motions = library.network.motions
-    routes = Routes.between(read_repertoire(library))
+    routes = Routes.between(read_motions(library))
     own = {m: peak(played(library, Deck(library, lambda pose: pose.root_position, m), LONGEST)) for m in motions}
     rows = [
         measure(library, source, target, options.joining, own)

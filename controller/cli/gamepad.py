@@ -1,7 +1,7 @@
-"""`motiondeck gamepad`: a gamepad as one more client of the deck that is running.
+"""`motiondeck gamepad`: commands a running deck with a gamepad.
 
-It is read through the kernel's joystick interface, which every driver of a gamepad on Linux serves: events of eight
-bytes from /dev/input/js0 (time in ms, value, kind, number; Linux, Documentation/input/joydev). No library is needed.
+It is read through the kernel's joystick interface, which every gamepad driver on Linux provides: events of eight bytes
+from /dev/input/js0 (time in ms, value, kind, number; Linux, Documentation/input/joydev). No library is needed.
 """
 
 from __future__ import annotations
@@ -31,28 +31,28 @@ from controller.wire.command_socket import (
     Stop,
     Switch,
 )
-from controller.wire.messages import FASTEST, SLOWEST
+from controller.wire.command_table import TEMPO, command_of
 from motiondeck_base.errors import MotiondeckError
 
 _EVENT = struct.Struct("<IhBB")
-_BUTTON, _AXIS = 1, 2  # kinds of event; what the kernel says of itself when the device is opened has 0x80 added
+_BUTTON, _AXIS = 1, 2  # kinds of event; the initial state that the kernel reports on opening has 0x80 added
 _FULL = 32767.0
 
 TEMPO_AXIS, MOTION_AXIS = 1, 6
 DEAD = 0.15
-"""The share of a stick's way in which it counts as let go."""
+"""Deflections of a stick up to this share of the full one count as released."""
 STEP = 0.1
-"""Tempi are sent in such steps, so that a hand on the stick does not flood the deck."""
+"""Tempos are sent in such steps, so that a hand on the stick does not flood the deck."""
 
 
 class Button(IntEnum):
-    """The buttons that mean something, as the drivers of common gamepads number them."""
+    """The buttons in use, as the drivers of common gamepads number them."""
 
     A, B, X, Y, START = 0, 1, 2, 3, 7
 
 
 class Event(NamedTuple):
-    """A button or an axis that has changed: its number, and 0 or 1, or -1 to 1."""
+    """A change of a button (0 or 1) or an axis (-1 to 1)."""
 
     axis: bool
     number: int
@@ -60,7 +60,7 @@ class Event(NamedTuple):
 
 
 def events(device: BinaryIO) -> Iterator[Event]:
-    """What happens on a gamepad until it is gone; the state it was opened in does not count."""
+    """The events of a gamepad until it is unplugged; the state reported on opening is left out."""
     while len(data := device.read(_EVENT.size)) == _EVENT.size:
         _, value, kind, number = _EVENT.unpack(data)
         if kind == _AXIS:
@@ -73,8 +73,8 @@ class Pad:
     """Turns events into commands.
 
     Args:
-        motions: all there are, in the order in which the cross of the gamepad goes through them.
-        motion: the one that is played.
+        motions: all motions, in the order in which the cross of the gamepad steps through them.
+        motion: the one that is playing.
     """
 
     def __init__(self, motions: Sequence[str], motion: str) -> None:
@@ -84,7 +84,7 @@ class Pad:
         self._tempo = 1.0
 
     def command(self, event: Event) -> Message | None:
-        """What an event says, or None where it says nothing."""
+        """The command of an event, or None where it has none."""
         if event.axis:
             return self._moved(event.number, event.value)
         if not event.value:
@@ -118,14 +118,14 @@ class Pad:
 
 
 def tempo_of(value: float) -> float:
-    """The tempo of a stick from -1 (pushed up, fastest) to 1 (pulled down, slowest), in steps; 1 where it is let go."""
-    way = max(0.0, (abs(value) - DEAD) / (1.0 - DEAD))
-    tempo = 1.0 + way * (FASTEST - 1.0) if value < 0.0 else 1.0 - way * (1.0 - SLOWEST)
-    return min(max(round(tempo / STEP) * STEP, SLOWEST), FASTEST)
+    """The tempo of a stick from -1 (up, fastest) to 1 (down, slowest), in steps of STEP; 1 where it is released."""
+    deflection = max(0.0, (abs(value) - DEAD) / (1.0 - DEAD))
+    tempo = 1.0 + deflection * ((TEMPO.highest if value < 0.0 else TEMPO.lowest) - 1.0)
+    return min(max(round(tempo / STEP) * STEP, TEMPO.lowest), TEMPO.highest)
 
 
 def drive(device: BinaryIO, client: CommandClient) -> None:
-    """Commands the deck until the gamepad is gone, which pauses it.
+    """Commands the deck until the gamepad is unplugged; then the deck is paused.
 
     Raises:
         SocketError: if no deck is running.
@@ -134,7 +134,7 @@ def drive(device: BinaryIO, client: CommandClient) -> None:
 
     state = client.request(GetStatus())
     if not isinstance(state, State):
-        raise MotiondeckError(f"the deck does not say what it plays: {describe(state)}")
+        raise MotiondeckError(f"the deck did not report what it plays: {describe(state)}")
     pad = Pad(state.motions, state.motion)
     try:
         for event in events(device):
@@ -143,31 +143,31 @@ def drive(device: BinaryIO, client: CommandClient) -> None:
                 continue
             reply = client.request(message)
             if isinstance(reply, Refused) or not isinstance(message, SetSpeed):
-                print(f"{' '.join(_words(message))}: {describe(reply)}", flush=True)
+                print(f"{_typed(message)}: {describe(reply)}", flush=True)
             if isinstance(message, Stop):
                 return
     except OSError:
-        pass  # it was pulled out
+        pass  # unplugged
     client.request(Pause())
-    raise MotiondeckError("the gamepad is gone, so the deck was paused")
+    raise MotiondeckError("the gamepad was unplugged, so the deck was paused")
 
 
-def _words(message: Message) -> list[str]:
-    """A command as it would be typed."""
-    said = [str(message.__struct_config__.tag)]
-    return [*said, message.to] if isinstance(message, Switch) else said
+def _typed(message: Message) -> str:
+    """A command as a person would type it."""
+    word = command_of(message).word
+    return f"{word} {message.to}" if isinstance(message, Switch) else word
 
 
 def gamepad(
     device: Annotated[
-        Path, typer.Option("--device", metavar="FILE", help="Of the gamepad; the second one is /dev/input/js1.")
+        Path, typer.Option("--device", metavar="FILE", help="The gamepad; a second one is /dev/input/js1.")
     ] = Path("/dev/input/js0"),
     command_port: Annotated[int, typer.Option("--command-port", help="The deck's command port.")] = DEFAULT_PORT,
 ) -> None:
-    """Command the deck that is running with a gamepad.
+    """Command the running deck with a gamepad.
 
-    Cross left and right: the motion before or after. Left stick: tempo. A: pause and go on. B: emergency stop. Y: reset
-    it. X: home. Start: stop. Pulled out, the deck is paused.
+    Cross left and right: previous and next motion. Left stick: tempo. A: pause and resume. B: emergency stop. Y: reset.
+    X: home. Start: stop. Unplugging the gamepad pauses the deck.
 
     Example:  motiondeck gamepad --device /dev/input/js1
     """
@@ -175,7 +175,7 @@ def gamepad(
         stream = device.open("rb", buffering=0)
     except OSError as error:
         raise MotiondeckError(
-            f"{device}: there is no gamepad to be read ({error.strerror or error}). Plug one in, or give its --device"
+            f"{device}: there is no gamepad here ({error.strerror or error}). Plug one in, or give another --device"
         ) from None
     client = CommandClient(command_port)
     try:

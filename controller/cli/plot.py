@@ -1,4 +1,4 @@
-"""`motiondeck plot`: what happened in a recorded run; lateness, tracking, and what was played and commanded."""
+"""`motiondeck plot`: lateness, tracking, motions and commands of a recorded run."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
 
 def plot(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="What `play --record FILE` has made.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording made with `play --record FILE`.")],
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="PICTURE", help="A .png, .svg or .pdf; FILE.png by default.")
+        Path | None, typer.Option("--out", metavar="PICTURE", help="A .png, .svg or .pdf file (default: FILE.png).")
     ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the figures as one JSON object, draw nothing.")
@@ -30,7 +30,7 @@ def plot(
 
     recording = load_recording(file)
     if recording.ticks == 0:
-        raise MotiondeckError(f"{file}: there is no tick in this recording")
+        raise MotiondeckError(f"{file}: this recording is empty")
     figures = measure(recording)
     if as_json:
         print(json.dumps(figures))
@@ -46,12 +46,12 @@ def plot(
 
 
 def measure(recording: RunRecording) -> dict[str, Any]:
-    """A recording in figures."""
+    """The figures of a recording, as `--json` prints them."""
     import numpy as np
 
     fields = recording.fields
     tick, late = fields["tick"][:, 0], fields["late_us"][:, 0]
-    # What is measured in a tick is read before its targets are written: it follows the tick before.
+    # Joints are read before the targets of a tick are written, so they follow those of the tick before.
     error = fields["measured"][1:] - fields["targets"][:-1]
     error = error[np.isfinite(error)]
     p50, p99, p999 = np.percentile(late, (50.0, 99.0, 99.9))
@@ -69,7 +69,7 @@ def measure(recording: RunRecording) -> dict[str, Any]:
 
 
 def _draw(recording: RunRecording, picture: Path) -> None:
-    """Three panels over the same time.
+    """Draws lateness, tracking errors and motions over the same time axis.
 
     Raises:
         MotiondeckError: if matplotlib is missing or the picture cannot be written.
@@ -83,7 +83,7 @@ def _draw(recording: RunRecording, picture: Path) -> None:
     time = fields["tick"][:, 0] / float(recording.description["rate"])
     figure = new_figure(11.0, 8.0)
     loop, tracking, playing = figure.subplots(3, 1, sharex=True)
-    loop.plot(time, fields["late_us"], ".", markersize=2, label="how late a tick came")
+    loop.plot(time, fields["late_us"], ".", markersize=2, label="lateness of a tick")
     loop.plot(time, fields["work_us"], ".", markersize=2, label="work of a tick")
     loop.set(ylabel="µs", yscale="symlog")
     loop.legend(loc="upper right")
@@ -91,9 +91,9 @@ def _draw(recording: RunRecording, picture: Path) -> None:
     known = np.isfinite(error)
     worst = np.where(known, error, 0.0).max(1)
     mean = np.sqrt(np.where(known, error**2, 0.0).sum(1) / np.maximum(known.sum(1), 1))
-    tracking.plot(time[1:], np.degrees(worst), linewidth=0.7, label="the joint farthest off")
+    tracking.plot(time[1:], np.degrees(worst), linewidth=0.7, label="worst joint")
     tracking.plot(time[1:], np.degrees(mean), linewidth=0.7, label="root mean square over joints")
-    tracking.set(ylabel="off target, deg")
+    tracking.set(ylabel="tracking error, deg")
     tracking.legend(loc="upper right")
     shown = sorted({int(index) for index in fields["motion"][:, 0]})
     row = {index: place for place, index in enumerate(shown)}

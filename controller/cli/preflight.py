@@ -51,7 +51,7 @@ def preflight(
       motiondeck preflight cmu86 --robot mannequin --root free --balance --json
     """
     from controller.library.motion_library import load_library
-    from controller.wire.messages import FASTEST, SLOWEST
+    from controller.wire.command_table import TEMPO
     from motiondeck_base.errors import MotiondeckError
     from motiondeck_base.shipped import find
     from sim.physics.physics_model import physics_model
@@ -64,8 +64,8 @@ def preflight(
     )
     from sim.physics.preflight import Preflight
 
-    if not SLOWEST <= speed <= FASTEST:
-        raise MotiondeckError(f"--speed {speed:g} is not between {SLOWEST:g} and {FASTEST:g}")
+    if not TEMPO.lowest <= speed <= TEMPO.highest:
+        raise MotiondeckError(f"--speed {speed:g} is not between {TEMPO.lowest:g} and {TEMPO.highest:g}")
     if balance and root != "free":
         raise MotiondeckError(f"a robot whose root is {root} need not balance: give --root free with --balance")
     if plot is not None:

@@ -1,4 +1,4 @@
-"""`motiondeck send`: a command for the deck that is running, from another terminal or a script."""
+"""`motiondeck send`: one command for a running deck, from another terminal or a script."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from typing import Annotated
 import typer
 
 from controller.wire.command_socket import DEFAULT_PORT
+from controller.wire.command_table import COMMANDS
 
-_LONGEST_WAIT = 120.0  # s for --wait: by way of other motions it may take a while
+_LONGEST_WAIT = 120.0  # s for --wait: a switch by way of other motions takes that long
 
 
 def send(
@@ -19,8 +20,7 @@ def send(
         list[str],
         typer.Argument(
             metavar="COMMAND",
-            help="switch MOTION [direct] | queue MOTION | blend MOTION MOTION SHARE | speed FACTOR [SECONDS] | pause "
-            "| resume | home | estop | reset | status | stop",
+            help=" | ".join(command.usage for command in COMMANDS),
         ),
     ],
     wait: Annotated[
@@ -28,28 +28,30 @@ def send(
     ] = False,
     command_port: Annotated[int, typer.Option("--command-port", help="The deck's command port.")] = DEFAULT_PORT,
     host: Annotated[
-        str | None, typer.Option("--host", metavar="ADDRESS", help="Of a deck on another machine, with its token.")
+        str | None,
+        typer.Option("--host", metavar="ADDRESS", help="A deck on another machine; needs --token-file."),
     ] = None,
     token_file: Annotated[
-        Path | None, typer.Option("--token-file", metavar="FILE", help="The token that deck is played with.")
+        Path | None, typer.Option("--token-file", metavar="FILE", help="The token that deck was started with.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the deck's answer as one JSON object.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the deck's reply as one JSON object.")] = False,
 ) -> None:
-    """Send a command to the deck that is running and print its answer; the exit code is 1 if it was refused.
+    """Send a command to the running deck and print its reply; the exit code is 1 if it was refused.
 
     Examples:  motiondeck send switch waltz      motiondeck send speed 0.5      motiondeck send status --json
     """
     import msgspec
 
-    from controller.cli.session.terminal import describe, parse_command
+    from controller.cli.session.terminal import describe
     from controller.wire.authentication import read_token
     from controller.wire.command_socket import CommandClient
+    from controller.wire.command_table import parse_command
     from controller.wire.messages import Accepted, Blend, Queue, Refused, Switch
     from motiondeck_base.errors import MotiondeckError
 
     request = parse_command(words)
     if (host is None) != (token_file is None):
-        raise MotiondeckError("a deck on another machine takes both --host ADDRESS and --token-file FILE")
+        raise MotiondeckError("a deck on another machine needs both --host ADDRESS and --token-file FILE")
     if host is not None and token_file is not None:
         client = CommandClient(command_port, host, read_token(token_file))
     else:

@@ -1,23 +1,22 @@
-"""A watch over a mixture of two motions: nobody recorded it, so it may stand still, or turn over where a bone points
-opposite ways in the two.
+"""Checks a blend of two motions while it plays: it may stand still, or a bone that points opposite ways may turn over.
 
-Both are counted as in `benchmarks/deck/blends.py`: in half a second no joint goes a tenth as far as in the
-motion that moves less; or a joint goes two and a half times as fast as it ever does in either motion.
+The criteria are those of `benchmarks/deck/blends.py`: within half a second no joint moves a tenth as far as in the
+motion that moves less; or a joint moves two and a half times as fast as it ever does in either motion.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from controller.deck.repertoire import Motion
+from controller.deck.motions import Motion
 from controller.rotations import Array
 
 STILL, TURNS_OVER = 0.1, 2.5
 HALF_A_SECOND = 0.5
 
 
-class BlendWatch:
-    """Watches one mixture.
+class BlendCheck:
+    """Checks one blend.
 
     Args:
         first, second: the two motions.
@@ -29,12 +28,12 @@ class BlendWatch:
         self._last: Array | None = None
         self._begin_window()
 
-    def look(self, places: Array, dt: float) -> str:
-        """What has become of the mixture: "stands still", "turns over", or "" while all is well.
+    def problem(self, places: Array, dt: float) -> str:
+        """The problem of the blend: "stands still", "turns over", or "" for none.
 
         Args:
             places: joint positions, as `Motion.places` has them, shape (F,), m.
-            dt: how much of the motion has been played since the last look, s; 0 while it pauses.
+            dt: how much of the motion was played since the last call, s; 0 in a pause.
         """
         last, self._last = self._last, places
         if last is not None and float(np.abs(places - last).max()) > self._fastest * dt > 0.0:

@@ -1,8 +1,7 @@
 """From frames to continuous time: plays a frame network at any tempo.
 
-Between two frames p1 and p2 a cubic is laid whose slopes are those of the neighbours (Catmull-Rom), so that velocities
-do not jump at a frame. Being a generator it may look ahead: the network runs two frames ahead of what is played,
-without delay.
+Between two frames p1 and p2 it follows the cubic whose slopes there are (p2 - p0) / 2 and (p3 - p1) / 2 (Catmull-Rom),
+so that velocities do not jump at a frame. The network runs two frames ahead of the output, without delay.
 """
 
 from __future__ import annotations
@@ -31,8 +30,8 @@ class FramePlayer:
     """Plays a frame network in continuous time; fits `base.Generator`.
 
     Args:
-        network: what is played.
-        rate: frames per second it was learned at.
+        network: the network that is played.
+        rate: the frames per second of its training.
     """
 
     def __init__(self, network: FrameNetwork, rate: float) -> None:
@@ -60,12 +59,12 @@ class FramePlayer:
             self.network.advance(frame)
 
     def cross(self, network: CrossingNetwork, motion: str, entries: int) -> int:
-        """Lets its network go over to one of the first anchors of a motion by itself, and says which."""
+        """Has a network with a switching module cross to one of the first anchors of a motion; returns which."""
         self.motion = motion
         return network.cross(motion, entries)
 
     def step(self, dt: float) -> Channels:
-        """Goes dt >= 0 seconds on and gives the channels there, shape (channels,); reused by the next step."""
+        """Advances by dt >= 0 seconds; the channels there, shape (channels,), overwritten by the next step."""
         self._fraction += dt * self.rate
         while self._fraction >= 1.0:
             self._fraction -= 1.0

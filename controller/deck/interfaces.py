@@ -1,4 +1,4 @@
-"""What the deck asks of its neighbours: a robot's joints, a way onto it, and the outputs that receive the targets."""
+"""The interfaces of the deck to its neighbours: joint limits, retargeting, and the outputs that receive targets."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from controller.rotations import Array
 
 @dataclass(frozen=True)
 class JointLimits:
-    """What each of J joints may do at most.
+    """The limits of J joints.
 
     Attributes:
         lower, upper: position, shape (J,), rad.
@@ -30,7 +30,7 @@ class JointLimits:
 
 @dataclass(slots=True)
 class PlacedPose(Pose):
-    """A pose of which it is known where the robot's own root was meant to be with it.
+    """A pose with the place that the robot's own root was meant to have in it.
 
     Attributes:
         robot_root: position, m, and quaternion, shape (7,).
@@ -48,7 +48,7 @@ class Retargeter(Protocol):
 
 
 class Output(Protocol):
-    """Something that is given joint targets and may answer with measured positions.
+    """A receiver of joint targets that may measure positions.
 
     A write may raise: the loop counts the fault and parks the output, and the others go on.
     """
@@ -56,15 +56,15 @@ class Output(Protocol):
     name: str
 
     def write(self, targets: Array, pose: Pose) -> None:
-        """Takes the targets (J,), rad, of this tick, and the pose they come from (for its root)."""
+        """Writes the targets (J,), rad, of this tick; `pose` is the one they come from (for its root)."""
         ...
 
     def measured(self) -> Array | None:
-        """The latest measured joint positions (J,), rad, or None where nothing is measured yet."""
+        """The latest measured joint positions (J,), rad, or None before the first measurement."""
         ...
 
     def report(self) -> Mapping[str, object]:
-        """What `play --json` says about this output: plain numbers, strings and lists."""
+        """The entry of this output in `play --json`: plain numbers, strings and lists."""
         ...
 
     def close(self) -> None:

@@ -1,12 +1,12 @@
-"""Joining: the ways from one motion into another.
+"""Joining: the ways from one motion to another.
 
 - inertialise: the new motion starts at once where it resembles the body most, and the difference fades (`transition`);
-- crossfade: both motions are played and their frames mixed in shares that rise smoothly;
-- morph: the network itself goes over, as its paper has it (mu of conceptors or readouts);
-- cut: the new motion starts at once and nothing is done about the difference; the safety envelope catches up.
+- crossfade: both motions run, and the weight of the new one rises smoothly;
+- morph: the network itself changes from one to the other, as its paper defines it (mu of conceptors or readouts);
+- cut: the new motion starts at once with a jump; the safety envelope catches up.
 
-By itself the deck lets a network that can go over by itself do so, and else inertialises; while another switch is under
-way or two motions are mixed there is only inertialisation.
+By default networks with a switching module of their own morph, and all others inertialise. While another switch is
+under way or two motions are blended, every switch inertialises.
 """
 
 from __future__ import annotations

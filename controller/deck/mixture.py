@@ -1,6 +1,6 @@
-"""A mixture: plays one motion of a network, or goes over into another one in shares that rise smoothly.
+"""A mixture: plays one motion of a network, or two whose weights change smoothly.
 
-Two ways to mix are known for every network:
+Every network can be mixed in two ways:
 
 - inside: the network itself plays the mixture, as its paper defines it (see `morph`);
 - dual run: both motions are played side by side and their frames are mixed.
@@ -20,20 +20,20 @@ from controller.networks.morph import Morph, ReservoirNetwork, morph
 from controller.quintic import rise
 
 AHEAD = 3
-"""Frames that a player has already taken when the last one of a mixture is made."""
+"""Frames by which a player is ahead of its output."""
 
 
 class Mixture:
     """Plays a network alone or a mixture of two of its motions; fits `base.FrameNetwork`.
 
     Args:
-        network: what plays alone, perhaps guarded.
-        core: the same network without the guard: what is mixed.
+        network: plays one motion alone, perhaps guarded.
+        core: the same network without the guard; it plays mixtures.
 
     Attributes:
-        motion: what is played, or the first of the two.
+        motion: the motion that is played, or the first of the two.
         other: the second of the two, or "".
-        anchor: of that motion, nearest to where it goes on alone after a mixture.
+        anchor: the anchor of that motion nearest to where it continues alone after a mixture.
     """
 
     def __init__(self, network: FrameNetwork, core: ReservoirNetwork | CentralizedNetwork) -> None:
@@ -45,9 +45,9 @@ class Mixture:
         self._end()
 
     @property
-    def share(self) -> float:
-        """How much of the second motion there is."""
-        return self._share
+    def weight(self) -> float:
+        """The weight of the second motion."""
+        return self._weight
 
     @property
     def mixed(self) -> bool:
@@ -55,13 +55,13 @@ class Mixture:
         return self._morph is not None
 
     @property
-    def heard(self) -> bool:
-        """Whether the change of the share has reached what is played."""
+    def reached_output(self) -> bool:
+        """Whether the change of the weight has reached the player's output."""
         return self._frames > AHEAD
 
     @property
     def crossing(self) -> bool:
-        """Whether the share is still changing in what is played."""
+        """Whether the weight is still changing in the player's output."""
         return self._morph is not None and self._frames < self._length + AHEAD
 
     def anchors(self, motion: str) -> Channels:
@@ -74,14 +74,14 @@ class Mixture:
         self.motion = motion
         self._end()
 
-    def mix(self, other: str, share: float, frames: int, anchor: int, *, inside: bool = True) -> None:
-        """Mixes another motion in until it has a share in [0, 1], within so many frames.
+    def mix(self, other: str, weight: float, frames: int, anchor: int, *, inside: bool = True) -> None:
+        """Mixes another motion in until it has a weight in [0, 1], within so many frames.
 
-        At 1 the other motion goes on alone, at 0 the first one does.
+        At 1 the other motion continues alone, at 0 the first one does.
 
         Args:
             other: the motion; while two are mixed already, the second of them.
-            share: its final share.
+            weight: its final weight.
             frames: how long the change takes.
             anchor: of the other motion, where it begins when both are played side by side.
             inside: whether the network itself plays the mixture, where it can: a centralized one has no other way.
@@ -95,7 +95,7 @@ class Mixture:
             else:
                 self._morph = self._dual(other, anchor)
             self.other = other
-        self._from, self._to, self._frames, self._length = self._share, share, 0, max(1, frames)
+        self._from, self._to, self._frames, self._length = self._weight, weight, 0, max(1, frames)
 
     def advance(self, out: Channels) -> None:
         """Steps one frame on and writes it into out, shape (channels,)."""
@@ -104,10 +104,10 @@ class Mixture:
             return
         self._frames += 1
         passed = min(1.0, self._frames / self._length)
-        self._share = self._from + (self._to - self._from) * rise(passed)
-        self._morph.advance(self._share, out)
+        self._weight = self._from + (self._to - self._from) * rise(passed)
+        self._morph.advance(self._weight, out)
         if self._to in (0.0, 1.0) and self._frames >= self._length + AHEAD:
-            self._go_on_alone(out)
+            self._continue_alone(out)
 
     def snapshot(self) -> Any:
         """A copy of the state, while one motion plays alone."""
@@ -125,8 +125,8 @@ class Mixture:
         entering.cue(other, anchor)
         return DualRun(self._core, leaving, entering)
 
-    def _go_on_alone(self, frame: Channels) -> None:
-        """Leaves one motion playing, and tells a guard where it is."""
+    def _continue_alone(self, frame: Channels) -> None:
+        """Leaves one motion playing, and cues a guard to where it is."""
         assert self._morph is not None
         if self._to == 1.0:
             self._morph.settle()
@@ -141,7 +141,7 @@ class Mixture:
     def _end(self) -> None:
         self._morph: Morph | None = None
         self.other = ""
-        self._share = self._from = self._to = 0.0
+        self._weight = self._from = self._to = 0.0
         self._frames = self._length = 0
 
 

@@ -11,11 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from controller.deck.blend_check import BlendWatch
+from controller.deck.blend_check import BlendCheck
 from controller.deck.frame_player import FramePlayer
 from controller.deck.joining import Joining
 from controller.deck.mixture import Mixture
-from controller.deck.repertoire import Motion, read_repertoire
+from controller.deck.motions import Motion, read_motions
 from controller.deck.transition import Fade, NetworkSwitch, best_anchor, difference
 from controller.library.motion_library import MotionLibrary
 from controller.library.network_arrays import Network
@@ -35,29 +35,29 @@ MORPH_SECONDS = 1.0
 class Performance:
     """Plays one motion of a library, or a mixture of two.
 
-    A tick is one `step`, then `begin` or `put_back`, and in the end `keep`.
+    A tick is one `step`, then `switch_to` or `fade_after_restart`, and in the end `remember`.
 
     Attributes:
-        repertoire: what is known of the motions.
+        motions: the motions of the library by name.
         posture: what was shown last.
         at: how far into the motion it is, s.
         end: the place at which the motion has ended or gone round, s.
-        trouble: what the mixture did in the last step that no motion does, or "".
+        blend_problem: the problem of the blend in the last step, or "".
     """
 
     def __init__(self, library: MotionLibrary, motion: str, joining: Joining | None) -> None:
         """Begins with a motion of the library; `joining` as for the deck."""
-        self.repertoire = read_repertoire(library)
+        self.motions = read_motions(library)
         self._encoding = library.encoding
         self._joining: Joining | None = joining
         core = self._core = library.network.twin()
         self._guard = None if isinstance(core, CentralizedNetwork) else _guard(core, library)
-        self._recues = 0  # how many of the guard's are faded in already
+        self._faded_restarts = 0  # how many of the guard's restarts are faded in already
         self._mixture = Mixture(self._guard or core, core)
         self._player = FramePlayer(self._mixture, library.info.rate)
         self._player.cue(motion)
-        self._watch: BlendWatch | None = None
-        self.trouble = ""
+        self._check: BlendCheck | None = None
+        self.blend_problem = ""
         self._fade: Fade | NetworkSwitch | None = None
         self._fade_start = 0.0
         self._turned = 0.0  # by how much the heading has turned since, rad
@@ -70,7 +70,7 @@ class Performance:
     @property
     def here(self) -> Motion:
         """The motion that is played."""
-        return self.repertoire[self._player.motion]
+        return self.motions[self._player.motion]
 
     @property
     def fading(self) -> bool:
@@ -83,9 +83,9 @@ class Performance:
         return self._mixture.crossing
 
     @property
-    def mixture_is_heard(self) -> bool:
+    def blend_reached_output(self) -> bool:
         """Whether the last change of the mixture has reached what is shown."""
-        return self._mixture.heard or not self._mixture.mixed
+        return self._mixture.reached_output or not self._mixture.mixed
 
     @property
     def other(self) -> str:
@@ -96,19 +96,19 @@ class Performance:
     def blend(self) -> tuple[str, float] | None:
         """What is mixed into the motion that is played, and its present share."""
         blended = self._mixture.mixed and not isinstance(self._fade, NetworkSwitch)
-        return (self._mixture.other, self._mixture.share) if blended else None
+        return (self._mixture.other, self._mixture.weight) if blended else None
 
     @property
-    def recues(self) -> int:
-        """How often the network was lost and had to be started again."""
+    def restarts(self) -> int:
+        """How often the network lost its motion and was restarted."""
         return self._guard.recues if self._guard else 0
 
     @property
-    def over(self) -> bool:
+    def ended(self) -> bool:
         """Whether the motion has ended or gone round, and nothing else is being faded or mixed in."""
         return self._fade is None and not self._mixture.crossing and self.at >= self.end
 
-    def await_round(self) -> None:
+    def finish_round(self) -> None:
         """Has a loop that has gone round be over when it has done so once more."""
         if self.here.loop and self.at >= self.end:
             rounds = np.floor((self.at - self.end) / self.here.seconds) + 1.0
@@ -121,10 +121,10 @@ class Performance:
         tempo = speed * self._onset()
         self.at += dt * tempo
         target = self._decode(self._player.step(dt * tempo), tempo)
-        self.trouble = ""
-        if self._watch is not None and self.blend is not None:
-            self.trouble = self._watch.look(self._joints(target), dt * tempo)
-            if self.trouble == "turns over":
+        self.blend_problem = ""
+        if self._check is not None and self.blend is not None:
+            self.blend_problem = self._check.problem(self._joints(target), dt * tempo)
+            if self.blend_problem == "turns over":
                 target = self.posture  # whose speed is no motion's own: the fade begins from a standstill
         if self._fade is None:
             return target, False
@@ -135,17 +135,17 @@ class Performance:
         self._fade = None
         return target, True
 
-    def keep(self, shown: Posture) -> None:
+    def remember(self, shown: Posture) -> None:
         """Takes what is shown for the past, from which what comes next is seen."""
         self._before, self.posture = self.posture, shown
-        self._recues = self.recues
+        self._faded_restarts = self.restarts
 
-    def begin(self, motion: str, shown: Posture) -> None:
+    def switch_to(self, motion: str, shown: Posture) -> None:
         """Starts a motion where it resembles the body most, and the fade from what is shown towards it.
 
         A network that goes over by itself is left to do so, unless another switch is still under way.
         """
-        entering = self.repertoire[motion]
+        entering = self.motions[motion]
         bound = max(self.here.acceleration, entering.acceleration)
         joining = self._joining or ("morph" if isinstance(self._core, CrossingNetwork) else "inertialise")
         if joining in ("morph", "crossfade") and self._fade is None and not self._mixture.mixed:
@@ -158,26 +158,26 @@ class Performance:
         self.at = anchor * entering.spacing
         self.end = entering.seconds + (self.at if entering.loop else 0.0)
 
-    def put_back(self, shown: Posture) -> None:
+    def fade_after_restart(self, shown: Posture) -> None:
         """Fades to where a network that was lost has been put back to, which is some way off, like another motion."""
-        if self._guard and self._guard.recues > self._recues:
+        if self._guard and self._guard.recues > self._faded_restarts:
             self._enter(self._player.motion, self._guard.anchor, shown, self.here.acceleration)
 
-    def mix(self, other: str, share: float) -> None:
+    def blend_in(self, other: str, weight: float) -> None:
         """Mixes another motion in, side by side, from its present share to this one.
 
         Inside the network, as the papers have it, most mixtures of unlike motions stand still
         (benchmarks/deck/blends.py).
         """
         if not self._mixture.mixed:
-            self._watch = BlendWatch(self.here, self.repertoire[other])
-        frames = round(abs(share - self._mixture.share) * MORPH_SECONDS * self._player.rate)
-        self._mixture.mix(other, share, frames, self._anchor(other, self._before, self.posture), inside=False)
+            self._check = BlendCheck(self.here, self.motions[other])
+        frames = round(abs(weight - self._mixture.weight) * MORPH_SECONDS * self._player.rate)
+        self._mixture.mix(other, weight, frames, self._anchor(other, self._before, self.posture), inside=False)
 
-    def adopt_what_is_left(self) -> None:
+    def drop_first_motion(self) -> None:
         """Goes on with the second motion of a mixture where that is left alone."""
         if self._mixture.motion != self._player.motion:
-            here = self.repertoire[self._mixture.motion]
+            here = self.motions[self._mixture.motion]
             self._player.motion = here.name
             self.at = self._mixture.anchor * here.spacing
             self.end = here.seconds + self.at
@@ -200,7 +200,7 @@ class Performance:
 
     def _go_over(self, motion: str, shown: Posture, bound: float, *, inside: bool) -> int:
         """Goes over to a motion by mixing, inside the network or side by side; the anchor where it is entered."""
-        dt, speed, entering = self._dt, self._speed, self.repertoire[motion]
+        dt, speed, entering = self._dt, self._speed, self.motions[motion]
         self._fade_start = self._time
         if inside and isinstance(self._core, CrossingNetwork):
             self._fade = NetworkSwitch(self._core)
@@ -218,7 +218,7 @@ class Performance:
 
     def _anchor(self, motion: str, before: Posture, now: Posture) -> int:
         """Where a motion resembles a body most."""
-        there, place = self.repertoire[motion], self._joints(now)
+        there, place = self.motions[motion], self._joints(now)
         velocity = (place - self._joints(before)) / self._dt
         return best_anchor(place, velocity, there.places, there.velocities, VELOCITY_REACH)
 

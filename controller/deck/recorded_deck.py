@@ -1,4 +1,4 @@
-"""A deck that plays a recording again: the targets that a run gave, at any tempo; it can be paused but not switched."""
+"""A deck that replays a recording of a run at any tempo; it can be paused but not switched."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ class RecordedDeck(Paced):
 
     Args:
         recording: with at least one tick.
-        same_robot: whether it is played by the robot that was recorded, whose root then goes where it went.
+        same_robot: whether the recorded robot plays it; its root then follows the recorded path.
 
     Attributes:
         motions: the motions that were played.
         time: s since the start.
-        over: whether the recording has come to its end, where it is held.
-        switches: none; nothing can be switched to.
-        recues: none; no network is playing.
+        over: whether the end is reached; the last targets are held there.
+        switches: always empty.
+        restarts: always 0; no network is playing.
 
     Raises:
-        MotiondeckError: if nothing was recorded.
+        MotiondeckError: if the recording is empty.
     """
 
     def __init__(self, recording: RunRecording, *, same_robot: bool = True) -> None:
         if recording.ticks == 0:
-            raise MotiondeckError("there is no tick in this recording")
+            raise MotiondeckError("this recording is empty")
         fields = recording.fields
         self.motions = tuple(recording.description["motions"])
         self.switches: list[CommandedSwitch] = []
         self.queue: list[str] = []
         self.settled = True
-        self.recues = 0
+        self.restarts = 0
         self.time = 0.0
         super().__init__()
         self._rate = float(recording.description["rate"])
@@ -52,21 +52,21 @@ class RecordedDeck(Paced):
 
     @property
     def motion(self) -> str:
-        """What was played here."""
+        """The motion that was played here."""
         return self.motions[int(self._motion[int(self._place)])]
 
     @property
     def playing(self) -> str:
-        """The same."""
+        """The same as `motion`."""
         return self.motion
 
     @property
     def over(self) -> bool:
-        """Whether it has come to the end."""
+        """Whether the end is reached."""
         return self._place >= self._last
 
     def update(self, dt: float) -> tuple[Array, Pose]:
-        """Goes dt seconds on; between two ticks that were recorded lies a straight line."""
+        """Advances by dt seconds, linear between recorded ticks; the joint targets (J,), rad, and the pose."""
         self.time += dt
         self._place = min(self._place + dt * self._tempo.advance(dt) * self._rate, float(self._last))
         first = min(int(self._place), max(self._last - 1, 0))
@@ -91,7 +91,7 @@ class RecordedDeck(Paced):
         Raises:
             MotiondeckError: always.
         """
-        raise MotiondeckError(f"a recording is being replayed, so there is no switching to {to}")
+        raise MotiondeckError(f"a recording is being replayed; {to} cannot be played")
 
     def enqueue(self, to: str) -> CommandedSwitch:
         """Refuses.
@@ -103,15 +103,15 @@ class RecordedDeck(Paced):
 
     @property
     def blend(self) -> None:
-        """Nothing."""
+        """Always None: nothing is blended."""
         return
 
     @property
     def fell_back(self) -> str:
-        """Nothing."""
+        """Always empty: nothing is blended."""
         return ""
 
-    def blend_in(self, first: str, second: str, share: float) -> CommandedSwitch:
+    def blend_in(self, first: str, second: str, weight: float) -> CommandedSwitch:
         """Refuses.
 
         Raises:

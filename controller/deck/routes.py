@@ -1,4 +1,4 @@
-"""Routes: which motions to go by where a body is too far from the one that is wanted (crawl, standup, waltz).
+"""Routes: the motions in between where one motion is too far from another (crawl, standup, waltz).
 
 The leap from one motion to another is how far the heights of the joints are apart when one is left and the other is
 entered where it resembles the body most: root mean square over the joints, median over the places where the first may
@@ -6,8 +6,7 @@ be left. Arms and legs may swing as far as they like; lying, sitting and standin
 
     sum over its legs of  (leap / LEAP_M)^2 + 1
 
-and the cheapest one is taken. Only motions that happen once are gone by: they are what leads from one posture to
-another.
+and the cheapest one is taken. Only one-shots lie on a way: they lead from one posture to another.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.deck.repertoire import Motion
+from controller.deck.motions import Motion
 from controller.rotations import Array
 
 LEAP_M = 0.2
@@ -27,26 +26,26 @@ LEAP_M = 0.2
 
 @dataclass(frozen=True)
 class Routes:
-    """The graph of a repertoire.
+    """The graph of the motions of a library.
 
     Attributes:
         leaps: from each motion to each other one, m.
-        bridges: the motions that may be gone by.
+        bridges: the motions that may lie on a way.
     """
 
     leaps: Mapping[str, Mapping[str, float]]
     bridges: frozenset[str]
 
     @classmethod
-    def between(cls, repertoire: Mapping[str, Motion]) -> Routes:
-        """The routes between the motions of a repertoire."""
-        leaps = {name: {other: leap(a, b) for other, b in repertoire.items()} for name, a in repertoire.items()}
-        return cls(leaps, frozenset(name for name, motion in repertoire.items() if not motion.loop))
+    def between(cls, motions: Mapping[str, Motion]) -> Routes:
+        """The routes between motions."""
+        leaps = {name: {other: leap(a, b) for other, b in motions.items()} for name, a in motions.items()}
+        return cls(leaps, frozenset(name for name, motion in motions.items() if not motion.loop))
 
     def by_way_of(self, start: str, goal: str) -> tuple[str, ...]:
         """The motions on the cheapest way from one motion to another (both left out); empty where it is direct.
 
-        Both must be motions of the repertoire. The way from a motion to itself is direct.
+        The way from a motion to itself is direct.
         """
         ways: list[tuple[float, str, tuple[str, ...]]] = [(0.0, start, ())]
         closed: set[str] = set()
@@ -71,6 +70,6 @@ def leap(leaving: Motion, entering: Motion) -> float:
 
 
 def _heights(places: Array) -> Array:
-    """Of the root and of all joints above the ground, shape (A, 1 + joints), m."""
+    """The heights of root and joints above the ground, shape (A, 1 + joints), m."""
     root = places[:, -1:]
     return np.concatenate([root, root + places[:, 2:-1:3]], axis=1)

@@ -1,4 +1,4 @@
-"""A switch: one motion that was commanded, and what has become of it."""
+"""A commanded switch and its progress."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from dataclasses import dataclass
 
 @dataclass(slots=True)
 class CommandedSwitch:
-    """A switch that was commanded; times in s since the deck's start, None while still to come.
+    """A commanded switch; times are s since the deck's start, None while still to come.
 
     Attributes:
         to: the motion.
-        commanded_s: when the command came.
+        commanded_s: when it was commanded.
         first_change_s: the first tick whose targets it changed.
-        settled_s: when nothing was left of the motion before.
-        after: the motion whose end is awaited first, or "".
+        settled_s: when it was complete.
+        after: the one-shot that is finished first, or "".
         via: the motions on the way.
         overtaken: whether another command came before it had settled.
-        blend: what is mixed in as soon as the motion is played, and its share.
+        blend: the motion that is blended in once `to` is playing, and its weight.
         fell_back: why the blend was given up and what is played instead, or "".
     """
 

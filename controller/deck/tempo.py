@@ -1,9 +1,8 @@
-"""Tempo: how fast motions are played. It follows what is commanded at a bounded rate; a pause is a tempo of zero."""
+"""Tempo: how fast motions are played. It follows the commanded one at a bounded rate; a pause is a tempo of zero."""
 
 from __future__ import annotations
 
-from controller.wire.messages import FASTEST, SLOWEST
-from motiondeck_base.errors import MotiondeckError
+from controller.wire.command_table import TEMPO, TEMPO_SECONDS
 
 # How fast the tempo itself may change, 1/s: a pause takes 0.4 s.
 TEMPO_RATE = 2.5
@@ -13,45 +12,43 @@ class Tempo:
     """A tempo, 1 as recorded.
 
     Attributes:
-        speed: what is played; it follows the commanded one smoothly.
-        commanded: what was commanded.
-        paused: whether a standstill was commanded.
+        speed: the present tempo; it follows the commanded one smoothly.
+        commanded: the commanded tempo.
+        paused: whether a pause was commanded.
     """
 
     def __init__(self) -> None:
         self.speed = self.commanded = 1.0
         self.paused = False
-        self._rate = TEMPO_RATE  # of going to the commanded tempo, 1/s
+        self._rate = TEMPO_RATE  # of the change to the commanded tempo, 1/s
 
     def command(self, factor: float, over: float = 0.0) -> None:
-        """Goes over to another tempo, SLOWEST to FASTEST times as fast as recorded.
+        """Changes to another tempo.
 
         Args:
-            factor: the tempo.
-            over: how long the change takes, s; never less than is smooth. In a pause it begins when that is over.
+            factor: the tempo, in the range of `command_table.TEMPO`.
+            over: how long the change takes, s; at least as long as TEMPO_RATE demands. It begins after a pause.
 
         Raises:
-            MotiondeckError: if the factor is outside, or the time is negative.
+            CommandError: if the tempo or the time is out of its range.
         """
-        if not SLOWEST <= factor <= FASTEST:
-            raise MotiondeckError(f"speed {factor:g} is not between {SLOWEST:g} and {FASTEST:g}")
-        if not over >= 0.0:
-            raise MotiondeckError(f"a change of speed cannot take {over:g} s")
+        TEMPO.check(factor)
+        TEMPO_SECONDS.check(over)
         self.commanded = factor
         begins = 0.0 if self.paused else self.speed
         self._rate = min(TEMPO_RATE, abs(factor - begins) / over) if over > 0.0 else TEMPO_RATE
 
     def pause(self) -> None:
-        """Comes to a standstill and stays there."""
+        """Comes to a standstill and stays there until `resume`."""
         self.paused = True
         self._rate = TEMPO_RATE
 
     def resume(self) -> None:
-        """Goes on after a pause."""
+        """Plays on after a pause."""
         self.paused = False
 
     def advance(self, dt: float) -> float:
-        """The speed after dt more seconds."""
+        """The tempo after dt more seconds."""
         goal, rate = (0.0, TEMPO_RATE) if self.paused else (self.commanded, self._rate)
         most = rate * dt
         self.speed += min(max(goal - self.speed, -most), most)
@@ -59,34 +56,34 @@ class Tempo:
 
 
 class Paced:
-    """Something that is played at a tempo, as those who command it see that."""
+    """The tempo of a deck, as commands see it; a base of both decks."""
 
     def __init__(self) -> None:
         self._tempo = Tempo()
 
     @property
     def speed(self) -> float:
-        """The tempo that is being played; it follows the commanded one smoothly."""
+        """The present tempo; it follows the commanded one smoothly."""
         return self._tempo.speed
 
     @property
     def commanded_speed(self) -> float:
-        """The tempo that was commanded."""
+        """The commanded tempo."""
         return self._tempo.commanded
 
     @property
     def paused(self) -> bool:
-        """Whether it stands still on command."""
+        """Whether it is paused."""
         return self._tempo.paused
 
     def set_speed(self, factor: float, over: float = 0.0) -> None:
-        """Plays at another tempo, within so many seconds; see `Tempo.command`."""
+        """Plays at another tempo, reached within `over` seconds; see `Tempo.command`."""
         self._tempo.command(factor, over)
 
     def pause(self) -> None:
-        """Comes to a standstill and stays there."""
+        """Comes to a standstill and stays there until `resume`."""
         self._tempo.pause()
 
     def resume(self) -> None:
-        """Goes on after a pause."""
+        """Plays on after a pause."""
         self._tempo.resume()

@@ -1,4 +1,4 @@
-"""Approach: the slow way from rest to rest, for the first pose, for the rest pose, and for home.
+"""Approach: a slow move from rest to rest, to the first pose, to the rest pose and home.
 
 All joints move along the quintic  s = 10 x^3 - 15 x^4 + 6 x^5,  x = t / T, which starts and ends without velocity and
 acceleration. Over a distance d its greatest velocity is 15/8 d/T, acceleration 10/sqrt(3) d/T^2 and jerk 60 d/T^3.
@@ -18,11 +18,11 @@ _VELOCITY, _ACCELERATION, _JERK = 15.0 / 8.0, 10.0 / np.sqrt(3.0), 60.0
 
 @dataclass(frozen=True)
 class Approach:
-    """A motion of J joints from rest to rest; all arrive together.
+    """A move of J joints from rest to rest; all arrive together.
 
     Attributes:
         start, goal: joint positions, shape (J,), rad.
-        duration: s; zero where there is nothing to do.
+        duration: s; zero where start and goal are the same.
     """
 
     start: Array

@@ -8,11 +8,11 @@ Letting an acceleration h go, j less each tick, adds G(h) to the velocity in all
 
     G(h) = h + (h - j) + (h - 2j) + ... = n h - j n (n - 1) / 2,    n = ceil(h / j).
 
-Whoever moves at v and takes the acceleration -H(v) therefore comes to v = 0 and a = 0 in the same tick, by steps of j.
-The law of stopping is to take -H(v), or what jerk and acceleration allow that is nearest to it. It asks for the state
-alone, so whoever follows it for a tick goes on along the very same way: a stop once found safe stays safe.
+A joint at velocity v that takes the acceleration -H(v) therefore reaches v = 0 and a = 0 in the same tick, by steps of
+j. The law of stopping is to take -H(v), or the nearest acceleration that the limits allow. It depends on the state
+alone, so a joint that has followed it for a tick continues along the same path: a stop once found safe stays safe.
 
-One joint at a time, in plain numbers: the few joints that are bent in a tick are done before numpy has begun.
+One joint at a time, in plain numbers: for the few joints that need it in a tick that is faster than numpy.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from controller.rotations import Array
 
 
 class Run(NamedTuple):
-    """How far a stopping joint still goes, seen from where it is (rad): its highest, lowest and last position."""
+    """How far a stopping joint still moves, relative to where it is (rad): its highest, lowest and last position."""
 
     rise: float
     fall: float
@@ -51,7 +51,7 @@ def braked(v: float, a: float, most: float, j: float) -> float:
 
 
 def stopping_run(v: float, a: float, most: float, j: float) -> Run:
-    """How far a joint at velocity v and acceleration a goes on under the law of stopping.
+    """How far a joint at velocity v and acceleration a still moves under the law of stopping.
 
     Four stretches, each a closed sum: m ticks of full jerk, q ticks of full acceleration, then the release of h.
     """
@@ -82,7 +82,7 @@ def stopping_run(v: float, a: float, most: float, j: float) -> Run:
     n = ceil(h / j)
     run += n * (n - 1) * (0.5 * (h - n * j) + j * (n + 1) / 6.0)
 
-    # Who moves the other way at first dips before it rises: k ticks until the velocity turns.
+    # A joint that first moves the other way dips before it rises: k ticks until the velocity turns.
     dip = 0.0
     if v < 0.0:
         b = a - 0.5 * j
@@ -94,10 +94,10 @@ def stopping_run(v: float, a: float, most: float, j: float) -> Run:
 
 
 def longest_run(speed: Array, size: Array, most: Array, j: Array) -> Array:
-    """A bound, cheap to compute for all joints at once, of how far a stop goes: the highest velocity, kept longest.
+    """An upper bound of the stopping distances of all joints, cheap to compute: the highest velocity, kept longest.
 
     Args:
-        speed, size: of velocity and acceleration, both without their signs, shape (J,).
+        speed, size: the absolute velocity and acceleration, shape (J,).
         most, j: the limits of acceleration and jerk, shape (J,).
     """
     top = speed + 0.5 * (size + j) ** 2 / j

@@ -1,4 +1,4 @@
-"""Clocks that say when the next tick is due: a real one with absolute deadlines, and a virtual one that never waits.
+"""Clocks that wait for the next tick: a real one with absolute deadlines, and a virtual one that never waits.
 
 The deadline of tick k is the start plus k periods, whatever the ticks before it did, so that the rate cannot drift.
 """
@@ -12,7 +12,7 @@ from typing import Literal, Protocol
 from motiondeck_base.errors import MotiondeckError
 
 SPIN_NS = 200_000
-"""So long before its deadline a tick is awaited by looking at the clock: a sleep wakes up late by about as much."""
+"""The last stretch before a deadline is spent reading the clock, because a sleep wakes up late by about as much."""
 
 
 class RateError(MotiondeckError):
@@ -20,7 +20,7 @@ class RateError(MotiondeckError):
 
 
 class Clock(Protocol):
-    """What the loop asks of a clock."""
+    """A clock, as the loop uses it."""
 
     @property
     def period(self) -> float:
@@ -29,7 +29,7 @@ class Clock(Protocol):
 
     @property
     def overruns(self) -> int:
-        """How many ticks came more than a period late."""
+        """How many ticks began more than a period late."""
         ...
 
     @property
@@ -62,8 +62,8 @@ class Ticker:
 
     Attributes:
         rate: ticks per second, 1 to 10000.
-        policy: what an overrun does: `skip` lets the missed ticks go, `catch_up` runs them without waiting.
-        overruns: ticks that came more than a period late.
+        policy: what an overrun does: `skip` drops the missed ticks, `catch_up` runs them without waiting.
+        overruns: ticks that began more than a period late.
         skipped: ticks that never ran.
 
     Raises:
@@ -89,7 +89,7 @@ class Ticker:
         return time.monotonic_ns()
 
     def start(self) -> None:
-        """Makes the present the time of tick 0 and forgets former overruns."""
+        """Makes the present the time of tick 0 and clears the counts."""
         self._deadline = self.now()
         self.overruns = self.skipped = 0
 
@@ -112,11 +112,11 @@ class Ticker:
 
 @dataclass
 class VirtualClock:
-    """Ticks as fast as they are asked for, each exactly on time: for tests and for rendering.
+    """Ticks without waiting, each exactly on time: for tests and for rendering.
 
     Attributes:
         rate: ticks per virtual second, 1 to 10000.
-        overruns, skipped: none, ever.
+        overruns, skipped: always 0.
 
     Raises:
         RateError: if the rate is out of range.
@@ -144,6 +144,6 @@ class VirtualClock:
         self._time = 0
 
     def wait(self) -> int:
-        """Lets one period pass; returns 0, for a virtual tick is never late."""
+        """Advances by one period; returns 0, because a virtual tick is never late."""
         self._time += self._period
         return 0

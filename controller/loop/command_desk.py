@@ -1,4 +1,4 @@
-"""The command desk: carries out on a deck what comes in over a socket, and reports back when a switch has settled."""
+"""The command desk: carries out the commands of a socket on a deck, and reports when a switch has settled."""
 
 from __future__ import annotations
 
@@ -27,19 +27,17 @@ from controller.wire.command_socket import (
     Stop,
     Switch,
 )
+from controller.wire.command_table import command_of
 from motiondeck_base.errors import MotiondeckError
 
 Awaited = Switch | Queue | Blend
-"""Commands that are answered once more when they are carried out."""
+"""Commands that are answered once more when they have settled."""
 
-_MOST_AWAITED = 256  # switches whose end somebody waits for
+_MOST_AWAITED = 256  # switches whose second reply is still to come
 
 
 class Progress(Protocol):
-    """A switch under way, as the deck keeps it.
-
-    Its times are s since the deck's start, None while still to come; the rest is what `deck.Switch` says of it.
-    """
+    """A switch under way; `deck.switch.CommandedSwitch` has the meaning of each attribute."""
 
     commanded_s: float
     settled_s: float | None
@@ -50,11 +48,11 @@ class Progress(Protocol):
 
 
 class Commandable(Protocol):
-    """What the desk asks of a deck; what it cannot do it answers with a MotiondeckError that says why."""
+    """The part of a deck that commands need; it raises a MotiondeckError for a command that it cannot carry out."""
 
     @property
     def motions(self) -> Sequence[str]:
-        """All it can play."""
+        """The names of its motions."""
         ...
 
     @property
@@ -64,12 +62,12 @@ class Commandable(Protocol):
 
     @property
     def paused(self) -> bool:
-        """Whether it stands still on command."""
+        """Whether it is paused."""
         ...
 
     @property
     def motion(self) -> str:
-        """What is played, or being switched to."""
+        """The motion that is played or being switched to."""
         ...
 
     @property
@@ -79,7 +77,7 @@ class Commandable(Protocol):
 
     @property
     def queue(self) -> list[str]:
-        """What is played next."""
+        """The motions that are played next."""
         ...
 
     def switch(self, to: str, *, direct: bool = False) -> Progress:
@@ -87,21 +85,21 @@ class Commandable(Protocol):
         ...
 
     def enqueue(self, to: str) -> Progress:
-        """Plays a motion after all others."""
+        """Plays a motion after the present and the queued ones."""
         ...
 
     @property
     def blend(self) -> tuple[str, float] | None:
-        """What is mixed into the motion, and its share."""
+        """The motion that is blended in, and its weight."""
         ...
 
     @property
     def fell_back(self) -> str:
-        """Why the last mixture was given up and what was played instead, or ""."""
+        """Why the last blend was given up and what was played instead, or ""."""
         ...
 
-    def blend_in(self, first: str, second: str, share: float) -> Progress:
-        """Plays a mixture of two motions."""
+    def blend_in(self, first: str, second: str, weight: float) -> Progress:
+        """Plays a blend of two motions."""
         ...
 
     def set_speed(self, factor: float, over: float = 0.0) -> None:
@@ -113,18 +111,18 @@ class Commandable(Protocol):
         ...
 
     def resume(self) -> None:
-        """Goes on."""
+        """Plays on."""
         ...
 
 
 class CommandDesk:
-    """Carries out the commands that have come, once a tick; it never waits, and no client can make it raise.
+    """Carries out the commands that have arrived, once a tick; it never waits, and no client can make it raise.
 
     Args:
-        deck: what is commanded.
-        servers: where commands come from.
-        note: is told of each command and its answer.
-        seen: says which motion the measured joints look like, and how surely.
+        deck: the deck that is commanded.
+        servers: the sockets that commands arrive at.
+        note: called with each command and its reply.
+        seen: the motion that the measured joints are recognised as and the confidence, or None.
     """
 
     def __init__(
@@ -141,7 +139,7 @@ class CommandDesk:
         self._awaited: deque[tuple[CommandServer, Address, Awaited, Progress]] = deque(maxlen=_MOST_AWAITED)
 
     def __call__(self, stop: StopRequest) -> None:
-        """Answers what has come, and those who wait for a switch that has settled or been overtaken."""
+        """Carries out new commands, and sends the second replies of switches that have settled or been overtaken."""
         for server in self._servers:
             for message, sender in server.poll():
                 reply, progress = self.carry_out(message, stop)
@@ -152,16 +150,16 @@ class CommandDesk:
             server, sender, message, progress = self._awaited.popleft()
             if progress.settled_s is not None:
                 took = progress.settled_s - progress.commanded_s
-                server.reply(sender, Settled(_aim(message), took, message.id))
+                server.reply(sender, Settled(_destination(message), took, message.id))
             elif progress.fell_back:
                 server.reply(sender, Refused(progress.fell_back, message.id))
             elif progress.overtaken:
-                server.reply(sender, Refused(f"the switch to {_aim(message)} was overtaken by another", message.id))
+                server.reply(sender, Refused(f"another command has overtaken {_destination(message)}", message.id))
             else:
                 self._awaited.append((server, sender, message, progress))
 
     def carry_out(self, message: Message, stop: StopRequest) -> tuple[Reply, Progress | None]:
-        """Does what a command says; the answer, and for a switch what becomes of it."""
+        """Carries out one command; its reply, and for a switch its progress."""
         reply, progress = self._do(message, stop)
         if self._note is not None:
             self._note(message, reply)
@@ -171,11 +169,13 @@ class CommandDesk:
         deck = self._deck
         progress: Progress | None = None
         try:
+            if stop.mode not in command_of(message).modes:
+                stop.check_released()
             match message:
                 case GetStatus():
                     return self._state(message, stop), None
                 case EmergencyStop():
-                    stop.halt()
+                    stop.emergency_stop()
                     deck.pause()
                 case Reset():
                     stop.reset()
@@ -188,7 +188,6 @@ class CommandDesk:
                     stop.play()
                     deck.resume()
                 case _:
-                    stop.check_released()
                     progress = self._play(message, stop)
         except MotiondeckError as error:
             return Refused(str(error), message.id), None
@@ -197,15 +196,15 @@ class CommandDesk:
         return Accepted(message.id, progress.after, list(progress.via)), progress
 
     def _play(self, message: Message, stop: StopRequest) -> Progress | None:
-        """Carries out what concerns the deck alone; who asks for a motion wants the joints to follow it."""
+        """Carries out a command of the deck alone; a command for a motion also lets the joints follow it again."""
         deck = self._deck
         match message:
             case Switch(to=to, direct=direct):
                 progress = deck.switch(to, direct=direct)
             case Queue(to=to):
                 progress = deck.enqueue(to)
-            case Blend(first=first, second=second, share=share):
-                progress = deck.blend_in(first, second, share)
+            case Blend(first=first, second=second, weight=weight):
+                progress = deck.blend_in(first, second, weight)
             case SetSpeed(factor=factor, over=over):
                 return deck.set_speed(factor, over)
             case _:
@@ -232,6 +231,6 @@ class CommandDesk:
         )
 
 
-def _aim(message: Awaited) -> str:
-    """What is played when the command has been carried out."""
+def _destination(message: Awaited) -> str:
+    """What is played when the command has settled."""
     return f"{message.first} + {message.second}" if isinstance(message, Blend) else message.to

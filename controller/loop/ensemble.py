@@ -1,6 +1,6 @@
-"""An ensemble: several robots that play the same poses, seen by the loop as one robot with the joints of all.
+"""An ensemble: several robots that play the same poses, combined into one robot with the joints of all.
 
-So they approach, stop, go home and halt together, within the limits of each; the slowest sets the pace of an approach.
+They approach, stop and go home together, within the limits of each; the slowest determines how long an approach takes.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ class Ensemble:
         return np.concatenate([retarget(pose) for retarget in self._retargeters])
 
 
-class Share:
-    """One robot's output, which gets the targets of that robot's joints only; fits `interfaces.Output`.
+class RobotOutput:
+    """The output of one robot of an ensemble, given that robot's joints only; fits `interfaces.Output`.
 
     Args:
-        output: of the robot.
+        output: the robot's own output.
         first: index of the robot's first joint among all.
-        joints: how many joints it has.
-        of: how many there are in all.
-        called: goes before the output's name, to tell the robots apart.
+        joints: the number of its joints.
+        of: the number of joints of all robots.
+        called: a prefix of the output's name, to tell the robots apart.
     """
 
     def __init__(self, output: Output, first: int, joints: int, of: int, called: str = "") -> None:
@@ -49,11 +49,11 @@ class Share:
         self._measured = np.full(of, np.nan)
 
     def write(self, targets: Array, pose: Pose) -> None:
-        """Hands on this robot's targets."""
+        """Writes this robot's targets."""
         self._output.write(targets[self._mine], pose)
 
     def measured(self) -> Array | None:
-        """What is measured of this robot's joints, NaN for all others."""
+        """The measured positions of this robot's joints, NaN for all others."""
         measured = self._output.measured()
         if measured is None:
             return None
@@ -61,7 +61,7 @@ class Share:
         return self._measured
 
     def report(self) -> Mapping[str, object]:
-        """What the output says of itself."""
+        """The output's own report."""
         return self._output.report()
 
     def close(self) -> None:

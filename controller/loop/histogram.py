@@ -1,7 +1,7 @@
 """A histogram of durations: fixed in size, quick to add to, and exact to 2 % at any percentile.
 
 As in an HDR histogram, every octave of nanoseconds is cut into 32 equal buckets. A bucket is then at most 1/32 of its
-value wide and is reported by its middle, so that a percentile errs by at most 1/64. From 64 ns down the count is exact.
+value wide and is reported by its middle, so that the error of a percentile is at most 1/64. Up to 64 ns it is exact.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ import msgspec
 import numpy as np
 
 _HALF = 32  # buckets to an octave
-_OCTAVES = 36  # the last bucket ends at 2^41 ns, 36 minutes; what is longer is counted there
+_OCTAVES = 36  # the last bucket ends at 2^41 ns, 36 minutes; longer durations are counted there
 _BUCKETS = _HALF * (_OCTAVES + 1)
 
 
 class Percentiles(msgspec.Struct, frozen=True):
-    """What is said of a distribution of durations, in us."""
+    """Percentiles of durations, us."""
 
     p50: float
     p99: float
@@ -48,7 +48,7 @@ class DurationHistogram:
         self.longest = max(self.longest, duration_ns)
 
     def percentile(self, share: float) -> float:
-        """The duration, us, that this share (0 to 1) of all durations does not exceed; 0 where none was added."""
+        """The duration, us, that this share (0 to 1) of all durations does not exceed; 0 if none was added."""
         if self.count == 0:
             return 0.0
         cumulative = np.cumsum(np.frombuffer(self._counts, dtype=np.uint64))
@@ -63,13 +63,13 @@ class DurationHistogram:
         return Percentiles(p50, p99, p999, self.longest / 1000.0)
 
     def merge(self, other: DurationHistogram) -> None:
-        """Adds all that another histogram has counted."""
+        """Adds the counts of another histogram."""
         mine = np.frombuffer(self._counts, dtype=np.uint64)
         mine += np.frombuffer(other._counts, dtype=np.uint64)
         self.count += other.count
         self.longest = max(self.longest, other.longest)
 
     def clear(self) -> None:
-        """Forgets everything."""
+        """Sets all counts to zero."""
         np.frombuffer(self._counts, dtype=np.uint64)[:] = 0
         self.count = self.longest = 0

@@ -1,7 +1,7 @@
 """The real-time loop: take commands, read, update, write, wait.
 
-Nothing that happens inside a tick leaves it. An output that keeps raising is parked and the others go on; a deck that
-raises leaves its last targets standing, and when it keeps raising the joints come to rest and the loop ends.
+No exception leaves a tick. An output that keeps raising is parked and the others go on. While the deck raises its last
+targets are held; if it keeps raising, the joints come to rest and the loop ends.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from dataclasses import dataclass, field
 import msgspec
 
 from controller.loop.clock import Clock
-from controller.loop.guarded_calls import Attempts
+from controller.loop.fault_counter import FaultCounter
 from controller.loop.histogram import DurationHistogram, Percentiles
 from controller.loop.output_channel import Channel
 from controller.loop.quiet import undisturbed
-from controller.loop.run_phases import Player, Source, course
+from controller.loop.run_phases import Player, Source, safe_targets
 from controller.loop.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest, stop_on_signals
 from controller.mocap.posture import Pose
@@ -27,17 +27,17 @@ from controller.rotations import Array
 
 @dataclass
 class LoopState:
-    """What is known of a running loop, for telemetry; it changes with the next tick.
+    """The state of a running loop, for telemetry; the next tick changes it.
 
     Attributes:
-        targets: what the outputs were given, shape (J,), rad.
-        pose: where they come from.
-        tick: how many ticks are done.
-        seconds: for how long the loop has been running.
-        overruns: ticks that came more than a period late.
-        lateness, work: how late the ticks came and how long their work took.
-        late_ns: how late the present tick came, ns.
-        work_ns: how long the work of the tick before took, ns.
+        targets: the targets written to the outputs, shape (J,), rad.
+        pose: the pose they come from.
+        tick: the number of completed ticks.
+        seconds: s since the loop started.
+        overruns: ticks that began more than a period late.
+        lateness, work: histograms of how late ticks began and how long their work took.
+        late_ns: lateness of the present tick, ns.
+        work_ns: work of the tick before, ns.
     """
 
     targets: Array
@@ -57,18 +57,18 @@ class LoopState:
 
 
 class LoopReport(msgspec.Struct, frozen=True):
-    """How a loop went.
+    """The result of a loop.
 
     Attributes:
-        rate_hz: ticks per second that were achieved.
+        rate_hz: achieved ticks per second.
         ticks: how many ran.
-        overruns: how many came more than a period late.
+        overruns: how many began more than a period late.
         skipped: how many never ran, because the ones before took too long.
-        lateness_us, work_us: how late they came and how long their work took, us.
-        outputs: name, faults, parked and its own report for each output.
+        lateness_us, work_us: percentiles of lateness and work, us.
+        outputs: for each output its name, faults, whether it was parked, and its own report.
         reason: why the loop ended.
         faults: how often the deck, the commands and the telemetry have raised.
-        changed: how many targets of each joint the safety envelope has changed.
+        changed: for each joint how many targets the safety envelope has changed.
     """
 
     rate_hz: float
@@ -98,33 +98,32 @@ def run(
 ) -> LoopReport:
     """Plays a deck on outputs until the time is over, or until a command, a signal or a failure ends it.
 
-    The joints approach the deck's first targets slowly from where an output measures them to be; where none does, they
-    are taken to be there. At the end they come to rest within their limits. Outputs are left open.
+    The joints approach the deck's first targets slowly from their measured positions; joints that no output measures
+    are assumed to be at those targets. At the end they come to rest within their limits. Outputs are left open.
 
     Args:
-        deck: is asked for targets once a tick. What its very first update raises is raised here: nothing moves yet.
+        deck: updated once a tick. An exception of its first update is raised here: nothing has moved yet.
         channels: the outputs; when all of them are parked the loop ends.
-        clock: says when the next tick is due.
-        envelope: what every target passes, made for the period of the clock.
+        clock: waits for the next tick.
+        envelope: every target passes it; made for the period of the clock.
         seconds: how long to play; approach and stop are not counted.
-        rest: joint positions (J,), rad, to go to in the end; without them the joints stay where they stop.
-        commands: carries out the commands that have come; it may ask for a stop, and must not wait.
-        publish: is shown the state every `publish_every` ticks; it must not wait.
-        stop: ends the loop when it is asked for; before the first tick nothing moves at all. By itself the loop's own,
-            which signals ask for.
+        rest: joint positions (J,), rad, to end at; without them the joints stay where they stop.
+        commands: carries out commands once a tick; it may request a stop, and must not wait.
+        publish: called with the state every `publish_every` ticks; it must not wait.
+        stop: ends the loop when set; if set before the first tick nothing moves. By default one that signals set.
     """
     source = Source(deck, clock.period)
-    commanding, publishing = Attempts(), Attempts()
+    commanding, publishing = FaultCounter(), FaultCounter()
     with undisturbed(), nullcontext(stop) if stop is not None else stop_on_signals() as stop:
         state = LoopState(envelope.position, source.pose)
-        steps = course(source, channels, envelope, stop, seconds, rest)
+        steps = safe_targets(source, channels, envelope, stop, seconds, rest)
         clock.start()
         start = clock.now()
         try:
             while True:
                 began = clock.now()
                 if commands:
-                    commanding(commands, stop)
+                    commanding.call(commands, stop)
                 for channel in channels:
                     channel.read(state.tick)
                 targets = next(steps, None)
@@ -134,7 +133,7 @@ def run(
                     channel.write(state.tick, targets, source.pose)
                 state.targets, state.pose = targets, source.pose
                 if publish and state.tick % publish_every == 0:
-                    publishing(publish, state)
+                    publishing.call(publish, state)
                 state.work_ns = clock.now() - began
                 state.work.add(state.work_ns)
                 state.late_ns = clock.wait()
@@ -157,6 +156,6 @@ def run(
         work_us=state.work.percentiles(),
         outputs=[channel.report() for channel in channels],
         reason=stop.reason,
-        faults={"deck": source.attempts.faults, "commands": commanding.faults, "telemetry": publishing.faults},
+        faults={"deck": source.counter.faults, "commands": commanding.faults, "telemetry": publishing.faults},
         changed=envelope.changed.tolist(),
     )

@@ -1,4 +1,4 @@
-"""A channel: one output on the loop, with its share of the ticks and its faults."""
+"""A channel: one output of the loop, the ticks in which it is served, and its faults."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from controller.mocap.posture import Pose
 from controller.rotations import Array
 
 FAULTS_TO_PARK = 3
-"""An output whose turns fail so often in a row is left alone from then on."""
+"""An output whose turns fail so often in a row is parked: it is no longer served."""
 
 
 @dataclass
 class Channel:
-    """Serves an output at each `every`-th tick; whatever the output raises is counted and goes no further.
+    """Serves an output at each `every`-th tick; its exceptions are counted and not passed on.
 
     Attributes:
-        output: what is read and written.
+        output: the output that is read and written.
         every: 1 for each tick, 2 for each second tick, and so on.
         measured: the joint positions read last, shape (J,), rad, or None; NaN for a joint that is not measured.
         faults: how many reads and writes have raised.
-        fault: what was raised last.
-        parked: whether the output is left alone.
+        fault: the last exception, in words.
+        parked: whether the output is no longer served.
     """
 
     output: Output
@@ -56,7 +56,7 @@ class Channel:
         self.parked = self._failed_turns >= FAULTS_TO_PARK
 
     def report(self) -> dict[str, object]:
-        """What the output says of itself, with its name and whether it was parked; `faults` adds its own to these."""
+        """The output's own report with its name and whether it was parked; `faults` is the sum of both counts."""
         try:
             own = dict(self.output.report())
         except Exception as error:

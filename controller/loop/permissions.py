@@ -1,4 +1,4 @@
-"""What the operating system may grant a real-time loop: the right of way, and memory that stays in RAM."""
+"""Permissions of the operating system for a real-time loop: scheduling, cores, and memory locked in RAM."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _MCL_CURRENT, _MCL_FUTURE = 1, 2
 
 @dataclass(frozen=True)
 class Permission:
-    """One thing asked of the operating system, whether it was granted, and what to do where it was not."""
+    """A request to the operating system, whether it was granted, and the remedy where it was not."""
 
     name: str
     granted: bool
@@ -29,7 +29,7 @@ class Permission:
 
 @contextmanager
 def handed_back() -> Iterator[None]:
-    """Gives this thread the scheduling and the cores back that it had before the block, and unlocks the memory."""
+    """Restores the scheduling and the cores of this thread after the block, and unlocks the memory."""
     try:
         policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
         cores = os.sched_getaffinity(0)
@@ -48,7 +48,7 @@ def handed_back() -> Iterator[None]:
 
 
 def request_realtime() -> list[Permission]:
-    """Asks for SCHED_FIFO for this thread and for locked memory; never fails, but says what was granted.
+    """Requests SCHED_FIFO for this thread and locked memory; never raises, but returns what was granted.
 
     Start other processes before: they would inherit the scheduling.
     """
@@ -56,7 +56,7 @@ def request_realtime() -> list[Permission]:
 
 
 def request_core(core: int) -> Permission:
-    """Asks that this thread runs on one core only; never fails, but says whether that was granted."""
+    """Requests that this thread runs on one core only; never raises, but returns whether that was granted."""
     name = f"core {core} (CPU affinity)"
     available: list[int] = []
     try:
@@ -78,7 +78,7 @@ def leave_core(core: int) -> None:
 
 
 def request_one_blas_thread() -> Permission:
-    """Asks that linear algebra uses one thread: two would wait for each other and cost milliseconds now and then."""
+    """Requests one thread for linear algebra: two wait for each other and cost milliseconds now and then."""
     threadpool_limits(1, "blas")
     most = max((int(pool["num_threads"]) for pool in threadpool_info() if pool["user_api"] == "blas"), default=1)
     return Permission("one BLAS thread", most == 1, "Set OPENBLAS_NUM_THREADS=1 (or MKL_NUM_THREADS=1).")

@@ -13,8 +13,8 @@ from threadpoolctl import threadpool_limits
 def undisturbed() -> Iterator[None]:
     """Keeps the garbage collector off and BLAS at one thread inside; both are restored afterwards.
 
-    What exists is frozen, so that no collection looks at it. Two BLAS threads would wait for one another and cost the
-    loop milliseconds at p99.
+    Existing objects are frozen, so that no collection visits them. Two BLAS threads wait for one another, which costs
+    the loop milliseconds at p99.
     """
     collecting = gc.isenabled()
     gc.collect()

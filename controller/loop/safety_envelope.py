@@ -1,14 +1,14 @@
-"""The safety envelope: whatever is asked of the joints, what they are given obeys four limits and can stop in time.
+"""The safety envelope: for any requested targets, the emitted ones obey four limits and can always stop in time.
 
 Position, velocity, acceleration and jerk are those of the emitted targets themselves, by differences from tick to tick.
-Each tick has three rules, the first that applies:
+Three rules hold in each tick:
 
-1. A target that the limits allow, from where it can still be stopped, passes unchanged: playback is not filtered.
-2. A target that is out of reach is caught up with: the acceleration is chosen whose stop, seen from the moving target,
-   would end exactly on it.
-3. Either gives way to the law of stopping as far as needed for the joint to come to rest inside its position limits.
+1. A target within the limits, from which the joint can still stop, passes unchanged: playback is not filtered.
+2. A target out of reach is caught up with: the acceleration is chosen whose stop, seen from the moving target, would
+   end exactly on it.
+3. Both give way to the law of stopping as far as the joint needs it to come to rest inside its position limits.
 
-Rule 3 holds by induction: from rest a joint can stop; afterwards only such steps are taken from which it still can.
+Rule 3 holds by induction: a joint at rest can stop, and afterwards only steps are taken from which it still can.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
 CHANGED = 1e-9
-"""A target that is changed by more than this (rad) counts as changed."""
+"""A target that is changed by more than this (rad) is counted as changed."""
 
-_ROUNDING = 1e-12  # rad, by which a sum of many positions may miss what it should be
-_STEPS = 16  # so finely an acceleration is chosen between two extremes
+_ROUNDING = 1e-12  # rad; the rounding error of a sum of many positions
+_STEPS = 16  # an acceleration is chosen to one part in so many between two extremes
 
 
 class LimitError(MotiondeckError):
-    """Limits, or a start, that no joint can obey; the message names the joint."""
+    """Limits or a start that a joint cannot obey; the message names the joint."""
 
 
 class SafetyEnvelope:
@@ -56,7 +56,7 @@ class SafetyEnvelope:
         self._a_max = limits.acceleration * (inside * dt**2)
         self._j_max = limits.jerk * (inside * dt**3)
         joints = len(self._lower)
-        # All that is known of a joint is a column, so that a joint that has to be bent is looked up in one go.
+        # One column holds the whole state of a joint, so that a joint that needs the exact tests is read in one go.
         self._table = np.zeros((12, joints))
         self._table[7:] = self._v_max, self._a_max, self._j_max, self._lower, self._upper
         self._p, self._v, self._a, self._goal, self._goal_v, self._direct, self._goal_a = self._table[:7]
@@ -84,12 +84,12 @@ class SafetyEnvelope:
 
     @property
     def position(self) -> Array:
-        """The targets given last, or the start, shape (J,), rad."""
+        """The targets emitted last, or the start, shape (J,), rad."""
         return self._p.copy()
 
     @property
     def at_rest(self) -> bool:
-        """Whether no joint moves any more."""
+        """Whether all joints have come to rest."""
         return not (self._v.any() or self._a.any())
 
     def __call__(self, targets: Array) -> Array:
@@ -107,8 +107,8 @@ class SafetyEnvelope:
         lag = p - self._goal
         self._goal[:], self._goal_v[:] = goal, goal_v
 
-        # Rule 1 for most joints, most of the time, by tests that are cheap and a little too strict: each row of
-        # `tests` must not exceed that of `bounds`.
+        # Rule 1 covers most joints most of the time, by tests that are cheap and a little too strict: no row of
+        # `tests` may exceed that of `bounds`.
         tests, bounds = self._tests, self._bounds
         fastest, size, jerk, behind, parting, reach = tests
         np.subtract(goal, p, out=fastest)
@@ -130,13 +130,13 @@ class SafetyEnvelope:
             who = np.flatnonzero(~passes.all(axis=0))
             matched = (passes[3] & passes[4])[who].tolist()
             for joint, row, soon in zip(who.tolist(), self._table[:, who].T.tolist(), matched, strict=True):
-                position[joint], a[joint] = _bent(soon, *row)
+                position[joint], a[joint] = _limited(soon, *row)
             self._move_to(position, a)
         self.changed += ~(np.abs(self._safe - targets) <= CHANGED)  # a NaN compares false, so it counts
         return self._shown
 
     def brake(self) -> Array:
-        """The targets of one tick on the way to rest, as __call__ returns them; where the joints stop is held then."""
+        """The targets of one tick of braking, as __call__ returns them; once at rest the joints are held."""
         states = zip(self._v.tolist(), self._a.tolist(), self._a_max.tolist(), self._j_max.tolist(), strict=True)
         a = np.array([braked(*state) for state in states])
         self._move_to(self._p + (self._v + a), a)
@@ -150,7 +150,7 @@ class SafetyEnvelope:
         self._a[:] = a
 
 
-def _bent(
+def _limited(
     matched: bool,
     p: float,
     v: float,
@@ -195,7 +195,7 @@ def _bent(
 
     if stops_inside(chosen):
         return goal if passes else p + (v + chosen), chosen
-    # Rule 3: to stop was found safe when the last step was taken; from there as far as it stays so.
+    # Rule 3: stopping was found safe in the tick before; from there towards the choice as far as it stays safe.
     way = chosen - stop
     inside = 0
     while inside + 1 < _STEPS and stops_inside(stop + (inside + 1) / _STEPS * way):
@@ -205,7 +205,7 @@ def _bent(
 
 
 def _rising_zero(function: Callable[[float], float], low: float, high: float) -> float:
-    """Where an increasing function crosses zero between low and high, or the nearest end; to a part in _STEPS."""
+    """Where an increasing function crosses zero between low and high, or the nearest end; to one part in _STEPS."""
     y_low, y_high = function(low), function(high)
     if y_low >= 0.0 or low >= high:
         return low
@@ -229,7 +229,7 @@ def _rising_zero(function: Callable[[float], float], low: float, high: float) ->
 
 
 def check_limits(limits: JointLimits) -> None:
-    """Checks that the limits are ones a joint can live in.
+    """Checks that a joint can obey the limits.
 
     Raises:
         LimitError: if lengths differ, a limit is not finite, a range is empty or a rate is not positive.

@@ -1,4 +1,4 @@
-"""Stop requests: to end, to halt at once, to stand at home. Ctrl-C and kill end a loop, asked a second time at once."""
+"""Stop requests: end the run, emergency stop, stand at home. Ctrl-C and kill end a run, a second one at once."""
 
 from __future__ import annotations
 
@@ -12,50 +12,50 @@ from controller.wire.messages import Mode
 from motiondeck_base.errors import MotiondeckError
 
 
-class HaltedError(MotiondeckError):
-    """What cannot be done while, or because, the emergency stop is or is not on."""
+class EmergencyStopError(MotiondeckError):
+    """A command that the present emergency-stop state does not allow."""
 
 
 @dataclass
 class StopRequest:
-    """Whether the loop is to end and why, and where the joints are to be meanwhile.
+    """Whether the run is to end and why, and the mode of the joints until then.
 
     Attributes:
-        reason: why it is to end; empty while nobody has asked.
-        mode: whether the joints follow what is played, stand at home, are held, or are held by the emergency stop.
-        halted: whether the joints have come to rest where they are held; the loop says so.
+        reason: why the run is to end; empty while it is not.
+        mode: whether the joints follow the deck, stand at home, are held, or are held by the emergency stop.
+        at_rest: whether the joints have come to rest where they are held; set by the loop.
     """
 
     reason: str = ""
     mode: Mode = "playing"
-    halted: bool = False
+    at_rest: bool = False
 
     @property
     def emergency(self) -> bool:
         """Whether the emergency stop is on."""
         return self.mode == "emergency stop"
 
-    def halt(self) -> None:
-        """Puts the emergency stop on: the joints brake in this very tick and stay where they come to rest."""
-        self.mode, self.halted = "emergency stop", False
+    def emergency_stop(self) -> None:
+        """Sets the emergency stop: the joints brake from this tick on and stay where they come to rest."""
+        self.mode, self.at_rest = "emergency stop", False
 
     def reset(self) -> None:
         """Releases the emergency stop; the joints stay where they are.
 
         Raises:
-            HaltedError: if it is not on, or the joints have not come to rest yet.
+            EmergencyStopError: if it is not on, or the joints have not come to rest yet.
         """
         if not self.emergency:
-            raise HaltedError("the emergency stop is not on, so there is nothing to reset")
-        if not self.halted:
-            raise HaltedError("the joints are still braking; reset the emergency stop when they are at rest")
+            raise EmergencyStopError("the emergency stop is not on, so there is nothing to reset")
+        if not self.at_rest:
+            raise EmergencyStopError("the joints are still braking; reset the emergency stop when they are at rest")
         self.mode = "held"
 
     def play(self) -> None:
-        """Lets the joints follow what is played, after a slow approach if they do not.
+        """Lets the joints follow the deck, after a slow approach if they do not follow it already.
 
         Raises:
-            HaltedError: if the emergency stop is on.
+            EmergencyStopError: if the emergency stop is on.
         """
         self.check_released()
         self.mode = "playing"
@@ -64,7 +64,7 @@ class StopRequest:
         """Sends the joints to the rest pose.
 
         Raises:
-            HaltedError: if the emergency stop is on.
+            EmergencyStopError: if the emergency stop is on.
         """
         self.check_released()
         self.mode = "home"
@@ -73,13 +73,13 @@ class StopRequest:
         """Checks that the joints may be moved.
 
         Raises:
-            HaltedError: if the emergency stop is on.
+            EmergencyStopError: if the emergency stop is on.
         """
         if self.emergency:
-            raise HaltedError("the emergency stop is on; release it with: reset")
+            raise EmergencyStopError("the emergency stop is on; release it with: reset")
 
     def ask(self, reason: str) -> None:
-        """Asks for a controlled stop; the first reason stays."""
+        """Asks for a controlled end of the run; the first reason is kept."""
         self.reason = self.reason or reason
 
     def __bool__(self) -> bool:
@@ -88,9 +88,9 @@ class StopRequest:
 
 @contextmanager
 def stop_on_signals() -> Iterator[StopRequest]:
-    """A request that SIGINT, SIGTERM and SIGHUP set; a signal after that raises KeyboardInterrupt where the program is.
+    """A request that SIGINT, SIGTERM and SIGHUP set; the next signal raises KeyboardInterrupt.
 
-    Outside the main thread, where Python takes no signals, the request is nobody's but the caller's.
+    Outside the main thread Python handles no signals, and the request is set by the caller alone.
     """
     request = StopRequest()
     if threading.current_thread() is not threading.main_thread():

@@ -1,8 +1,8 @@
-"""Sealing: commands that come over a network carry a seal that only who has the token can make.
+"""Authentication: commands over a network are signed with a secret token.
 
-    sealed = HMAC-SHA256(token, data) | data
+    signed = HMAC-SHA256(token, data) | data
 
-So the token itself never travels. What travels can be read, and sent once more, by who taps the line.
+The token itself is never sent. The data is not encrypted, and whoever records a datagram can send it again.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pathlib import Path
 
 from motiondeck_base.errors import MotiondeckError
 
-SEAL_BYTES = 32
+SIGNATURE_BYTES = 32
 SHORTEST_TOKEN = 16
 
 
@@ -24,7 +24,7 @@ class TokenError(MotiondeckError):
 
 
 def read_token(path: Path) -> bytes:
-    """The token in a file that nobody but its owner may read; white space around it does not count.
+    """The token in a file that only its owner may read; white space around it is ignored.
 
     Raises:
         TokenError: if there is no such file, others may read or write it, or the token is too short.
@@ -37,18 +37,18 @@ def read_token(path: Path) -> bytes:
     except OSError as error:
         raise TokenError(f"{path}: the token cannot be read ({error.strerror or error}). {how}") from None
     if not stat.S_ISREG(about.st_mode) or about.st_mode & 0o077:
-        raise TokenError(f"{path}: others may read this token. Take that from them with: chmod 600 {path}")
+        raise TokenError(f"{path}: others may read this token. Forbid that with: chmod 600 {path}")
     if len(token) < SHORTEST_TOKEN:
         raise TokenError(f"{path}: a token has at least {SHORTEST_TOKEN} characters, not {len(token)}. {how}")
     return token
 
 
-def seal(token: bytes, data: bytes) -> bytes:
-    """The data with its seal before it."""
+def sign(token: bytes, data: bytes) -> bytes:
+    """The data with its signature before it."""
     return hmac.digest(token, data, hashlib.sha256) + data
 
 
-def unseal(token: bytes, sealed: bytes) -> bytes | None:
-    """The data, or None where the seal is not one made with this token; takes the same time for any wrong one."""
-    data = sealed[SEAL_BYTES:]
-    return data if hmac.compare_digest(sealed[:SEAL_BYTES], hmac.digest(token, data, hashlib.sha256)) else None
+def verify(token: bytes, signed: bytes) -> bytes | None:
+    """The data, or None where the signature was not made with this token; compared in constant time."""
+    data = signed[SIGNATURE_BYTES:]
+    return data if hmac.compare_digest(signed[:SIGNATURE_BYTES], hmac.digest(token, data, hashlib.sha256)) else None

@@ -1,9 +1,9 @@
 """Commands over a socket: UDP datagrams on the loopback interface, for a loop that never waits.
 
-On another interface every datagram must be sealed with a token, in both directions; what is not is dropped unanswered.
+On another interface every datagram must be signed with a token, in both directions; others are dropped unanswered.
 
-A datagram comes whole or not at all, so that a slow or broken client has no connection to stall. Whatever arrives is
-read in bounded amounts; what is no command is counted and, as far as there is time, refused.
+A datagram arrives whole or not at all, so that a slow or broken client has no connection to stall. Datagrams are read
+in bounded amounts; those that are not commands are counted and, up to a limit, refused.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from dataclasses import dataclass
 
 import msgspec
 
-from controller.wire.authentication import SEAL_BYTES, seal, unseal
+from controller.wire.authentication import SIGNATURE_BYTES, sign, verify
+from controller.wire.command_table import read_message
 from controller.wire.messages import (
     MOST_BYTES,
     Accepted,
@@ -41,7 +42,6 @@ from controller.wire.messages import (
     Stop,
     Switch,
     encode,
-    read_message,
     read_reply,
 )
 from motiondeck_base.errors import MotiondeckError
@@ -76,21 +76,21 @@ __all__ = [
 DEFAULT_PORT = 47810
 LOOPBACK = "127.0.0.1"
 
-_PER_SENDER = 8  # commands that one sender may have carried out in one poll
-_REFUSALS = 8  # answers to nonsense in one poll: each costs as much as a command
-_TAKEN = 320  # datagrams taken from the system in one poll
-_WAITING = 256  # of those kept for the polls after it
+_PER_SENDER = 8  # commands of one sender that are carried out in one poll
+_REFUSALS = 8  # refusals of malformed datagrams in one poll: each costs as much as a command
+_TAKEN = 320  # datagrams read from the system in one poll
+_WAITING = 256  # datagrams kept for later polls
 
 Address = tuple[str, int]
 
 
 class SocketError(MotiondeckError):
-    """A port that cannot be used, or a deck that does not answer; the message says what to do."""
+    """A port that cannot be used, or a deck that does not reply; the message has the remedy."""
 
 
 @dataclass
 class Traffic:
-    """What a server has seen: commands handed on, datagrams that were none, commands over a sender's share."""
+    """Counts of a server: commands passed on, malformed datagrams, and commands beyond a sender's limit."""
 
     commands: int = 0
     malformed: int = 0
@@ -101,18 +101,18 @@ class CommandServer:
     """Receives commands on a port; never blocks, and never raises once it is open.
 
     Attributes:
-        port: where it listens.
-        traffic: what has arrived.
+        port: the port it listens on.
+        traffic: counts of what has arrived.
     """
 
     def __init__(self, port: int = DEFAULT_PORT, host: str = LOOPBACK, token: bytes | None = None) -> None:
         """Listens on 127.0.0.1, or with a token on another interface too; port 0 takes a free one.
 
         Raises:
-            SocketError: if the port is in use or out of range, or another interface is to be used without a token.
+            SocketError: if the port is in use or out of range, or another interface is given without a token.
         """
         if host != LOOPBACK and token is None:
-            raise SocketError(f"commands are taken from {host} with a token only; give one with --token-file FILE")
+            raise SocketError(f"commands on {host} need a token; give one with --token-file FILE")
         self._token = token
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
@@ -129,7 +129,7 @@ class CommandServer:
         self.traffic = Traffic()
 
     def poll(self, limit: int = 64) -> Iterator[tuple[Message, Address]]:
-        """The commands among the next `limit` datagrams, each with whom to answer; an emergency stop comes first."""
+        """The commands among the next `limit` datagrams, each with its sender; an emergency stop comes first."""
         self._take()
         share: dict[Address, int] = {}
         refusals = 0
@@ -154,16 +154,16 @@ class CommandServer:
                 self.reply(sender, Refused(reason, _number_in(data)))
 
     def _take(self) -> None:
-        """Takes in what has arrived, an emergency stop at the head; what is too much is dropped and counted."""
+        """Reads what has arrived, an emergency stop to the front; what exceeds the limits is dropped and counted."""
         for _ in range(_TAKEN):
             try:
-                data, sender = self._socket.recvfrom(SEAL_BYTES + MOST_BYTES + 1)
+                data, sender = self._socket.recvfrom(SIGNATURE_BYTES + MOST_BYTES + 1)
             except BlockingIOError:
                 return
-            except OSError:  # an earlier answer found nobody
+            except OSError:  # an earlier reply reached nobody
                 continue
             if self._token is not None:
-                data = unseal(self._token, data)
+                data = verify(self._token, data)
                 if data is None:
                     self.traffic.malformed += 1
                     continue
@@ -176,24 +176,24 @@ class CommandServer:
                 self.traffic.flooded += 1
 
     def reply(self, receiver: Address, reply: Reply) -> None:
-        """Answers a sender; an answer that cannot be delivered at once is dropped."""
+        """Sends a reply; one that cannot be sent at once is dropped."""
         data = encode(reply)
         with contextlib.suppress(OSError):
-            self._socket.sendto(data if self._token is None else seal(self._token, data), receiver)
+            self._socket.sendto(data if self._token is None else sign(self._token, data), receiver)
 
     def close(self) -> None:
-        """Gives the port back; may be called twice."""
+        """Closes the port; may be called twice."""
         self._socket.close()
 
 
 class CommandClient:
-    """Sends commands to a deck on this machine, or with its token to one on another."""
+    """Sends commands to a deck on this machine, or with a token to one on another."""
 
     def __init__(self, port: int = DEFAULT_PORT, host: str = LOOPBACK, token: bytes | None = None) -> None:
         """Prepares to talk to the deck at a port; nothing is sent yet.
 
         Raises:
-            SocketError: if there can be no such port.
+            SocketError: if the address or port cannot exist.
         """
         self._port, self._host, self._token = port, host, token
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -201,12 +201,12 @@ class CommandClient:
             self._socket.connect((host, port))
         except (OSError, OverflowError) as error:
             self._socket.close()
-            raise SocketError(f"there is no way to a deck on {host}, port {port} ({_why(error)})") from error
+            raise SocketError(f"a deck at {host}, port {port} cannot be reached ({_why(error)})") from error
         self._numbers = itertools.count(1)
         self._settled: dict[int, Settled | Refused] = {}
 
     def post(self, message: Message) -> int:
-        """Sends a command without waiting; returns the number that its answers will carry.
+        """Sends a command without waiting; returns the number that its replies will carry.
 
         Raises:
             SocketError: if no deck is running there.
@@ -214,18 +214,18 @@ class CommandClient:
         number = next(self._numbers)
         data = encode(msgspec.structs.replace(message, id=number))
         if self._token is not None:
-            data = seal(self._token, data)
+            data = sign(self._token, data)
         try:
             self._socket.send(data)
-        except ConnectionRefusedError:  # the news of an earlier datagram; this one was not sent
+        except ConnectionRefusedError:  # reported for an earlier datagram; this one was not sent
             raise self._no_deck() from None
         return number
 
     def request(self, message: Message, timeout_s: float = 1.0) -> Reply:
-        """Sends a command and waits for its first answer.
+        """Sends a command and waits for its first reply.
 
         Raises:
-            SocketError: if no deck answers in time.
+            SocketError: if no deck replies in time.
         """
         number = self.post(message)
         deadline = time.monotonic() + timeout_s
@@ -237,7 +237,7 @@ class CommandClient:
         raise self._no_deck()
 
     def wait_settled(self, number: int, timeout_s: float = 10.0) -> Settled | Refused | None:
-        """Waits until the switch with this number has settled, or was overtaken by another; None if neither in time.
+        """Waits until the switch with this number has settled or was overtaken; None if neither happens in time.
 
         Raises:
             SocketError: if the deck is gone.
@@ -252,7 +252,7 @@ class CommandClient:
         return self._settled.pop(number)
 
     def receive(self, timeout_s: float) -> Reply | None:
-        """The next answer, whatever command it belongs to, or None when none comes in time.
+        """The next reply, to any command, or None if none arrives in time.
 
         Raises:
             SocketError: if no deck is running there.
@@ -260,8 +260,8 @@ class CommandClient:
         self._socket.settimeout(max(timeout_s, 1e-6))
         try:
             data = self._socket.recv(65536)
-            if self._token is not None and (data := unseal(self._token, data)) is None:
-                raise SocketError(f"who answers at {self._host} has another token")
+            if self._token is not None and (data := verify(self._token, data)) is None:
+                raise SocketError(f"the deck at {self._host} uses another token")
             return read_reply(data)
         except TimeoutError:
             return None
@@ -269,13 +269,13 @@ class CommandClient:
             raise self._no_deck() from None
 
     def close(self) -> None:
-        """Gives the socket back; may be called twice."""
+        """Closes the socket; may be called twice."""
         self._socket.close()
 
     def _no_deck(self) -> SocketError:
         if self._token is not None:
             return SocketError(
-                f"no deck answers at {self._host}, port {self._port}: is it played with --listen and the same token?"
+                f"no deck replies at {self._host}, port {self._port}: was it started with --listen and the same token?"
             )
         return SocketError(f"no deck is running on port {self._port}; start one with: motiondeck play")
 
@@ -288,7 +288,7 @@ _numbered = msgspec.json.Decoder(_Numbered)
 
 
 def _number_in(data: bytes) -> int:
-    """The number of a command that could not be read otherwise, or 0."""
+    """The number of a command that cannot be read otherwise, or 0."""
     try:
         return _numbered.decode(data).id
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):

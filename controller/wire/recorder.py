@@ -1,4 +1,4 @@
-"""The recorder: a process that copies every tick from shared memory into a file, so that no disk can hold up the loop.
+"""The recorder: a process that copies every tick from shared memory into a file, so that no disk can delay the loop.
 
 python -m controller.wire.recorder --state FILE --out FILE
 """
@@ -20,7 +20,7 @@ CHUNK_SECONDS = 0.25
 
 
 def record(state: Path, out: Path) -> None:
-    """Records until the deck ends or its process is gone; what is still in shared memory then is recorded too.
+    """Records until the deck ends or its process is gone, including what is still in shared memory then.
 
     Raises:
         FileFormatError: if there is no such deck, or the file cannot be written.
@@ -30,7 +30,7 @@ def record(state: Path, out: Path) -> None:
     number, ended = 0, False
     while not ended:
         time.sleep(CHUNK_SECONDS)
-        ended = reader.ended  # asked before the last look
+        ended = reader.ended  # read before the last ticks are
         number, rows = reader.since(number)
         if len(rows):
             writer.append(rows)
@@ -43,7 +43,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--state", type=Path, required=True, help="the deck's shared state file")
     parser.add_argument("--out", type=Path, required=True, help="the recording")
     options = parser.parse_args(arguments)
-    for number in (signal.SIGINT, signal.SIGTERM):  # both are for the deck, whose end is recorded too
+    for number in (signal.SIGINT, signal.SIGTERM):  # they end the deck; its last ticks are recorded too
         signal.signal(number, signal.SIG_IGN)
     os.nice(5)
     try:

@@ -1,10 +1,10 @@
-"""Recordings: what a run was told and did, tick by tick, in a file that loses one chunk at most when its writer dies.
+"""Recordings of runs: every tick with its command, in a file that loses at most one chunk when its writer dies.
 
     "MDRECORD", size and checksum of the header | header (JSON): version, description, fields | chunk | chunk | ...
     chunk: rows, checksum | values (float64, little endian), one row a tick
 
-A chunk is written in one piece and checked when it is read: where one is cut short or damaged, the recording ends
-before it. A chunk of no rows is the proper end.
+A chunk is written in one piece and checked when it is read: the recording ends before the first chunk that is cut short
+or damaged. A chunk of no rows marks a complete recording.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ VERSION = 2
 READABLE = (1, 2)
 """Version 1 lacks `robot_root`, `seen` and `confidence`."""
 COMMANDS = ("switch", "queue", "speed", "pause", "resume", "home", "estop", "reset", "stop", "blend")
-"""What the field `command` counts from 1; 0 is a tick without one."""
+"""The field `command` is an index into these, counted from 1; 0 is a tick without a command."""
 MODES = ("playing", "home", "held", "emergency stop")
-"""What the field `mode` counts from 0."""
+"""The field `mode` is an index into these."""
 
 _MAGIC = b"MDRECORD"
 _HEADER, _CHUNK = struct.Struct("<II"), struct.Struct("<II")
@@ -45,10 +45,10 @@ class _RecordingHeader(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class RecordingWriter:
-    """Writes a recording, chunk by chunk; each is on its way to the disk when `append` returns."""
+    """Writes a recording chunk by chunk; each is on the disk when `append` returns."""
 
     def __init__(self, path: Path, description: Mapping[str, Any], fields: Mapping[str, int]) -> None:
-        """Begins the file anew.
+        """Creates the file, in place of an older one.
 
         Raises:
             FileFormatError: if it cannot be written.
@@ -66,7 +66,7 @@ class RecordingWriter:
         """Adds ticks, shape (ticks, V).
 
         Raises:
-            FileFormatError: if they cannot be written; what was written before stays readable.
+            FileFormatError: if they cannot be written; earlier ticks stay readable.
         """
         data = np.ascontiguousarray(rows, dtype="<f8").tobytes()
         try:
@@ -77,7 +77,7 @@ class RecordingWriter:
             raise FileFormatError(f"{self._path}: cannot be written ({error.strerror or error})") from None
 
     def close(self) -> None:
-        """Ends the recording properly; may be called twice."""
+        """Marks the recording complete and closes it; may be called twice."""
         if not self._file.closed:
             self.append(np.empty((0, 0)))
             self._file.close()
@@ -88,9 +88,9 @@ class RunRecording:
     """A recording in memory.
 
     Attributes:
-        description: what was recorded: library, robot, joints, motions, rate (ticks a second), root, balance.
-        fields: each field's numbers, shape (ticks, size).
-        complete: whether it was ended properly.
+        description: library, robot, joints, motions, rate (ticks per second), root, balance.
+        fields: the values of each field, shape (ticks, size).
+        complete: whether its writer has marked it complete.
     """
 
     description: dict[str, Any]
@@ -99,7 +99,7 @@ class RunRecording:
 
     @property
     def ticks(self) -> int:
-        """How many ticks are there."""
+        """The number of ticks."""
         return len(next(iter(self.fields.values()))) if self.fields else 0
 
 
@@ -107,7 +107,7 @@ def load_recording(path: Path) -> RunRecording:
     """Reads all whole chunks of a recording.
 
     Raises:
-        FileFormatError: if it cannot be read or is no recording.
+        FileFormatError: if it cannot be read or is not a recording.
     """
     try:
         data = path.read_bytes()
@@ -115,7 +115,7 @@ def load_recording(path: Path) -> RunRecording:
         raise FileFormatError(f"{path}: cannot be read ({error.strerror or error})") from None
     place = len(_MAGIC) + _HEADER.size
     if data[: len(_MAGIC)] != _MAGIC or len(data) < place:
-        raise FileFormatError(f"{path}: this is no recording; 'motiondeck play --record FILE' makes one")
+        raise FileFormatError(f"{path}: this is not a recording; make one with: motiondeck play --record FILE")
     size, checksum = _HEADER.unpack(data[len(_MAGIC) : place])
     text = data[place : place + size]
     if size > _MOST_HEADER or zlib.crc32(text) != checksum:
@@ -132,7 +132,7 @@ def load_recording(path: Path) -> RunRecording:
 
 
 def _chunks(data: bytes, width: int) -> tuple[Array, bool]:
-    """The rows of all whole chunks, shape (ticks, width), and whether they were ended properly."""
+    """The rows of all whole chunks, shape (ticks, width), and whether the end is marked."""
     chunks = [np.empty((0, width))]
     place = 0
     while place + _CHUNK.size <= len(data):

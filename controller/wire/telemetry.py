@@ -1,8 +1,8 @@
-"""Telemetry: the latest states of the loop in shared memory, for readers in other processes that may look or not.
+"""Telemetry: the latest states of the loop in shared memory, for readers in other processes.
 
 A memory-mapped file holds a JSON description, then a ring of slots. The writer fills the slot after the latest one and
-then points at it; it takes no lock and knows of no reader. A slot carries its number before and behind its values and
-their checksum, so a reader that was overtaken notices and looks again: it never sees a torn state.
+then publishes its number; it takes no lock and does not depend on readers. A slot carries its number before and after
+its values and their checksum, so a reader that was overtaken notices it and reads again: it never sees a torn state.
 
     magic, size of the description | description, fields, writer (JSON) | latest, ended | slot 0 | slot 1 | ...
     slot: number, values (float64), checksum, number
@@ -29,7 +29,7 @@ _MAGIC = b"MDTELEM1"
 _SLOTS = 8
 _MOST_SLOTS = 1 << 16
 _RETRIES = 64
-_MOST_BYTES = 1 << 26  # more than any state; a header that claims more is not ours
+_MOST_BYTES = 1 << 26  # more than any state; a header that claims more is damaged
 
 
 class _StateHeader(msgspec.Struct, forbid_unknown_fields=True):
@@ -40,7 +40,7 @@ class _StateHeader(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class _Layout:
-    """Where everything lies in the file, and views of it."""
+    """The offsets of the parts of the file, and views of them."""
 
     def __init__(self, header_bytes: int, fields: Mapping[str, int], slots: int) -> None:
         self.slots = slots
@@ -58,7 +58,7 @@ class _Layout:
 
 
 def named(values: Array, fields: Mapping[str, int]) -> dict[str, Array]:
-    """Of values (..., V) those of each field, by its name: views of shape (..., size)."""
+    """The part of values (..., V) that belongs to each field, by name: views of shape (..., size)."""
     ends = np.cumsum([*fields.values()]).tolist()
     return {name: values[..., end - size : end] for (name, size), end in zip(fields.items(), ends, strict=True)}
 
@@ -67,7 +67,7 @@ class StateWriter:
     """The loop's side: fill `fields` in place, then `publish`.
 
     Attributes:
-        fields: the values that the next publish shows, each a float64 array to be written into.
+        fields: the values of the next `publish`, each a float64 array to write into.
     """
 
     def __init__(self, memory: mmap.mmap, layout: _Layout, fields: Mapping[str, int]) -> None:
@@ -82,13 +82,13 @@ class StateWriter:
     def create(
         cls, path: Path, description: Mapping[str, Any], fields: Mapping[str, int], slots: int = _SLOTS
     ) -> StateWriter:
-        """Makes the file, readable by its owner only, in place of what was there; it appears complete or not at all.
+        """Creates the file, readable by its owner only, in place of an older one; it appears complete or not at all.
 
         Args:
             path: a file in a directory of the owner's; the caller removes both at the end.
-            description: anything JSON can say.
+            description: any JSON values.
             fields: the name of each field and how many numbers it holds.
-            slots: how many states are kept, for readers that want every one of them; at least 2.
+            slots: how many states are kept, for readers that need every one of them; at least 2.
         """
         header = msgspec.json.encode(_StateHeader(dict(description), dict(fields), os.getpid(), slots))
         layout = _Layout(len(header), fields, slots)
@@ -105,7 +105,7 @@ class StateWriter:
         return cls(memory, layout, fields)
 
     def publish(self, **values: Array | float) -> None:
-        """Shows the state in `fields` to the readers, after setting those that are given; others keep their value."""
+        """Publishes the state in `fields`, after setting the given ones; others keep their value."""
         for name, value in values.items():
             self.fields[name][:] = value
         self._number += 1
@@ -118,7 +118,7 @@ class StateWriter:
         self._control[0] = self._number
 
     def close(self) -> None:
-        """Tells the readers that nothing more will come; may be called twice."""
+        """Marks the end of the states for readers; may be called twice."""
         self._control[1] = 1
 
 
@@ -126,7 +126,7 @@ class StateReader:
     """A reader's side; it never disturbs the writer.
 
     Attributes:
-        description: what the writer said of itself.
+        description: as the writer gave it.
         fields: the name of each field and how many numbers it holds.
     """
 
@@ -142,14 +142,14 @@ class StateReader:
         """Opens what a StateWriter has made.
 
         Raises:
-            FileFormatError: if the file cannot be opened or is something else.
+            FileFormatError: if the file cannot be opened or is not a state file.
         """
         try:
             with path.open("rb") as file:
                 start = file.read(16)
                 length = struct.unpack("<Q", start[8:])[0] if start[:8] == _MAGIC and len(start) == 16 else _MOST_BYTES
                 if length >= _MOST_BYTES:
-                    raise FileFormatError(f"{path}: this is not the state of a motion deck")
+                    raise FileFormatError(f"{path}: this is not a state file of a motion deck")
                 header = msgspec.json.decode(file.read(length), type=_StateHeader)
                 sizes = header.fields.values()
                 layout = _Layout(length, header.fields, header.slots)
@@ -158,12 +158,12 @@ class StateReader:
                     or layout.size > _MOST_BYTES
                     or os.fstat(file.fileno()).st_size != layout.size
                 ):
-                    raise FileFormatError(f"{path}: this state of a motion deck is cut short or damaged")
+                    raise FileFormatError(f"{path}: this state file is cut short or damaged")
                 memory = mmap.mmap(file.fileno(), layout.size, access=mmap.ACCESS_READ)
         except OSError as error:
             raise FileFormatError(f"{path}: cannot be read ({error.strerror}); is the deck running?") from error
         except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-            raise FileFormatError(f"{path}: the description of this state is damaged ({error})") from error
+            raise FileFormatError(f"{path}: the description of this state file is damaged ({error})") from error
         return cls(memory, layout, header)
 
     @property
@@ -172,7 +172,7 @@ class StateReader:
         if self._control[1]:
             return True
         try:
-            os.kill(self._writer, 0)  # signal 0 only asks
+            os.kill(self._writer, 0)  # signal 0 only checks
         except ProcessLookupError:
             return True
         except OSError:
@@ -180,7 +180,7 @@ class StateReader:
         return False
 
     def read(self) -> dict[str, Array] | None:
-        """A copy of the latest state, each field an array, or None where none is to be had yet."""
+        """A copy of the latest state, each field an array, or None before the first one."""
         for _ in range(_RETRIES):
             number = int(self._control[0])
             if number == 0:
@@ -193,10 +193,10 @@ class StateReader:
     def since(self, number: int) -> tuple[int, Array]:
         """All states after the one with a number (0 for all), oldest first, and the number of the last one.
 
-        What the writer has overwritten meanwhile is missing.
+        States that the writer has overwritten meanwhile are missing.
 
         Returns:
-            The number to go on from, and the values of all fields, shape (states, V).
+            The number of the last state, and the values of all fields, shape (states, V).
         """
         latest = int(self._control[0])
         oldest = max(number + 1, latest - len(self._slots) + 1)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from controller.deck.deck import Deck
-from controller.deck.repertoire import read_repertoire
+from controller.deck.motions import read_motions
 from controller.deck.routes import Routes
 from controller.library.motion_library import MotionLibrary
 from controller.mocap.clip import Clip
@@ -56,7 +56,7 @@ def load_for_takes(path: Path, skeleton: Skeleton) -> Robot:
 
 def motion_takes(library: MotionLibrary, robot: Robot) -> Iterator[Take]:
     """Each motion: one round of a loop, or all of what happens once."""
-    for motion in read_repertoire(library).values():
+    for motion in read_motions(library).values():
         deck = Deck(library, deepcopy(robot.retarget), motion.name)
         if motion.loop:
             for _ in range(round(SETTLED / DT)):
@@ -66,7 +66,7 @@ def motion_takes(library: MotionLibrary, robot: Robot) -> Iterator[Take]:
 
 def switch_takes(library: MotionLibrary, robot: Robot) -> Iterator[Take]:
     """Each switch that goes straight from one motion to another; what happens once is left at its end."""
-    repertoire = read_repertoire(library)
+    repertoire = read_motions(library)
     routes = Routes.between(repertoire)
     for source in repertoire.values():
         deck = Deck(library, deepcopy(robot.retarget), source.name)
@@ -91,7 +91,7 @@ def switch_takes(library: MotionLibrary, robot: Robot) -> Iterator[Take]:
 
 def switches_by_way_of(library: MotionLibrary) -> dict[tuple[str, str], tuple[str, ...]]:
     """The switches that go by way of other motions, and which."""
-    repertoire = read_repertoire(library)
+    repertoire = read_motions(library)
     routes = Routes.between(repertoire)
     pairs = ((a, b) for a in repertoire for b in repertoire if a != b)
     return {(a, b): way for a, b in pairs if (way := routes.by_way_of(a, b))}
@@ -99,7 +99,7 @@ def switches_by_way_of(library: MotionLibrary) -> dict[tuple[str, str], tuple[st
 
 def count_switches(library: MotionLibrary) -> int:
     """How many takes `switch_takes` has."""
-    motions = len(read_repertoire(library))
+    motions = len(read_motions(library))
     return motions * (motions - 1) - len(switches_by_way_of(library))
 
 

@@ -1,4 +1,4 @@
-"""The panel of the page: a button for each motion, speed, pause, home, halt and stop, and how the loop is doing."""
+"""The panel of the page: buttons for motions and for all else that is commanded, and the state of the loop."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from controller.wire.command_socket import (
     Stop,
     Switch,
 )
-from controller.wire.messages import FASTEST, SLOWEST
+from controller.wire.command_table import BY_WORD, TEMPO, WEIGHT
 from controller.wire.run_recording import MODES
 from motiondeck_base.errors import MotiondeckError
 from sim.view.ghost import WAYS
@@ -55,37 +55,53 @@ class Panel:
         self._motions, self._joints = motions, joints
         self._lock = Lock()
         self._current = -1
-        self._paused = self._halted = False
+        self._paused = False
+        self._mode = MODES[0]
         self._moved = 0.0
         gui = page.gui
         gui.configure_theme(show_share_button=False, show_logo=False, brand_color=CURRENT)
         self._health = gui.add_html("")
         self._seen = gui.add_html("")
         # Above the motions, so that it need not be looked for below the edge of a small window.
-        self._halt = gui.add_button(
-            "Halt", icon=viser.Icon.ALERT_OCTAGON, color="orange", hint="Emergency stop: brake at once and hold"
+        self._estop = gui.add_button(
+            "Emergency stop", icon=viser.Icon.ALERT_OCTAGON, color="orange", hint=BY_WORD["estop"].help
         )
-        self._halt.on_click(lambda _: self._send(Reset() if self._halted else EmergencyStop()))
+        self._estop.on_click(lambda _: self._send(Reset() if self._stopped else EmergencyStop()))
         self._buttons = [gui.add_button(motion, color=OTHERS) for motion in motions]
         for motion, button in zip(motions, self._buttons, strict=True):
             button.on_click(lambda _, motion=motion: self._send(Queue(motion) if self._queue.value else Switch(motion)))
         self._queue = gui.add_checkbox("after the present one", False, hint="Queue a motion instead of switching now")
         with gui.add_folder("blend", expand_by_default=False):
-            self._second = gui.add_dropdown("with", motions, hint="Mixed into the motion that is played")
-            self._share = gui.add_slider("share", min=0.0, max=1.0, step=0.05, initial_value=0.0)
-            self._share.on_update(self._share_moved)
+            self._second = gui.add_dropdown("with", motions, hint="Blended into the motion that is playing")
+            self._weight = gui.add_slider(
+                "blend weight", min=WEIGHT.lowest, max=WEIGHT.highest, step=0.05, initial_value=0.0
+            )
+            self._weight.on_update(self._weight_moved)
         self._motions = motions
         gui.add_divider()
-        self._speed = gui.add_slider("speed", min=SLOWEST, max=FASTEST, step=0.05, initial_value=1.0)
+        self._speed = gui.add_slider("tempo", min=TEMPO.lowest, max=TEMPO.highest, step=0.05, initial_value=1.0)
         self._speed.on_update(self._speed_moved)
-        self._pause = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE, color="gray")
+        self._pause = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE, color="gray", hint=BY_WORD["pause"].help)
         self._pause.on_click(lambda _: self._send(Resume() if self._paused else Pause()))
-        gui.add_button("Home", icon=viser.Icon.HOME, color="gray").on_click(lambda _: self._send(Home()))
+        self._home = gui.add_button("Home", icon=viser.Icon.HOME, color="gray", hint=BY_WORD["home"].help)
+        self._home.on_click(lambda _: self._send(Home()))
         with gui.add_folder("view", expand_by_default=False):
             self._human = gui.add_dropdown("human", WAYS, hint="The pose that the network plays") if has_human else None
             self._steps = gui.add_checkbox("footprints and contacts", False)
             self._follow = gui.add_checkbox("camera follows", True)
-        gui.add_button("Stop", icon=viser.Icon.PLAYER_STOP, color="red").on_click(lambda _: self._send(Stop()))
+        self._stop = gui.add_button("Stop", icon=viser.Icon.PLAYER_STOP, color="red", hint=BY_WORD["stop"].help)
+        self._stop.on_click(lambda _: self._send(Stop()))
+        self._controls = [
+            *((button, BY_WORD["switch"]) for button in self._buttons),
+            (self._weight, BY_WORD["blend"]),
+            (self._speed, BY_WORD["speed"]),
+            (self._pause, BY_WORD["pause"]),
+            (self._home, BY_WORD["home"]),
+        ]
+
+    @property
+    def _stopped(self) -> bool:
+        return self._mode == "emergency stop"
 
     @property
     def human(self) -> str:
@@ -111,19 +127,21 @@ class Panel:
                 if button.color != colour:
                     button.color = colour
             self._current = motion
-            self._share.value = 0.0  # nothing is mixed into a motion that was switched to
+            self._weight.value = 0.0  # nothing is blended into a motion that was switched to
         paused = bool(_number(state, "paused", 0.0))
         if paused != self._paused:
             self._paused = paused
             self._pause.label = "Resume" if paused else "Pause"
             self._pause.icon = viser.Icon.PLAYER_PLAY if paused else viser.Icon.PLAYER_PAUSE
-        halted = int(_number(state, "mode", 0.0)) == MODES.index("emergency stop")
-        if halted != self._halted:
-            self._halted = halted
-            self._halt.label = "Reset" if halted else "Halt"
+        mode = MODES[int(_number(state, "mode", 0.0))]
+        if mode != self._mode:
+            self._mode = mode
+            self._estop.label = "Reset" if self._stopped else "Emergency stop"
+            for control, command in self._controls:
+                control.disabled = mode not in command.modes
         speed = round(_number(state, "speed", 1.0), 2)
         if abs(speed - self._speed.value) > 0.024 and time.monotonic() - self._moved > HAND_ON:
-            self._speed.value = min(max(speed, SLOWEST), FASTEST)
+            self._speed.value = min(max(speed, TEMPO.lowest), TEMPO.highest)
         self._health.content = _health(state)
         if "seen" in state:
             self._seen.content = what_is_seen(state, self._motions, self._joints)
@@ -134,9 +152,9 @@ class Panel:
             self._moved = time.monotonic()
             self._send(SetSpeed(factor=float(self._speed.value)))
 
-    def _share_moved(self, event: viser.GuiEvent) -> None:
+    def _weight_moved(self, event: viser.GuiEvent) -> None:
         if event.client is not None and 0 <= self._current < len(self._motions):
-            self._send(Blend(self._motions[self._current], str(self._second.value), float(self._share.value)))
+            self._send(Blend(self._motions[self._current], str(self._second.value), float(self._weight.value)))
 
     def _send(self, message: Message) -> None:
         """Sends a command and shows a refusal on the page; page callbacks come from many threads, the socket is one."""
@@ -170,8 +188,8 @@ def _health(state: dict[str, Array]) -> str:
         ("overruns", figure("overruns", "{:.0f}")),
         ("work p50", figure("work_p50_us", "{:.0f} µs")),
     ]
-    if _number(state, "recues", 0.0) > 0.0:
-        cells.append(("network re-cued", figure("recues", "{:.0f}")))
+    if _number(state, "restarts", 0.0) > 0.0:
+        cells.append(("network restarts", figure("restarts", "{:.0f}")))
     if _number(state, "kept_apart", 0.0) > 0.0:
         cells.append(("limbs kept apart", figure("kept_apart", "{:.0f} times")))
     boxes = "".join(

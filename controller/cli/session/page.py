@@ -40,7 +40,7 @@ _NUMBERS = (
     "lateness_p50_us",
     "lateness_p999_us",
     "overruns",
-    "recues",
+    "restarts",
     "work_p50_us",
     "kept_apart",
 )
@@ -87,8 +87,8 @@ class Showable(Protocol):
         ...
 
     @property
-    def recues(self) -> int:
-        """How often the network was lost and had to be started again."""
+    def restarts(self) -> int:
+        """How often the network lost its motion and was restarted."""
         ...
 
 
@@ -165,7 +165,7 @@ class Page:
         fields["mode"][0] = MODES.index(stop.mode)
         fields["rate_hz"][0] = state.rate
         fields["overruns"][0] = state.overruns
-        fields["recues"][0] = deck.recues
+        fields["restarts"][0] = deck.restarts
         fields["kept_apart"][0] = sum(guard.kept_apart.total() for guard in self._guards)
         if health:
             lateness = state.lateness.percentiles()

@@ -57,8 +57,8 @@ def summary(report: dict[str, Any]) -> str:
         settled = f", settled after {np.median(times):.2f} s (median)" if times else ""
         lines.append(f"{len(report['switches'])} switches{settled}")
     lines += [f"went to {s['to']} by way of {', '.join(s['via'])}" for s in report["switches"] if s["via"]]
-    if report["recues"]:
-        lines.append(f"the network was lost and started again {report['recues']} times")
+    if report["restarts"]:
+        lines.append(f"the network lost its motion and was restarted {report['restarts']} times")
     lines += [f"at {refused['at']:g} s refused: {refused['reason']}" for refused in report["refused"]]
     if "rig" in report:
         rig = report["rig"]

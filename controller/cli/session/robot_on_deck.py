@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 from controller.cli.session.rig_output import open_rig
 from controller.deck.interfaces import JointLimits, Output, Retargeter
 from controller.library.motion_library import MotionLibrary
-from controller.loop.ensemble import Share
+from controller.loop.ensemble import RobotOutput
 from controller.loop.output_channel import Channel
 from controller.rotations import Array
 
@@ -123,7 +123,7 @@ def channels_of(robots: Sequence[RobotOnDeck]) -> list[Channel]:
     for robot in robots:
         for channel in robot.outputs:
             if len(robots) > 1:
-                channel.output = Share(channel.output, first, len(robot.own_joints), count, robot.prefix)
+                channel.output = RobotOutput(channel.output, first, len(robot.own_joints), count, robot.prefix)
             channels.append(channel)
         first += len(robot.own_joints)
     return channels

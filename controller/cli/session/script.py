@@ -16,7 +16,7 @@ from pathlib import Path
 
 import msgspec
 
-from controller.cli.session.terminal import parse_command
+from controller.wire.command_table import parse_command
 from controller.wire.messages import Blend, CommandError, Message, Queue, Switch
 from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
 from motiondeck_base.toml_file import read_toml

@@ -101,7 +101,7 @@ class PlayableDeck(Player, Commandable, Protocol):
         ...
 
     @property
-    def recues(self) -> int:
+    def restarts(self) -> int:
         """How often the network was lost and had to be started again."""
         ...
 
@@ -268,7 +268,7 @@ class Session:
             self._page.close()
         names = [name for robot in self.robots for name in robot.joints]
         full = run_report(report, names, self._deck.switches, self._permissions)
-        full |= {"refused": self._refused, "recues": self._deck.recues}
+        full |= {"refused": self._refused, "restarts": self._deck.restarts}
         full |= {"library": self._source_name, "robot": self._first.name}
         return full | self._kept_apart() | ({"recognition": self._watch.report()} if self._watch else {})
 

@@ -9,7 +9,7 @@ import argparse
 import asyncio
 import sys
 import threading
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 
 from controller.wire.command_socket import (
     DEFAULT_PORT,
@@ -17,93 +17,28 @@ from controller.wire.command_socket import (
     Blend,
     CommandClient,
     CommandError,
-    EmergencyStop,
     GetStatus,
-    Home,
     Message,
-    Pause,
-    Queue,
     Refused,
     Reply,
-    Reset,
-    Resume,
-    SetSpeed,
     Settled,
     SocketError,
     State,
-    Stop,
     Switch,
 )
-from controller.wire.messages import COMMANDS, FASTEST, SLOWEST, checked
+from controller.wire.command_table import BY_WORD, COMMANDS, parse_command
 from motiondeck_base.errors import MotiondeckError
 
-HELP = """\
-MOTION           switch to a motion (Tab completes); also: switch MOTION
-switch MOTION direct   at once and straight, however far it is
-queue MOTION     play it when the present motion has ended or gone round
-blend A B SHARE  play a mixture of two motions, SHARE (0 to 1) of the second
-speed FACTOR     play at 0.1 to 3 times the recorded tempo; speed FACTOR SECONDS takes its time
-pause, resume    stand still, go on
-home             go to the rest pose; resume or a motion goes on
-estop            brake at once and hold; reset releases it, resume goes on
-status           what is played, and what could be
-stop, quit       bring the joints to rest and end the deck (Ctrl-C too)
-Ctrl-D           leave the terminal; the deck plays on"""
+_HELP_ROWS = [
+    ("MOTION", "switch to a motion (Tab completes)"),
+    *((command.usage, command.help) for command in COMMANDS),
+    ("Ctrl-C, quit", "stop"),
+    ("Ctrl-D", "leave the prompt; the deck plays on"),
+]
+HELP = "\n".join(f"{typed:26} {effect}" for typed, effect in _HELP_ROWS)
 
-_PLAIN = {
-    "pause": Pause,
-    "resume": Resume,
-    "home": Home,
-    "estop": EmergencyStop,
-    "reset": Reset,
-    "status": GetStatus,
-    "stop": Stop,
-    "quit": Stop,
-}
-_WORDS = ("switch", "queue", "blend", "speed", *_PLAIN, "help")
-_ALLOWED = f"MOTION, {COMMANDS}"
 _HEARTBEAT = 0.3  # s of silence before asking whether the deck is still there; three questions are asked
 _STARTING = 5.0  # s that a deck may take from opening its port to answering
-
-
-def parse_command(words: Sequence[str]) -> Message:
-    """The message that words say: a command and its argument, or just a motion's name.
-
-    Raises:
-        CommandError: if they say none; it names the commands.
-    """
-    match list(words):
-        case ["switch", name]:
-            return checked(Switch(name))
-        case ["switch", name, "direct"]:
-            return checked(Switch(name, direct=True))
-        case ["queue", name]:
-            return checked(Queue(name))
-        case ["blend", first, second, share]:
-            return checked(Blend(first, second, _number(share, "blend takes two motions and a share from 0 to 1")))
-        case ["blend", *_]:
-            raise CommandError("blend takes two motions and a share of the second, as in: blend walk jog 0.3")
-        case ["speed", factor]:
-            return checked(SetSpeed(_number(factor)))
-        case ["speed", factor, over]:
-            return checked(SetSpeed(_number(factor), over=_number(over)))
-        case ["switch" | "queue" | "speed" as command, *_]:
-            raise CommandError(f"{command} takes one argument. Commands: {_ALLOWED}.")
-        case [command] if command in _PLAIN:
-            return _PLAIN[command]()
-        case [command, _, *_] if command in _PLAIN:
-            raise CommandError(f"{command} takes no argument. Commands: {_ALLOWED}.")
-        case [name]:
-            return checked(Switch(name))
-        case _:
-            raise CommandError(f"'{' '.join(words)}' is no command. Commands: {_ALLOWED}.")
-
-
-def _number(word: str, wanted: str = f"speed takes a number from {SLOWEST:g} to {FASTEST:g}") -> float:
-    try:
-        return float(word)
-    except ValueError:
-        raise CommandError(f"{wanted}, not '{word}'") from None
 
 
 def describe(reply: Reply) -> str:
@@ -143,7 +78,7 @@ async def converse(client: CommandClient) -> None:
     state = client.request(GetStatus(), _STARTING)
     names = state.motions if isinstance(state, State) else []
     session: PromptSession[str] = PromptSession(
-        completer=WordCompleter([*names, *_WORDS]), interrupt_exception=_Interrupted
+        completer=WordCompleter([*names, *BY_WORD, "help"]), interrupt_exception=_Interrupted
     )
     print("Type a motion's name (Tab completes), or help.")
     left = threading.Event()

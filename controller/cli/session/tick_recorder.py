@@ -55,8 +55,8 @@ class TickRecorder:
                 argument = self._motions.index(to) if to in self._motions else math.nan
             case SetSpeed(factor=factor):
                 argument = factor
-            case Blend(share=share):
-                argument = share
+            case Blend(weight=weight):
+                argument = weight
             case _:
                 argument = math.nan
         fields["argument"][0] = argument

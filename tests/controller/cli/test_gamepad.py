@@ -99,7 +99,7 @@ def test_a_gamepad_that_is_pulled_out_pauses_the_deck():
     os.close(writing)
     client = CommandClient(server.port)
     try:
-        with open(reading, "rb", buffering=0) as device, pytest.raises(MotiondeckError, match="gone"):  # noqa: PTH123
+        with open(reading, "rb", buffering=0) as device, pytest.raises(MotiondeckError, match="unplugged"):  # noqa: PTH123
             drive(device, client)
     finally:
         ended.set()

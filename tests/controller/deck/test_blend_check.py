@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import synthetic
-from controller.deck.blend_check import BlendWatch
+from controller.deck.blend_check import BlendCheck
 from controller.deck.deck import Deck
-from controller.deck.repertoire import read_repertoire
+from controller.deck.motions import read_motions
 from controller.library.motion_library import load_library
 from motiondeck_base.shipped import shipped_configs
 
@@ -17,29 +17,29 @@ DT = 0.005
 
 @pytest.fixture(scope="module")
 def march():
-    return read_repertoire(synthetic.small_library())["march"]
+    return read_motions(synthetic.small_library())["march"]
 
 
 def looked(watch, places, dt):
-    return [trouble for place in places if (trouble := watch.look(place, dt))]
+    return [trouble for place in places if (trouble := watch.problem(place, dt))]
 
 
 def test_a_motion_of_its_own_is_in_order(march):
-    assert looked(BlendWatch(march, march), np.tile(march.places, (3, 1)), march.spacing) == []
+    assert looked(BlendCheck(march, march), np.tile(march.places, (3, 1)), march.spacing) == []
 
 
 def test_what_does_not_move_stands_still(march):
     held = np.tile(march.places[:1], (round(1.2 / march.spacing), 1))
-    assert looked(BlendWatch(march, march), held, march.spacing) == ["stands still"] * 2
+    assert looked(BlendCheck(march, march), held, march.spacing) == ["stands still"] * 2
 
 
 def test_a_pause_is_no_standstill(march):
-    assert looked(BlendWatch(march, march), np.tile(march.places[:1], (500, 1)), 0.0) == []
+    assert looked(BlendCheck(march, march), np.tile(march.places[:1], (500, 1)), 0.0) == []
 
 
 def test_what_goes_faster_than_either_motion_turns_over(march):
     faster = replace(march, velocities=march.velocities * 0.1)
-    watch = BlendWatch(faster, faster)
+    watch = BlendCheck(faster, faster)
     assert "turns over" in looked(watch, march.places, march.spacing)
 
 

@@ -3,7 +3,7 @@ import pytest
 
 import synthetic
 from controller.deck.deck import Deck
-from controller.deck.repertoire import Motion, read_repertoire
+from controller.deck.motions import Motion, read_motions
 from controller.deck.routes import Routes
 from controller.library.motion_library import load_library
 from motiondeck_base.shipped import shipped_configs
@@ -61,7 +61,7 @@ def test_a_leap_is_the_difference_in_height():
 
 
 def test_between_near_motions_the_way_is_direct():
-    assert Routes.between(read_repertoire(synthetic.small_library())).by_way_of("march", "wave") == ()
+    assert Routes.between(read_motions(synthetic.small_library())).by_way_of("march", "wave") == ()
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +81,7 @@ def shipped():
     ],
 )
 def test_the_shipped_motions_are_joined_as_people_would(shipped, start, goal, way):
-    assert Routes.between(read_repertoire(shipped)).by_way_of(start, goal) == way
+    assert Routes.between(read_motions(shipped)).by_way_of(start, goal) == way
 
 
 def test_from_crawl_to_waltz_the_body_stands_up_first(shipped):

@@ -9,7 +9,7 @@ from controller.deck.deck import Deck
 from controller.deck.interfaces import JointLimits
 from controller.loop.clock import VirtualClock
 from controller.loop.command_desk import CommandDesk
-from controller.loop.ensemble import Ensemble, Share, all_limits
+from controller.loop.ensemble import Ensemble, RobotOutput, all_limits
 from controller.loop.loop import run
 from controller.loop.output_channel import Channel
 from controller.loop.safety_envelope import SafetyEnvelope
@@ -76,7 +76,7 @@ def played(timeline):
     )
     outputs = [[Output(f"{limits.velocity[0]}"), Output("bad", 7)] for limits, _ in robots]
     channels = [
-        Channel(Share(output, first, count, 7))
+        Channel(RobotOutput(output, first, count, 7))
         for (_, count), first, pair in zip(robots, (0, 4), outputs, strict=True)
         for output in pair
     ]

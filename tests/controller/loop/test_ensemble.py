@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from controller.deck.interfaces import JointLimits
-from controller.loop.ensemble import Ensemble, Share, all_limits
+from controller.loop.ensemble import Ensemble, RobotOutput, all_limits
 from controller.mocap.posture import Pose
 
 POSE = Pose(np.zeros(3), np.array(0.0), np.zeros((1, 4)))
@@ -41,7 +41,7 @@ def test_the_joints_of_all_stand_one_after_the_other():
 
 def test_an_output_gets_and_measures_its_own_joints_only():
     output = Keeping()
-    share = Share(output, first=1, joints=2, of=4, called="second ")
+    share = RobotOutput(output, first=1, joints=2, of=4, called="second ")
     share.write(np.arange(4.0), POSE)
     assert output.written[0].tolist() == [1.0, 2.0]
     assert share.measured() is None
@@ -57,4 +57,4 @@ def test_what_an_output_raises_reaches_the_loop():
             raise OSError("the cable is loose")
 
     with pytest.raises(OSError, match="loose"):
-        Share(Broken(), first=0, joints=1, of=1).write(np.zeros(1), POSE)
+        RobotOutput(Broken(), first=0, joints=1, of=1).write(np.zeros(1), POSE)

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controller.deck.interfaces import JointLimits
-from controller.loop.run_phases import Source, course
+from controller.loop.run_phases import Source, safe_targets
 from controller.loop.safety_envelope import SafetyEnvelope
-from controller.loop.stop_requests import HaltedError, StopRequest
+from controller.loop.stop_requests import EmergencyStopError, StopRequest
 from controller.mocap.posture import Pose
 
 JOINTS, DT = 3, 0.005
@@ -43,7 +43,7 @@ class Run:
     def __init__(self, deck, rest=REST, seconds=math.inf):
         self.stop = StopRequest()
         self.envelope = SafetyEnvelope(LIMITS, DT)
-        self.steps = course(Source(deck, DT), [], self.envelope, self.stop, seconds, rest)
+        self.steps = safe_targets(Source(deck, DT), [], self.envelope, self.stop, seconds, rest)
         self.written = []
 
     def tick(self, count=1):
@@ -78,13 +78,13 @@ def assert_safe(written):
 
 def carry_out(stop, command):
     try:
-        {"halt": stop.halt, "reset": stop.reset, "home": stop.go_home, "play": stop.play}[command]()
-    except HaltedError:
+        {"emergency stop": stop.emergency_stop, "reset": stop.reset, "home": stop.go_home, "play": stop.play}[command]()
+    except EmergencyStopError:
         assert stop.emergency or command == "reset"
 
 
 COMMANDS = st.lists(
-    st.tuples(st.integers(0, 150), st.sampled_from(["halt", "reset", "home", "play"])), min_size=1, max_size=8
+    st.tuples(st.integers(0, 150), st.sampled_from(["emergency stop", "reset", "home", "play"])), min_size=1, max_size=8
 )
 
 
@@ -114,7 +114,7 @@ def test_the_emergency_stop_wins_within_one_tick(seed, commands, ticks, other_se
             run.tick(count)
             carry_out(run.stop, command)
         run.tick(ticks + 1)
-        run.stop.halt()
+        run.stop.emergency_stop()
         if deck_changes:
             deck.rng = np.random.default_rng(other_seed)
         begin = len(run.written)
@@ -137,7 +137,7 @@ def test_the_emergency_stop_wins_within_one_tick(seed, commands, ticks, other_se
 def test_the_emergency_stop_stops_soon():
     run = Run(Wild(3))
     run.tick(400)
-    run.stop.halt()
+    run.stop.emergency_stop()
     begin = len(run.written)
     run.settle()
     # 6 rad/s at 60 rad/s^2 is 0.1 s; turning the acceleration round takes 0.06 s and letting it go 0.03 s
@@ -147,8 +147,8 @@ def test_the_emergency_stop_stops_soon():
 def test_after_a_reset_nothing_moves_until_it_is_told_to_and_then_slowly():
     run = Run(Wild(5))
     run.tick(300)
-    run.stop.halt()
-    with pytest.raises(HaltedError, match="still braking"):
+    run.stop.emergency_stop()
+    with pytest.raises(EmergencyStopError, match="still braking"):
         run.stop.reset()
     run.settle()
     run.tick(2)
@@ -197,7 +197,7 @@ def test_at_home_the_time_goes_on():
 def test_an_end_during_the_emergency_stop_leaves_the_joints_where_they_are():
     run = Run(Wild(9))
     run.tick(300)
-    run.stop.halt()
+    run.stop.emergency_stop()
     run.settle()
     place = run.written[-1]
     run.stop.ask("enough")
@@ -210,7 +210,7 @@ def test_an_emergency_stop_on_the_last_way_home_ends_the_run_there():
     run.tick(300)
     run.stop.ask("enough")
     run.tick(60)
-    run.stop.halt()
+    run.stop.emergency_stop()
     begin = len(run.written)
     run.finish()
     assert len(run.written) - begin < 40
@@ -230,18 +230,18 @@ def test_a_deck_that_keeps_failing_at_home_ends_the_run():
 def test_pressed_again_the_emergency_stop_can_still_be_reset():
     run = Run(Wild(9))
     run.tick(300)
-    run.stop.halt()
+    run.stop.emergency_stop()
     run.settle()
     run.tick(2)
     run.stop.reset()
-    run.stop.halt()
+    run.stop.emergency_stop()
     run.tick(2)
-    run.stop.halt()
+    run.stop.emergency_stop()
     run.tick(2)
     run.stop.reset()
     assert run.stop.mode == "held"
 
 
 def test_where_nothing_is_latched_there_is_nothing_to_reset():
-    with pytest.raises(HaltedError, match="nothing to reset"):
+    with pytest.raises(EmergencyStopError, match="nothing to reset"):
         StopRequest().reset()

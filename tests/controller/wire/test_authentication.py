@@ -1,30 +1,30 @@
-"""Tokens and seals: only a private file is taken, and only what was sealed with its token."""
+"""Tokens and seals: only a private file is taken, and only what was signed with its token."""
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.wire.authentication import TokenError, read_token, seal, unseal
+from controller.wire.authentication import TokenError, read_token, sign, verify
 
 TOKEN = b"0123456789abcdef"
 
 
 @given(st.binary(max_size=300))
-def test_what_is_sealed_can_be_unsealed_with_the_same_token_only(data):
-    assert unseal(TOKEN, seal(TOKEN, data)) == data
-    assert unseal(b"another token 16", seal(TOKEN, data)) is None
+def test_a_signature_is_verified_with_the_same_token_only(data):
+    assert verify(TOKEN, sign(TOKEN, data)) == data
+    assert verify(b"another token 16", sign(TOKEN, data)) is None
 
 
 @given(st.binary(max_size=100), st.integers(0, 2000))
 def test_no_bit_may_be_changed(data, place):
-    sealed = bytearray(seal(TOKEN, data))
-    sealed[place // 8 % len(sealed)] ^= 1 << place % 8
-    assert unseal(TOKEN, bytes(sealed)) is None
+    signed = bytearray(sign(TOKEN, data))
+    signed[place // 8 % len(signed)] ^= 1 << place % 8
+    assert verify(TOKEN, bytes(signed)) is None
 
 
 @given(st.binary(max_size=100))
-def test_what_was_never_sealed_is_not_taken(data):
-    assert unseal(TOKEN, data) is None
+def test_what_was_never_signed_is_not_taken(data):
+    assert verify(TOKEN, data) is None
 
 
 @pytest.fixture

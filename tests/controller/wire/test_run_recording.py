@@ -227,5 +227,5 @@ def test_a_recorded_deck_can_be_paused_and_played_slowly_but_not_switched():
     for command in (deck.switch, deck.enqueue):
         with pytest.raises(MotiondeckError, match="being replayed"):
             command("jog")
-    with pytest.raises(MotiondeckError, match="no tick"):
+    with pytest.raises(MotiondeckError, match="empty"):
         RecordedDeck(recorded(0))

@@ -146,7 +146,7 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
         assert speed[-1] == pytest.approx(1.05)
 
         # A refusal is shown in the deck's words.
-        page.get_by_role("button", name="Stop").click()
+        page.get_by_role("button", name="Stop", exact=True).click()
         page.get_by_text("not while someone is watching").wait_for()
 
         # By now it has walked several metres: the view has gone along.

@@ -172,7 +172,7 @@ def test_a_run_that_is_killed_leaves_what_it_did(folder):
     ("arguments", "says"),
     [
         (("replay", "none.rec"), "none.rec: cannot be read"),
-        (("plot", "pyproject.toml"), "this is no recording"),
+        (("plot", "pyproject.toml"), "this is not a recording"),
         (("play", "--headless", "--record", "none/x.rec", "--command-port", "0"), "none/x.rec: cannot be written"),
         (("play", "--video", "x.mp4", "--record", "x.rec"), "no ticks to record"),
         (("play", "--script", "none.toml"), "none.toml: cannot be read"),

@@ -77,9 +77,12 @@ def test_a_timeline_says_what_is_commanded_when(tmp_path):
         ('motion = "walk"\nspeed = 2', "unknown key 'speed'"),
         ('motion = "walk"\n[[commands]]\nat = -1.0\nsay = "jog"', "command 1: at = -1.0"),
         ('motion = "walk"\n[[commands]]\nat = nan\nsay = "jog"', "command 1: at = nan"),
-        ('motion = "walk"\n[[commands]]\nat = 1.0\nsay = "speed 9"', "command 1: speed 9 is not allowed"),
+        (
+            'motion = "walk"\n[[commands]]\nat = 1.0\nsay = "speed 9"',
+            "command 1: speed: TEMPO must be",
+        ),
         ('motion = "walk"\n[[commands]]\nat = 1.0\nsay = "queue jig"', "command 1: unknown motion 'jig'"),
-        ('motion = "walk"\n[[commands]]\nat = 1.0\nsay = ""', "command 1: '' is no command"),
+        ('motion = "walk"\n[[commands]]\nat = 1.0\nsay = ""', "command 1: '' is not a command"),
     ],
 )
 def test_what_is_wrong_in_a_timeline_is_named_by_file_and_command(tmp_path, text, says):

@@ -1,4 +1,4 @@
-"""Attempts: calls that may raise without harm to the loop, counted, and given up when they never succeed."""
+"""Counts the exceptions of a call that must not stop the loop, and gives the call up when it keeps failing."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ FAULTS_TO_GIVE_UP = 20
 
 
 @dataclass
-class Attempts:
-    """One kind of call.
+class FaultCounter:
+    """The faults of one kind of call.
 
     Attributes:
-        faults: how many have raised.
-        fault: what was raised last.
+        faults: how many calls have raised.
+        fault: the last exception, in words.
     """
 
     faults: int = 0
@@ -29,8 +29,8 @@ class Attempts:
         """Whether the last FAULTS_TO_GIVE_UP calls have all raised; no further one is made."""
         return self._in_a_row >= FAULTS_TO_GIVE_UP
 
-    def __call__(self, action: Callable[P, None], *args: P.args, **kwargs: P.kwargs) -> None:
-        """Calls the action, unless given up."""
+    def call(self, action: Callable[P, None], *args: P.args, **kwargs: P.kwargs) -> None:
+        """Calls the action and counts what it raises, unless given up."""
         if self.given_up:
             return
         try:

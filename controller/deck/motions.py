@@ -1,4 +1,4 @@
-"""What the deck knows of the motions of a library: where each can be entered and left, and how briskly it turns."""
+"""The motions of a library as the deck sees them: where each can be entered and left, and its largest acceleration."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ LEAST_ACCELERATION = 2.0  # m/s^2; less is standing still
 
 @dataclass(frozen=True)
 class Motion:
-    """One motion of a repertoire.
+    """One motion of a library.
 
     Attributes:
-        name: what it is called.
-        loop: whether it goes on for ever.
+        name: its name.
+        loop: whether it is a loop; else it is a one-shot.
         places, velocities: joint positions in the heading frame and their rates at the anchors where it may be entered,
             shape (A, F), m and m/s.
-        exits: the same positions where it may be left: anywhere in a loop, else its last pose, shape (E, F), m.
+        exits: the positions where it may be left: anywhere in a loop, the last pose of a one-shot, shape (E, F), m.
         spacing: from anchor to anchor, s.
-        seconds: how long a loop's round takes, or how long it takes until only the last pose is held.
+        seconds: how long one round of a loop takes, or a one-shot until it holds its last pose.
         acceleration: the largest of any joint in the world, m/s^2.
     """
 
@@ -42,9 +42,9 @@ class Motion:
     acceleration: float
 
 
-def read_repertoire(library: MotionLibrary) -> dict[str, Motion]:
-    """The motions of a library by name; one that happens once may be entered at its beginning only."""
-    repertoire = {}
+def read_motions(library: MotionLibrary) -> dict[str, Motion]:
+    """The motions of a library by name; a one-shot may be entered at its beginning only."""
+    motions = {}
     for info in library.info.motions:
         frames = library.network.anchors(info.name)
         spacing = info.frames / len(frames) / library.info.rate
@@ -53,7 +53,7 @@ def read_repertoire(library: MotionLibrary) -> dict[str, Motion]:
         velocities = _rate(places, spacing, loop=loop)
         moving = len(frames) if loop else _moving(places)
         entries = moving if loop else max(1, int(ENTRY_SHARE * moving))
-        repertoire[info.name] = Motion(
+        motions[info.name] = Motion(
             name=info.name,
             loop=loop,
             places=places[:entries],
@@ -63,17 +63,17 @@ def read_repertoire(library: MotionLibrary) -> dict[str, Motion]:
             seconds=moving * spacing,
             acceleration=_acceleration(library.encoding, frames, spacing),
         )
-    return repertoire
+    return motions
 
 
 def _moving(places: Array) -> int:
-    """How many frames it takes until only the last pose is held."""
+    """The number of frames until only the last pose is held."""
     away = np.abs(places - places[-1]).max(1) > HELD_M
     return int(np.flatnonzero(away)[-1]) + 1 if away.any() else len(places)
 
 
 def _rate(values: Array, spacing: float, *, loop: bool) -> Array:
-    """Central differences along the first axis, round the corner for loops."""
+    """Central differences along the first axis, periodic for loops."""
     if loop:
         return (np.roll(values, -1, axis=0) - np.roll(values, 1, axis=0)) / (2.0 * spacing)
     return np.gradient(values, spacing, axis=0)

@@ -1,4 +1,4 @@
-"""The path: where a body that is seen from its own heading stands in the world, after all that it has walked."""
+"""The root's path: where a body seen from its own heading stands in the world, summed up from its velocities."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from controller.mocap.posture import Pose, Posture
 from controller.rotations import multiply, yaw
 
 
-class Path:
-    """The sum of all steps; it begins at the origin and faces along x."""
+class RootPath:
+    """The position and heading of the root in the world; it begins at the origin and faces along x."""
 
     def __init__(self) -> None:
         self._x = self._y = 0.0
         self._heading = 0.0
 
-    def place(self, posture: Posture, dt: float) -> Pose:
-        """Where a posture stands after walking on for dt seconds."""
+    def advance(self, posture: Posture, dt: float) -> Pose:
+        """The pose of a posture in the world after moving with its velocities (x forward, y left) for dt seconds."""
         self._heading += float(posture.turn_rate) * dt
         cosine, sine = cos(self._heading), sin(self._heading)
         forward, left = (posture.velocity * dt).tolist()

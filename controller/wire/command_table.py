@@ -1,0 +1,234 @@
+"""The commands of a deck in one table: word, arguments with their ranges, one line of help, and when it is allowed.
+
+The prompt, `motiondeck send`, timelines, the page, the gamepad and the socket all read this table.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, get_args
+
+import msgspec
+
+from controller.wire.messages import (
+    MOST_BYTES,
+    Blend,
+    CommandError,
+    EmergencyStop,
+    GetStatus,
+    Home,
+    Message,
+    Mode,
+    Pause,
+    Queue,
+    Reset,
+    Resume,
+    SetSpeed,
+    Stop,
+    Switch,
+)
+
+LONGEST_NAME = 100
+
+
+@dataclass(frozen=True)
+class MotionName:
+    """An argument that names a motion; `field` is its field in the message, `name` its name in the help."""
+
+    field: str
+    name: str = "MOTION"
+    optional: bool = False
+
+    def parse(self, word: str) -> str:
+        """The name itself."""
+        return word
+
+    def check(self, value: str) -> None:
+        """Raises a CommandError where a name is empty or too long to be a motion's."""
+        if not 0 < len(value) <= LONGEST_NAME:
+            raise CommandError(f"a motion's name has 1 to {LONGEST_NAME} characters")
+
+
+@dataclass(frozen=True)
+class Number:
+    """An argument that is a number from `lowest` to `highest`."""
+
+    field: str
+    name: str
+    lowest: float
+    highest: float
+    optional: bool = False
+
+    def parse(self, word: str) -> float:
+        """The number; raises a CommandError where the word is none."""
+        try:
+            return float(word)
+        except ValueError:
+            raise CommandError(self._range(f"'{word}'")) from None
+
+    def check(self, value: float) -> None:
+        """Raises a CommandError where a number is outside the range or not finite."""
+        if not (math.isfinite(value) and self.lowest <= value <= self.highest):
+            raise CommandError(self._range(f"{value:g}"))
+
+    def _range(self, given: str) -> str:
+        return f"{self.name} must be a number from {self.lowest:g} to {self.highest:g}, not {given}"
+
+
+@dataclass(frozen=True)
+class Flag:
+    """An argument that is either its own name or left out."""
+
+    field: str
+    name: str
+    optional: bool = True
+
+    def parse(self, word: str) -> bool:
+        """True; raises a CommandError for any other word."""
+        if word != self.name:
+            raise CommandError(f"'{word}' is not understood here; leave it out or give: {self.name}")
+        return True
+
+    def check(self, value: bool) -> None:
+        """Accepts either value."""
+
+
+Argument = MotionName | Number | Flag
+
+TEMPO = Number("factor", "TEMPO", 0.1, 3.0)
+TEMPO_SECONDS = Number("over", "SECONDS", 0.0, 60.0, optional=True)
+WEIGHT = Number("weight", "WEIGHT", 0.0, 1.0)
+
+ALWAYS: frozenset[Mode] = frozenset(get_args(Mode))
+RELEASED: frozenset[Mode] = ALWAYS - {"emergency stop"}
+
+
+@dataclass(frozen=True)
+class Command:
+    """One command.
+
+    Attributes:
+        word: what is typed; also the tag on the wire.
+        message: the type of its message.
+        arguments: in the order in which they are typed.
+        help: one line.
+        modes: the modes of a run in which it is carried out; in others it is refused.
+        aliases: other words for it.
+    """
+
+    word: str
+    message: type[Message]
+    arguments: tuple[Argument, ...]
+    help: str
+    modes: frozenset[Mode] = RELEASED
+    aliases: tuple[str, ...] = ()
+
+    @property
+    def usage(self) -> str:
+        """The command with its arguments, as in "speed TEMPO [SECONDS]"."""
+        names = [f"[{a.name}]" if a.optional else a.name for a in self.arguments]
+        return " ".join([self.word, *names])
+
+    def parse(self, words: Sequence[str]) -> Message:
+        """The message of the typed arguments.
+
+        Raises:
+            CommandError: if there are too few or too many, or one is not allowed.
+        """
+        required = sum(not argument.optional for argument in self.arguments)
+        if not required <= len(words) <= len(self.arguments):
+            raise CommandError(f"give it as: {self.usage}")
+        given = zip(self.arguments, words, strict=False)
+        values: dict[str, Any] = {argument.field: argument.parse(word) for argument, word in given}
+        return checked(self.message(**values))
+
+
+COMMANDS = (
+    Command(
+        "switch",
+        Switch,
+        (MotionName("to"), Flag("direct", "direct")),
+        "play a motion now, or when a one-shot has ended; direct: at once and straight",
+    ),
+    Command("queue", Queue, (MotionName("to"),), "play a motion when the present one has ended or gone round"),
+    Command(
+        "blend",
+        Blend,
+        (MotionName("first", "A"), MotionName("second", "B"), WEIGHT),
+        "play a blend of two loops; WEIGHT (0 to 1) is that of B",
+    ),
+    Command(
+        "speed",
+        SetSpeed,
+        (TEMPO, TEMPO_SECONDS),
+        "play at 0.1 to 3 times the recorded tempo, reached smoothly or within 0 to 60 s",
+    ),
+    Command("pause", Pause, (), "stand still"),
+    Command("resume", Resume, (), "play on after a pause, from home, or after a reset"),
+    Command("home", Home, (), "go slowly to the rest pose and stay there"),
+    Command("estop", EmergencyStop, (), "emergency stop: brake every joint at once and hold", ALWAYS),
+    Command(
+        "reset",
+        Reset,
+        (),
+        "release the emergency stop; nothing moves before resume, home or a motion",
+        frozenset({"emergency stop"}),
+    ),
+    Command("status", GetStatus, (), "show what is played and what can be", ALWAYS),
+    Command("stop", Stop, (), "bring the joints to rest and end the run", ALWAYS, ("quit",)),
+)
+
+BY_WORD = {word: command for command in COMMANDS for word in (command.word, *command.aliases)}
+_BY_MESSAGE: dict[type[Message], Command] = {command.message: command for command in COMMANDS}
+USAGES = ", ".join(command.usage for command in COMMANDS)
+
+_messages = msgspec.json.Decoder(Message)
+
+
+def command_of(message: Message) -> Command:
+    """The row of a message."""
+    return _BY_MESSAGE[type(message)]
+
+
+def checked(message: Message) -> Message:
+    """The message itself, if its arguments are in their ranges.
+
+    Raises:
+        CommandError: if one is not; it names the argument and its range.
+    """
+    for argument in command_of(message).arguments:
+        argument.check(getattr(message, argument.field))
+    return message
+
+
+def read_message(data: bytes) -> Message:
+    """The command in a datagram.
+
+    Raises:
+        CommandError: if it is no command, or an argument is out of range; it names what is allowed.
+    """
+    if len(data) > MOST_BYTES:
+        raise CommandError(f"this message is too long; {MOST_BYTES} bytes are the most")
+    try:
+        return checked(_messages.decode(data))
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        raise CommandError(f"this is not a command ({error}). Commands: {USAGES}.") from error
+
+
+def parse_command(words: Sequence[str]) -> Message:
+    """The message of typed words: a command and its arguments, or a motion's name alone, which switches to it.
+
+    Raises:
+        CommandError: if they are no command; it names the commands.
+    """
+    command = BY_WORD.get(words[0]) if words else None
+    if command is not None:
+        try:
+            return command.parse(words[1:])
+        except CommandError as error:
+            raise CommandError(f"{words[0]}: {error}") from None
+    if len(words) == 1:
+        return checked(Switch(words[0]))
+    raise CommandError(f"'{' '.join(words)}' is not a command. Commands: MOTION, {USAGES}.")

@@ -1,0 +1,74 @@
+"""The command table: complete, and the same limits for typed commands and for those on the wire."""
+
+from typing import get_args
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from controller.cli.session.terminal import HELP
+from controller.wire import run_recording
+from controller.wire.command_table import BY_WORD, COMMANDS, Flag, MotionName, command_of, parse_command, read_message
+from controller.wire.messages import CommandError, EmergencyStop, Message, Reset, encode
+
+NAMES = st.text("abc-1", min_size=1, max_size=100).filter(lambda name: name not in BY_WORD)
+
+
+def test_every_message_has_one_row_and_its_tag_is_the_word():
+    assert {command.message for command in COMMANDS} == set(get_args(Message))
+    assert all(command.message.__struct_config__.tag == command.word for command in COMMANDS)
+    assert set(run_recording.COMMANDS) <= set(BY_WORD)
+
+
+def test_the_help_has_a_line_for_each_command():
+    lines = [" ".join(line.split()) for line in HELP.splitlines()]
+    assert all(f"{command.usage} {command.help}" in lines for command in COMMANDS)
+
+
+def typed(argument):
+    if isinstance(argument, MotionName):
+        return NAMES
+    if isinstance(argument, Flag):
+        return st.just(argument.name)
+    return st.floats(argument.lowest, argument.highest).map(repr)
+
+
+@given(st.data())
+def test_every_command_in_its_ranges_is_read_alike_typed_and_from_the_wire(data):
+    command = data.draw(st.sampled_from(COMMANDS))
+    count = data.draw(st.integers(sum(not a.optional for a in command.arguments), len(command.arguments)))
+    words = [data.draw(typed(argument)) for argument in command.arguments[:count]]
+    message = parse_command([command.word, *words])
+    assert command_of(message) is command
+    assert read_message(encode(message)) == message
+
+
+@pytest.mark.parametrize("argument", [a for c in COMMANDS for a in c.arguments if not isinstance(a, Flag | MotionName)])
+@given(st.data())
+def test_a_number_out_of_range_is_refused_typed_and_on_the_wire(argument, data):
+    (command,) = (c for c in COMMANDS if argument in c.arguments)
+    outside = st.one_of(
+        st.floats(max_value=argument.lowest, exclude_max=True),
+        st.floats(min_value=argument.highest, exclude_min=True),
+        st.just(float("nan")),
+    )
+    value = data.draw(outside)
+    allowed = {a.field: "a" if isinstance(a, MotionName) else a.lowest for a in command.arguments if not a.optional}
+    message = command.message(**(allowed | {argument.field: value}))
+    with pytest.raises(CommandError, match=f"{argument.name} must be a number from {argument.lowest:g} to"):
+        argument.check(value)
+    with pytest.raises(CommandError):  # JSON has no NaN: there it is not a number at all
+        read_message(encode(message))
+
+
+def test_the_blend_weight_keeps_its_name_on_the_wire():
+    assert msgspec.json.decode(encode(parse_command(["blend", "a", "b", "0.25"])))["share"] == 0.25
+
+
+def test_the_emergency_stop_is_always_allowed_and_its_reset_only_while_it_is_on():
+    assert "emergency stop" in command_of(EmergencyStop()).modes
+    assert "playing" in command_of(EmergencyStop()).modes
+    assert command_of(Reset()).modes == {"emergency stop"}
+    moving = [c.word for c in COMMANDS if "emergency stop" not in c.modes]
+    assert moving == ["switch", "queue", "blend", "speed", "pause", "resume", "home"]
