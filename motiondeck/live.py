@@ -38,7 +38,7 @@ from controller.wire.command_socket import (
     Switch,
 )
 from controller.wire.command_socket import State as DeckStatus
-from controller.wire.messages import checked
+from controller.wire.command_table import checked
 from motiondeck.libraries import Library
 from motiondeck_base.errors import MotiondeckError
 
@@ -156,9 +156,9 @@ class LiveDeck:
         """Plays a motion after what is played and queued; raises as `switch`."""
         return self._commanded(motion, Queue(motion))
 
-    def blend(self, first: str, second: str, share: float) -> CommandedMotion:
-        """Plays a mixture of two loops with a share in [0, 1] of the second; raises as `switch`."""
-        return self._commanded(f"{first} + {second}", Blend(first, second, share))
+    def blend(self, first: str, second: str, weight: float) -> CommandedMotion:
+        """Plays a blend of two loops, the second with a weight in [0, 1]; raises as `switch`."""
+        return self._commanded(f"{first} + {second}", Blend(first, second, weight))
 
     def set_tempo(self, factor: float, over: float = 0.0) -> None:
         """Plays at 0.1 to 3 times the recorded tempo; the change takes `over` seconds, or as few as are smooth."""
