@@ -78,3 +78,101 @@ def urdf():
         joint(f"{s}_knee", f"{s}_thigh", f"{s}_shank", "0 0 -0.2", "0 1 0")
         joint(f"{s}_ankle", f"{s}_shank", f"{s}_foot", "0 0 -0.2", "0 1 0")
     return f'<robot name="legs">{"".join(links)}{"".join(joints)}</robot>'
+
+
+def full_humanoid(
+    *,
+    waist="yaw roll pitch",
+    hip="pitch roll yaw",
+    ankle="pitch roll",
+    shoulder="pitch roll yaw",
+    wrist="roll pitch yaw",
+    neck="yaw pitch",
+    fingers=True,
+    lying=False,
+    rods=False,
+):
+    """An MJCF of a humanoid, 1.3 m tall, with the named hinges in the order of their names.
+
+    Yaw turns about the segment and pitch and roll bend it. A thigh's yaw sits halfway down the thigh, a wrist's roll
+    halfway down the forearm. The limbs of the model are straight and hang down.
+
+    Args:
+        waist, hip, ankle, shoulder, wrist, neck: hinges of each joint, of "yaw", "pitch" and "roll".
+        fingers: whether each hand has two, with two hinges each.
+        lying: whether the model is written with y up and z ahead instead of z up and x ahead.
+        rods: whether a rod on hinges of its own runs beside each shank to the foot and closes a loop.
+    """
+    axes = {"pitch": (0, 1, 0), "roll": (1, 0, 0), "yaw": (0, 0, 1)}
+    actuators, loops = [], []
+
+    def v(x, y, z):
+        return f"{y:g} {z:g} {x:g}" if lying else f"{x:g} {y:g} {z:g}"
+
+    def capsule(length, radius=0.03, x=0.0):
+        if length <= 0.0:
+            return f'<geom size="{radius}"/>'
+        return f'<geom type="capsule" fromto="{v(x, 0, 0)} {v(x, 0, -length)}" size="{radius}"/>'
+
+    def hinge(name, kind):
+        actuators.append(name)
+        return f'<joint name="{name}" axis="{v(*axes[kind])}" range="-2.5 2.5"/>'
+
+    def chain(prefix, kinds, at, then, along=None, down=0.0):
+        """Bodies with one hinge each, all in one place but for the kind `along`, and what hangs from the last one."""
+        text, ends, place = "", "", at
+        for kind in kinds.split():
+            lower = down if kind == along else 0.0
+            place = (place[0], place[1], place[2] - lower)
+            text += f'<body name="{prefix}_{kind}" pos="{v(*place)}">{hinge(f"{prefix}_{kind}_joint", kind)}'
+            text += capsule(0, 0.02)
+            ends, place = ends + "</body>", (0.0, 0.0, 0.0)
+        return text + then + ends if text else f'<body name="{prefix}" pos="{v(*at)}">{then}</body>'
+
+    def leg(side, y):
+        box = f'<geom type="box" pos="{v(0.04, 0, -0.03)}" size="{v(0.1, 0.04, 0.01)}"/>'
+        rod = ""
+        if rods:
+            rod = f'<body name="{side}_rod" pos="{v(-0.05, 0, 0)}">{hinge(f"{side}_crank", "pitch")}'
+            rod += capsule(0.3, 0.01) + "</body>"
+            loops.append(f'<connect body1="{side}_rod" body2="{side}_ankle_pitch" anchor="{v(0, 0, -0.3)}"/>')
+        foot = chain(f"{side}_ankle", ankle, (0, 0, -0.3), box)
+        shank = f'<body name="{side}_shin" pos="{v(0, 0, -0.15)}">{hinge(f"{side}_knee", "pitch")}'
+        shank += f"{capsule(0.3)}{rod}{foot}</body>"
+        thigh = f'<geom type="capsule" fromto="{v(0, 0, 0.15)} {v(0, 0, -0.15)}" size="0.04"/>' + shank
+        return (
+            chain(f"{side}_hip", hip, (0, y, -0.05), thigh, "yaw", 0.15)
+            if "yaw" in hip
+            else chain(
+                f"{side}_hip", hip, (0, y, -0.05), f'<body name="{side}_femur" pos="{v(0, 0, -0.15)}">{thigh}</body>'
+            )
+        )
+
+    def arm(side, y):
+        finger = "".join(
+            f'<body name="{side}_finger{k}" pos="{v(0.01 * k, 0, -0.08)}">{hinge(f"{side}_finger{k}_a", "pitch")}'
+            f'{capsule(0.03, 0.008)}<body name="{side}_tip{k}" pos="{v(0, 0, -0.03)}">'
+            f"{hinge(f'{side}_finger{k}_b', 'pitch')}{capsule(0.03, 0.008)}</body></body>"
+            for k in (0, 1)
+        )
+        hand = capsule(0.07, 0.02) + finger * fingers
+        fore = chain(f"{side}_wrist", wrist, (0, 0, -0.1), hand, "pitch", 0.1)
+        elbow = f'<body name="{side}_fore" pos="{v(0, 0, -0.1)}">{hinge(f"{side}_elbow", "pitch")}'
+        elbow += f"{capsule(0.2)}{fore}</body>"
+        return chain(f"{side}_shoulder", shoulder, (0, y, 0.35), capsule(0.1) + elbow, "yaw", 0.1)
+
+    limbs = leg("left", 0.1) + leg("right", -0.1)
+    head = chain("neck", neck, (0, 0, 0.42), f'<geom size="0.08" pos="{v(0, 0, 0.1)}"/>')
+    trunk = (
+        f'<geom type="box" size="{v(0.08, 0.14, 0.15)}" pos="{v(0, 0, 0.2)}"/>'
+        + head
+        + arm("left", 0.2)
+        + arm("right", -0.2)
+    )
+    upper = chain("waist", waist, (0, 0, 0.05), trunk) if waist else trunk
+    acts = "".join(f'<position name="{name}" joint="{name}" kp="50"/>' for name in actuators if "finger" not in name)
+    return (
+        '<mujoco model="full"><compiler angle="radian" autolimits="true"/><worldbody>'
+        f'<body name="base" pos="0 0 0.7"><freejoint/><geom size="0.08"/>{limbs}{upper}</body></worldbody>'
+        f"<actuator>{acts}</actuator><equality>{''.join(loops)}</equality></mujoco>"
+    )

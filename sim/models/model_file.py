@@ -16,6 +16,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from motiondeck_base.errors import FileFormatError
+from sim.models.kinematic_tree import path_to
 from sim.models.surface import Surface
 
 ROOT_JOINT = "(root)"
@@ -113,12 +114,38 @@ def _free_root(path: Path, spec: mujoco.MjSpec) -> None:
                 "Put a body without joints, or with a free joint, above it."
             )
         joint = root.add_freejoint()
+        root.name = root.name or ROOT_JOINT
+        _move_origin(spec, root)
     joint.name = joint.name or ROOT_JOINT
     root.name = root.name or ROOT_JOINT
     for body in bodies:
         if body is not root:
             # A ball or a table that came along would stand in front of the free root's seven numbers.
             spec.delete(body)
+
+
+def _move_origin(spec: mujoco.MjSpec, root: mujoco.MjsBody) -> None:
+    """Moves the origin of a root body to where the limbs part, its pelvis: some files have it on the floor."""
+    model = spec.compile()
+    movers = [path_to(model, int(body)) for body in set(model.jnt_bodyid[model.jnt_type != mujoco.mjtJoint.mjJNT_FREE])]
+    if not movers:
+        return
+    shared = [bodies[0] for bodies in zip(*(path[:-1] for path in movers), strict=False) if len(set(bodies)) == 1]
+    own, pelvis = model.body(root.name).id, shared[-1] if shared else 0
+    parts = [*root.bodies, *root.geoms, *root.sites, *root.cameras, *root.lights]
+    if pelvis == own or not pelvis or any(part.frame is not None for part in parts):
+        return
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    offset = data.xmat[own].reshape(3, 3).T @ (data.xpos[pelvis] - data.xpos[own])
+    for part in parts:
+        part.pos = part.pos - offset
+    if root.explicitinertial:
+        root.ipos = root.ipos - offset
+    for equality in spec.equalities:
+        if equality.type == mujoco.mjtEq.mjEQ_CONNECT and equality.name1 == root.name:
+            equality.data[:3] -= offset
+    root.pos = data.xpos[pelvis]
 
 
 def _servos(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:

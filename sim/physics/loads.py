@@ -23,11 +23,11 @@ from scipy.optimize import nnls
 
 from controller.rotations import Array
 from sim.models.feet import Foot
+from sim.models.kinematic_tree import below
 from sim.models.surface import LowestPoint, Surface
 from sim.physics.physics_model import feet_of
 from sim.physics.played_motions import DT, Take
 from sim.physics.support_polygon import convex_hull, margin
-from sim.retargeting.footing import below
 from sim.robots.robot import Robot
 from sim.robots.self_collision import SelfCollision
 

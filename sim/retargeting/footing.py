@@ -26,6 +26,7 @@ from controller.mocap.posture import Pose
 from controller.mocap.rest_pose import FOOT_SLOPE
 from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array, multiply, rotate
+from sim.models.kinematic_tree import below
 from sim.models.surface import LowestPoint, Surface
 
 # In lengths of the leg: how far a sole may seem to be off the floor and still stand on it, and how close to the floor a
@@ -161,12 +162,3 @@ class Footing:
         self._human, self._points, self._balls = human, points, balls
         qpos[:2] = self._root
         qpos[2] = height
-
-
-def below(model: mujoco.MjModel, body: int) -> list[int]:
-    """A body and all that hangs from it."""
-    found = [body]
-    for other in range(body + 1, model.nbody):
-        if int(model.body_parentid[other]) in found:
-            found.append(other)
-    return found

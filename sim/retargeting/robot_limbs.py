@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 
 from controller.rotations import Array, conjugate, rotate
 from motiondeck_base.errors import FileFormatError, UnknownNameError
+from sim.models.kinematic_tree import below, hinges_between
+from sim.models.limb_geometry import ACROSS, centre_of, end_hinge, level_with, sine
 from sim.models.model_file import followers
 from sim.models.surface import Surface
 from sim.retargeting.human_limbs import AHEAD, LEFT
@@ -30,7 +32,6 @@ PARTS = (
     "head",
     *(f"{side}_{part}" for side in SIDES for part in ("upper_arm", "forearm", "hand", "thigh", "shank", "foot")),
 )
-ASIDE = 0.5  # a knee's axis is across its limb if it has less than this share of it
 CARRIED = 0.5  # lengths of the limb above the knee or elbow
 STEEPEST_SOLE = 0.5  # rad: what slopes more than this at rest is no sole
 
@@ -197,49 +198,59 @@ class RobotLimbs:
 
     def _limb(self, add, side: str, first: str, second: str, third: str, whole: str) -> float:
         """Adds a limb's upper part and the limb as a whole; returns its length when stretched."""
-        upper, lower = self._parts[f"{side}_{first}"], self._parts[f"{side}_{second}"]
-        end = self._parts.get(f"{side}_{third}")
-        start = self._joint_of(upper, None)[:2]
-        knee_body, knee_at, axis = self._joint_of(lower, upper)
-        # How far servos are set aside along the axis of the knee is no matter of where the limb points.
-        aside = float((start[1] - knee_at) @ axis)
-        if abs(aside) > ASIDE * np.linalg.norm(start[1] - knee_at):
-            axis, aside = np.zeros(3), 0.0  # it turns about the limb itself
-        knee = knee_body, knee_at + aside * axis
-        tip_body, tip_at = lower, self._tip(lower, knee[1]) if end is None else knee[1]
-        if end is not None:
-            moved, tip_at, _ = self._joint_of(end, lower)
-            tip_body = int(self._model.body_parentid[moved])
-        tip = tip_body, tip_at - ((tip_at - knee[1]) @ axis) * axis
-        add(f"{side}_{first}", start, knee)
-        add(f"{side}_{whole}", start, tip)
-        # Where a joint far from it carries the beginning of the limb along (a clavicle's), that is to stay where it is.
         base = self._parts["chest" if whole == "arm" else "pelvis"]
-        between = set(self._joints_above(upper)) - set(self._joints_above(base))
-        far = CARRIED * float(np.linalg.norm(knee[1] - start[1]))
-        if any(np.linalg.norm(self._data.xanchor[joint] - start[1]) > far for joint in between):
-            add(f"{side}_{first}_start", (base, self._data.xpos[base]), start)
-        reach = float(np.linalg.norm(knee[1] - start[1]) + np.linalg.norm(tip[1] - knee[1]))
+        lower, end = self._parts[f"{side}_{second}"], self._parts.get(f"{side}_{third}")
+        knee_joint = self._knee(self._parts[f"{side}_{first}"], lower)
+        # Between the hip and the knee it is one segment: the body above the knee, with what turns it along itself.
+        upper = int(self._model.body_parentid[self._model.jnt_bodyid[knee_joint]])
+        hips = [joint for joint in hinges_between(self._model, base, upper) if joint != knee_joint]
+        if not hips:
+            raise self._no_hinge(upper)
+        axis, knee = self._data.xaxis[knee_joint], self._data.xanchor[knee_joint].copy()
+        start = level_with(centre_of(self._data, hips, knee), knee, axis)
+        tip_body, tip = lower, self._tip(lower, knee) if end is None else knee
+        if end is not None:
+            moved = self._ankle(lower, end, knee, float(np.linalg.norm(knee - start)))
+            tip_body = int(self._model.body_parentid[self._model.jnt_bodyid[moved]])
+            tip = self._data.xanchor[moved].copy()
+        tip = level_with(tip, knee, axis)
+        add(f"{side}_{first}", (upper, start), (upper, knee))
+        add(f"{side}_{whole}", (upper, start), (tip_body, tip))
+        # Where a joint far from it carries the beginning of the limb along (a clavicle's), that is to stay where it is.
+        far = CARRIED * float(np.linalg.norm(knee - start))
+        if any(np.linalg.norm(self._data.xanchor[joint] - start) > far for joint in hips):
+            add(f"{side}_{first}_start", (base, self._data.xpos[base]), (upper, start))
+        reach = float(np.linalg.norm(knee - start) + np.linalg.norm(tip - knee))
         self.reach[f"{side}_{whole}"] = reach
         return reach
 
-    def _joint_of(self, body: int, above: int | None) -> tuple[int, Array, Array]:
-        """The first hinge on the way to a body from the one above (or its own last one): its body, place and axis."""
-        way = [body]
-        while above is not None and (parent := int(self._model.body_parentid[way[0]])) not in (above, 0):
-            way.insert(0, parent)
-        for on_way in way:
-            hinges = [j for j in np.flatnonzero(self._model.jnt_bodyid == on_way) if self._model.jnt_type[j] == 3]
-            if hinges:
-                # A joint's place belongs to both of its bodies; a shoulder's hinges meet at the last one.
-                hinge = hinges[-1 if above is None else 0]
-                return on_way, self._data.xanchor[hinge].copy(), self._data.xaxis[hinge].copy()
+    def _knee(self, upper: int, lower: int) -> int:
+        """The last hinge across the limb on the way from its upper segment to the body that its knee moves."""
+        way = hinges_between(self._model, upper, lower)
+        if not way:
+            raise self._no_hinge(lower)
+        start, tip = self._data.xpos[upper], self._tip(lower, self._data.xanchor[way[-1]])
+        for joint in reversed(way):
+            at, axis = self._data.xanchor[joint], self._data.xaxis[joint]
+            if sine(axis, at - start) >= ACROSS and sine(axis, tip - at) >= ACROSS:
+                return joint
+        return way[0]
+
+    def _ankle(self, lower: int, end: int, knee: Array, upper: float) -> int:
+        """The first hinge across the limb on the way from its lower segment to its end."""
+        way = hinges_between(self._model, lower, end)
+        if not way:
+            raise self._no_hinge(end)
+        found = end_hinge(self._data, way, knee, upper)
+        return way[0] if found is None else found
+
+    def _no_hinge(self, body: int) -> FileFormatError:
         name = self._model.body(body).name
-        raise FileFormatError(f"{self._path}: parts: there is no hinge joint at body '{name}'; name the body it moves")
+        return FileFormatError(f"{self._path}: parts: there is no hinge joint at body '{name}'; name the body it moves")
 
     def _tip(self, body: int, start: Array) -> Array:
         """The end of a limb without a hand: the point of its surface farthest from the joint."""
-        mine = self._surface.part(np.array(self._below(body)))
+        mine = self._surface.part(np.array(below(self._model, body)))
         points = mine.positions(self._data)
         if not len(points):
             raise FileFormatError(
@@ -252,13 +263,14 @@ class RobotLimbs:
     def _sole(self, side: str) -> tuple[Array, Array]:
         """Which way a foot points and which way is left for it, both level when it stands flat, at rest."""
         shank, foot = self._parts[f"{side}_shank"], self._parts[f"{side}_foot"]
-        ankle = self._joint_of(foot, shank)[1]
-        up = self._joint_of(shank, self._parts[f"{side}_thigh"])[1] - ankle
+        knee = self._data.xanchor[self._knee(self._parts[f"{side}_thigh"], shank)]
+        ankle = self._data.xanchor[self._ankle(shank, foot, knee, 0.0)]
+        up = knee - ankle
         up /= max(float(np.linalg.norm(up)), 1e-9)
         ahead = AHEAD - (AHEAD @ up) * up
         ahead /= np.linalg.norm(ahead)
         left = np.cross(up, ahead)
-        mine = self._surface.part(np.array(self._below(foot)))
+        mine = self._surface.part(np.array(below(self._model, foot)))
         points = mine.positions(self._data) - ankle
         if len(points):
             along, height = points @ ahead, points @ up - mine.radius
@@ -280,13 +292,6 @@ class RobotLimbs:
             found += [int(j) for j in np.flatnonzero(self._model.jnt_bodyid == body)]
             body = int(self._model.body_parentid[body])
         return found
-
-    def _below(self, body: int) -> list[int]:
-        below = [body]
-        for other in range(body + 1, self._model.nbody):
-            if int(self._model.body_parentid[other]) in below:
-                below.append(other)
-        return below
 
     def _body(self, part: str, body: str) -> int:
         if part not in PARTS:

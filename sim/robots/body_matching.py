@@ -1,11 +1,13 @@
-"""Matching: which body of any robot is the left shank, read from the tree of its bodies and where its joints sit.
+"""Matching: which body of any robot is the left shank, from the tree of its bodies and the axes of its hinges.
 
-Looked at is the robot as its file has it (every joint at zero), whichever way it faces:
+Looked at is the robot as its file has it (every joint at zero), whichever way it faces and whichever axis is up:
 
-- Two limbs that reach lowest and part near the root are the legs. Which is the left one is told by their names, where
-  they differ by an l and an r; otherwise the side to which the soles stick out is ahead.
+- Two limbs of hinges that stand on the floor, point down and part near the root are the legs. Which is the left one
+  follows from their names, where they differ by an l and an r; otherwise the soles stick out ahead.
 - Of the rest, what reaches farthest to either side is an arm, and what reaches highest near the middle is the head.
-- Along a limb the knee (elbow) is the joint with the most limb on both of its sides.
+- A knee (elbow) is the first hinge that lies across its limb and parallel to its twin and has much of the limb on both
+  of its sides. Hinges along the limb belong to the segment that they turn: the yaw of a thigh, the roll of a forearm.
+  The next hinge across the limb is the ankle (wrist); toes and fingers that follow are left alone.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -20,18 +22,31 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from controller.rotations import Array, conjugate, multiply, yaw
+from controller.rotations import Array, conjugate, from_rotation_vector, multiply, yaw
 from motiondeck_base.errors import FileFormatError
+from sim.models.kinematic_tree import below, hinges_at, path_to
+from sim.models.limb_geometry import ACROSS, end_hinge, farthest, sine
 from sim.models.surface import Surface
 
 LEG = ("thigh", "shank", "foot")
 ARM = ("upper_arm", "forearm", "hand")
 
-# A joint belongs to the hip as long as it is at least this share of the leg above the knee away from the knee.
-HIP_SHARE = 0.65
-# And to the ankle if it is at least this share of the thigh below the knee, but not far ahead (toes).
-ANKLE_SHARE = 0.4
-TOES_SHARE = 0.15
+# Of the robot's height: a limb stands if it ends so close to the floor, and is a leg if it is so long.
+STANDS, LEG_SHARE = 0.12, 0.25
+# A leg points down: at least this is the cosine of the angle between it and the vertical.
+DOWN = 0.5
+# The knee is the first hinge with at least this share of the most limb on both of its sides.
+BEND_SHARE = 0.6
+PARALLEL = 0.5  # the least cosine between the axes of twins
+# A joint of the ankle is less than this share of the shank ahead of it (what is farther ahead moves toes), and a joint
+# of the wrist less than that share of the forearm beyond it.
+TOES_SHARE, FINGERS_SHARE = 0.15, 0.3
+# Of the robot's height: what starts so close to the middle is no arm yet but a clavicle, and a head is as close.
+CLAVICLE_SHARE, HEAD_SHARE = 0.03, 0.06
+
+# From the way a file has its root to each axis being up: z, y, x, -y, -x, -z.
+_QUARTER = 0.5 * np.pi
+_TURNS = ((0, 0, 0), (_QUARTER, 0, 0), (0, -_QUARTER, 0), (-_QUARTER, 0, 0), (0, _QUARTER, 0), (np.pi, 0, 0))
 
 
 @dataclass(frozen=True)
@@ -39,12 +54,14 @@ class BodyMatch:
     """What a robot's bodies are.
 
     Attributes:
-        parts: part, such as "l_shank", to the name of its body; "pelvis" and "chest" and both legs are always there.
+        parts: part, such as "l_shank", to the name of its body; "pelvis", "chest" and both legs are always there.
         root_rotation: the quaternion of the root body while the robot stands upright and faces x, shape (4,).
+        doubts: what the matcher was not sure of, a line each.
     """
 
     parts: dict[str, str]
     root_rotation: Array
+    doubts: tuple[str, ...] = ()
 
 
 def match(path: Path, model: mujoco.MjModel) -> BodyMatch:
@@ -55,214 +72,278 @@ def match(path: Path, model: mujoco.MjModel) -> BodyMatch:
         model: with a free root, as `read_model` makes it.
 
     Raises:
-        FileFormatError: if there are no two legs, or no feet to tell ahead from behind; name the parts by hand then.
+        FileFormatError: if there are no two legs, or nothing tells ahead from behind; it says what was found.
     """
-    return _Matcher(path, model).match()
+    refusal: FileFormatError | None = None
+    for turn in _TURNS:
+        try:
+            found = _Matcher(path, model, from_rotation_vector(np.array(turn, dtype=float))).match()
+        except FileFormatError as error:
+            refusal = refusal or error
+            continue
+        # A robot that has to be stood up first must show arms too: many a pair of arms could pass for legs.
+        if not any(turn) or "l_upper_arm" in found.parts:
+            return found
+    assert refusal is not None
+    raise refusal
+
+
+@dataclass(frozen=True)
+class _Limb:
+    """A chain of hinges on one side: its joints in order, where each sits, its axes, and where the limb ends."""
+
+    joints: list[int]
+    tip: Array
 
 
 class _Matcher:
-    def __init__(self, path: Path, model: mujoco.MjModel) -> None:
+    def __init__(self, path: Path, model: mujoco.MjModel, turn: Array) -> None:
         self.path, self.model = path, model
         self.data = mujoco.MjData(model)
+        self.data.qpos[3:7] = multiply(turn, model.qpos0[3:7])
         mujoco.mj_kinematics(model, self.data)
         self.root = int(model.jnt_bodyid[0])
         self.surface = Surface.of(model)
-        points = self.surface.positions(self.data)
-        self.points = points
-        self.tall = float(np.ptp(points[:, 2])) if len(points) else 1.0
-        self.leaves = [body for body in self._below(self.root) if body != self.root and self._is_leaf(body)]
+        self.points = self.surface.positions(self.data)
+        self.heights = self.points[:, 2] - self.surface.radius
+        self.floor = float(self.heights.min())
+        self.tall = float(np.ptp(self.points[:, 2]))
+        self.movers = [b for b in range(1, model.nbody) if hinges_at(model, b)]
+        # What no other mover hangs from ends a limb.
+        above = {b for mover in self.movers for b in path_to(model, mover)[:-1]}
+        self.ends = [b for b in self.movers if b not in above]
+        self.doubts: list[str] = []
 
     def match(self) -> BodyMatch:
         legs = self._legs()
         pelvis = self._common(*legs)
-        rest = [
-            leaf for leaf in self.leaves if not any(self._limb(leaf, pelvis) == self._limb(g, pelvis) for g in legs)
-        ]
         ahead = self._ahead(legs, pelvis)
         left = np.array([-ahead[1], ahead[0], 0.0])
-        centre = self._place(legs).mean(axis=0)
-        legs = sorted(legs, key=lambda leaf: float(self._tip(leaf) @ left))  # right, left
+        legs = sorted(legs, key=lambda end: float(self._tip(end) @ left))  # right, left
         parts = {"pelvis": self._name(self.root)}
-        for side, leg in zip("rl", legs, strict=True):
-            parts |= self._divided(side, LEG, self._limb_path(leg, pelvis), ahead)
+        parts |= self._divided(LEG, [self._limb(end, pelvis) for end in legs], ahead)
 
-        across = {leaf: float((self._tip(leaf) - centre) @ left) for leaf in rest}
-        arms = [min(across, key=lambda f: across[f]), max(across, key=lambda f: across[f])] if across else []
-        if len(arms) == 2 and across[arms[0]] < -0.03 * self.tall and across[arms[1]] > 0.03 * self.tall:
+        rest = [e for e in self.ends if not any(self._branch(e, pelvis) == self._branch(leg, pelvis) for leg in legs)]
+        centre = self.data.xpos[legs].mean(axis=0)
+        chest, shoulders = pelvis, float(self.data.xpos[pelvis, 2])
+        arms = self._arms(rest, centre, left)
+        if arms:
             chest = self._common(*arms)
-            for side, arm in zip("rl", arms, strict=True):
-                parts |= self._divided(side, ARM, self._limb_path(self._longest(arm, chest), chest), ahead)
-            rest = [f for f in rest if not any(self._limb(f, chest) == self._limb(a, chest) for a in arms)]
-            shoulders = max(float(self._anchor(self._limb_path(arm, chest)[0])[2]) for arm in arms)
-        else:
-            chest, shoulders = pelvis, float(self.data.xpos[pelvis, 2])
+            limbs = [self._beside(self._limb(end, chest), left) for end in arms]
+            parts |= self._divided(ARM, limbs, ahead)
+            rest = [e for e in rest if not any(self._branch(e, chest) == self._branch(arm, chest) for arm in arms)]
+            shoulders = max(float(self.data.xanchor[limb.joints[0], 2]) for limb in limbs)
         parts["chest"] = self._name(chest)
-        high = {leaf: self._middle(leaf) - centre for leaf in rest}
-        middle = [f for f, at in high.items() if abs(at @ left) < 0.06 * self.tall and at[2] + centre[2] > shoulders]
-        if middle:
-            head = max(middle, key=lambda leaf: float(high[leaf][2]))
-            jointed = [body for body in self._path(head) if self._hinges(body)]
-            if jointed and jointed[-1] in self._below(chest) and jointed[-1] != chest:
-                parts["head"] = self._name(jointed[-1])
+        head = self._head(rest, chest, centre, left, shoulders)
+        if head is not None:
+            parts["head"] = self._name(head)
         facing = float(np.arctan2(ahead[1], ahead[0]))
-        return BodyMatch(parts, multiply(conjugate(yaw(facing)), self.data.xquat[self.root]))
+        return BodyMatch(parts, multiply(conjugate(yaw(facing)), self.data.xquat[self.root]), tuple(self.doubts))
 
     def _legs(self) -> list[int]:
-        """The two leaves that reach lowest, side by side and apart from the root on."""
-        low = sorted(self.leaves, key=lambda leaf: float(self._tip(leaf)[2]))
-        floor = float(self._tip(low[0])[2]) if low else 0.0
-        candidates = [leaf for leaf in low if self._tip(leaf)[2] < floor + 0.12 * self.tall]
+        """The ends of the two limbs that stand on the floor."""
+        standing = [end for end in self.ends if self._lowest(end) < self.floor + STANDS * self.tall]
         pairs = [
-            (a, b)
-            for a, b in combinations(candidates, 2)
-            if len(self._hinged(self._limb_path(a, self._common(a, b)))) > 1
-            and len(self._hinged(self._limb_path(b, self._common(a, b)))) > 1
+            pair for pair in combinations(standing, 2) if all(self._is_leg(end, self._common(*pair)) for end in pair)
         ]
         if not pairs:
-            raise FileFormatError(
-                f"{self.path}: no two legs were found in it, so it cannot be matched by itself. Write a robot file by "
-                "hand and name its bodies under [parts]."
+            raise self._refusal("no two limbs of two or more hinges each point down to the floor")
+        # The rods and toes of one leg part late; the legs part first.
+        first = min(len(path_to(self.model, self._common(*pair))) for pair in pairs)
+        legs = [pair for pair in pairs if len(path_to(self.model, self._common(*pair))) == first]
+        pelvis = self._common(*legs[0])
+        branches: dict[int, list[int]] = {}
+        for end in {end for pair in pairs for end in pair}:
+            branches.setdefault(self._branch(end, pelvis), []).append(end)
+        if len(branches) > 2:
+            raise self._refusal(f"{len(branches)} limbs stand on the floor")
+        # Of the rods and the foot of one leg the foot reaches lowest.
+        return [min(ends, key=self._lowest) for ends in branches.values()]
+
+    def _is_leg(self, end: int, pelvis: int) -> bool:
+        limb = self._limb(end, pelvis)
+        if len(limb.joints) < 2:
+            return False
+        way = self._sole(end) - self.data.xanchor[limb.joints[0]]
+        length = float(np.linalg.norm(way))
+        return length >= LEG_SHARE * self.tall and -way[2] >= DOWN * length
+
+    def _arms(self, rest: list[int], centre: Array, left: Array) -> list[int]:
+        """The ends of the right and the left arm; none if there are no two."""
+        across = {e: float((self._tip(e) - centre) @ left) for e in rest}
+        if len(across) < 2:
+            return []
+        arms = [min(across, key=lambda e: across[e]), max(across, key=lambda e: across[e])]
+        if across[arms[0]] > -CLAVICLE_SHARE * self.tall or across[arms[1]] < CLAVICLE_SHARE * self.tall:
+            return []
+        chest = self._common(*arms)
+        # Of the fingers of a hand, one at the end of the most joints.
+        arms = [
+            max(
+                (e for e in rest if self._branch(e, chest) == self._branch(arm, chest)),
+                key=lambda e: (len(self._limb(e, chest).joints), float(np.linalg.norm(self._tip(e)))),
             )
-        # Toes and pads of one foot part late; the legs part first.
-        return list(max(pairs, key=lambda pair: -len(self._path(self._common(*pair)))))
+            for arm in arms
+        ]
+        return arms if all(len(self._limb(arm, chest).joints) > 1 for arm in arms) else []
+
+    def _head(self, rest: list[int], chest: int, centre: Array, left: Array, shoulders: float) -> int | None:
+        def out(end: int) -> Array:
+            mine = self.points[self.surface.body == end]
+            return (mine.mean(axis=0) if len(mine) else self.data.xpos[end]) - centre
+
+        below_chest = set(below(self.model, chest)) - {chest}
+        high = {e: out(e) for e in rest if e in below_chest}
+        middle = [
+            e for e, at in high.items() if abs(at @ left) < HEAD_SHARE * self.tall and at[2] + centre[2] > shoulders
+        ]
+        return max(middle, key=lambda e: float(high[e][2])) if middle else None
 
     def _ahead(self, legs: list[int], pelvis: int) -> Array:
         """The horizontal direction across the line between the legs that is ahead."""
-        hips = np.array([self._anchor(self._hinged(self._limb_path(leg, pelvis))[0]) for leg in legs])
+        hips = np.array([self.data.xanchor[self._limb(leg, pelvis).joints[0]] for leg in legs])
         line = hips[1] - hips[0]
         line[2] = 0.0
         across = np.array([line[1], -line[0], 0.0]) / max(float(np.linalg.norm(line)), 1e-9)
-        second_is_left = _is_left(self._name(legs[1]), self._name(legs[0]))
-        if second_is_left is not None:
-            return across if second_is_left else -across
         reach = 0.0
         for leg in legs:
-            path = self._limb_path(leg, pelvis)
-            _, _, end = self._joints_of(path)
-            ankle = self._anchor(end) if end is not None else self._anchor(self._hinged(path)[-1])
-            foot = self.points[np.isin(self.surface.body, self._below(end or path[-1]))]
-            if len(foot):
-                ends = (foot - ankle) @ across
+            limb = self._limb(leg, pelvis)
+            knee = self._bend(limb, limb)
+            ankle = self._end(limb, knee) or limb.joints[-1]
+            mine = np.isin(self.surface.body, below(self.model, int(self.model.jnt_bodyid[ankle])))
+            if mine.any():
+                ends = (self.points[mine] - self.data.xanchor[ankle]) @ across
                 reach += float(ends.max() + ends.min())
-        if abs(reach) < 0.01 * self.tall:
+        names = [self._name(leg) for leg in legs]
+        second_is_left = _is_left(names[1], names[0])
+        if second_is_left is None and abs(reach) < 0.01 * self.tall:
             raise FileFormatError(
-                f"{self.path}: neither the names of its legs ('{self._name(legs[0])}', '{self._name(legs[1])}') nor "
-                "its feet tell left from right. Name the bodies of the left leg with an l where the right one has an r."
+                f"{self.path}: neither the names of its legs ('{names[0]}', '{names[1]}') nor its feet tell left from "
+                "right. Name the bodies of the left leg with an l where the right one has an r."
             )
-        return across * np.sign(reach)
+        by_names = across if second_is_left else -across
+        if second_is_left is None:
+            return across * np.sign(reach)
+        if (by_names @ across) * reach < -0.05 * self.tall:
+            self.doubts.append(f"its feet stick out behind if '{names[0]}' and '{names[1]}' are on the sides they name")
+        return by_names
 
-    def _divided(self, side: str, names: tuple[str, str, str], path: list[int], ahead: Array) -> dict[str, str]:
-        """The bodies of a limb's three parts; without a joint at the ankle (wrist) only the first two."""
-        first, middle, end = self._joints_of(path if names is LEG else self._beside(path, ahead))
-        parts = {f"{side}_{names[0]}": self._name(first), f"{side}_{names[1]}": self._name(middle)}
-        if end is not None:
-            following = self._hinged(path)[self._hinged(path).index(end) :]
-            if names is LEG:
-                # The foot is what the last joint of the ankle moves; toes lie ahead of it.
-                span = float(np.linalg.norm(self._anchor(end) - self._anchor(middle)))
-                for body in following[1:]:
-                    if (self._anchor(body) - self._anchor(end)) @ ahead < TOES_SHARE * span:
-                        end = body
-            else:
-                # The hand is what the last joint near the wrist moves; fingers follow.
-                span = float(np.linalg.norm(self._anchor(end) - self._anchor(middle)))
-                for body in following[1:]:
-                    if np.linalg.norm(self._anchor(body) - self._anchor(end)) < 0.3 * span:
-                        end = body
-            parts[f"{side}_{names[2]}"] = self._name(end)
+    def _divided(self, names: tuple[str, str, str], limbs: list[_Limb], ahead: Array) -> dict[str, str]:
+        """The bodies of the three parts of the right and the left limb; without an ankle (wrist) only of two."""
+        parts = {}
+        for side, limb, twin in (("r", *limbs), ("l", *reversed(limbs))):
+            knee = self._bend(limb, twin)
+            body = self.model.jnt_bodyid
+            upper = next(j for j in reversed(limb.joints[:knee]) if body[j] != body[limb.joints[knee]])
+            parts |= {f"{side}_{names[0]}": self._name(body[upper])}
+            parts |= {f"{side}_{names[1]}": self._name(body[limb.joints[knee]])}
+            end = self._end(limb, knee)
+            if end is None:
+                continue
+            at, span = (
+                self.data.xanchor[end],
+                float(np.linalg.norm(self.data.xanchor[end] - self.data.xanchor[limb.joints[knee]])),
+            )
+            for joint in limb.joints[limb.joints.index(end) + 1 :]:
+                way = self.data.xanchor[joint] - at
+                if way @ ahead < TOES_SHARE * span if names is LEG else np.linalg.norm(way) < FINGERS_SHARE * span:
+                    end = joint
+            parts[f"{side}_{names[2]}"] = self._name(body[end])
         return parts
 
-    def _beside(self, path: list[int], ahead: Array) -> list[int]:
+    def _bend(self, limb: _Limb, twin: _Limb) -> int:
+        """Which of a limb's joints is the knee (elbow)."""
+        at = [self.data.xanchor[j] for j in limb.joints]
+        score: dict[int, float] = {}
+        for k in range(1, len(at)):
+            if self.model.jnt_bodyid[limb.joints[k]] == self.model.jnt_bodyid[limb.joints[0]]:
+                continue  # it would leave no body for the upper segment
+            up, down = farthest(at[:k], at[k]) - at[k], farthest([*at[k + 1 :], limb.tip], at[k]) - at[k]
+            axis = self.data.xaxis[limb.joints[k]]
+            share = min(float(np.linalg.norm(up)), float(np.linalg.norm(down)))
+            across = min(sine(axis, up), sine(axis, down)) >= ACROSS
+            other = self.data.xaxis[twin.joints[k]] if len(twin.joints) == len(limb.joints) else axis
+            # What does not lie across its limb, parallel to its twin, is a knee only where nothing else could be one.
+            score[k] = share * (1.0 if across and abs(axis @ other) >= PARALLEL else 0.1)
+        most = max(score.values())
+        return next(k for k, value in score.items() if value >= BEND_SHARE * most)
+
+    def _end(self, limb: _Limb, knee: int) -> int | None:
+        """The first joint of the ankle (wrist)."""
+        at = self.data.xanchor[limb.joints[knee]]
+        upper = float(np.linalg.norm(farthest([self.data.xanchor[j] for j in limb.joints[:knee]], at) - at))
+        return end_hinge(self.data, limb.joints[knee + 1 :], at, upper)
+
+    def _beside(self, limb: _Limb, left: Array) -> _Limb:
         """The part of an arm that does not start near the middle of the body, as a clavicle does."""
-        left = np.array([-ahead[1], ahead[0], 0.0])
-        centre = self._anchor(self.root)
-        out = {body: abs(float((self._anchor(body) - centre) @ left)) for body in self._hinged(path)}
-        first = next((body for body in out if out[body] >= 0.03 * self.tall), path[0])
-        return path[path.index(first) :] if len(self._hinged(path[path.index(first) :])) > 1 else path
+        centre = self.data.xpos[self.root]
+        out = [abs(float((self.data.xanchor[j] - centre) @ left)) for j in limb.joints]
+        first = next((k for k, away in enumerate(out) if away >= CLAVICLE_SHARE * self.tall), 0)
+        return _Limb(limb.joints[first:], limb.tip) if len(limb.joints) - first > 1 else limb
 
-    def _joints_of(self, path: list[int]) -> tuple[int, int, int | None]:
-        """The bodies whose joints are the hip, the knee and the ankle of a limb."""
-        hinged = self._hinged(path)
-        at = [self._anchor(body) for body in hinged] + [self._tip(path[-1])]
-        count = len(hinged)
+    def _limb(self, end: int, above: int) -> _Limb:
+        """The joints on the way from a body to an end; fingers that fork off a hand are left out."""
+        path = path_to(self.model, end)
+        path = path[path.index(above) + 1 :]
+        joints: list[int] = []
+        for body in path:
+            joints += hinges_at(self.model, body)
+            forks = sum(self._moves(child) for child in np.flatnonzero(self.model.body_parentid == body).tolist())
+            if forks > 1 and len(joints) > 2 and self._lowest(end) > self.floor + STANDS * self.tall:
+                return _Limb(joints, self._tip(body))
+        return _Limb(joints, self._tip(path[-1]))
 
-        def apart(i: int, j: int) -> float:
-            return float(np.linalg.norm(at[i] - at[j]))
+    def _moves(self, body: int) -> bool:
+        return any(mover in below(self.model, body) for mover in self.movers)
 
-        knee = max(
-            range(1, count),
-            key=lambda j: min(max(apart(i, j) for i in range(j)), max(apart(j, k) for k in range(j + 1, count + 1))),
-        )
-        most = max(apart(i, knee) for i in range(knee))
-        hip = max(i for i in range(knee) if apart(i, knee) >= HIP_SHARE * most)
-        beyond = [k for k in range(knee + 1, count) if apart(knee, k) >= ANKLE_SHARE * apart(hip, knee)]
-        return hinged[hip], hinged[knee], hinged[beyond[0]] if beyond else None
+    def _tip(self, end: int) -> Array:
+        """Of the surface of a body, and what is fixed to it, the point farthest from its joint."""
+        mine = self.points[np.isin(self.surface.body, self._fixed_to(end))]
+        start = self.data.xanchor[hinges_at(self.model, end)[0]] if hinges_at(self.model, end) else self.data.xpos[end]
+        return farthest(list(mine), start) if len(mine) else self.data.xpos[end].copy()
 
-    def _longest(self, leaf: int, above: int) -> int:
-        """Of the leaves of a limb that forks (fingers) the one at the end of the most joints."""
-        same = [f for f in self.leaves if self._limb(f, above) == self._limb(leaf, above)]
-        return max(same, key=lambda f: (len(self._hinged(self._path(f))), float(self._reach(f, above))))
+    def _sole(self, end: int) -> Array:
+        """The middle of the lowest points of the limb that ends in a body."""
+        mine = np.isin(self.surface.body, below(self.model, end))
+        if not mine.any():
+            return self.data.xpos[end].copy()
+        low = self.heights[mine] < self.heights[mine].min() + 0.02 * self.tall
+        return self.points[mine][low].mean(axis=0)
 
-    def _reach(self, leaf: int, above: int) -> float:
-        return float(np.linalg.norm(self._tip(leaf) - self.data.xpos[above]))
+    def _lowest(self, end: int) -> float:
+        mine = np.isin(self.surface.body, below(self.model, end))
+        return float(self.heights[mine].min()) if mine.any() else float(self.data.xpos[end, 2])
 
-    def _tip(self, leaf: int) -> Array:
-        """The end of a limb: of the last body's surface the point farthest from its joint."""
-        mine = self.points[self.surface.body == leaf]
-        start = self._anchor(leaf)
-        if not len(mine):
-            return self.data.xpos[leaf]
-        return mine[np.argmax(np.linalg.norm(mine - start, axis=1))]
-
-    def _middle(self, leaf: int) -> Array:
-        """The middle of the last body of a limb."""
-        mine = self.points[self.surface.body == leaf]
-        return mine.mean(axis=0) if len(mine) else self.data.xpos[leaf]
-
-    def _place(self, bodies: list[int]) -> Array:
-        return self.data.xpos[bodies]
-
-    def _is_leaf(self, body: int) -> bool:
-        return not np.any(self.model.body_parentid == body)
-
-    def _below(self, body: int) -> list[int]:
-        """A body and all that hangs from it."""
-        return [other for other in range(1, self.model.nbody) if body in self._path(other)]
-
-    def _path(self, body: int) -> list[int]:
-        """From the root to a body."""
-        path = [body]
-        while path[0] not in (self.root, 0):
-            path.insert(0, int(self.model.body_parentid[path[0]]))
-        return path
+    def _fixed_to(self, body: int) -> list[int]:
+        return [b for b in below(self.model, body) if self.model.body_weldid[b] == self.model.body_weldid[body]]
 
     def _common(self, a: int, b: int) -> int:
         """The body at which the ways to two bodies part."""
-        return [x for x, y in zip(self._path(a), self._path(b), strict=False) if x == y][-1]
+        return [x for x, y in zip(path_to(self.model, a), path_to(self.model, b), strict=False) if x == y][-1]
 
-    def _limb(self, leaf: int, above: int) -> int | None:
-        """The child of a body on the way to a leaf."""
-        path = self._path(leaf)
-        return path[path.index(above) + 1] if above in path[:-1] else None
+    def _branch(self, end: int, above: int) -> int:
+        """The child of a body on the way to an end; 0 if the end does not hang from it."""
+        path = path_to(self.model, end)
+        return path[path.index(above) + 1] if above in path[:-1] else 0
 
-    def _limb_path(self, leaf: int, above: int) -> list[int]:
-        path = self._path(leaf)
-        return path[path.index(above) + 1 :]
+    def _refusal(self, why: str) -> FileFormatError:
+        """The error of a robot that is no humanoid, with the limbs that were found."""
+        limbs: dict[int, int] = {}
+        for end in self.ends:
+            branch = next((b for b in path_to(self.model, end) if self._ends_below(b) == 1), end)
+            limbs[branch] = sum(len(hinges_at(self.model, b)) for b in below(self.model, branch))
+        words = [f"'{self.model.body(b).name}' ({count} hinge{'s' * (count > 1)})" for b, count in limbs.items()]
+        listed = ", ".join(words[:6]) + (f" and {len(words) - 6} more" if len(words) > 6 else "")
+        return FileFormatError(
+            f"{self.path}: this is not a humanoid with two legs: {why}; its limbs are {listed or 'none'}. "
+            "If it is one, write a robot file by hand and name its bodies under [parts]."
+        )
 
-    def _hinges(self, body: int) -> list[int]:
-        mine = np.flatnonzero(self.model.jnt_bodyid == body)
-        return [int(joint) for joint in mine if self.model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE]
-
-    def _hinged(self, path: list[int]) -> list[int]:
-        return [body for body in path if self._hinges(body)]
-
-    def _anchor(self, body: int) -> Array:
-        """Where the first hinge of a body sits, or the body itself."""
-        hinges = self._hinges(body)
-        return self.data.xanchor[hinges[0]] if hinges else self.data.xpos[body]
+    def _ends_below(self, body: int) -> int:
+        return sum(end in below(self.model, body) for end in self.ends)
 
     def _name(self, body: int) -> str:
-        name = self.model.body(body).name
+        name = self.model.body(int(body)).name
         if not name:
             raise FileFormatError(f"{self.path}: a body that the motion needs has no name; give each body one")
         return name

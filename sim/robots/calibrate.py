@@ -21,6 +21,7 @@ import numpy as np
 from controller.deck.interfaces import JointLimits
 from controller.mocap.rest_pose import FOOT_SLOPE
 from controller.rotations import Array
+from motiondeck_base.errors import FileFormatError
 from sim.models.joint_layout import JointLayout
 from sim.models.model_file import read_model
 from sim.models.robot_file import Angle
@@ -157,6 +158,12 @@ def calibrate(path: Path) -> Calibration:
     rest = np.clip(rest, lower, upper)
     limbs.place(rest)
     height = -LowestPoint(model)(limbs.data)
+    if not height > 0.0:
+        root = found.parts["pelvis"]
+        raise FileFormatError(
+            f"{path}: body '{root}' would be {height:.3f} m above the floor when the robot stands; the root of a robot "
+            "belongs to its pelvis. Move its origin there, or give the pelvis a free joint of its own."
+        )
     there = limb_directions(limbs)
     missed = {
         name: float(np.arccos(np.clip(there[row] @ stand[row], -1.0, 1.0)))

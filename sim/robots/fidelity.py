@@ -20,8 +20,8 @@ from controller.mocap.anatomy import Side, anatomy
 from controller.mocap.clip import Clip
 from controller.mocap.posture import Pose
 from controller.rotations import Array
+from sim.models.kinematic_tree import below
 from sim.models.surface import LowestPoint, Surface
-from sim.retargeting.footing import below
 from sim.retargeting.human_limbs import LIMBS, LimbView
 from sim.retargeting.inverse_kinematics import InverseKinematics
 from sim.retargeting.retarget import ServoHumanoidRetargeter

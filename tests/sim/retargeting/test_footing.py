@@ -11,7 +11,7 @@ from controller.mocap.rest_pose import FOOT_SLOPE
 from controller.rotations import from_rotation_vector, multiply
 from sim.models.model_file import read_model
 from sim.models.surface import LowestPoint
-from sim.retargeting.footing import FOLLOWS, STANDS, TELEPORT, Footing, Soles, below
+from sim.retargeting.footing import FOLLOWS, STANDS, TELEPORT, Footing, Soles
 from simulated_bodies import bent_pose, human, smooth_poses
 from small_robots import humanoid
 
@@ -174,8 +174,3 @@ def test_soles_are_heel_and_ball(model):
             assert lows == pytest.approx(balls[:, 2])  # flat, or on its toes: the ball is lowest
         else:  # on its heels, which are 1.25 feet behind the ball
             assert lows == pytest.approx(balls[:, 2] - 1.25 * 0.16 * np.cos(FOOT_SLOPE) * np.sin(0.5))
-
-
-def test_what_hangs_from_a_body_is_below_it(model):
-    names = {model.body(body).name for body in below(model, model.body("left_thigh").id)}
-    assert names == {"left_thigh", "left_shank", "left_sole"}

@@ -150,6 +150,32 @@ def test_a_robot_without_a_free_root_gets_one(tmp_path):
     assert calibrate(model_file(tmp_path, humanoid(free=""))).parts["pelvis"] == "trunk"
 
 
+def test_a_root_that_lies_on_the_floor_is_moved_to_the_pelvis(tmp_path):
+    """As robosuite wraps its robots: the base is on the floor and the pelvis a fixed body above it."""
+    text = humanoid(free="", extra='<equality><connect body1="base" body2="left_sole" anchor=".1 .2 .5"/></equality>')
+    text = text.replace('<body name="trunk" pos="0 0 0.5">', '<body name="base"><body name="trunk" pos="0 0 0.5">')
+    text = text.replace("</body>\n    </worldbody>", "</body></body></worldbody>")
+    path = model_file(tmp_path, text)
+    model = read_model(path).compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    assert data.body("base").xpos == pytest.approx([0.0, 0.0, 0.5])
+    assert data.body("left_sole").xpos == pytest.approx([0.0, 0.06, 0.1])
+    assert model.eq_data[0, :3] == pytest.approx([0.1, 0.2, 0.0])
+    assert calibrate(path).root_height == pytest.approx(0.4 * np.cos(0.08) + 0.03, abs=0.01)
+
+
+def test_a_root_that_would_be_below_the_floor_is_refused(tmp_path):
+    text = (
+        humanoid(body='pos="0 0 -0.2"')
+        .replace('pos="0 0.06 0"', 'pos="0 0.06 0.7"')
+        .replace('pos="0 -0.06 0"', 'pos="0 -0.06 0.7"')
+    )
+    text = text.replace("0.25", "0.95").replace("0 0 0.13", "0 0 0.83")
+    with pytest.raises(FileFormatError, match=r"'trunk' would be -0.*above the floor"):
+        calibrate(model_file(tmp_path, text))
+
+
 def test_a_urdf_stands_on_its_legs(tmp_path):
     path = robot_file(tmp_path, urdf(), "legs.urdf")
     robot = load_robot(path, human())

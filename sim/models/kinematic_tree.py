@@ -1,0 +1,39 @@
+"""The tree of a robot's bodies: what hangs from what, and which hinges lie on the way."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+
+def path_to(model: mujoco.MjModel, body: int) -> list[int]:
+    """The bodies from the root, which hangs from the world, to a body, both included."""
+    path = [body]
+    while model.body_parentid[path[0]]:
+        path.insert(0, int(model.body_parentid[path[0]]))
+    return path
+
+
+def below(model: mujoco.MjModel, body: int) -> list[int]:
+    """A body and all that hangs from it."""
+    found = [body]
+    for other in range(body + 1, model.nbody):
+        if int(model.body_parentid[other]) in found:
+            found.append(other)
+    return found
+
+
+def hinges_at(model: mujoco.MjModel, body: int) -> list[int]:
+    """The hinges between a body and its parent, in order."""
+    joints = np.flatnonzero(model.jnt_bodyid == body).tolist()
+    return [joint for joint in joints if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE]
+
+
+def hinges_between(model: mujoco.MjModel, above: int, body: int) -> list[int]:
+    """The hinges on the way from one body down to another, those of the first one left out, in order."""
+    path = path_to(model, body)
+    first = path.index(above) + 1 if above in path else 0
+    return [joint for on_way in path[first:] for joint in hinges_at(model, on_way)]

@@ -1,0 +1,144 @@
+"""Tests that limbs are found from the mechanics of humanoids with any order and number of hinges."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from controller.rotations import rotate
+from motiondeck_base.errors import FileFormatError
+from sim.models.model_file import read_model
+from sim.robots.body_matching import match
+from small_robots import full_humanoid, humanoid
+
+JOINTS = {"l_shank": "left_knee", "l_forearm": "left_elbow", "r_shank": "right_knee", "r_forearm": "right_elbow"}
+
+
+def matched(tmp_path, text):
+    path = tmp_path / "robot.xml"
+    path.write_text(text)
+    model = read_model(path).compile()
+    return match(path, model), model
+
+
+def joints_at(model, body):
+    return [model.joint(j).name for j in np.flatnonzero(model.jnt_bodyid == model.body(body).id)]
+
+
+@pytest.mark.parametrize(
+    "build",
+    [
+        {},
+        {"hip": "yaw roll pitch", "ankle": "roll pitch", "shoulder": "roll pitch yaw"},
+        {"hip": "roll yaw pitch", "waist": "pitch", "neck": "pitch roll yaw"},
+        {"hip": "roll pitch", "waist": "", "shoulder": "pitch roll", "wrist": "", "fingers": False},
+        {"waist": "roll yaw", "wrist": "yaw pitch roll", "ankle": "pitch"},
+        {"wrist": "pitch yaw", "neck": ""},
+        {"lying": True},
+        {"lying": True, "waist": "", "fingers": False},
+        {"rods": True},
+    ],
+    ids=lambda build: " ".join(f"{k}={v}" for k, v in build.items()) or "as it is",
+)
+def test_knees_and_elbows_are_found_whatever_hinges_there_are(tmp_path, build):
+    found, model = matched(tmp_path, full_humanoid(**build))
+    for part, joint in JOINTS.items():
+        assert joint in joints_at(model, found.parts[part])
+    for side, name in (("l", "left"), ("r", "right")):
+        assert found.parts[f"{side}_thigh"].startswith(f"{name}_hip") or found.parts[f"{side}_thigh"] == f"{name}_femur"
+        assert found.parts[f"{side}_upper_arm"].startswith(f"{name}_shoulder")
+        assert found.parts[f"{side}_foot"].startswith(f"{name}_ankle")
+        hand = found.parts.get(f"{side}_hand")
+        assert hand is None if not build.get("wrist", "pitch") else hand and hand.startswith(f"{name}_wrist")
+    assert found.parts["chest"] == (
+        f"waist_{build.get('waist', 'pitch').split()[-1]}" if build.get("waist", "x") else "base"
+    )
+    assert ("head" in found.parts) == bool(build.get("neck", "x"))
+    assert found.doubts == ()
+    # Upright and facing x: what is up and ahead in the file points up and ahead.
+    up, ahead = ([0, 1, 0], [0, 0, 1]) if build.get("lying") else ([0, 0, 1], [1, 0, 0])
+    assert rotate(found.root_rotation, np.array(up, dtype=float)) == pytest.approx([0, 0, 1], abs=1e-6)
+    assert rotate(found.root_rotation, np.array(ahead, dtype=float)) == pytest.approx([1, 0, 0], abs=1e-6)
+
+
+TOES = (
+    '<body name="{s}_toes" pos="0.11 0 -0.02"><joint name="{s}_toe" axis="0 1 0"/>'
+    '<geom type="box" pos="0.02 0 0" size="0.02 0.03 0.01"/></body>'
+)
+
+
+def test_toes_move_no_foot_but_every_joint_of_the_ankle_does(tmp_path):
+    """What TOES_SHARE tells apart: a second ankle joint 2 cm ahead, and toes 11 cm ahead of the ankle."""
+    text = humanoid()
+    for side in ("left", "right"):
+        sole = text.index("<geom", text.index(f'name="{side}_ankle_roll"'))
+        text = text[:sole] + TOES.format(s=side) + text[sole:]
+    found, _ = matched(tmp_path, text)
+    assert found.parts["l_foot"] == "left_sole"
+    text = text.replace('pos="0.11 0 -0.02"', 'pos="0.02 0 -0.02"')
+    found, _ = matched(tmp_path, text)
+    assert found.parts["l_foot"] == "left_toes"
+
+
+def on_a_base(base, limbs):
+    return f'<mujoco><worldbody><body name="stand" pos="0 0 .5">{base}{limbs}</body></worldbody></mujoco>'
+
+
+def quadruped():
+    legs = "".join(
+        f'<body name="{name}" pos="{x} {y} 0"><joint name="{name}_a" axis="1 0 0"/><geom size="0.03"/>'
+        f'<body name="{name}_thigh"><joint name="{name}_b" axis="0 1 0"/>'
+        f'<geom type="capsule" fromto="0 0 0 0 0 -.2" size="0.03"/><body name="{name}_shank" pos="0 0 -.2">'
+        f'<joint name="{name}_c" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 -.2" size="0.02"/>'
+        "</body></body></body>"
+        for name, x, y in (("FL", 0.2, 0.1), ("FR", 0.2, -0.1), ("RL", -0.2, 0.1), ("RR", -0.2, -0.1))
+    )
+    return on_a_base('<freejoint/><geom type="box" size=".25 .1 .05"/>', legs)
+
+
+def arms(count):
+    text = "".join(
+        f'<body name="arm{k}" pos="0 {0.3 * (k - 0.5)} 0.5"><joint name="a{k}" axis="0 0 1"/><geom size="0.05"/>'
+        f'<body name="boom{k}"><joint name="b{k}" axis="0 1 0"/>'
+        '<geom type="capsule" fromto="0 0 0 .4 0 .1" size=".03"/>'
+        f'<body name="stick{k}" pos=".4 0 .1"><joint name="c{k}" axis="0 1 0"/>'
+        '<geom type="capsule" fromto="0 0 0 .3 0 -.1" size=".03"/></body></body></body>'
+        for k in range(count)
+    )
+    return on_a_base('<geom type="box" size=".1 .3 .5"/>', text)
+
+
+def rover():
+    wheels = "".join(
+        f'<body name="caster{k}" pos="{x} {y} 0"><joint name="c{k}" axis="0 0 1"/><geom size="0.02"/>'
+        f'<body name="wheel{k}" pos="0 0 -.05"><joint name="w{k}" axis="0 1 0"/>'
+        '<geom type="cylinder" size="0.05 0.02" euler="90 0 0"/></body></body>'
+        for k, (x, y) in enumerate(((0.2, 0.2), (0.2, -0.2), (-0.2, 0.2), (-0.2, -0.2)))
+    )
+    return on_a_base('<freejoint/><geom type="box" size=".3 .3 .2" pos="0 0 .3"/>', wheels)
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        (quadruped(), r"4 limbs stand on the floor.*'FL' \(3 hinges\)"),
+        (arms(1), r"'stand' \(3 hinges\)"),
+        (arms(2), r"'arm0' \(3 hinges\), 'arm1' \(3 hinges\)"),
+        (rover(), r"'caster0' \(2 hinges\)"),
+    ],
+    ids=["quadruped", "arm", "two arms", "wheels"],
+)
+def test_what_is_no_humanoid_is_refused_in_one_line_with_what_was_found(tmp_path, text, found):
+    with pytest.raises(FileFormatError, match=f"robot.xml: this is not a humanoid with two legs.*{found}") as error:
+        matched(tmp_path, text)
+    assert "\n" not in str(error.value)
+
+
+def test_feet_that_stick_out_behind_are_doubted(tmp_path):
+    text = full_humanoid().replace("left", "other").replace("right", "left").replace("other", "right")
+    found, _ = matched(tmp_path, text)
+    assert "feet stick out behind" in found.doubts[0]
+
+
+def test_the_model_stays_as_it_was(tmp_path):
+    _, model = matched(tmp_path, full_humanoid())
+    assert mujoco.MjData(model).qpos[2] == pytest.approx(0.7)
