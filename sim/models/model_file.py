@@ -114,10 +114,9 @@ def _free_root(path: Path, spec: mujoco.MjSpec) -> None:
                 "Put a body without joints, or with a free joint, above it."
             )
         joint = root.add_freejoint()
-        root.name = root.name or ROOT_JOINT
-        _move_origin(spec, root)
     joint.name = joint.name or ROOT_JOINT
     root.name = root.name or ROOT_JOINT
+    _move_origin(spec, root)
     for body in bodies:
         if body is not root:
             # A ball or a table that came along would stand in front of the free root's seven numbers.
