@@ -32,6 +32,7 @@ from hardware.bus.wire_time import rate_limit
 from hardware.emulator.bus import EmulatedBus
 from hardware.protocol2 import instructions as wire
 from hardware.protocol2.frames import Frame, Parser, build
+from hardware.protocol2.group_reply import fast_reply_length, status_length
 from hardware.rig.rig_file import RigConfig, RigJoint
 
 IDS = list(range(1, 21))
@@ -141,8 +142,8 @@ def floor(port: str, baud: int) -> Client:
     device = SerialPort(port, baud)
     write = wire.sync_write(*GOAL, b"".join(bytes((id, 0, 8, 0, 0)) for id in IDS))
     reads = {
-        "sync read 10 B": (wire.sync_read(*STATE, IDS), len(IDS) * wire.status_length(STATE[1])),
-        "fast sync read 10 B": (wire.fast_sync_read(*STATE, IDS), wire.fast_reply_length(len(IDS), STATE[1])),
+        "sync read 10 B": (wire.sync_read(*STATE, IDS), len(IDS) * status_length(STATE[1])),
+        "fast sync read 10 B": (wire.fast_sync_read(*STATE, IDS), fast_reply_length(len(IDS), STATE[1])),
     }
 
     def exchange(request: bytes, length: int) -> bool:

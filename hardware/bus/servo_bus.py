@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from hardware.bus.port import Port, SerialPort
@@ -11,7 +11,17 @@ from hardware.control_table.models import model_name
 from hardware.errors import NoReplyError, RefusedError
 from hardware.protocol2 import instructions
 from hardware.protocol2.frames import BROADCAST, Parser, StatusPacket, as_status
-from hardware.protocol2.instructions import FastReply
+from hardware.protocol2.group_reply import (
+    GroupReply,
+    WholeReply,
+    fast_reply,
+    fast_reply_length,
+    fast_reply_start,
+    single_replies,
+    status_length,
+    whole_fast_reply,
+    whole_single_replies,
+)
 
 
 class Identity(NamedTuple):
@@ -28,21 +38,31 @@ class Identity(NamedTuple):
         return model_name(self.model_number)
 
 
-_Ask = Callable[[Sequence[int]], dict[int, StatusPacket]]
+_REQUESTS_KEPT = 256
+
+
+Blocks = tuple[tuple[int, int, int], ...]
+"""(id, address, length): what to read of each servo."""
 
 
 class _Request(NamedTuple):
-    """A sync read; the same one is asked again and again.
+    """A group read.
 
     Attributes:
-        asked: IDs, address, length, and whether for a joint reply.
         frame: the bytes of the instruction.
+        fast: whether it asks for a joint reply.
+        ids: of the servos, in the order asked.
+        lengths: of what each sends, bytes.
+        length: the same for all, None where they differ.
         needed: how many bytes the whole reply has.
         patience: how long to wait for it, s.
     """
 
-    asked: tuple[tuple[int, ...], int, int, bool]
     frame: bytes
+    fast: bool
+    ids: bytes
+    lengths: tuple[int, ...]
+    length: int | None
     needed: int
     patience: float
 
@@ -67,8 +87,8 @@ class Bus:
         self.baud = baud
         self._retries = retries
         self._margin = margin
-        self._request: _Request | None = None  # the last one
-        self._pending: _Request | None = None  # the same, while its reply is awaited
+        self._requests: dict[tuple[Blocks, bool], _Request] = {}
+        self._pending: _Request | None = None  # the one whose reply is awaited
         self._deadline = 0.0
         self._received = b""
 
@@ -134,37 +154,26 @@ class Bus:
 
     def sync_read(self, ids: Sequence[int], address: int, length: int) -> dict[int, StatusPacket]:
         """Reads the same registers of many servos, one status each; who stays silent is missing from the answer."""
-
-        def ask(line: Sequence[int]) -> dict[int, StatusPacket]:
-            return self._gather(instructions.sync_read(address, length, line), line, length)
-
-        return self._by_turns(ids, ask)
+        return self._read_group(dict.fromkeys(ids, (address, length)), fast=False)
 
     def fast_sync_read(self, ids: Sequence[int], address: int, length: int) -> dict[int, StatusPacket]:
         """As `sync_read`, in one joint reply: fewer bytes, and the return delay is paid once."""
+        return self._read_group(dict.fromkeys(ids, (address, length)), fast=True)
 
-        def ask(line: Sequence[int]) -> dict[int, StatusPacket]:
-            self._pending = None
-            if not self.request(line, address, length):
-                return {}
-            while True:
-                self.port.wait(self._margin)
-                if (reply := self.collect()) is not None:
-                    return reply.statuses
+    def bulk_read(self, blocks: Blocks) -> dict[int, StatusPacket]:
+        """Reads (id, address, length) of each servo, one status each; who stays silent is missing from the answer."""
+        return self._read_group({id: (address, length) for id, address, length in blocks}, fast=False)
 
-        return self._by_turns(ids, ask)
+    def request(self, blocks: Blocks, fast: bool = True) -> bool:
+        """Starts a group read without waiting for its reply; False if one is under way or the port is full.
 
-    def request(self, ids: Sequence[int], address: int, length: int, fast: bool = True) -> bool:
-        """Starts a sync read without waiting for its reply; False if one is under way or the port is full.
-
-        A fast one asks for a joint reply, which not every model gives.
+        Args:
+            blocks: (id, address, length) of each servo; a sync read where all ask for the same, else a bulk read.
+            fast: whether all answer in one joint reply, which not every model can.
         """
         if self._pending is not None:
             return False
-        asked = (tuple(ids), address, length, fast)
-        request = self._request
-        if request is None or request.asked != asked:
-            request = self._request = self._plan(asked)
+        request = self._requests.get((blocks, fast)) or self._plan(blocks, fast)
         self._discard()
         if not self.port.send(request.frame):
             return False
@@ -173,36 +182,31 @@ class Bus:
         self._received = b""
         return True
 
-    def collect(self) -> FastReply | None:
-        """The reply to `request` as far as it has come by its deadline; None while it may still be on its way."""
+    def collect(self) -> WholeReply | GroupReply | None:
+        """The reply to `request` as far as it has come by its deadline; None while it may still be on its way.
+
+        Rows of equal length in which every servo answered come as a `WholeReply`.
+        """
         pending = self._pending
         if pending is None:
             return None
-        late = self.port.now() >= self._deadline
         self._received += self.port.receive()
-        ids, _, length, fast = pending.asked
-        if not fast:
-            reply = _single_replies(self._received, ids, length)
-            complete = len(reply.statuses) == len(ids)
-        else:
-            reply = None
-            start = instructions.fast_reply_start(self._received) if len(self._received) >= pending.needed else -1
-            complete = start >= 0 and len(self._received) - start >= pending.needed
-        if not complete and not late:
+        received, late = self._received, self.port.now() >= self._deadline
+        if len(received) < pending.needed and not late:
             return None
+        reply = None
+        if pending.length is not None:
+            whole = whole_fast_reply if pending.fast else whole_single_replies
+            reply = whole(received, pending.ids, pending.length)
+        if reply is None:
+            # Noise, stuffing, damage or a missing servo: what has come counts when it is complete, or at the deadline.
+            read = fast_reply if pending.fast else single_replies
+            reply = read(received, pending.ids, pending.lengths)
+            ended = pending.fast and len(received) - max(0, fast_reply_start(received)) >= pending.needed
+            if len(reply.statuses) < len(pending.ids) and not (ended or late):
+                return None
         self._pending = None
-        return reply or instructions.fast_reply(self._received, ids, length)
-
-    def bulk_read(self, blocks: Sequence[tuple[int, int, int]]) -> dict[int, StatusPacket]:
-        """Reads (id, address, length) of each servo, one status each; who stays silent is missing from the answer."""
-        of = {id: (address, length) for id, address, length in blocks}
-
-        def ask(line: Sequence[int]) -> dict[int, StatusPacket]:
-            longest = max(of[id][1] for id in line)
-            frame = instructions.bulk_read((id, *of[id]) for id in line)
-            return self._gather(frame, line, longest, {id: of[id][1] for id in line})
-
-        return self._by_turns(list(of), ask)
+        return reply
 
     def factory_reset(self, id: int, keep: int = instructions.RESET_BUT_ID_AND_BAUD) -> StatusPacket:
         """Puts a servo's EEPROM back to what it was in the box; it restarts.
@@ -238,7 +242,7 @@ class Bus:
         if not self.port.send(instructions.ping(BROADCAST)):
             return []
         # Each waits for its turn, at most its return delay of 508 us and its own 14 bytes.
-        deadline = self.port.now() + 253 * (self.wire_time(instructions.status_length(3)) + 5.08e-4) + self._margin
+        deadline = self.port.now() + 253 * (self.wire_time(status_length(3)) + 5.08e-4) + self._margin
         quiet = 0.1 + self._margin
         parser, found = Parser(), {}
         last = self.port.now()
@@ -271,54 +275,71 @@ class Bus:
     def _ask(self, frame: bytes, id: int, length: int) -> StatusPacket | None:
         """The status of one servo, asked again if it stays silent."""
         for _ in range(1 + self._retries):
-            status = self._gather(frame, (id,), length).get(id)
+            status = self._exchange(frame, id, length)
             if status is not None:
                 return status
         return None
 
-    def _gather(
-        self, frame: bytes, ids: Sequence[int], length: int, lengths: dict[int, int] | None = None
-    ) -> dict[int, StatusPacket]:
-        """Sends a frame and waits until all these servos have answered or the deadline is over.
+    def _exchange(self, frame: bytes, id: int, length: int) -> StatusPacket | None:
+        """Sends a frame and waits until this servo has answered or the deadline is over.
 
         An answer of an unexpected length and without an error number came too late for an earlier call; it is ignored.
         """
         self._pending = None
         self.port.wait(0.0)  # what has arrived may still be on its way through the kernel; this waits for that
         self._discard()
-        heard: dict[int, StatusPacket] = {}
         if not self.port.send(frame):
-            return heard
-        count = len(frame) + len(ids) * instructions.status_length(length)
-        deadline = self.port.now() + self.wire_time(count) + self._margin
+            return None
+        deadline = self.port.now() + self.wire_time(len(frame) + status_length(length)) + self._margin
         parser = Parser()
-        while len(heard) < len(ids) and (left := deadline - self.port.now()) > 0.0 and self.port.wait(left):
+        while (left := deadline - self.port.now()) > 0.0 and self.port.wait(left):
             for answer in parser.feed(self.port.receive()):
                 status = as_status(answer)
-                if status is None or status.id not in ids:
-                    continue
-                if status.error or len(status.params) == (lengths[status.id] if lengths else length):
-                    heard[status.id] = status
-        return heard
+                if status is not None and status.id == id and (status.error or len(status.params) == length):
+                    return status
+        return None
 
     def _discard(self) -> None:
         """Throws away what came too late for an earlier call."""
         self.port.receive()
 
-    def _plan(self, asked: tuple[tuple[int, ...], int, int, bool]) -> _Request:
-        """What a sync read sends and waits for."""
-        ids, address, length, fast = asked
-        ask = instructions.fast_sync_read if fast else instructions.sync_read
-        size = instructions.fast_reply_length if fast else _single_replies_length
-        frame, needed = ask(address, length, ids), size(len(ids), length)
-        return _Request(asked, frame, needed, self.wire_time(len(frame) + needed) + self._margin)
+    def _plan(self, blocks: Blocks, fast: bool) -> _Request:
+        """What a group read sends and waits for; kept, because a loop asks for the same again and again."""
+        lengths = tuple(length for _, _, length in blocks)
+        ids = bytes(id for id, _, _ in blocks)
+        _, address, length = blocks[0]
+        if all(block[1:] == (address, length) for block in blocks):
+            ask = instructions.fast_sync_read if fast else instructions.sync_read
+            frame, equal = ask(address, length, ids), length
+        else:
+            ask = instructions.fast_bulk_read if fast else instructions.bulk_read
+            frame, equal = ask(blocks), length if len(set(lengths)) == 1 else None
+        empty = fast_reply_length(len(ids), 0) if fast else len(ids) * status_length(0)
+        needed = empty + sum(lengths)
+        patience = self.wire_time(len(frame) + needed) + self._margin
+        request = _Request(frame, fast, ids, lengths, equal, needed, patience)
+        if len(self._requests) >= _REQUESTS_KEPT:
+            self._requests.clear()
+        self._requests[blocks, fast] = request
+        return request
 
-    def _by_turns(self, ids: Sequence[int], ask: _Ask) -> dict[int, StatusPacket]:
-        """Asks a line of servos until each has answered or has been silent at the head of the line too often.
+    def _read_group(self, of: dict[int, tuple[int, int]], fast: bool) -> dict[int, StatusPacket]:
+        """Asks each servo for address and length until it has answered, or was silent too often as the first in line.
 
         A servo waits for the one before it, so a silent one may silence all behind it: only the first in the line is
         known to be silent itself. It goes to the back, and after `retries` more chances it is given up.
         """
+
+        def ask(ids: Sequence[int]) -> dict[int, StatusPacket]:
+            self._pending = None
+            if not self.request(tuple((id, *of[id]) for id in ids), fast):
+                return {}
+            while True:
+                self.port.wait(self._margin)
+                if (reply := self.collect()) is not None:
+                    return reply.statuses(ids) if isinstance(reply, WholeReply) else reply.statuses
+
+        ids = tuple(of)
         heard = ask(ids) if ids else {}
         line = deque(id for id in ids if id not in heard) if len(heard) < len(ids) else None
         silent: dict[int, int] = {}
@@ -330,24 +351,3 @@ class Bus:
             heard |= ask(tuple(line)) if line else {}
             line = deque(id for id in line if id not in heard)
         return heard
-
-
-def _single_replies_length(count: int, length: int) -> int:
-    return count * instructions.status_length(length)
-
-
-def _single_replies(received: bytes, ids: Sequence[int], length: int) -> FastReply:
-    """Single statuses as a joint reply."""
-    heard = {
-        status.id: status
-        for frame in Parser().feed(received)
-        if (status := as_status(frame)) is not None
-        and status.id in ids
-        and (status.error or len(status.params) == length)
-    }
-    missing = [index for index, id in enumerate(ids) if id not in heard]
-    last = max((index for index, id in enumerate(ids) if id in heard), default=-1)
-    silent = [index for index in missing if index < last] or missing[:1]
-    if missing and silent[-1] < last and missing[-1] > last:
-        silent.append(last + 1)
-    return FastReply(heard, [], [ids[index] for index in silent], [ids[i] for i in missing if i not in silent])

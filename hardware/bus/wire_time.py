@@ -8,7 +8,7 @@ n servos, L data bytes each; stuffing, gaps and what the servos think beyond the
 
 from __future__ import annotations
 
-from hardware.protocol2 import instructions
+from hardware.protocol2.group_reply import fast_reply_length, status_length
 
 _GROUP_HEAD = 14  # header, ID, length, instruction, address, data length, checksum
 _GOAL = 4
@@ -25,8 +25,8 @@ def read_time(
     """How long a group read takes, s, with one whole period of the USB latency timer (s)."""
     request = _GROUP_HEAD + servos
     if fast:
-        return 10.0 * (request + instructions.fast_reply_length(servos, length)) / baud + return_delay + latency
-    reply = servos * instructions.status_length(length)
+        return 10.0 * (request + fast_reply_length(servos, length)) / baud + return_delay + latency
+    reply = servos * status_length(length)
     return 10.0 * (request + reply) / baud + servos * return_delay + latency
 
 

@@ -88,7 +88,7 @@ def _with_cells(rows: tuple[Row, ...], whole: bool) -> Iterator[Row]:
     have = {row.name: row for row in rows}
     first, data = have.get("indirect_address_1"), have.get("indirect_data_1")
     cells: list[Row] = []
-    if whole and first and data:
+    if first and data:
         count = min(28, (data.address - first.address) // 2)
         cells = [Row(first.address + 2 * cell, 2, f"indirect_address_{cell + 1}") for cell in range(count)]
         cells += [Row(data.address + cell, 1, f"indirect_data_{cell + 1}") for cell in range(count)]

@@ -151,6 +151,10 @@ class Device:
         if self.shut_down and self._get("torque_enable"):
             self["torque_enable"] = 0
 
+    def hide_cells(self) -> None:
+        """Makes the indirect cells plain memory, as if this servo's firmware had them elsewhere."""
+        self._cells, self._first_cell = {}, self._table.size
+
     def read(self, address: int, length: int) -> bytes | None:
         """Bytes of the control table, indirect data resolved; None if they are not all in it."""
         end = address + length

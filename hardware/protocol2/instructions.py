@@ -1,14 +1,12 @@
-"""The instructions of Protocol 2.0, each as the bytes of one frame, and the joint reply to a fast read."""
+"""The instructions of Protocol 2.0, each as the bytes of one frame."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from functools import lru_cache
-from struct import Struct
-from typing import NamedTuple
 
 from hardware.protocol2.crc import checksum
-from hardware.protocol2.frames import ALERT, BROADCAST, HEADER, STATUS, StatusPacket, build
+from hardware.protocol2.frames import BROADCAST, HEADER, build
 
 PING = 0x01
 READ = 0x02
@@ -41,9 +39,7 @@ ERRORS = {
     7: "register not accessible (read-only, undefined, or EEPROM while torque is on)",
 }
 
-_JOINT = HEADER + bytes((BROADCAST,))  # how every joint reply begins
 _PLAIN = 4096  # entries of a sync write that are surely short enough for one frame
-_FAST_HEAD = 8  # header, BROADCAST, length, STATUS: what the first servo sends before its piece
 
 
 def words(*values: int) -> bytes:
@@ -102,7 +98,7 @@ def sync_read(address: int, length: int, ids: Iterable[int]) -> bytes:
 
 
 def fast_sync_read(address: int, length: int, ids: Iterable[int]) -> bytes:
-    """As `sync_read`, but all answer in one frame: see `fast_reply`."""
+    """As `sync_read`, but all answer in one frame: see `group_reply.fast_reply`."""
     return build(BROADCAST, FAST_SYNC_READ, words(address, length) + bytes(ids))
 
 
@@ -128,100 +124,10 @@ def bulk_read(blocks: Iterable[tuple[int, int, int]]) -> bytes:
 
 
 def fast_bulk_read(blocks: Iterable[tuple[int, int, int]]) -> bytes:
-    """As `bulk_read`, but all answer in one frame: see `fast_reply`."""
+    """As `bulk_read`, but all answer in one frame: see `group_reply.fast_reply`."""
     return build(BROADCAST, FAST_BULK_READ, b"".join(bytes((id,)) + words(a, length) for id, a, length in blocks))
 
 
 def bulk_write(blocks: Iterable[tuple[int, int, bytes]]) -> bytes:
     """Writes (id, address, data) for many servos at once, unanswered."""
     return build(BROADCAST, BULK_WRITE, b"".join(bytes((id,)) + words(a, len(data)) + data for id, a, data in blocks))
-
-
-def status_length(length: int) -> int:
-    """How many bytes a status with `length` parameter bytes has on the wire when nothing in it needs stuffing."""
-    return 11 + length
-
-
-def fast_reply_length(count: int, length: int) -> int:
-    """How many bytes the joint reply of `count` servos, `length` bytes each, has on the wire."""
-    return _FAST_HEAD + count * (length + 4)
-
-
-class FastReply(NamedTuple):
-    """What could be understood of the joint reply to a fast read.
-
-    Attributes:
-        statuses: of the servos that were heard, by ID.
-        corrupt: IDs whose piece came with a bad checksum.
-        silent: IDs that sent nothing when it was their turn.
-        unheard: IDs behind the last silent one, which a servo that waits for its turn could not follow.
-    """
-
-    statuses: dict[int, StatusPacket]
-    corrupt: list[int]
-    silent: list[int]
-    unheard: list[int]
-
-
-def fast_reply_start(received: bytes) -> int:
-    """Where the joint reply begins in what was received; -1 if nowhere yet."""
-    start = received.find(_JOINT)
-    while start >= 0 and received[start + 7 : start + 8] not in (b"", bytes((STATUS,))):
-        start = received.find(_JOINT, start + 1)
-    return start
-
-
-def fast_reply(received: bytes, ids: Sequence[int], length: int | Sequence[int]) -> FastReply:
-    """Reads the joint reply of the servos `ids`, asked in this order for `length` bytes each (or for its own number).
-
-    Behind FF FF FD 00 FE LENGTH 55 each servo sends  error, ID, data, CRC,  where its CRC covers everything on the wire
-    before it, the earlier CRCs included. So a reply that breaks off is good up to there; and because the next piece is
-    checked from the CRC as it arrived, a corrupt byte costs only the servo that it belongs to.
-    """
-    statuses: dict[int, StatusPacket] = {}
-    corrupt: list[int] = []
-    silent: list[int] = []
-    start = fast_reply_start(received)
-    turn = 0
-    if start >= 0:
-        if isinstance(length, int) and (whole := _whole_fast_reply(received, start, ids, length)) is not None:
-            return FastReply(whole, corrupt, silent, [])
-        piece = start + _FAST_HEAD
-        lengths = [length] * len(ids) if isinstance(length, int) else length
-        crc = checksum(received[start:piece])
-        while turn < len(ids) and piece + (size := lengths[turn] + 4) <= len(received):
-            tail = received[piece + size - 2 : piece + size]
-            sent = tail[0] | tail[1] << 8
-            error, id = received[piece], received[piece + 1]
-            if checksum(received[piece : piece + size - 2], crc) != sent:
-                corrupt.append(ids[turn])
-            elif id in ids[turn:]:
-                while ids[turn] != id:
-                    silent.append(ids[turn])
-                    turn += 1
-                statuses[id] = StatusPacket(
-                    id, error & ~ALERT, bool(error & ALERT), received[piece + 2 : piece + size - 2]
-                )
-            else:
-                break
-            crc = checksum(tail, sent)
-            piece += size
-            turn += 1
-    return FastReply(statuses, corrupt, silent + list(ids[turn : turn + 1]), list(ids[turn + 1 :]))
-
-
-def _whole_fast_reply(received: bytes, start: int, ids: Sequence[int], length: int) -> dict[int, StatusPacket] | None:
-    """The statuses of a joint reply that is complete and undamaged (its last checksum is right), else None."""
-    end = start + fast_reply_length(len(ids), length)
-    if end > len(received) or checksum(received[start : end - 2]) != received[end - 2] | received[end - 1] << 8:
-        return None
-    pieces = _pieces(length).iter_unpack(received[start + _FAST_HEAD : end])
-    new = tuple.__new__  # what StatusPacket(...) calls in the end, in a third of the time
-    statuses = {id: new(StatusPacket, (id, error & ~ALERT, error >= ALERT, data)) for error, id, data in pieces}
-    return statuses if list(statuses) == list(ids) else None
-
-
-@lru_cache(maxsize=64)
-def _pieces(length: int) -> Struct:
-    """What each servo adds to a joint reply: error, ID, data, and a checksum that is passed over here."""
-    return Struct(f"<BB{length}s2x")

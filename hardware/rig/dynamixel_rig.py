@@ -3,52 +3,46 @@
 A tick is  collect_state, write(targets), request_state:  the answer to a request travels while the loop does other
 things, and is collected a tick later.
 
-Each servo's bus watchdog is armed by the first write, since nothing moves before, and again once a second: nobody
-answers a sync write, so one that got lost would leave a servo without it unnoticed. When the loop falls silent for
+Each servo's bus watchdog is armed by the first write, since nothing moves before, and again once a second: a sync write
+is not answered, so one that got lost would leave a servo without a watchdog unnoticed. When the loop falls silent for
 longer, the servos stop and hold, and get no more goals until `rearm`: a rig never runs after targets that went on
 without it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import TracebackType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hardware.bus.servo_bus import Bus
 from hardware.errors import MotiondeckError, SerialPortError, with_torque
-from hardware.protocol2.instructions import FastReply
+from hardware.rig.arranging import arrange_state
 from hardware.rig.faults import RigFaults
+from hardware.rig.readings import Readings
 from hardware.rig.rig_file import RigConfig
-from hardware.rig.scale import Array, RigScale, RigState
+from hardware.rig.scale import Array, RigScale
+from hardware.rig.state_block import StateBlock
 from hardware.rig.switching import hold_each, hold_still, knows_fast_reads, switch_off, switch_on, tell_all
 from hardware.rig.timings import Timings
 
 WATCHDOG_UNIT = 0.02
 """s, in which the servos count."""
 _ARM_AGAIN = 1.0  # s
-_PATIENCE = 3  # replies in a row that a servo may miss before it is asked only now and then
-_ASK_AGAIN = 50  # requests from one such question to the next
 
 
 class DynamixelRig:
     """A rig that is switched on; arrays follow the order of the rig file's joints.
 
-    `write`, `request_state` and `collect_state` neither wait nor raise, whatever the servos do; only a port that is
-    gone raises SerialPortError, once, and from then on they do nothing.
+    `write`, `request_state` and `collect_state` neither wait nor raise, whatever state the servos are in; only a port
+    that is gone raises SerialPortError, once, and from then on they do nothing.
 
     Attributes:
         config: the rig file.
         names: of the joints.
-        positions: last measured, shape (J,), rad.
-        velocities: last measured, shape (J,), rad/s.
-        currents: last measured, shape (J,), A, positive in the joint's direction.
-        temperatures: last measured, shape (J,), degC; NaN where the loop does not read them.
-        errors: last hardware error bits, shape (J,).
-        torque: whether torque was on, shape (J,); where the loop does not read it, true.
+        readings: the latest measurements.
         goals: last sent, shape (J,), rad.
-        missed_in_a_row: how many replies each joint has missed since its last one, shape (J,).
         bus: what the servos are on.
         gone: whether the port is gone, or the rig closed.
         faults: what went wrong so far.
@@ -72,13 +66,11 @@ class DynamixelRig:
         self.bus = bus
         self._scale = RigScale(config)
         self._ids = [joint.id for joint in config.joints]
-        self._index = {id: index for index, id in enumerate(self._ids)}
         goal = config.joints[0].table["goal_position"]
         self._goal_block = (goal.address, goal.length)
         self._entries = np.zeros(len(self._ids), dtype=[("id", "u1"), ("goal", "<i4")])
         self._entries["id"] = self._ids
-        self.missed_in_a_row = np.zeros(len(self._ids), dtype=np.int64)
-        self._requests = 0
+        self.readings = Readings(config, self._scale, self.faults)
         self._last_word = 0.0
         self._armed = self._stopped = self.gone = self._closed = False
         self._arm_next = self._reads_next = 0.0
@@ -86,18 +78,14 @@ class DynamixelRig:
         try:
             self.goals = switch_on(config, bus)
             self._fast = knows_fast_reads(config, bus)
+            blocks = arrange_state(config, bus)
         except MotiondeckError as error:
             raise with_torque(error, self.close()) from error
         except BaseException:
             self.close()
             raise
         self._held = True
-        self.positions = self.goals.copy()
-        self.velocities = np.zeros(len(self._ids))
-        self.currents = np.zeros(len(self._ids))
-        self.temperatures = np.full(len(self._ids), np.nan)
-        self.errors = np.zeros(len(self._ids), dtype=np.int64)
-        self.torque = np.ones(len(self._ids), dtype=np.bool_)
+        self.readings.start(range(len(self._ids)), self.goals, blocks, self.now())
 
     @classmethod
     def connect(cls, config: RigConfig, port: str | None = None) -> DynamixelRig:
@@ -125,7 +113,7 @@ class DynamixelRig:
     def write(self, targets: Array) -> None:
         """Sends the targets (J,), rad, as one sync write of goal positions.
 
-        Targets beyond a limit are clipped, those that are no finite number leave the joint's goal as it was; both are
+        Targets beyond a limit are clipped, those that are NaN or infinite leave the joint's goal as it was; both are
         counted.
         """
         if self.gone:
@@ -147,7 +135,7 @@ class DynamixelRig:
                 self.faults.unsent[:] += 1
 
     def request_state(self) -> None:
-        """Asks the servos for position, velocity and current; nothing happens while an answer is under way."""
+        """Asks the servos for their state; nothing happens while an answer is under way."""
         if self.gone:
             return
         with self.read_us:
@@ -156,8 +144,9 @@ class DynamixelRig:
                 now = self.bus.port.now()
                 if now < self._reads_next:
                     return
-                if self.bus.request(self._line(), *self._scale.state_block, self._fast):
-                    self._requests += 1
+                question = self.readings.next_question()
+                if self.bus.request(question.asked, self._fast):
+                    self.readings.asked(question)
                     self._last_word = now
                     if self.config.read_hz:
                         # Half a tick of grace: a loop's ticks are never quite on time.
@@ -176,7 +165,7 @@ class DynamixelRig:
             except SerialPortError:
                 self.gone = True
                 raise
-            return reply is not None and self._take(reply)
+            return reply is not None and self.readings.take(reply, self.now())
 
     def rearm(self) -> None:
         """Lets the servos take goals again after a watchdog stop, each starting from where it stands.
@@ -187,24 +176,45 @@ class DynamixelRig:
             RigError: if a servo does not answer, or stands outside its limits.
             SerialPortError: if the port is gone.
         """
-        self.attach(self.bus, hold_still(self.config, self.bus))
+        held = hold_still(self.config, self.bus)
+        self.attach(self.bus, range(len(self._ids)), held, arrange_state(self.config, self.bus))
 
-    def attach(self, bus: Bus, held: Array) -> None:
-        """Goes on over this bus, on which the servos hold at these angles (J,), rad."""
+    def attach(self, bus: Bus, joints: Sequence[int], held: Array, blocks: Sequence[StateBlock]) -> None:
+        """Goes on over this bus, where these joints hold at these angles, rad; see `Readings.start`."""
         if self._closed:
             return
-        self.bus, self.goals = bus, held
-        self.positions = held.copy()
-        self.missed_in_a_row[:] = 0
-        self.torque[:], self.errors[:] = True, 0
+        self.bus = bus
+        self.goals = self.goals.copy()
+        self.goals[list(joints)] = held
+        self.readings.start(joints, held, blocks, self.now())
         self._stopped = self._armed = self.gone = False
+
+    def loosen(self, joints: Sequence[int]) -> None:
+        """Takes the torque off some joints, unanswered and without waiting."""
+        if joints and not self.gone:
+            tell_all(self.config.only(joints), self.bus, "torque_enable", 0)
+
+    @property
+    def positions(self) -> Array:
+        """Last measured, shape (J,), rad."""
+        return self.readings.positions
+
+    @property
+    def velocities(self) -> Array:
+        """Last measured, shape (J,), rad/s."""
+        return self.readings.velocities
+
+    @property
+    def currents(self) -> Array:
+        """Last measured, shape (J,), A, positive in the joint's direction."""
+        return self.readings.currents
 
     def now(self) -> float:
         """The time on the port's clock, s."""
         return self.bus.port.now()
 
     def close(self) -> list[str]:
-        """Ends as the rig file says: torque off, or each joint held where it is; may be called twice.
+        """Ends as the rig file asks: torque off, or each joint held where it is; may be called twice.
 
         Returns:
             The joints that did not confirm it.
@@ -234,54 +244,3 @@ class DynamixelRig:
         sent = self.bus.sync_write(*self._goal_block, self._entries.tobytes())
         self._last_word = self.bus.port.now()
         return sent
-
-    def _take(self, reply: FastReply) -> bool:
-        """Counts what is missing in a reply and keeps what was measured; whether anything was."""
-        for id in reply.silent:
-            self.missed_in_a_row[self._index[id]] += 1
-        for id in (*reply.silent, *reply.unheard):
-            self.faults.missed[self._index[id]] += 1
-        for id in reply.corrupt:
-            self.faults.corrupt[self._index[id]] += 1
-        heard: list[int] = []
-        blocks: list[bytes] = []
-        for id, status in reply.statuses.items():
-            index = self._index[id]
-            self.missed_in_a_row[index] = 0
-            self.faults.alert[index] += status.alert
-            if not status.error:
-                heard.append(index)
-                blocks.append(status.params)
-        if heard:
-            self._keep(np.array(heard), self._scale.state(heard, b"".join(blocks)))
-        return bool(heard)
-
-    def _keep(self, heard: NDArray[np.int64], state: RigState) -> None:
-        """Takes over what some joints measured; one that has restarted shows nothing but zeros."""
-        positions, velocities, currents, temperatures, errors, torque = state
-        if len(torque):
-            blank = ~torque & (temperatures == 0.0)
-            self.torque[heard] = torque
-            self.errors[heard] = np.where(blank, 0, errors)
-            self.temperatures[heard] = np.where(blank, self.temperatures[heard], temperatures)
-            known = ~blank
-            heard = heard[known]
-            positions, velocities, currents = positions[known], velocities[known], currents[known]
-        self.positions[heard], self.velocities[heard], self.currents[heard] = positions, velocities, currents
-
-    def _line(self) -> list[int]:
-        """Whom to ask, in which order.
-
-        A silent servo may hush all that stand behind it, so who missed a reply stands last; who missed several is asked
-        only now and then, one at a time, because waiting for it makes everybody's state older.
-        """
-        if not self.missed_in_a_row.any():
-            return self._ids
-        missed = list(zip(self._ids, self.missed_in_a_row, strict=True))
-        good = [id for id, count in missed if count == 0]
-        doubtful = [id for id, count in missed if 0 < count < _PATIENCE]
-        lost = [id for id, count in missed if count >= _PATIENCE]
-        # Each of them once in _ASK_AGAIN requests, however many they are.
-        turn, rest = divmod(self._requests, max(1, _ASK_AGAIN // max(1, len(lost))))
-        again = [lost[turn % len(lost)]] if lost and (rest == 0 or not good + doubtful) else []
-        return good + doubtful + again

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from hardware.errors import MotiondeckError, RigError, with_torque
 from hardware.rig.faults import RigFaults
+from hardware.rig.health import Incident
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array
 from hardware.rig.supervised_rig import SupervisedRig
@@ -63,8 +64,18 @@ class JoinedRig:
 
     @property
     def temperatures(self) -> Array:
-        """Last measured, shape (J,), degC; NaN where the loop does not read them."""
+        """Last measured, shape (J,), degC; NaN until first read."""
         return self._joined([part.temperatures for part, _ in self._parts])
+
+    @property
+    def voltages(self) -> Array:
+        """Last measured supply voltages, shape (J,), V; NaN until first read."""
+        return self._joined([part.voltages for part, _ in self._parts])
+
+    @property
+    def incidents(self) -> Sequence[Incident]:
+        """The latest incidents of all parts, in order of time."""
+        return sorted(incident for part, _ in self._parts for incident in part.incidents)
 
     @property
     def recoveries(self) -> int:

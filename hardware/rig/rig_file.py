@@ -168,6 +168,10 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             parts.append(msgspec.structs.replace(self, port=port, joints=joints))
         return tuple(parts)
 
+    def only(self, joints: Sequence[int]) -> RigConfig:
+        """The rig reduced to the joints with these indices."""
+        return msgspec.structs.replace(self, joints=tuple(self.joints[index] for index in joints))
+
     def _port_of(self, joint: RigJoint) -> str:
         return joint.port or self.port
 

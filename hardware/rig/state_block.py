@@ -1,60 +1,111 @@
-"""What a rig reads from its servos each tick, as one block of bytes.
+"""What a rig reads from one servo each tick, as one block of bytes.
 
-Where all servos have indirect addressing, their cells are told to show current, velocity and position, and with them
-what health needs: hardware error, temperature, torque. Else the block is what stands side by side anyway, and health is
-not read in the loop.
+arranged   the servo's indirect cells show force, velocity, position, and all that health needs, side by side
+motion     force, velocity and position where they stand, for a servo whose cells cannot be arranged
+everything from torque to temperature where they stand; such a servo is asked for it now and then
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
+from hardware.control_table.register import Register
 from hardware.control_table.table import ControlTable
 
-_FORCE = ("present_current", "present_load")
-_PACKED = ("present_velocity", "present_position", "hardware_error_status", "present_temperature", "torque_enable")
-# Their cells moved with a firmware, and a table cannot know which one a servo has.
-_MOVING_CELLS = ("XL330", "XC330")
+FIELDS = ("force", "present_velocity", "present_position", "hardware_error_status", "present_temperature",
+          "torque_enable", "present_input_voltage")  # fmt: skip
+"""Of a block with health; the first three alone without. `force` is current, or load where no current is measured."""
+
+# The firmware from which these have their indirect data cells 16 bytes earlier; the model number does not tell.
+_MOVED_CELLS, _MOVED_SINCE, _MOVED_BY = ("XL330", "XC330"), 52, 16
 
 
+@dataclass(frozen=True, slots=True)
 class StateBlock:
-    """The block for servos of these tables.
+    """A block of registers.
 
     Attributes:
         address, length: what to read.
-        pointers: what to write to `pointer_address` first; empty where nothing is packed.
-        pointer_address: of the first indirect address.
-        layout: of the bytes read; the field `force` is current or load.
+        layout: of the bytes read, with the names in FIELDS.
+        healthy: whether health is in it.
     """
 
-    def __init__(self, tables: Sequence[ControlTable]) -> None:
-        first = tables[0]
-        force = next(name for name in _FORCE if name in first.registers)
-        names = (force, *_PACKED)
-        rows = [first[name] for name in names if name in first.registers]
-        size = sum(row.length for row in rows)
-        packed = len(rows) == len(names) and all(
-            f"indirect_data_{size}" in table.registers and not table.model.startswith(_MOVING_CELLS) for table in tables
-        )
-        if packed:
-            self.address, self.length = first["indirect_data_1"].address, size
-            self.pointer_address = first["indirect_address_1"].address
-            places = [place for row in rows for place in range(row.address, row.address + row.length)]
-            self.pointers = b"".join(place.to_bytes(2, "little") for place in places)
-            offsets = np.cumsum([0, *(row.length for row in rows)])[:-1].tolist()
-        else:
-            rows = rows[:3]
-            self.address, self.length = first.block(force, "present_position")
-            self.pointer_address, self.pointers = 0, b""
-            offsets = [row.address - self.address for row in rows]
-        self.layout: np.dtype[Any] = np.dtype(
-            {
-                "names": ["force", *(row.name for row in rows[1:])],
-                "formats": [f"<{'i' if row.signed else 'u'}{row.length}" for row in rows],
-                "offsets": offsets,
-                "itemsize": self.length,
-            }
-        )
+    address: int
+    length: int
+    layout: np.dtype[Any]
+    healthy: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Arrangement:
+    """An arranged block and how to arrange it.
+
+    Attributes:
+        block: what to read afterwards.
+        address: of the first indirect address.
+        pointers: what to write there.
+    """
+
+    block: StateBlock
+    address: int
+    pointers: bytes
+
+
+def arranged(table: ControlTable, firmware: int) -> Arrangement | None:
+    """The indirect cells of a servo with this firmware as one block; None for a model without enough of them."""
+    rows = _rows(table)
+    size = sum(row.length for row in rows)
+    if f"indirect_data_{size}" not in table.registers:
+        return None
+    moved = table.model.startswith(_MOVED_CELLS) and firmware >= _MOVED_SINCE
+    cells = table["indirect_data_1"].address - (_MOVED_BY if moved else 0)
+    places = [place for row in rows for place in range(row.address, row.address + row.length)]
+    offsets = np.cumsum([0, *(row.length for row in rows)])[:-1].tolist()
+    pointers = b"".join(place.to_bytes(2, "little") for place in places)
+    return Arrangement(_block(cells, size, rows, offsets), table["indirect_address_1"].address, pointers)
+
+
+def motion(table: ControlTable) -> StateBlock:
+    """Force, velocity and position where they stand."""
+    return _in_place(_rows(table)[:3])
+
+
+def everything(table: ControlTable) -> StateBlock:
+    """All that is watched, from torque to temperature, where it stands."""
+    return _in_place(_rows(table))
+
+
+def _rows(table: ControlTable) -> list[Register]:
+    """The registers of FIELDS."""
+    force = "present_current" if "present_current" in table.registers else "present_load"
+    return [table[force], *(table[name] for name in FIELDS[1:])]
+
+
+def _in_place(rows: list[Register]) -> StateBlock:
+    start = min(row.address for row in rows)
+    end = max(row.address + row.length for row in rows)
+    return _block(start, end - start, rows, [row.address - start for row in rows])
+
+
+def _block(address: int, length: int, rows: list[Register], offsets: list[int]) -> StateBlock:
+    formats = tuple(f"<{'i' if row.signed else 'u'}{row.length}" for row in rows)
+    return StateBlock(address, length, _layout(formats, tuple(offsets), length), len(rows) == len(FIELDS))
+
+
+@lru_cache(maxsize=64)
+def _layout(formats: tuple[str, ...], offsets: tuple[int, ...], size: int) -> np.dtype[Any]:
+    names = list(FIELDS[: len(formats)])
+    return np.dtype({"names": names, "formats": list(formats), "offsets": list(offsets), "itemsize": size})
+
+
+@lru_cache(maxsize=64)
+def row_layout(layout: np.dtype[Any], stride: int, error: int, data: int) -> np.dtype[Any]:
+    """The layout of a row of a `WholeReply` whose data have this layout; its error byte is the field `error`."""
+    fields = {"error": (np.dtype(np.uint8), error)}
+    fields |= {name: (field[0], data + field[1]) for name, field in (layout.fields or {}).items()}
+    formats, offsets = zip(*fields.values(), strict=True)
+    return np.dtype({"names": list(fields), "formats": formats, "offsets": offsets, "itemsize": stride})

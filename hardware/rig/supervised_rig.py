@@ -1,10 +1,9 @@
-"""A rig that looks after itself while a loop drives it: it eases hot and strained joints, and mends what can be.
+"""A rig supervised while a loop drives it: hot and strained joints are eased, and what can be mended is.
 
     the bus was silent too long      the watchdogs are cleared; the joints start again from where they stand
-    a servo was silent for so long   the same: its own watchdog has stopped it, and it takes no goals
-    a servo has restarted            it is checked, set up and switched on again where it stands
+    a servo needs setting up again   it is checked, set up and switched on where it stands (see `health`)
     the port vanished                it is looked for, and every servo's identity and settings are verified first
-    a servo is silent or shut down   the rig stops and names it, or goes on without it, as the rig file says
+    a servo is lost                  the rig stops and names it, or goes on without it, as the rig file asks
 
 After each of these the joints catch up with their targets at a quarter of their speed limits. What waits for answers
 runs beside the loop, never in it; meanwhile nothing is sent, so the servos' own watchdogs hold them still.
@@ -14,31 +13,43 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from types import TracebackType
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hardware.bus.servo_bus import Bus
 from hardware.errors import MotiondeckError, RigError, SerialPortError
-from hardware.rig.dynamixel_rig import WATCHDOG_UNIT, DynamixelRig
+from hardware.rig.arranging import arrange_state
+from hardware.rig.dynamixel_rig import DynamixelRig
 from hardware.rig.faults import RigFaults
+from hardware.rig.health import EASED_FROM, Health, Incident
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array
+from hardware.rig.state_block import StateBlock
 from hardware.rig.strain import Strain
-from hardware.rig.switching import describe_errors, resume
+from hardware.rig.switching import resume
 from hardware.rig.timings import Timings
 
-_LOST_AFTER = 1.6  # s of silence of one servo
 _MENDED_WITHIN = 2.0  # s, for all but a vanished port
-_PAUSE = 0.05  # s between two attempts
+_PAUSE = 0.05  # s between two tries
 _CATCHING_UP = 0.25  # of the speed limit
 _CAUGHT_UP = 0.02  # rad
-_EASED_FROM, _EASED_TO = 12.0, 2.0  # degC below the servo's limit: full speed, least speed
+_EASED_TO = 2.0  # degC below the servo's limit: least speed; full speed at EASED_FROM
 _LEAST = 0.25  # of the speed limit
 _LONGEST_STEP = 0.1  # s
+
+
+class _Mended(NamedTuple):
+    """What mending has brought back; the arguments of `DynamixelRig.attach`."""
+
+    bus: Bus
+    joints: list[int]
+    held: Array
+    blocks: list[StateBlock]
 
 
 class SupervisedRig:
@@ -85,12 +96,11 @@ class SupervisedRig:
         self._strain = Strain(config)
         self._catching_up = np.zeros(len(self.names), dtype=np.bool_)
         self._last_write = self._rig.now()
-        self._heard = np.full(len(self.names), self._last_write)
-        self._missing = np.zeros(len(self.names), dtype=np.bool_)
+        self._health = Health(config, self._last_write)
         self._job: threading.Thread | None = None
         self._mending = self._stopped = False
         self._failure: MotiondeckError | None = None
-        self._new_bus: tuple[Bus, Array] | None = None
+        self._mended: _Mended | None = None
 
     @classmethod
     def connect(cls, config: RigConfig) -> SupervisedRig:
@@ -125,8 +135,23 @@ class SupervisedRig:
 
     @property
     def temperatures(self) -> Array:
-        """Last measured, shape (J,), degC; NaN where the loop does not read them."""
-        return self._rig.temperatures
+        """Last measured, shape (J,), degC; NaN until first read."""
+        return self._rig.readings.temperatures
+
+    @property
+    def voltages(self) -> Array:
+        """Last measured supply voltages, shape (J,), V; NaN until first read."""
+        return self._rig.readings.voltages
+
+    @property
+    def incidents(self) -> Sequence[Incident]:
+        """The latest incidents, each naming its joint or the port, in order of time."""
+        return self._health.incidents
+
+    @property
+    def lost(self) -> NDArray[np.bool_]:
+        """The joints that the rig goes on without, shape (J,)."""
+        return self._health.lost
 
     @property
     def faults(self) -> RigFaults:
@@ -186,7 +211,7 @@ class SupervisedRig:
         return fresh
 
     def close(self) -> list[str]:
-        """Ends it as the rig file says; may be called twice.
+        """Ends it as the rig file asks; may be called twice.
 
         Returns:
             The joints that did not confirm it.
@@ -195,8 +220,8 @@ class SupervisedRig:
         if self._job is not None:
             # Each of its waits for an answer has an end; before that it could still switch something on.
             self._job.join()
-            if self._new_bus is not None:
-                self._rig.attach(*self._new_bus)
+            if self._mended is not None:
+                self._rig.attach(*self._mended)
         return self._rig.close()
 
     def _ready(self) -> bool:
@@ -207,13 +232,14 @@ class SupervisedRig:
         """
         if self._mending and (self._job is None or not self._job.is_alive()):
             self._mending, self._job = False, None
-            if self._new_bus is None:
+            if self._mended is None:
                 self._stopped = True
                 raise RigError(f"the rig has stopped: {self._failure}") from self._failure
-            self._rig.attach(*self._new_bus)
-            self._new_bus = None
+            self._rig.attach(*self._mended)
+            self._mended = None
             self.recoveries += 1
-            self._heard[:] = self._last_write = self._rig.now()
+            self._last_write = self._rig.now()
+            self._health.mended(self._health.mend, self._last_write)
             self._catching_up[:] = True
         return not (self._mending or self._stopped)
 
@@ -223,6 +249,7 @@ class SupervisedRig:
         try:
             yield
         except SerialPortError as error:
+            self._health.incidents.append(Incident(self._rig.now(), f"the port {self.config.port}", "is gone"))
             if self.config.reconnect_s == 0.0:
                 self._stopped = True
                 raise RigError(f"the rig has stopped: {error}") from error
@@ -231,7 +258,7 @@ class SupervisedRig:
     def _mend(self, patience: float) -> None:
         """Starts to bring the rig back, for at most so long, s."""
         self._mending = True
-        self._failure = self._new_bus = None
+        self._failure = self._mended = None
         if not self._beside:
             self._bring_back(patience)
         else:
@@ -246,15 +273,18 @@ class SupervisedRig:
             try:
                 if bus is None:
                     self._rig.bus.close()
-                    # The rig's own at once: whatever comes of it, `close` switches off over the port that is open.
+                    # The rig's own at once, so that `close` always switches off over the port that is open.
                     self._rig.bus = bus = self._open_bus()
-                self._new_bus = (bus, resume(self.config, bus, lambda: self._stopped))
+                joints = np.flatnonzero(~self._health.lost).tolist()
+                alive = self.config.only(joints)
+                held = resume(alive, bus, lambda: self._stopped)
+                self._mended = _Mended(bus, joints, held, arrange_state(alive, bus))
                 return
             except MotiondeckError as error:
                 self._failure = error
                 if isinstance(error, SerialPortError):
                     bus = None
-            except Exception as error:  # nothing may leave the thread unsaid
+            except Exception as error:  # whatever ends the thread must reach the loop
                 self._failure = RigError(f"{type(error).__name__}: {error}")
                 return
             self._sleep(_PAUSE)
@@ -284,33 +314,23 @@ class SupervisedRig:
         return held
 
     def _look_after(self) -> None:
-        """Eases hot joints, and notices servos that have restarted, shut down, or fallen silent.
+        """Eases hot joints, has joints mended, and stops the rig for a lost one or goes on without it.
 
         Raises:
-            RigError: if the rig must stop because of one.
+            RigError: if the rig must stop.
         """
-        rig, now = self._rig, self._rig.now()
-        known = np.isfinite(rig.temperatures)
-        margin = np.where(known, self._hottest - rig.temperatures, np.inf)
+        rig, health, now = self._rig, self._health, self._rig.now()
+        known = np.isfinite(rig.readings.temperatures)
+        margin = np.where(known, self._hottest - rig.readings.temperatures, np.inf)
         self._strain.note(rig.currents, now)
-        self._ease = np.clip((margin - _EASED_TO) / (_EASED_FROM - _EASED_TO), _LEAST, 1.0)
-        missing = rig.missed_in_a_row > 0
-        # Who was cut off for longer than its watchdog's time may have been stopped by it, alone and without a word.
-        back = self._missing & ~missing & (now - self._heard > self.config.watchdog_ms * 1e-3 - WATCHDOG_UNIT)
-        self._missing = missing
-        self._heard[~missing] = now
-        down = ~rig.torque & (rig.errors != 0)
-        silent = now - self._heard > _LOST_AFTER
-        if self.config.on_loss == "stop" and (down | silent).any():
-            self._stopped = True
-            raise RigError(f"the rig has stopped: {self._who(down, silent)}. Mend the cause and start anew.")
-        if (back | (~rig.torque & (rig.errors == 0) & ~silent)).any():
+        self._ease = np.clip((margin - _EASED_TO) / (EASED_FROM - _EASED_TO), _LEAST, 1.0)
+        health.look(rig.readings, rig.goals, self._strain.yielding, now)
+        if health.fatal.any():
+            if self.config.on_loss == "stop" or (health.fatal | health.lost).all():
+                self._stopped = True
+                raise RigError(f"the rig has stopped: {health.reasons}. Mend the cause and start anew.")
+            health.give_up(now)
+            with self._mend_what_breaks():
+                rig.loosen(np.flatnonzero(health.lost).tolist())
+        if health.mend.any() and not self._mending:
             self._mend(_MENDED_WITHIN)
-
-    def _who(self, down: NDArray[np.bool_], silent: NDArray[np.bool_]) -> str:
-        """The servos that stop the rig, and why."""
-        who = [f"{joint.name} (id {joint.id})" for joint in self.config.joints]
-        errors = [describe_errors(int(bits)) for bits in self._rig.errors]
-        said = [f"{who[index]} has shut down: {errors[index]}" for index in np.flatnonzero(down).tolist()]
-        said += [f"{who[index]} does not answer" for index in np.flatnonzero(silent).tolist()]
-        return "; ".join(said)

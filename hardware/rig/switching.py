@@ -50,7 +50,6 @@ def switch_on(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambd
         _settle(config, bus, "min_position_limit", [int(pulses) for pulses in ends[0]])
         _settle(config, bus, "max_position_limit", [int(pulses) for pulses in ends[1]])
         _limit_current(config, bus)
-        show_state(config, bus)
         held = hold_still(config, bus)
         if cancelled():
             raise RigError("the rig was closed before torque was on.")
@@ -58,19 +57,6 @@ def switch_on(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambd
     except ServoError as error:
         raise RigError(str(error)) from error
     return held
-
-
-def show_state(config: RigConfig, bus: Bus) -> None:
-    """Points the servos' indirect cells at what the loop reads.
-
-    Raises:
-        ServoError: if a servo does not answer, or refuses.
-        SerialPortError: if the port vanishes.
-    """
-    block = RigScale(config).block
-    if block.pointers:
-        for joint in config.joints:
-            bus.write(joint.id, block.pointer_address, block.pointers)
 
 
 def hold_still(config: RigConfig, bus: Bus) -> Array:
@@ -133,7 +119,6 @@ def resume(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambda: 
         ]
         if lost:
             switch_on(msgspec.structs.replace(config, joints=tuple(lost)), bus, cancelled)
-        show_state(config, bus)
     except ServoError as error:
         raise RigError(str(error)) from error
     return hold_still(config, bus)
@@ -271,12 +256,12 @@ def _ends(scale: RigScale) -> Array:
 
 def _positions(config: RigConfig, bus: Bus, scale: RigScale) -> Array:
     """Where the joints stand, shape (J,), rad."""
-    statuses = bus.sync_read([joint.id for joint in config.joints], *scale.state_block)
+    register = config.joints[0].table["present_position"]
+    statuses = bus.sync_read([joint.id for joint in config.joints], register.address, register.length)
     silent = [joint for joint in config.joints if joint.id not in statuses]
     if silent:
         raise NoReplyError(f"no position from {_who(silent)}. Check their cables and power.")
-    blocks = b"".join(statuses[joint.id].params for joint in config.joints)
-    return scale.state(list(range(len(config.joints))), blocks).positions
+    return scale.angles(np.array([register.decode(statuses[joint.id].params) for joint in config.joints], dtype=float))
 
 
 def _write(config: RigConfig, bus: Bus, name: str, values: Sequence[int]) -> None:

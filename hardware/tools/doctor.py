@@ -14,7 +14,7 @@ from hardware.control_table.models import MODELS
 from hardware.control_table.table import ControlTable
 from hardware.errors import NoReplyError, RigError, ServoError
 from hardware.rig.rig_file import BAUD_RATES, RigConfig, RigJoint
-from hardware.rig.scale import RigScale
+from hardware.rig.state_block import arranged
 from hardware.rig.switching import describe_errors
 
 _USB_SERIAL = Path("/sys/bus/usb-serial/devices")
@@ -156,7 +156,8 @@ def examine(config: RigConfig, bus: Bus) -> Report:
             f"echo 1 | sudo tee {_latency_file(bus.port.name)}"
         )
     slowest = max((servo.return_delay_us for servo in servos), default=0) * 1e-6
-    length = RigScale(config).block.length
+    # The XM430's; a servo that is read in place has fewer.
+    length = max(plan.block.length for joint in config.joints if (plan := arranged(joint.table, 0)) is not None)
     possible = rate_limit(len(config.joints), bus.baud, length, True, slowest, (latency or 0) * 1e-3)
     wanted = max(config.rate_hz, config.read_hz)
     if possible < wanted:

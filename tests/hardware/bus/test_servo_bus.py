@@ -11,6 +11,10 @@ XM430 = MODELS["XM430-W350"]
 POSITION = XM430.block("present_position", "present_position")
 
 
+def blocks(*ids):
+    return tuple((id, *POSITION) for id in ids)
+
+
 class DamagedPort:
     """A port whose answers pass through `damage` before they arrive."""
 
@@ -146,10 +150,10 @@ def test_endless_noise_ends_at_the_deadline():
 def test_a_request_is_collected_without_waiting(bus, port):
     before = port.now()
     assert bus.collect() is None
-    assert bus.request([1, 2, 3], *POSITION)
-    assert not bus.request([1, 2, 3], *POSITION)
+    assert bus.request(blocks(1, 2, 3))
+    assert not bus.request(blocks(1, 2, 3))
     reply = bus.collect()
-    assert positions(reply.statuses) == {1: 2048, 2: 2048, 3: 1500}
+    assert positions(reply.statuses([1, 2, 3])) == {1: 2048, 2: 2048, 3: 1500}
     assert bus.collect() is None
     assert port.now() == before
 
@@ -162,29 +166,58 @@ def test_an_answer_in_pieces_is_put_together(port):
         return bytes([waiting.pop(0)]) if waiting else b""
 
     bus = Bus(DamagedPort(port, one_byte_a_call), 1_000_000)
-    bus.request([1, 2], *POSITION)
+    bus.request(blocks(1, 2))
     replies = [bus.collect() for _ in range(8 + 2 * 8)]
     assert replies[:-1] == [None] * 23
-    assert list(replies[-1].statuses) == [1, 2]
+    assert list(replies[-1].statuses([1, 2])) == [1, 2]
 
 
 def test_a_request_ends_at_its_deadline(bus, servos, port):
     servos[2].dead = True
-    bus.request([1, 2, 3], *POSITION)
+    bus.request(blocks(1, 2, 3))
     assert bus.collect() is None
     port.elapse(0.06)
     reply = bus.collect()
     assert list(reply.statuses) == [1]
     assert (reply.silent, reply.unheard) == ([2], [3])
-    assert bus.request([1, 3], *POSITION)
+    assert bus.request(blocks(1, 3))
+
+
+@pytest.mark.parametrize("fast", [True, False])
+def test_each_servo_may_be_asked_for_registers_of_its_own(bus, servos, fast):
+    servos[2].fail(0x01)
+    assert bus.request(((1, *POSITION), (2, 64, 7), (3, 146, 1)), fast)
+    reply = bus.collect()
+    assert [len(reply.statuses[id].params) for id in (1, 2, 3)] == [4, 7, 1]
+    assert reply.statuses[2].params[6] == 1
+    assert [reply.statuses[id].alert for id in (1, 2, 3)] == [False, True, False]
+
+
+@pytest.mark.parametrize("fast", [True, False])
+def test_a_refused_read_is_an_error_number_of_its_servo(bus, port, fast):
+    """Address 5000 does not exist; a status without data is shorter than planned, so it counts at the deadline."""
+    bus.request(((1, *POSITION), (2, 5000, 4), (3, *POSITION)), fast)
+    port.elapse(0.06)
+    reply = bus.collect()
+    statuses = reply.statuses([1, 2, 3]) if fast else reply.statuses
+    assert [bool(statuses[id].error) for id in (1, 2, 3)] == [False, True, False]
+
+
+def test_a_stuffed_status_is_read_servo_by_servo(bus, servos):
+    """FF FF FD in a position makes its status a byte longer than the others."""
+    servos[2].write(11, b"\x04")
+    servos[2].bank.shaft[servos[2].row] = -131073
+    servos.advance(1.0)
+    heard = bus.sync_read([1, 2, 3, 4], *POSITION)
+    assert positions(heard) == {1: 2048, 2: -131073, 3: 1500, 4: 2048}
 
 
 def test_an_answer_that_comes_too_late_is_not_mistaken_for_the_next(bus, port):
-    bus.request([1, 2], *POSITION)
+    bus.request(blocks(1, 2))
     assert bus.collect() is not None
     port.wire._arriving.append((0.0, b"\xff\xff\xfd\x00\xfe\x05"))  # the rest of something
-    bus.request([3, 4], *POSITION)
-    assert list(bus.collect().statuses) == [3, 4]
+    bus.request(blocks(3, 4))
+    assert list(bus.collect().statuses([3, 4])) == [3, 4]
 
 
 def test_a_rebooted_servo_comes_back(port, servos):
@@ -202,7 +235,7 @@ def test_a_rebooted_servo_comes_back(port, servos):
         lambda bus: bus.ping(1),
         lambda bus: bus.write(1, 65, b"\x01"),
         lambda bus: bus.sync_write(65, 1, b"\x01\x01"),
-        lambda bus: bus.request([1], *POSITION),
+        lambda bus: bus.request(blocks(1)),
         lambda bus: bus.fast_sync_read([1], *POSITION),
     ],
 )
@@ -215,7 +248,7 @@ def test_a_vanished_port_is_one_clear_error(bus, port, call):
 def test_a_full_port_is_told_and_not_waited_for(port, bus):
     port.send = lambda data: False
     assert not bus.sync_write(65, 1, b"\x01\x01")
-    assert not bus.request([1], *POSITION)
+    assert not bus.request(blocks(1))
     assert bus.fast_sync_read([1], *POSITION) == {}
     with pytest.raises(NoReplyError):
         bus.read(1, 65, 1)

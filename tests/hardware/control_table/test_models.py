@@ -7,7 +7,7 @@ from hardware.control_table.models import MODELS, model_name
 from hardware.control_table.sdk_models import ModelFileError, model_file, model_numbers
 from hardware.control_table.servo_traits import TRAITS
 from hardware.rig.rig_file import RigConfig, RigJoint
-from hardware.rig.state_block import StateBlock
+from hardware.rig.state_block import arranged
 
 
 def test_every_model_that_the_maker_numbers_has_a_table():
@@ -82,8 +82,8 @@ def joint(number, model, **settings):
 
 def test_models_with_the_same_places_may_share_a_rig():
     config = RigConfig("port", 1_000_000, 100.0, (joint(1, "XM430-W350"), joint(2, "XL430-W250")))
-    block = StateBlock([each.table for each in config.joints])
-    assert (block.address, block.length, len(block.pointers)) == (224, 13, 26)
+    plans = [arranged(each.table, 46) for each in config.joints]
+    assert [(plan.block.address, plan.block.length, len(plan.pointers)) for plan in plans] == [(224, 15, 30)] * 2
 
 
 def test_models_with_other_places_may_not():
@@ -92,9 +92,18 @@ def test_models_with_other_places_may_not():
         RigConfig("port", 1_000_000, 100.0, (joint(1, "XM430-W350"), arm))
 
 
-def test_cells_that_move_with_the_firmware_are_not_used():
-    block = StateBlock([MODELS["XL330-M288"]])
-    assert (block.address, block.length, block.pointers) == (126, 10, b"")
+def test_cells_that_move_with_the_firmware_are_found_where_they_are():
+    """The maker's tables for firmware 52 of the XL330 and XC330 have indirect data 1 at 208."""
+    assert [arranged(MODELS["XL330-M288"], firmware).block.address for firmware in (51, 52)] == [224, 208]
+    assert arranged(MODELS["XM430-W350"], 52).block.address == 224
+
+
+def test_every_model_that_can_be_a_joint_has_its_health_in_one_block():
+    for model, table in MODELS.items():
+        if "hardware_error_status" in table.registers and model != "XL-320":
+            plan = arranged(table, 46)
+            assert plan is not None, model
+            assert plan.block.healthy
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from hardware.emulator.port import EmulatedPort
 from hardware.protocol2 import instructions as wire
 from hardware.protocol2.crc import checksum
 from hardware.protocol2.frames import BROADCAST, Parser, as_status, build
+from hardware.protocol2.group_reply import fast_reply, fast_reply_length
 
 XM430 = MODELS["XM430-W350"]
 
@@ -90,7 +91,7 @@ def test_a_fast_bulk_read_is_one_frame_of_different_lengths(port):
     port.send(wire.fast_bulk_read([(3, 132, 4), (1, 7, 1), (2, 126, 10)]))
     answer = port.receive()
     assert answer[5] == 1 + (4 + 4) + (1 + 4) + (10 + 4)
-    reply = wire.fast_reply(answer, [3, 1, 2], [4, 1, 10])
+    reply = fast_reply(answer, [3, 1, 2], [4, 1, 10])
     assert {id: len(status.params) for id, status in reply.statuses.items()} == {3: 4, 1: 1, 2: 10}
     assert reply.statuses[1].params == b"\x01"
 
@@ -358,8 +359,8 @@ def test_each_servo_waits_its_return_delay_in_a_sync_read_and_once_in_a_fast_one
     slow = time_of(request, 4 * 15)
     assert slow == pytest.approx(10 * (len(request) + 60) / baud + 4 * 500e-6, abs=1e-6)
     request = wire.fast_sync_read(132, 4, ids)
-    fast = time_of(request, wire.fast_reply_length(4, 4))
-    assert fast == pytest.approx(10 * (len(request) + wire.fast_reply_length(4, 4)) / baud + 500e-6, abs=1e-6)
+    fast = time_of(request, fast_reply_length(4, 4))
+    assert fast == pytest.approx(10 * (len(request) + fast_reply_length(4, 4)) / baud + 500e-6, abs=1e-6)
 
 
 def test_a_host_that_speaks_into_an_answer_destroys_both(rig_of_four):

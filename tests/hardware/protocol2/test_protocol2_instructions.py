@@ -7,6 +7,13 @@ from hypothesis import strategies as st
 from hardware.protocol2 import instructions as wire
 from hardware.protocol2.crc import checksum
 from hardware.protocol2.frames import build_status
+from hardware.protocol2.group_reply import (
+    fast_reply,
+    fast_reply_length,
+    single_replies,
+    whole_fast_reply,
+    whole_single_replies,
+)
 
 GOLDEN = {
     "ping": (wire.ping(1), "FFFFFD00 01 0300 01 194E"),
@@ -52,26 +59,26 @@ def test_group_writes_say_who_gets_what():
 
 
 def test_the_manuals_joint_reply_is_understood():
-    whole = joint_reply([3, 7, 4], [0xA6, 0x81F, 0x55])
-    assert whole.startswith(PIECE_3 + PIECE_7)
-    reply = wire.fast_reply(whole, [3, 7, 4], 4)
+    received = joint_reply([3, 7, 4], [0xA6, 0x81F, 0x55])
+    assert received.startswith(PIECE_3 + PIECE_7)
+    reply = fast_reply(received, [3, 7, 4], 4)
     assert [(id, int.from_bytes(status.params, "little")) for id, status in reply.statuses.items()] == [
         (3, 0xA6),
         (7, 0x81F),
         (4, 0x55),
     ]
     assert reply[1:] == ([], [], [])
-    assert len(whole) == wire.fast_reply_length(3, 4)
+    assert len(received) == fast_reply_length(3, 4)
 
 
 def test_a_reply_that_breaks_off_is_good_up_to_there():
-    reply = wire.fast_reply(PIECE_3 + PIECE_7[:-1], [3, 7, 4], 4)
+    reply = fast_reply(PIECE_3 + PIECE_7[:-1], [3, 7, 4], 4)
     assert list(reply.statuses) == [3]
     assert (reply.silent, reply.unheard) == ([7], [4])
 
 
 def test_a_servo_that_is_left_out_costs_only_itself():
-    reply = wire.fast_reply(PIECE_3 + PIECE_7, [3, 5, 7], 4)
+    reply = fast_reply(PIECE_3 + PIECE_7, [3, 5, 7], 4)
     assert list(reply.statuses) == [3, 7]
     assert reply.silent == [5]
 
@@ -79,7 +86,7 @@ def test_a_servo_that_is_left_out_costs_only_itself():
 def test_a_corrupt_byte_costs_only_its_servo():
     damaged = bytearray(joint_reply([3, 7, 4], [1, 2, 3]))
     damaged[8 + 8 + 3] ^= 0x40
-    reply = wire.fast_reply(bytes(damaged), [3, 7, 4], 4)
+    reply = fast_reply(bytes(damaged), [3, 7, 4], 4)
     assert reply.corrupt == [7]
     assert {id: status.params[0] for id, status in reply.statuses.items()} == {3: 1, 4: 3}
 
@@ -88,14 +95,53 @@ def test_a_corrupt_byte_costs_only_its_servo():
 def test_no_bytes_make_the_reader_of_joint_replies_raise(received, ids, length):
     head = bytes.fromhex("FFFFFD00FE190055")
     for start in (b"", head, head + b"\x00" + bytes(ids)):
-        reply = wire.fast_reply(start + received, ids, length)
+        reply = fast_reply(start + received, ids, length)
         assert {*reply.statuses, *reply.corrupt, *reply.silent, *reply.unheard} == set(ids)
 
 
 @given(st.binary(max_size=12), st.lists(st.integers(0, 252), min_size=1, max_size=5, unique=True), st.data())
 def test_a_joint_reply_is_found_behind_noise(noise, ids, data):
     values = data.draw(st.lists(st.integers(0, 2**32 - 1), min_size=len(ids), max_size=len(ids)))
-    reply = wire.fast_reply(noise + joint_reply(ids, values), ids, 4)
+    reply = fast_reply(noise + joint_reply(ids, values), ids, 4)
     assert {id: int.from_bytes(status.params, "little") for id, status in reply.statuses.items()} == dict(
         zip(ids, values, strict=True)
     )
+
+
+def whole(ids, values, alert=()):
+    """Undamaged single statuses with two data bytes each."""
+    return b"".join(
+        build_status(id, 0, value.to_bytes(2, "little"), id in alert) for id, value in zip(ids, values, strict=True)
+    )
+
+
+@given(st.lists(st.integers(0, 252), min_size=1, max_size=6, unique=True), st.data())
+def test_undamaged_statuses_are_taken_in_one_pass(ids, data):
+    values = data.draw(st.lists(st.integers(0, 65000), min_size=len(ids), max_size=len(ids)))
+    alert = data.draw(st.sets(st.sampled_from(ids)))
+    received = whole(ids, values, alert)
+    reply = whole_single_replies(received, bytes(ids), 2)
+    assert reply.statuses(ids) == single_replies(received, ids, 2).statuses
+    joint = joint_reply(ids, values, 2)
+    assert whole_fast_reply(joint, bytes(ids), 2).statuses(ids) == fast_reply(joint, ids, 2).statuses
+
+
+@given(st.lists(st.integers(0, 252), min_size=2, max_size=6, unique=True), st.data())
+def test_one_flipped_bit_is_never_taken_in_one_pass(ids, data):
+    fast = data.draw(st.booleans())
+    damaged = bytearray(joint_reply(ids, range(len(ids)), 2) if fast else whole(ids, range(len(ids))))
+    at = data.draw(st.integers(0, len(damaged) - 1))
+    damaged[at] ^= 1 << data.draw(st.integers(0, 7))
+    assert (whole_fast_reply if fast else whole_single_replies)(bytes(damaged), bytes(ids), 2) is None
+
+
+def test_statuses_in_another_order_or_of_other_servos_are_not_taken_in_one_pass():
+    received = whole([1, 2, 3], [10, 20, 30])
+    for ids in ([1, 3, 2], [1, 2], [1, 2, 4], [1, 2, 3, 4]):
+        assert whole_single_replies(received, bytes(ids), 2) is None
+        assert whole_fast_reply(joint_reply([1, 2, 3], [1, 2, 3], 2), bytes(ids), 2) is None
+
+
+def test_a_servo_silent_among_single_statuses_is_named():
+    reply = single_replies(whole([1, 3], [10, 30]), [1, 2, 3, 4, 5], 2)
+    assert (list(reply.statuses), reply.silent, reply.unheard) == ([1, 3], [2, 4], [5])

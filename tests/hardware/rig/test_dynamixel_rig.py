@@ -45,8 +45,8 @@ def test_velocity_and_current_have_the_joints_own_direction(rig, port):
     assert (rig.velocities < -1.0).all()
 
 
-def test_one_read_of_13_bytes_brings_all_that_is_watched(rig, port):
-    """The indirect cells show current, velocity, position, error, temperature and torque side by side."""
+def test_one_read_of_15_bytes_brings_all_that_is_watched(rig, port):
+    """The indirect cells show current, velocity, position, error, temperature, torque and voltage in a row."""
     port.bus[2].fail(0x01)
     port.bus.devices[2].bank.drive.temperature[2] = 41.0
     port.elapse(0.01)
@@ -55,12 +55,13 @@ def test_one_read_of_13_bytes_brings_all_that_is_watched(rig, port):
     port.elapse(0.02)
     assert rig.collect_state()
     (request,) = Parser().feed(b"".join(port.sent))
-    assert request.params[:4] == bytes((224, 0, 13, 0))
-    assert rig.temperatures.tolist() == [32.0, 32.0, 41.0, 32.0]
-    assert rig.errors.tolist() == [0, 1, 0, 0]
-    assert rig.torque.all()
-    cells = [port.bus[4][f"indirect_address_{cell}"] for cell in range(1, 14)]
-    assert cells == [126, 127, 128, 129, 130, 131, 132, 133, 134, 135, 70, 146, 64]
+    assert request.params[:4] == bytes((224, 0, 15, 0))
+    assert rig.readings.temperatures.tolist() == [32.0, 32.0, 41.0, 32.0]
+    assert rig.readings.errors.tolist() == [0, 1, 0, 0]
+    assert rig.readings.torque.all()
+    assert rig.readings.voltages.tolist() == [12.0] * 4
+    cells = [port.bus[4][f"indirect_address_{cell}"] for cell in range(1, 16)]
+    assert cells == [126, 127, 128, 129, 130, 131, 132, 133, 134, 135, 70, 146, 64, 144, 145]
 
 
 def test_torque_comes_on_where_the_joints_stand(rig_of_four, port, bus):
@@ -200,7 +201,7 @@ def test_several_that_come_back_are_all_heard_within_a_second(rig, port):
     for id in (1, 2, 3):
         port.bus[id].dead = False
     play(rig, port, [0.3] * 4, 100)
-    assert (rig.missed_in_a_row == 0).all()
+    assert (rig.readings.missed_in_a_row == 0).all()
 
 
 def test_all_servos_dead_is_no_exception(rig, port):

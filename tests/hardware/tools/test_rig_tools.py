@@ -64,7 +64,7 @@ def test_an_examination_names_every_trouble(rig_of_four, bus, port):
         "joint_3 (id 3) reports overload",
         "joint_4 (id 4) stands at 2.99 rad",
         "joint_4 (id 4) has 75 degC",
-        "the wire allows 781 Hz, the rig file wants 1000",
+        "the wire allows 735 Hz, the rig file wants 1000",
     ):
         assert said in problems
 

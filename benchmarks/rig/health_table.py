@@ -1,0 +1,125 @@
+"""How soon a rig of mixed models notices and names each fault of each model, in simulated time.
+
+python -m benchmarks health_table [--in-place] prints the table: model, fault, s until the incident that names the
+joint, and what came of it. With --in-place no servo's indirect cells can be arranged, so health is read in turns.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from hardware.bus.servo_bus import Bus
+from hardware.emulator.bus import BOOT_TIME, EmulatedBus
+from hardware.emulator.device import Device
+from hardware.emulator.port import EmulatedPort
+from hardware.errors import RigError
+from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.supervised_rig import SupervisedRig
+
+MODELS = ("XM430-W350", "XL330-M288", "XL430-W250", "XC330-T288", "MX-64", "XW540-T260")
+_TICK = 0.01
+_AT, _UNTIL = 1.0, 4.0  # s
+_FOLLOWS = 0.2  # rad
+
+
+class Found(NamedTuple):
+    """What came of a fault.
+
+    Attributes:
+        after: s until an incident named the joint; infinite if none did.
+        incident: in words.
+        end: the message of the stop, or "" where the rig went on.
+        follows: whether the joint follows its target in the end.
+    """
+
+    after: float
+    incident: str
+    end: str
+    follows: bool
+
+
+def _limp(device: Device, now: float) -> None:
+    device["torque_enable"] = 0
+
+
+def _hot(device: Device, now: float) -> None:
+    device.bank.drive.temperature[device.row] = 95.0
+
+
+def _jam(device: Device, now: float) -> None:
+    device.bank.drive.jammed[device.row] = True
+
+
+def _sag(device: Device, now: float) -> None:
+    device.bank.drive.supply[device.row] *= 0.7
+
+
+FAULTS: dict[str, Callable[[Device, float], None]] = {
+    "restart": lambda device, now: device.reboot(now + BOOT_TIME),
+    "overheat": _hot,
+    "overload": lambda device, now: device.fail(32),
+    "unplug": lambda device, now: setattr(device, "dead", True),
+    "limp": _limp,
+    "jam": _jam,
+    "voltage drop": _sag,
+}
+
+
+def mixed_rig(rate: float = 100.0) -> RigConfig:
+    """One servo of each model on one port."""
+    joints = tuple(RigJoint(model, id, model, 1, 2048, -1.5, 1.5, 2.0) for id, model in enumerate(MODELS, 1))
+    return RigConfig("emulated", 1_000_000, rate, joints)
+
+
+def run(model: str, fault: str, in_place: bool = False) -> Found:
+    """Plays sines on the mixed rig and has one servo suffer a fault after a second."""
+    config = mixed_rig()
+    port = EmulatedPort(EmulatedBus(config), paced=True)
+    for device in port.bus.devices if in_place else []:
+        device.hide_cells()
+    rig = SupervisedRig(config, lambda: Bus(port, config.baud), beside=False, sleep=port.elapse)
+    index = MODELS.index(model)
+    device = port.bus.devices[index]
+    began, struck, end, target = port.now(), float("inf"), "", 0.0
+    while port.now() - began < _UNTIL:
+        if struck == float("inf") and port.now() - began >= _AT:
+            struck = port.now()
+            FAULTS[fault](device, struck)
+        target = float(np.sin(1.5 * (port.now() - began)))
+        try:
+            rig.collect_state()
+            rig.write(np.full(len(MODELS), target))
+            rig.request_state()
+        except RigError as error:
+            end = str(error)
+            break
+        port.elapse(_TICK)
+    named = [incident for incident in rig.incidents if incident.who == f"{model} (id {index + 1})"]
+    shaft = (device["present_position"] - 2048) * 2.0 * np.pi / device.bank.table.pulses_per_turn
+    follows = not end and abs(shaft - target) < _FOLLOWS
+    rig.close()
+    if not named:
+        return Found(float("inf"), "", end, follows)
+    return Found(named[0].time - struck, named[0].what, end, follows)
+
+
+def main() -> int:
+    """Prints the table; 1 if a fault was found after more than a second, or not named."""
+    in_place = "--in-place" in sys.argv
+    late = 0
+    for model in MODELS:
+        for fault in FAULTS:
+            found = run(model, fault, in_place)
+            late += found.after > 1.0
+            came = "stopped, named" if model in found.end else "mended" if found.follows else "does not follow"
+            print(f"{model:<12} {fault:<13} {found.after:5.2f} s  {came:<16} {found.incident}")
+    print(f"found after more than 1 s or not at all: {late}")
+    return 1 if late else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

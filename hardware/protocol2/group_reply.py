@@ -1,0 +1,186 @@
+"""The replies to group reads: one frame that all servos write together (fast reads), or one status a servo.
+
+An undamaged reply in which every servo answered is taken in one pass, as rows of bytes of equal length (`WholeReply`);
+any other is read servo by servo (`GroupReply`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from struct import Struct
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.protocol2.crc import checksum
+from hardware.protocol2.frames import ALERT, BROADCAST, HEADER, STATUS, Parser, StatusPacket, as_status
+
+_JOINT = HEADER + bytes((BROADCAST,))  # how every joint reply begins
+_FAST_HEAD = 8  # header, BROADCAST, length, STATUS: what the first servo sends before its piece
+_STATUS_HEAD = 8  # header, ID, length, STATUS: what stands before the error byte of a single status
+
+
+class GroupReply(NamedTuple):
+    """What could be understood of the reply to a group read.
+
+    Attributes:
+        statuses: of the servos that were heard, by ID.
+        corrupt: IDs whose piece came with a bad checksum.
+        silent: IDs that sent nothing when it was their turn.
+        unheard: IDs behind the last silent one, which a servo that waits for its turn could not follow.
+    """
+
+    statuses: dict[int, StatusPacket]
+    corrupt: list[int]
+    silent: list[int]
+    unheard: list[int]
+
+
+class WholeReply(NamedTuple):
+    """A reply in which every servo answered, undamaged and in the order asked.
+
+    Attributes:
+        rows: one after another, `stride` bytes each.
+        stride: bytes a servo.
+        error: where the error byte (with its alert bit) stands in a row.
+        data: where the registers stand in a row.
+    """
+
+    rows: bytes
+    stride: int
+    error: int
+    data: int
+
+    def statuses(self, ids: Sequence[int]) -> dict[int, StatusPacket]:
+        """The same as statuses by ID, in the order asked."""
+        rows = _row(self.error, self.data, self.stride).iter_unpack(self.rows)
+        new = tuple.__new__  # what StatusPacket(...) calls in the end, in a third of the time
+        return {
+            id: new(StatusPacket, (id, error & ~ALERT, error >= ALERT, data))
+            for id, (error, data) in zip(ids, rows, strict=True)
+        }
+
+
+@lru_cache(maxsize=64)
+def _row(error: int, data: int, stride: int) -> Struct:
+    """Error byte and registers of a row; what stands around them is passed over."""
+    return Struct(f"<{error}xB{data - error - 1}x{stride - 2 - data}s2x")
+
+
+def status_length(length: int) -> int:
+    """How many bytes a status with `length` parameter bytes has on the wire when nothing in it needs stuffing."""
+    return 11 + length
+
+
+def fast_reply_length(count: int, length: int) -> int:
+    """How many bytes the joint reply of `count` servos, `length` bytes each, has on the wire."""
+    return _FAST_HEAD + count * (length + 4)
+
+
+def fast_reply_start(received: bytes) -> int:
+    """Where the joint reply begins in what was received; -1 if nowhere yet."""
+    start = received.find(_JOINT)
+    while start >= 0 and received[start + 7 : start + 8] not in (b"", bytes((STATUS,))):
+        start = received.find(_JOINT, start + 1)
+    return start
+
+
+def whole_fast_reply(received: bytes, ids: bytes, length: int) -> WholeReply | None:
+    """The joint reply of the servos `ids`, `length` bytes each, if it is all there and undamaged; else None."""
+    start = fast_reply_start(received)
+    stride, first = length + 4, start + _FAST_HEAD
+    end = first + len(ids) * stride
+    if start < 0 or end > len(received) or _word(received, start + 5) != end - first + 1:
+        return None
+    # Each checksum covers everything before it, so the last one speaks for all.
+    if checksum(received[start : end - 2]) != _word(received, end - 2):
+        return None
+    rows = received[first:end]
+    return WholeReply(rows, stride, 0, 2) if rows[1::stride] == ids else None
+
+
+def whole_single_replies(received: bytes, ids: bytes, length: int) -> WholeReply | None:
+    """The statuses of the servos `ids`, `length` bytes each, if all are there, undamaged and alone; else None.
+
+    All checksums are verified in one pass: with its two checksum bytes swapped, each undamaged frame takes the CRC from
+    0 back to 0, so the CRC over all is 0; and a CRC that has left 0 does not come back to it through undamaged frames.
+    """
+    stride = status_length(length)
+    if len(received) != len(ids) * stride:
+        return None
+    rows = np.frombuffer(received, dtype=np.uint8).reshape(len(ids), stride)
+    if not np.array_equal(rows[:, :_STATUS_HEAD], _status_heads(ids, length)):
+        return None
+    swapped = rows.copy()
+    swapped[:, -2:] = rows[:, :-3:-1]
+    if checksum(swapped.tobytes()) != 0:
+        return None
+    return WholeReply(received, stride, _STATUS_HEAD, _STATUS_HEAD + 1)
+
+
+@lru_cache(maxsize=64)
+def _status_heads(ids: bytes, length: int) -> NDArray[np.uint8]:
+    """What stands before the error byte in the statuses of these servos, shape (len(ids), 8)."""
+    size = length + 4
+    heads = b"".join(HEADER + bytes((id, size & 0xFF, size >> 8, STATUS)) for id in ids)
+    return np.frombuffer(heads, dtype=np.uint8).reshape(len(ids), _STATUS_HEAD)
+
+
+def fast_reply(received: bytes, ids: Sequence[int], length: int | Sequence[int]) -> GroupReply:
+    """Reads the joint reply of the servos `ids`, asked in this order for `length` bytes each (or for its own number).
+
+    Behind FF FF FD 00 FE LENGTH 55 each servo sends  error, ID, data, CRC,  where its CRC covers everything on the wire
+    before it, the earlier CRCs included. So a reply that breaks off is good up to there; and because the next piece is
+    checked from the CRC as it arrived, a corrupt byte costs only the servo that it belongs to.
+    """
+    statuses: dict[int, StatusPacket] = {}
+    corrupt: list[int] = []
+    silent: list[int] = []
+    start = fast_reply_start(received)
+    turn = 0
+    if start >= 0:
+        piece = start + _FAST_HEAD
+        lengths = [length] * len(ids) if isinstance(length, int) else length
+        crc = checksum(received[start:piece])
+        while turn < len(ids) and piece + (size := lengths[turn] + 4) <= len(received):
+            tail = received[piece + size - 2 : piece + size]
+            sent = _word(tail, 0)
+            error, id = received[piece], received[piece + 1]
+            if checksum(received[piece : piece + size - 2], crc) != sent:
+                corrupt.append(ids[turn])
+            elif id in ids[turn:]:
+                while ids[turn] != id:
+                    silent.append(ids[turn])
+                    turn += 1
+                statuses[id] = StatusPacket(
+                    id, error & ~ALERT, bool(error & ALERT), received[piece + 2 : piece + size - 2]
+                )
+            else:
+                break
+            crc = checksum(tail, sent)
+            piece += size
+            turn += 1
+    return GroupReply(statuses, corrupt, silent + list(ids[turn : turn + 1]), list(ids[turn + 1 :]))
+
+
+def single_replies(received: bytes, ids: Sequence[int], length: int | Sequence[int]) -> GroupReply:
+    """Reads the single statuses of the servos `ids`, asked in this order for `length` bytes (or its own number)."""
+    lengths = dict(zip(ids, [length] * len(ids) if isinstance(length, int) else length, strict=True))
+    heard = {
+        status.id: status
+        for frame in Parser().feed(received)
+        if (status := as_status(frame)) is not None
+        and status.id in lengths
+        and (status.error or len(status.params) == lengths[status.id])
+    }
+    missing = [index for index, id in enumerate(ids) if id not in heard]
+    last = max((index for index, id in enumerate(ids) if id in heard), default=-1)
+    # Silent are those with a servo behind them that was heard, and the first behind the last that was.
+    silent = [index for index in missing if index <= last + 1]
+    return GroupReply(heard, [], [ids[index] for index in silent], [ids[i] for i in missing if i > last + 1])
+
+
+def _word(data: bytes, at: int) -> int:
+    return data[at] | data[at + 1] << 8

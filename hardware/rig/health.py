@@ -1,0 +1,210 @@
+"""Judging the joints of a rig by what they measure: which one needs setting up again, and which one is lost.
+
+    limp       torque is off without a reason: the servo has restarted, or something switched it off      set up again
+    back       it was cut off for longer than its own watchdog waits, which has stopped it                set up again
+    idle       far from its goal, still, and drawing no current to get there                  set up again, then lost
+    down       it reports heat, encoder, shock or overload; or torque is off and it has a reason           lost
+    hot        at its temperature limit, though it has not shut down                                       lost
+    silent     no answer for 1.6 s                                                                         lost
+    restless   set up again five times in ten seconds                                                      lost
+
+Each of these, and what is only worth knowing (pushing against something, getting hot, low voltage), is an incident that
+names the joint.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.control_table.servo_traits import TRAITS
+from hardware.rig.dynamixel_rig import WATCHDOG_UNIT
+from hardware.rig.readings import Readings
+from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.scale import Array
+from hardware.rig.switching import describe_errors
+
+Mask = NDArray[np.bool_]
+
+LOST_AFTER = 1.6
+"""s of silence of one servo."""
+EASED_FROM = 12.0
+"""degC below the servo's limit from which it is hot."""
+_MISSED_AFTER = 0.5  # s of silence until it is an incident
+_IDLE_AFTER = 0.5  # s
+_MOVED = 0.02  # rad
+_IDLE_CURRENT = 0.2  # of the stall current: a motor that drives towards a goal so far off draws more
+_SERIOUS = 4 | 8 | 16 | 32  # heat, encoder, shock, overload
+_LOW_VOLTAGE = 0.8  # of the model's nominal one
+_RESTLESS, _RESTLESS_WITHIN = 5, 10.0  # times, s
+_FULL_PWM = 885.0
+_KEPT = 200
+
+
+class Incident(NamedTuple):
+    """Something that happened to a joint or a port.
+
+    Attributes:
+        time: on the port's clock, s.
+        who: the joint with its id, or the port.
+        what: in words.
+    """
+
+    time: float
+    who: str
+    what: str
+
+
+class Health:
+    """The health of a rig's J joints on one port.
+
+    Attributes:
+        incidents: the latest, in order of time.
+        mend: joints that need setting up again, shape (J,).
+        fatal: joints that cannot be mended, shape (J,).
+        lost: joints that the rig goes on without, shape (J,).
+    """
+
+    def __init__(self, config: RigConfig, now: float) -> None:
+        count = len(config.joints)
+        self.incidents: deque[Incident] = deque(maxlen=_KEPT)
+        self.mend, self.fatal, self.lost = (np.zeros(count, dtype=np.bool_) for _ in range(3))
+        self._who = [f"{joint.name} (id {joint.id})" for joint in config.joints]
+        self._patience = config.watchdog_ms * 1e-3 - WATCHDOG_UNIT
+        self._hottest = np.array([joint.hottest for joint in config.joints])
+        traits = [TRAITS.get(joint.model) for joint in config.joints]
+        self._lowest = np.array([_LOW_VOLTAGE * each.voltage if each else 0.0 for each in traits])
+        self._stall = np.array([each.stall_current if each else np.inf for each in traits])
+        self._far = np.array([_far(joint) for joint in config.joints])
+        self._moved = np.array([min(_MOVED, 0.1 * joint.velocity) for joint in config.joints])
+        self._heard = np.full(count, now)
+        self._missing = np.zeros(count, dtype=np.bool_)
+        self._anchor, self._anchored = np.full(count, np.inf), np.full(count, now)
+        self._was_idle = np.zeros(count, dtype=np.bool_)
+        self._given_up = np.zeros(count, dtype=np.bool_)
+        self._known: dict[str, Mask] = {}
+        self._mended: list[deque[float]] = [deque(maxlen=_RESTLESS) for _ in range(count)]
+        self._reason = [""] * count
+
+    def look(self, readings: Readings, goals: Array, yielding: Mask, now: float) -> None:
+        """Judges the joints by their latest readings at the time `now`, s; sets `mend` and `fatal`.
+
+        Args:
+            readings: of the joints.
+            goals: last sent, shape (J,), rad.
+            yielding: which joints give way to what they push against, shape (J,).
+        """
+        missing = readings.missed_in_a_row > 0
+        silence = now - self._heard
+        # Who was cut off for longer than its watchdog's time may have been stopped by it without a sign.
+        back = self._missing & ~missing & (silence > self._patience)
+        self._missing = missing
+        self._heard[~missing] = now
+        silence[~missing] = 0.0
+        serious = readings.errors & _SERIOUS != 0
+        down = serious | (~readings.torque & (readings.errors != 0))
+        hot = readings.temperatures >= self._hottest + 1.0
+        silent = silence > LOST_AFTER
+        limp = ~readings.torque & ~down & ~missing
+        still = self._still(readings.positions, goals, now) & readings.torque & ~missing & ~yielding
+        idle = still & (np.abs(readings.currents) < _IDLE_CURRENT * self._stall)
+        restless = limp & self._often_mended(now)
+        self._return(~missing & ~down, now)
+        alive = ~self.lost
+        self.mend = alive & (back | limp | idle)
+        self.fatal = alive & (down | hot | silent | restless | (idle & self._was_idle))
+        margin = self._hottest - readings.temperatures
+        for kind, found in (
+            ("does not answer", silence > _MISSED_AFTER),
+            ("has lost its torque or restarted", limp),
+            ("was cut off for longer than its watchdog waits", back),
+            ("does not follow its target", still),
+            ("pushes against something and gives way", yielding),
+            ("is getting hot", margin < EASED_FROM),
+            ("has a low supply voltage", (readings.voltages < self._lowest) | (readings.errors & 1 != 0)),
+            ("has shut down", down),
+        ):  # fmt: skip
+            if found.any() or kind in self._known:
+                self._report(kind, found & alive, readings, now)
+        if self.fatal.any():
+            self._explain(readings, down, hot, silent, restless)
+
+    def mended(self, joints: Mask, now: float) -> None:
+        """Notes that these joints were set up again."""
+        for index in np.flatnonzero(joints).tolist():
+            self._mended[index].append(now)
+        self._was_idle |= joints & (now - self._anchored > _IDLE_AFTER)
+        self._heard[:] = self._anchored[:] = now
+        self._anchor[:] = np.inf
+        self._missing[:] = False
+
+    def give_up(self, now: float) -> None:
+        """Goes on without the joints in `fatal`."""
+        for index in np.flatnonzero(self.fatal).tolist():
+            self.incidents.append(Incident(now, self._who[index], f"{self._reason[index]}; the rig goes on without it"))
+        self._given_up |= self.fatal & (self._was_idle | self._often_mended(now))
+        self.lost |= self.fatal
+        self.mend &= ~self.lost
+
+    @property
+    def reasons(self) -> str:
+        """Why the joints in `fatal` are lost, each named."""
+        return "; ".join(f"{self._who[index]} {self._reason[index]}" for index in np.flatnonzero(self.fatal).tolist())
+
+    def _often_mended(self, now: float) -> Mask:
+        """Which joints were set up again too often lately."""
+        return np.array([len(times) == _RESTLESS and now - times[0] < _RESTLESS_WITHIN for times in self._mended])
+
+    def _still(self, positions: Array, goals: Array, now: float) -> Mask:
+        """Which joints are far from their goals and have not moved for a while."""
+        moves = ~(np.abs(positions - self._anchor) < self._moved) | (np.abs(goals - positions) < self._far)
+        self._anchor[moves], self._anchored[moves] = positions[moves], now
+        return now - self._anchored > _IDLE_AFTER
+
+    def _return(self, well: Mask, now: float) -> None:
+        """Takes joints back that were lost and answer without an error again."""
+        returned = self.lost & well & ~self._given_up
+        self.lost &= ~returned
+        for index in np.flatnonzero(returned).tolist():
+            self.incidents.append(Incident(now, self._who[index], "answers again"))
+
+    def _report(self, kind: str, found: Mask, readings: Readings, now: float) -> None:
+        """Makes incidents of what is new."""
+        before = self._known.get(kind)
+        new = found if before is None else found & ~before
+        self._known[kind] = found.copy()
+        for index in np.flatnonzero(new).tolist():
+            detail = ""
+            if kind == "has shut down":
+                detail = f": {describe_errors(int(readings.errors[index]))}"
+            elif kind == "is getting hot":
+                detail = f": {readings.temperatures[index]:.0f} degC, its limit is {self._hottest[index]:.0f}"
+            elif kind == "has a low supply voltage":
+                detail = f": {readings.voltages[index]:.1f} V"
+            self.incidents.append(Incident(now, self._who[index], kind + detail))
+
+    def _explain(self, readings: Readings, down: Mask, hot: Mask, silent: Mask, restless: Mask) -> None:
+        """Notes why each joint in `fatal` is."""
+        for index in np.flatnonzero(self.fatal).tolist():
+            if down[index]:
+                reason = f"has shut down: {describe_errors(int(readings.errors[index]))}"
+            elif hot[index]:
+                reason = f"is too hot: {readings.temperatures[index]:.0f} degC, its limit is {self._hottest[index]:.0f}"
+            elif silent[index]:
+                reason = "does not answer"
+            elif restless[index]:
+                reason = "keeps restarting"
+            else:
+                reason = "does not follow its target, although it was set up anew"
+            self._reason[index] = reason
+
+
+def _far(joint: RigJoint) -> float:
+    """How far from its goal a servo with its gain from the box drives with half of its voltage, rad."""
+    traits = TRAITS.get(joint.model)
+    if traits is None:
+        return 0.1
+    return float(np.clip(0.5 * _FULL_PWM * 128.0 / traits.position_p / abs(joint.pulses_per_radian), 0.05, 0.5))

@@ -1,0 +1,217 @@
+"""Reading the state of a port's servos: whom to ask for what in each tick, and what they have answered.
+
+Every request brings the position of every servo that answers. Health (error, temperature, torque, voltage) comes with
+it where a servo's indirect cells are arranged (see `state_block`). The others are asked for it in turns, one in each
+request, and at once where the alert bit of an answer reports a problem.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.bus.servo_bus import Blocks
+from hardware.protocol2.frames import ALERT
+from hardware.protocol2.group_reply import GroupReply, WholeReply
+from hardware.rig.faults import RigFaults
+from hardware.rig.rig_file import RigConfig
+from hardware.rig.scale import Array, RigScale
+from hardware.rig.state_block import StateBlock, everything, row_layout
+
+_PATIENCE = 3  # replies in a row that a servo may miss before it is asked only now and then
+_ASK_AGAIN = 50  # requests from one such question to the next
+_VOLT = 0.1  # V, one count
+
+
+class Question(NamedTuple):
+    """What one request asks.
+
+    Attributes:
+        joints: their indices, in the order asked.
+        blocks: what each is asked for.
+        asked: the same for the bus.
+        layout: of every block, None where they differ.
+        all: whether every joint is asked, in the order of the rig file.
+    """
+
+    joints: NDArray[np.int64]
+    blocks: tuple[StateBlock, ...]
+    asked: Blocks
+    layout: np.dtype[Any] | None
+    all: bool
+
+
+class Readings:
+    """The latest measurements of J joints on one port.
+
+    Attributes:
+        positions, velocities, currents: shape (J,), rad, rad/s, A, positive in the joint's direction.
+        temperatures, voltages: shape (J,), degC, V; NaN until first read.
+        errors: hardware error bits, shape (J,).
+        torque: whether torque is on, shape (J,).
+        health_at: when each joint's error, temperature, torque and voltage were last read, shape (J,), s.
+        missed_in_a_row: replies that each joint has missed since its last one, shape (J,).
+    """
+
+    def __init__(self, config: RigConfig, scale: RigScale, faults: RigFaults) -> None:
+        count = len(config.joints)
+        self._config = config
+        self._scale = scale
+        self._faults = faults
+        self._ids = [joint.id for joint in config.joints]
+        self._everybody = tuple(range(count))
+        self._index = {id: index for index, id in enumerate(self._ids)}
+        self._everything = [everything(joint.table) for joint in config.joints]
+        self._blocks: list[StateBlock] = []
+        self._in_turns: list[int] = []
+        self._questions: dict[tuple[tuple[int, ...], frozenset[int]], Question] = {}
+        self._requests = 0
+        self._alerted: set[int] = set()
+        self._question: Question | None = None
+        self.positions, self.velocities, self.currents = np.zeros(count), np.zeros(count), np.zeros(count)
+        self.temperatures, self.voltages = np.full(count, np.nan), np.full(count, np.nan)
+        self.errors = np.zeros(count, dtype=np.int64)
+        self.torque = np.ones(count, dtype=np.bool_)
+        self.health_at = np.zeros(count)
+        self.missed_in_a_row = np.zeros(count, dtype=np.int64)
+
+    def start(self, joints: Sequence[int], positions: Array, blocks: Sequence[StateBlock], now: float) -> None:
+        """Takes joints as just switched on at these positions, rad, with torque and without an error.
+
+        Args:
+            joints: their indices.
+            positions: of these joints.
+            blocks: what each of these joints is asked for.
+            now: the time, s.
+        """
+        where = np.array(joints, dtype=np.int64)
+        self._blocks = self._blocks or list(self._everything)
+        for index, block in zip(joints, blocks, strict=True):
+            self._blocks[index] = block
+        self._in_turns = [index for index, block in enumerate(self._blocks) if not block.healthy]
+        self._questions.clear()
+        self._question = None
+        self.positions[where] = positions
+        self.velocities[where] = self.currents[where] = 0.0
+        self.missed_in_a_row[where] = self.errors[where] = 0
+        self.torque[where] = True
+        self.health_at[where] = now
+
+    def next_question(self) -> Question:
+        """What to ask for in the next request; see `asked`."""
+        line = self._line()
+        wide = frozenset(self._alerted)
+        if self._in_turns:
+            wide |= {self._in_turns[self._requests % len(self._in_turns)]}
+        return self._questions.get((line, wide)) or self._ask(line, wide)
+
+    def asked(self, question: Question) -> None:
+        """Notes that a question was sent: the next reply answers it."""
+        self._question = question
+        self._requests += 1
+        self._alerted.clear()
+
+    def take(self, reply: WholeReply | GroupReply, now: float) -> bool:
+        """Keeps what a reply to the last question brings and counts what is missing; whether anything was measured."""
+        question = self._question
+        if question is None:
+            return False
+        if isinstance(reply, WholeReply):
+            if question.layout is not None and self._take_whole(reply, question, question.layout, now):
+                return True
+            reply = GroupReply(reply.statuses([id for id, _, _ in question.asked]), [], [], [])
+        return self._take_each(reply, question, now)
+
+    def _take_whole(self, reply: WholeReply, question: Question, layout: np.dtype[Any], now: float) -> bool:
+        """All servos at once; False where one of them answered with an error number."""
+        rows = np.frombuffer(reply.rows, dtype=row_layout(layout, reply.stride, reply.error, reply.data))
+        error = rows["error"]
+        if (error & ~np.uint8(ALERT)).any():
+            return False
+        joints = slice(None) if question.all else question.joints
+        self.missed_in_a_row[joints] = 0
+        self._note_alerts(question.joints, error >= ALERT)
+        self._keep(joints, rows, now)
+        return True
+
+    def _take_each(self, reply: GroupReply, question: Question, now: float) -> bool:
+        """Servo by servo, where some are missing or their blocks differ."""
+        for id in reply.silent:
+            self.missed_in_a_row[self._index[id]] += 1
+        for id in (*reply.silent, *reply.unheard):
+            self._faults.missed[self._index[id]] += 1
+        for id in reply.corrupt:
+            self._faults.corrupt[self._index[id]] += 1
+        block_of = dict(zip(question.joints.tolist(), question.blocks, strict=True))
+        groups: dict[np.dtype[Any], tuple[list[int], list[bytes]]] = {}
+        alerts = np.zeros(len(self._ids), dtype=np.bool_)
+        for id, status in reply.statuses.items():
+            index = self._index[id]
+            self.missed_in_a_row[index] = 0
+            alerts[index] = status.alert
+            if not status.error:
+                joints, data = groups.setdefault(block_of[index].layout, ([], []))
+                joints.append(index)
+                data.append(status.params)
+        self._note_alerts(np.arange(len(alerts)), alerts)
+        for layout, (joints, data) in groups.items():
+            self._keep(np.array(joints), np.frombuffer(b"".join(data), dtype=layout), now)
+        return bool(groups)
+
+    def _note_alerts(self, joints: NDArray[np.int64], alert: NDArray[np.bool_]) -> None:
+        """Counts alert bits; a joint whose block lacks the reason is asked for it next."""
+        if alert.any():
+            self._faults.alert[joints] += alert
+            self._alerted.update(index for index in joints[alert].tolist() if index in self._in_turns)
+
+    def _keep(self, joints: NDArray[np.int64] | slice, rows: NDArray[Any], now: float) -> None:
+        """Takes over what joints measured; an arranged servo that has restarted shows nothing but zeros."""
+        positions, velocities, currents = self._scale.motion(joints, rows)
+        if "torque_enable" in (rows.dtype.names or ()):
+            torque = rows["torque_enable"] != 0
+            blank = ~torque & (rows["present_temperature"] == 0) & (rows["present_input_voltage"] == 0)
+            self.torque[joints] = torque
+            self.health_at[joints] = now
+            if blank.any():
+                indices, known = np.arange(len(self._ids))[joints], ~blank
+                self.errors[indices[blank]] = 0
+                joints, rows = indices[known], rows[known]
+                positions, velocities, currents = positions[known], velocities[known], currents[known]
+            self.errors[joints] = rows["hardware_error_status"]
+            self.temperatures[joints] = rows["present_temperature"]
+            self.voltages[joints] = rows["present_input_voltage"] * _VOLT
+        self.positions[joints], self.velocities[joints], self.currents[joints] = positions, velocities, currents
+
+    def _ask(self, line: tuple[int, ...], wide: frozenset[int]) -> Question:
+        """The question to a line of joints, those in `wide` for everything; kept, since a loop asks the same again."""
+        blocks = tuple(self._everything[index] if index in wide else self._blocks[index] for index in line)
+        asked = tuple(
+            (self._ids[index], block.address, block.length) for index, block in zip(line, blocks, strict=True)
+        )
+        layouts = {block.layout for block in blocks}
+        layout = blocks[0].layout if len(layouts) == 1 else None
+        question = Question(np.array(line), blocks, asked, layout, line == self._everybody)
+        if len(self._questions) > 4 * len(self._ids):
+            self._questions.clear()
+        self._questions[line, wide] = question
+        return question
+
+    def _line(self) -> tuple[int, ...]:
+        """Which joints to ask, in which order.
+
+        A silent servo may silence all that stand behind it, so who missed a reply stands last; who missed several is
+        asked only now and then, one at a time, because waiting for it makes everybody's state older.
+        """
+        missed = self.missed_in_a_row
+        if not missed.any():
+            return self._everybody
+        good = np.flatnonzero(missed == 0).tolist()
+        doubtful = np.flatnonzero((missed > 0) & (missed < _PATIENCE)).tolist()
+        lost = np.flatnonzero(missed >= _PATIENCE).tolist()
+        # Each of them once in _ASK_AGAIN requests, however many they are.
+        turn, rest = divmod(self._requests, max(1, _ASK_AGAIN // max(1, len(lost))))
+        again = [lost[turn % len(lost)]] if lost and (rest == 0 or not good + doubtful) else []
+        return tuple(good + doubtful + again)
