@@ -1,19 +1,24 @@
-"""Anatomy: which bone of a skeleton is the thigh, read from its shape, because every recording names bones otherwise.
+"""Anatomy: which bone of a skeleton is the thigh, by the usual names, and by its shape where names tell nothing.
 
-In the rest pose a body stands with its arms out. The spine is the way from the root to the highest end near the
-middle. What branches off at the root and ends below it is a leg, what branches off further up is an arm; the longest on
-each side, for faces and twist bones branch off too. Along a leg the two neighbours that are longest together are thigh
-and shank; along an arm the longest bone is the upper arm.
+Names count where both legs bear them (`bone_names`); arms without such names are found by their shape. A bone without
+a name of its own belongs to what it leads to: on the way to a thigh it is hip, on the way to an upper arm clavicle,
+on the way to the head trunk or neck. Fingers belong to the hand, toes to the foot.
+
+By shape: in the rest pose a body stands with its arms out. The spine is the way from the root to the highest end near
+the middle. What branches off at the root and ends below it is a leg, what branches off further up is an arm; the
+longest on each side, for faces and twist bones branch off too. Along a leg the two neighbours that are longest
+together are thigh and shank; along an arm the longest bone is the upper arm.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
+from controller.mocap.bone_names import NamedPart, named_parts
 from controller.mocap.skeleton import ROOT, Skeleton
 
 # Forearm and hand, as recorded mostly without the fingers, over the upper arm.
@@ -23,6 +28,7 @@ Part = Literal[
     "trunk", "neck", "head", "hip", "thigh", "shank", "foot", "clavicle", "upper arm", "forearm", "hand", "other"
 ]
 Side = Literal["left", "right", "middle"]
+SIDES: tuple[Side, Side] = ("left", "right")
 
 
 @dataclass(frozen=True)
@@ -51,7 +57,105 @@ class Anatomy:
 
 
 def anatomy(skeleton: Skeleton) -> Anatomy:
-    """Tells the parts of any skeleton; what resembles no part of a human is "other"."""
+    """The parts of any skeleton, by names and else by shape; what resembles no part of a human is "other"."""
+    return named_anatomy(skeleton) or shaped_anatomy(skeleton)
+
+
+def named_anatomy(skeleton: Skeleton) -> Anatomy | None:
+    """The parts of a skeleton whose names say what both legs are; None for others."""
+    named = named_parts(skeleton.bones)
+
+    def first(part: Part, side: Side) -> int | None:
+        return next((b for b, of in enumerate(named) if of is not None and (of.part, of.side) == (part, side)), None)
+
+    part: list[Part] = ["other"] * len(skeleton)
+    side: list[Side] = ["middle"] * len(skeleton)
+    for which in SIDES:
+        if not _name_limb(skeleton, first, which, _LEG, part, side):
+            return None
+    shape: Anatomy | None = None
+    for which in SIDES:
+        if _name_limb(skeleton, first, which, _ARM, part, side):
+            continue
+        shape = shape or shaped_anatomy(skeleton)
+        for bone, (p, s) in enumerate(zip(shape.part, shape.side, strict=True)):
+            if p in _ARM and s == which and part[bone] == "other":
+                part[bone], side[bone] = p, s
+    heads = [b for b, of in enumerate(named) if of is not None and of.part in ("head", "neck")]
+    spine_end = heads or [b for b, of in enumerate(named) if of is not None and of.part == "trunk"]
+    spine = _path(skeleton, _main_end(skeleton, spine_end[-1], named)) if spine_end else []
+    arms = [_parent(skeleton, b) for b in range(len(skeleton)) if part[b] in _ARM]
+    level = max((spine.index(b) for b in arms if b in spine), default=len(spine) - 1)
+    for place, bone in enumerate(spine):
+        of = named[bone]
+        if part[bone] != "other":
+            continue
+        if of is not None and of.part in ("trunk", "neck", "head"):
+            part[bone] = of.part
+        else:
+            part[bone] = "trunk" if place <= level else "neck"
+    if "head" not in part and len(spine) > 1:
+        part[spine[-1]] = "head"
+    return Anatomy(tuple(part), tuple(side))
+
+
+_LEG: tuple[Part, ...] = ("hip", "thigh", "shank", "foot")
+_ARM: tuple[Part, ...] = ("clavicle", "upper arm", "forearm", "hand")
+
+
+def _name_limb(
+    skeleton: Skeleton,
+    first: Callable[[Part, Side], int | None],
+    which: Side,
+    kinds: tuple[Part, ...],
+    part: list[Part],
+    side: list[Side],
+) -> bool:
+    """Names a leg or an arm from its two long bones; False if the names do not give them one after the other."""
+    upper, lower = first(kinds[1], which), first(kinds[2], which)
+    if upper is None or lower is None or not skeleton.chain[lower, upper] or upper == lower:
+        return False
+    end = first(kinds[3], which)
+    limb = _path(skeleton, lower)
+    sides = [b for b in limb if skeleton.chain[b, upper]]
+    begin = limb.index(upper)
+    while begin > 0 and _belongs(skeleton, limb[begin - 1], upper, first, which, kinds[0]):
+        begin -= 1
+    for bone in limb[begin : limb.index(upper)]:
+        part[bone], side[bone] = kinds[0], which
+    for bone in sides[:-1]:
+        part[bone], side[bone] = kinds[1], which
+    part[lower], side[lower] = kinds[2], which
+    for bone in range(len(skeleton)):
+        if bone != lower and skeleton.chain[bone, lower]:
+            before_end = end is not None and bone != end and skeleton.chain[end, bone]
+            part[bone] = kinds[2] if before_end else kinds[3]
+    for bone in range(len(skeleton)):
+        if skeleton.chain[bone, limb[begin]]:
+            side[bone] = which
+    return True
+
+
+def _belongs(
+    skeleton: Skeleton, bone: int, upper: int, first: Callable[[Part, Side], int | None], which: Side, kind: Part
+) -> bool:
+    """Whether a bone above a thigh or an upper arm leads to it alone: to no other limb and no head."""
+    others = [first("thigh", side) for side in SIDES] + [first("upper arm", side) for side in SIDES]
+    others += [first("head", "middle"), first("neck", "middle")]
+    return not any(o is not None and o != upper and skeleton.chain[o, bone] for o in others)
+
+
+def _main_end(skeleton: Skeleton, bone: int, named: list[NamedPart | None]) -> int:
+    """The end of the way up from a bone of the spine, as far as names go."""
+    while True:
+        up = [int(b) for b in skeleton.children(bone) if (of := named[b]) is not None and of.part in ("neck", "head")]
+        if not up:
+            return bone
+        bone = up[0]
+
+
+def shaped_anatomy(skeleton: Skeleton) -> Anatomy:
+    """The parts of a skeleton by its shape alone."""
     ends = skeleton.chain @ (skeleton.rest_direction * skeleton.length[:, None])
     part: list[Part] = ["other"] * len(skeleton)
     side: list[Side] = ["middle"] * len(skeleton)

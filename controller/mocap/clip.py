@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -58,20 +58,3 @@ class Clip:
     def joints(self) -> Array:
         """Joint positions, the root first, shape (T, 1 + B, 3), m."""
         return self.skeleton.joints(self.root_position, self.rotation)
-
-    def carried_to(self, skeleton: Skeleton) -> Clip:
-        """The same motion done by another body with the same bones, in whatever order.
-
-        Its path is scaled by the ratio of leg lengths.
-
-        Raises:
-            FileFormatError: if the body has other bones.
-        """
-        own = self.skeleton.bones
-        if set(skeleton.bones) != set(own):
-            raise FileFormatError(f"clip '{self.name}': skeleton '{skeleton.name}' has other bones")
-        order = [0, *(1 + own.index(bone) for bone in skeleton.bones)]
-        ratio = skeleton.leg_length / self.skeleton.leg_length
-        return replace(
-            self, skeleton=skeleton, root_position=self.root_position * ratio, rotation=self.rotation[:, order]
-        )

@@ -10,12 +10,14 @@ recorded, the bone rests along K v and moves by P R K^-1, so that every joint st
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.mocap.anatomy import Anatomy, anatomy
+from controller.mocap.anatomy import SIDES, Anatomy, anatomy, named_anatomy
 from controller.mocap.skeleton import ROOT, Skeleton
 from controller.rotations import IDENTITY, Array, between, conjugate, multiply, normalise, rotate, yaw
 
@@ -25,6 +27,7 @@ STATURE = 1.70  # m, of a person
 LEG_PER_STATURE = 0.245 + 0.246  # thigh and shank (Winter 2009, fig. 4.1)
 
 # The turns that bring a file's axes to ours (z up), by the axis that is up: (x, y, z) becomes (z, x, y), or stays.
+Up = Literal["y", "z"]
 TO_OURS = {"y": np.array([0.5, 0.5, 0.5, 0.5]), "z": IDENTITY}
 FRAMES_TRIED = 24
 UPRIGHT = 0.8  # cosine: a leg within 37 degrees of straight down still stands
@@ -57,33 +60,37 @@ class RecordedBody:
 class _Stance:
     """One pose in which the body might rest: turns from the zero pose, (1 + B, 4), and how upright it then stands."""
 
-    up: str
+    up: Up
     turn: Array
     upright: float
     parts: Anatomy | None
 
 
-def stand(name: str, body: RecordedBody, unit: float | None = None) -> tuple[Skeleton, Array, Array]:
+def stand(
+    name: str, body: RecordedBody, unit: float | None = None, up: Up | None = None
+) -> tuple[Skeleton, Array, Array]:
     """A skeleton, and its root positions (T, 3), m, and rotations (T, 1 + B, 4) that move as the body does.
 
     Args:
         name: of the skeleton.
         body: with at least one bone.
-        unit: what one of its lengths is, m; None finds out.
+        unit: length of one of its units, m; None finds out.
+        up: the file's axis that is up; None finds out.
     """
     zero = np.tile(IDENTITY, (1 + len(body.bones), 1))
-    stances = [_stance(body, up, zero) for up in TO_OURS]
+    axes: tuple[Up, ...] = ("y", "z")
+    stances = [_stance(body, axis, zero) for axis in axes]
     best = max(stances, key=lambda stance: stance.upright)
     if best.upright < UPRIGHT:
         tried = np.unique(np.linspace(0, len(body.position) - 1, FRAMES_TRIED).astype(int))
-        frames = [_stance(body, up, body.rotation[frame]) for up in TO_OURS for frame in tried]
-        frame = max(frames, key=lambda stance: stance.upright)
+        frames = [_stance(body, axis, body.rotation[frame]) for axis in axes for frame in tried]
+        frame = _agreed(frames)
         best = _straightened(body, frame) if frame.upright > STANDING else stances[0]
     vector = rotate(best.turn[1:], body.vector)
     length = np.linalg.norm(vector, axis=1)
     unit = _unit(body, vector, best.parts) if unit is None else unit
     skeleton = Skeleton(name, body.bones, body.parent, normalise(vector), length * unit)
-    world = TO_OURS[_up_in_recording(body, best, skeleton, unit)]
+    world = TO_OURS[up or _up_in_recording(body, best, skeleton, unit)]
     return (
         skeleton,
         rotate(world, body.position) * unit,
@@ -91,7 +98,7 @@ def stand(name: str, body: RecordedBody, unit: float | None = None) -> tuple[Ske
     )
 
 
-def _stance(body: RecordedBody, up: str, pose: Array) -> _Stance:
+def _stance(body: RecordedBody, up: Up, pose: Array) -> _Stance:
     """How the body stands in a pose (1 + B, 4), turned about the vertical until it faces x."""
     turn = multiply(TO_OURS[up], pose)
     vector = rotate(turn[1:], body.vector)
@@ -113,6 +120,16 @@ def _stance(body: RecordedBody, up: str, pose: Array) -> _Stance:
     return _Stance(up, turn, min(cosines), parts)
 
 
+def _agreed(stances: list[_Stance]) -> _Stance:
+    """The most upright stance among those with the anatomy that most of the upright frames show."""
+    upright = [stance for stance in stances if stance.upright > STANDING and stance.parts is not None]
+    votes = Counter(stance.parts for stance in upright)
+    if not votes:
+        return max(stances, key=lambda stance: stance.upright)
+    most = max(votes.values())
+    return max((s for s in upright if votes[s.parts] == most), key=lambda stance: stance.upright)
+
+
 def _as_skeleton(body: RecordedBody, vector: Array) -> Skeleton:
     return Skeleton("", body.bones, body.parent, normalise(vector), np.linalg.norm(vector, axis=1))
 
@@ -120,6 +137,9 @@ def _as_skeleton(body: RecordedBody, vector: Array) -> Skeleton:
 def _facing(body: RecordedBody, vector: Array) -> float | None:
     """Which way a body faces whose bones are (B, 3), about z from x, rad; None if it has no two legs to tell by."""
     skeleton = _as_skeleton(body, vector)
+    sided = _named_across(skeleton, vector)
+    if sided is not None:
+        return float(np.arctan2(-sided[0], sided[1]))
     legs: list[tuple[float, Array, Array]] = []  # how long it is, where its thigh begins, where its foot points
     for branch in skeleton.children(ROOT):
         limb = np.flatnonzero(skeleton.chain[:, branch])
@@ -141,6 +161,18 @@ def _facing(body: RecordedBody, vector: Array) -> float | None:
     if ahead @ (feet if pointed else np.array([1.0, 0.0])) < 0.0:
         ahead = -ahead
     return float(np.arctan2(ahead[1], ahead[0]))
+
+
+def _named_across(skeleton: Skeleton, vector: Array) -> Array | None:
+    """The way from the right thigh to the left one, flat, shape (2,), where names tell the sides."""
+    parts = named_anatomy(skeleton)
+    if parts is None:
+        return None
+    start = (skeleton.chain @ vector) - vector
+    left, right = (start[bone] for side in SIDES if (bone := parts.first("thigh", side)) is not None)
+    across = (left - right)[:2]
+    apart = float(np.linalg.norm(across)) > 1e-3 * float(skeleton.length.sum())
+    return across if apart else None
 
 
 def _straightened(body: RecordedBody, stance: _Stance) -> _Stance:
@@ -169,14 +201,16 @@ def _straightened(body: RecordedBody, stance: _Stance) -> _Stance:
     return _Stance(stance.up, multiply(more, stance.turn), 1.0, parts)
 
 
-def _up_in_recording(body: RecordedBody, rest: _Stance, skeleton: Skeleton, unit: float) -> str:
+def _up_in_recording(body: RecordedBody, rest: _Stance, skeleton: Skeleton, unit: float) -> Up:
     """The axis that is up while the body moves: that of its rest pose, unless it clearly stands along the other."""
     spine = [] if rest.parts is None else rest.parts.all("trunk")
     if not spine:
         return rest.up
     along = rotate(body.rotation[:, np.array(spine) + 1], body.vector[spine]).sum(axis=1)
     mean = normalise(along).mean(axis=0)
-    for up, turn in TO_OURS.items():
+    axes: tuple[Up, ...] = ("y", "z")
+    for up in axes:
+        turn = TO_OURS[up]
         # Upright along an axis says little of someone who lies; its root is at the height of its legs too.
         height = np.median(rotate(turn, body.position)[:, 2]) * unit / skeleton.leg_length
         if up != rest.up and rotate(turn, mean)[2] > UPRIGHT and 0.6 < height < 1.3:

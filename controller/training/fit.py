@@ -19,6 +19,7 @@ from controller.measures.accuracy import nrmse
 from controller.measures.motion_matching import joint_features
 from controller.measures.self_test import Judge, MotionVerdict, self_test
 from controller.measures.trials import with_trials
+from controller.mocap.canonical_body import carried
 from controller.mocap.clip import Clip
 from controller.mocap.encodings.encoding import Encoding, encoding_of
 from controller.mocap.encodings.normalisation import Normalisation
@@ -256,7 +257,7 @@ def prepare(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: No
 
 def to_learn(encoding: Encoding, clip: Clip, motion: MotionRecipe, loop_keeps: float) -> Array:
     """The frames to learn of a clip, carried to the encoding's body: a closed loop, or a motion that holds its end."""
-    channels = encoding.encode(clip.carried_to(encoding.skeleton))
+    channels = encoding.encode(carried(clip, encoding.skeleton))
     if motion.plays == "once":
         return hold_end(channels, encoding.velocities)
     return close_loop(channels, joint_features(encoding, channels), at_least=loop_keeps)

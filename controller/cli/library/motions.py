@@ -137,12 +137,13 @@ def anticipate(
     from controller.cli.pictures.figures import check_picture
     from controller.library.anticipation import Anticipator, foresight
     from controller.library.motion_library import load_library
+    from controller.mocap.canonical_body import carried
     from motiondeck_base.shipped import find
 
     if plot is not None:
         check_picture(plot)
     loaded = load_library(find("library", library, ".safetensors"))
-    seen = _cut(clip, frames, skeleton).carried_to(loaded.skeleton)
+    seen = carried(_cut(clip, frames, skeleton), loaded.skeleton)
     rows = [asdict(row) for row in foresight(Anticipator(loaded), loaded.encoding.encode(seen), seen.rate)]
     if plot is not None:
         ahead = np.array([row["ahead_s"] for row in rows])

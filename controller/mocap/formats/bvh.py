@@ -1,31 +1,30 @@
 """BVH recordings (Biovision): a tree of joints with their offsets, then the channels of every joint, frame by frame.
 
 A joint turns by its rotation channels in the order in which that joint lists them: the first is the outermost. Its
-position channels, where it has any, replace its OFFSET, as Blender and MotionBuilder read them. The file does not
-say which axis is up, nor what one unit is, nor whether a body can stand in its zero pose: `rest_pose` finds out.
-
-A joint becomes the bone from itself to its children. Where these begin in different places there is one bone for each
-of them, called after both joints ("Hips-LeftUpLeg"); children that begin where their parent does add no bone of their
-own. What is above the first fork ("Reference", "Armature") carries the body and is no bone either.
+position channels, where it has any, replace its OFFSET in each frame, as Blender and MotionBuilder read them. The file
+does not give its up axis nor its unit, and a body may be unable to stand in its zero pose: `rest_pose` finds out.
+`joint_tree` makes the joints into bones.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
 from controller.mocap.clip import Clip
-from controller.mocap.rest_pose import RecordedBody, stand
+from controller.mocap.joint_tree import JointTree, body_of
+from controller.mocap.rest_pose import Up, stand
 from controller.rotations import Array, about, continuous, multiply, rotate
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import Line, as_float, read_lines, shortened
 
 MOST_JOINTS = 1000  # without a bound a broken file could ask for any amount of memory
-COINCIDENT = 1e-4  # of the body's size: exporters write 0.000069 for joints that sit in one place
+MOST_NUMBERS = 30_000_000  # of a recording: five hours of a body with fingers at 30 Hz fill the memory of a laptop
 CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "xyz")
 _AXES = dict(zip("xyz", np.eye(3), strict=True))
 
@@ -38,15 +37,21 @@ class Joint:
     parent: int
     offset: list[float] | None = None
     channels: tuple[str, ...] = ()
-    children: list[int] = field(default_factory=list)
 
 
-def read_bvh(path: str | Path, unit: float | None = None) -> Clip:
+def read_bvh(
+    path: str | Path,
+    unit: float | None = None,
+    up: Up | None = None,
+    rename: Mapping[str, str] = MappingProxyType({}),
+) -> Clip:
     """The motion in a BVH file.
 
     Args:
         path: of the file.
-        unit: what one of its lengths is, m; None takes the usual unit that makes the body most like a person's size.
+        unit: length of one of its units, m; None takes the usual unit that makes the body most like a person's size.
+        up: its axis that is up; None finds out.
+        rename: other names for joints, by the names in the file.
 
     Raises:
         FileFormatError: naming file and line, if it cannot be read or does not follow the format.
@@ -58,8 +63,8 @@ def read_bvh(path: str | Path, unit: float | None = None) -> Clip:
         raise FileFormatError(f"{path}: there is no MOTION section. The file is cut short: fetch it again.")
     joints = _hierarchy(path, lines[:motion])
     rate, values = _motion(path, lines[motion:], sum(len(joint.channels) for joint in joints))
-    body = _body(path, joints, values)
-    skeleton, position, rotation = stand(Path(path).stem, body, unit)
+    tree = _tree([replace(joint, name=rename.get(joint.name, joint.name)) for joint in joints], values)
+    skeleton, position, rotation = stand(Path(path).stem, body_of(tree, path), unit, up)
     return Clip(Path(path).stem, skeleton, rate, position, continuous(rotation), Path(path).name)
 
 
@@ -129,8 +134,6 @@ def _named(line: Line, joints: list[Joint], open_joints: list[int]) -> Joint:
         raise line.error(f"{kind.upper()} has no name. Add one.")
     taken = {joint.name for joint in joints}
     joint = Joint(next(n for n in _numbered(name) if n not in taken), parent)
-    if parent >= 0:
-        joints[parent].children.append(len(joints))
     joints.append(joint)
     return joint
 
@@ -164,6 +167,10 @@ def _motion(path: str | Path, lines: list[Line], width: int) -> tuple[float, Arr
         raise time_line.error(f"a frame time of {period:g} s is not possible.")
     declared = counts[0].number_from(counts[0].words[-1])
     rows = [line for line in lines[heads[0] + 1 :] if line.words]
+    if len(rows) * width > MOST_NUMBERS:
+        raise counts[0].error(
+            f"{len(rows)} frames of {width} channels are more than fit into memory. Cut the recording into pieces."
+        )
     try:
         numbers = [float(word) for line in rows for word in line.words]
     except ValueError:
@@ -182,16 +189,15 @@ def _motion(path: str | Path, lines: list[Line], width: int) -> tuple[float, Arr
     return round(1.0 / period, 2), np.array(numbers).reshape(-1, width)
 
 
-def _body(path: str | Path, joints: list[Joint], values: Array) -> RecordedBody:
-    """Turns joints into bones and plays the file's angles on them, all in the file's own axes and unit."""
-    offset = np.array([joint.offset for joint in joints])
+def _tree(joints: list[Joint], values: Array) -> JointTree:
+    """Plays the file's channels on its joints, all in the file's own axes and unit."""
     frames = len(values)
     rotation = np.empty((frames, len(joints), 4))
-    position = np.zeros((frames, 3))
+    position = np.empty((frames, len(joints), 3))
     column = 0
     for index, joint in enumerate(joints):
         local = np.tile([1.0, 0.0, 0.0, 0.0], (frames, 1))
-        place = np.tile(offset[index], (frames, 1))
+        place = np.tile(np.array(joint.offset), (frames, 1))
         for channel in joint.channels:
             if channel.endswith("rotation"):
                 local = multiply(local, about(_AXES[channel[0]], np.radians(values[:, column])))
@@ -199,74 +205,15 @@ def _body(path: str | Path, joints: list[Joint], values: Array) -> RecordedBody:
                 place[:, "xyz".index(channel[0])] = values[:, column]
             column += 1
         if index == 0:
-            position = place
-        elif any(channel.endswith("position") for channel in joint.channels):
-            offset[index] = np.median(place, axis=0)  # bones are rigid
-        rotation[:, index] = local if index == 0 else multiply(rotation[:, joint.parent], local)
-
-    size = float(np.ptp(_zero_pose(joints, offset), axis=0).max())
-    if not 0.0 < size < 1e9 or np.abs(position).max() > 1e9:
-        raise FileFormatError(f"{path}: no body has joints like these. Is it the right file?")
-    apart = np.abs(offset).max(axis=1) > COINCIDENT * size
-    root = 0
-    while len(joints[root].children) == 1:
-        child = joints[root].children[0]
-        if not joints[child].children or _forks_nowhere(joints, child):
-            break
-        position = position + rotate(rotation[:, root], offset[child])
-        root = child
-    return _bones(joints, offset, apart, root, size, position, rotation)
-
-
-def _zero_pose(joints: list[Joint], offset: Array) -> Array:
-    place = offset.copy()
-    for index, joint in enumerate(joints):
-        place[index] = 0.0 if index == 0 else place[joint.parent] + offset[index]
-    return place
-
-
-def _forks_nowhere(joints: list[Joint], joint: int) -> bool:
-    while len(joints[joint].children) == 1:
-        joint = joints[joint].children[0]
-    return not joints[joint].children
-
-
-def _bones(
-    joints: list[Joint], offset: Array, apart: Array, root: int, size: float, position: Array, rotation: Array
-) -> RecordedBody:
-    names: list[str] = []
-    parents: list[int] = []
-    vectors: list[Array] = []
-    bearers = [root]
-    waiting = [(root, -1)]  # a joint, and the bone that ends in it
-    while waiting:
-        index, above = waiting.pop()
-        ways: list[tuple[Array, int]] = []  # where the joint's bones end, and which bones they are
-        below: list[tuple[int, int]] = []
-        distinct = _distinct([offset[c] for c in joints[index].children if apart[c]], COINCIDENT * size)
-        for child in joints[index].children:
-            bone = above
-            if apart[child]:
-                same = (b for way, b in ways if np.abs(way - offset[child]).max() <= COINCIDENT * size)
-                bone = next(same, -2)
-                if bone == -2:
-                    bone = len(names)
-                    ways.append((offset[child], bone))
-                    names.append(joints[index].name if distinct == 1 else f"{joints[index].name}-{joints[child].name}")
-                    parents.append(above)
-                    vectors.append(offset[child])
-                    bearers.append(index)
-            below.append((child, bone))
-        waiting.extend(reversed(below))
-    return RecordedBody(
-        tuple(names), np.array(parents), np.array(vectors).reshape(-1, 3), position, rotation[:, bearers]
+            position[:, index], rotation[:, index] = place, local
+        else:
+            above = rotation[:, joint.parent]
+            position[:, index] = position[:, joint.parent] + rotate(above, place)
+            rotation[:, index] = multiply(above, local)
+    return JointTree(
+        tuple(joint.name for joint in joints),
+        np.array([joint.parent for joint in joints]),
+        position,
+        rotation,
+        np.array([any(channel.endswith("rotation") for channel in joint.channels) for joint in joints]),
     )
-
-
-def _distinct(vectors: list[Array], tolerance: float) -> int:
-    """How many of some vectors differ."""
-    kept: list[Array] = []
-    for vector in vectors:
-        if all(np.abs(vector - other).max() > tolerance for other in kept):
-            kept.append(vector)
-    return len(kept)

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bodies import random_body, random_clip, small_body
+from bodies import random_clip, small_body
 from motiondeck_base.errors import FileFormatError
 
 
@@ -20,18 +20,6 @@ def test_joints_are_those_of_the_skeleton_in_every_frame():
     one = clip()
     assert one.joints().shape == (6, 10, 3)
     assert np.allclose(one.joints()[3], one.skeleton.joints(one.root_position[3], one.rotation[3]))
-
-
-def test_carried_to_a_body_twice_the_size_everything_is_twice_as_far():
-    one = clip()
-    other = one.carried_to(small_body(scale=2.0))
-    assert np.allclose(other.joints(), 2.0 * one.joints())
-    assert np.array_equal(other.rotation, one.rotation)
-
-
-def test_carried_to_a_body_with_other_bones_is_refused():
-    with pytest.raises(FileFormatError, match="clip 'random': skeleton 'random' has other bones"):
-        clip().carried_to(random_body(np.random.default_rng(1), 9))
 
 
 @pytest.mark.parametrize(

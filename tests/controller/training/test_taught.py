@@ -6,6 +6,7 @@ import pytest
 from controller.deck.deck import Deck
 from controller.evaluation.transitions import all_crossings
 from controller.library.motion_library import load_library, save_library
+from controller.mocap.canonical_body import carried
 from controller.mocap.encodings.joint_angles import (
     JointRetargeter,
     angles_of,
@@ -92,6 +93,6 @@ def test_joints_in_another_order_are_put_in_order(tmp_path):
     teach(clips[1], 0.5, 0.0, ("tilt", "pan"))
     assert len(gesture_recipe("gestures", clips).motions) == 2
     one, other = (read_taught_clip(path) for path in clips)
-    carried = other.carried_to(one.skeleton)
-    assert carried.skeleton.bones == JOINTS
-    assert np.allclose(angles_of(carried.rotation[:, 1:]), angles_of(other.rotation[:, 1:])[:, ::-1])
+    ordered = carried(other, one.skeleton)
+    assert ordered.skeleton.bones == JOINTS
+    assert np.allclose(angles_of(ordered.rotation[:, 1:]), angles_of(other.rotation[:, 1:])[:, ::-1])

@@ -8,6 +8,7 @@ from hypothesis.extra import numpy as hnp
 
 from controller.deck.transition import difference
 from controller.measures.motion_matching import joint_features
+from controller.mocap.canonical_body import carried
 from controller.mocap.encodings.encoding import encoding_of
 from controller.mocap.encodings.joint_angles import (
     JointAngles,
@@ -69,7 +70,7 @@ def test_a_clip_is_read_as_it_was_written(tmp_path):
     clip = read_clip(path)
     assert (clip.name, clip.skeleton.bones, clip.rate, clip.source) == ("wave", JOINTS, 50.0, "rig.toml")
     assert angles_of(clip.rotation[:, 1:]) == pytest.approx(values, abs=1e-12)
-    assert clip.carried_to(read_taught_clip(path).skeleton).duration == pytest.approx(1.2)
+    assert carried(clip, read_taught_clip(path).skeleton).duration == pytest.approx(1.2)
 
 
 @pytest.mark.parametrize(

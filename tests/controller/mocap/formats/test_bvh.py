@@ -10,6 +10,7 @@ from controller.mocap.anatomy import anatomy
 from controller.mocap.formats.bvh import read_bvh
 from controller.mocap.formats.reading import read_clip
 from controller.mocap.formats.writing import bvh_text
+from independent_readings import bvh_joints
 from motiondeck_base.errors import FileFormatError
 from recordings import BVH
 
@@ -19,47 +20,8 @@ def write(folder, text, name="bow.bvh"):
     return folder / name
 
 
-def joints_by_scipy(text):
-    """Where each joint of a BVH is, by name, in its axes and unit: the format once more, in another way."""
-    hierarchy, motion = text.split("MOTION")
-    rows = np.array([line.split() for line in motion.strip().splitlines()[2:]], dtype=float)
-    place, turn, above, column = {}, {}, [], 0
-    words = iter(re.findall(r"\S+", hierarchy))
-    name = None
-    for word in words:
-        if word in ("ROOT", "JOINT"):
-            name = next(words)
-        elif word == "End":
-            next(words)
-            name = f"{above[-1]} end"
-        elif word == "{":
-            above.append(name)
-        elif word == "}":
-            above.pop()
-        elif word == "OFFSET":
-            offset = np.tile([float(next(words)) for _ in range(3)], (len(rows), 1))
-            parent = above[-2] if len(above) > 1 else None
-            turn[name] = turn.get(parent, Rotation.identity(len(rows)))
-            place[name] = offset if parent is None else place[parent] + turn[parent].apply(offset)
-        elif word == "CHANNELS":
-            order, angles = "", []
-            for _ in range(int(next(words))):
-                channel = next(words)
-                if channel.endswith("rotation"):
-                    order += channel[0]
-                    angles.append(rows[:, column])
-                elif parent is None:
-                    place[name][:, "XYZ".index(channel[0])] = rows[:, column]
-                column += 1
-            if order:
-                turn[name] = turn[name] * Rotation.from_euler(
-                    order, np.array(angles).T.reshape(len(rows), -1), degrees=True
-                )
-    return place
-
-
 def test_each_joint_turns_in_its_own_order_of_channels(tmp_path):
-    clip, file = read_bvh(write(tmp_path, BVH)), joints_by_scipy(BVH)
+    clip, file = read_bvh(write(tmp_path, BVH)), bvh_joints(BVH)
     ours = dict(zip(clip.skeleton.bones, np.moveaxis(clip.joints()[:, 1:], 1, 0), strict=True))
     ends = {
         "Hips-LeftUpLeg": "LeftUpLeg",
@@ -122,8 +84,9 @@ def test_joints_of_the_same_place_make_no_bone_and_a_reference_above_the_body_no
 def test_exporters_files_are_read_to_the_last_joint(mocap_data, file, unit, off):
     path = mocap_data / "bvh" / f"{file}.bvh"
     clip = read_clip(path)
-    theirs = unit * np.stack(list(joints_by_scipy(path.read_text()).values()), axis=1)[..., [2, 0, 1]]
-    ours = clip.joints()
+    theirs = unit * np.stack(list(bvh_joints(path.read_text()).values()), axis=1)[..., [2, 0, 1]]
+    given = [1 + bone for bone, name in enumerate(clip.skeleton.bones) if name != "CC_Base_Head"]  # its end is assumed
+    ours = clip.joints()[:, [0, *given]]
     nearest = np.linalg.norm(ours[0][:, None] - theirs[0][None], axis=-1).argmin(axis=1)
     assert np.linalg.norm(ours - theirs[:, nearest], axis=-1).max() < off
     parts = anatomy(clip.skeleton)

@@ -1,0 +1,173 @@
+"""What the usual names of bones and joints mean: which part of the body, and which side.
+
+One table serves CMU and HDM05, LAFAN1, Mixamo, MotionBuilder, 3ds Max Biped, Rokoko, Xsens, SMPL, Bandai-Namco, VRM,
+iClone and the names of OpenSim and OpenPose: prefixes and separators are dropped, the side is taken from words such as
+"Left", "L" or "lt", and what is left is looked up. A bone is called after the joint that it starts from ("LeftLeg" is a
+shank) or after itself ("ltibia"); where a joint has several bones each bears both names ("Hips-LeftUpLeg").
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from functools import lru_cache
+from typing import Literal, NamedTuple
+
+Part = Literal[
+    "pelvis",
+    "trunk",
+    "neck",
+    "head",
+    "hip",
+    "thigh",
+    "shank",
+    "foot",
+    "toes",
+    "clavicle",
+    "upper arm",
+    "forearm",
+    "hand",
+]
+Side = Literal["left", "right", "middle"]
+
+
+class NamedPart(NamedTuple):
+    """A part of the body and its side."""
+
+    part: Part
+    side: Side
+
+
+_MIDDLE: dict[Part, str] = {
+    "pelvis": "hips hip pelvis",
+    "trunk": "spine chest upperchest lowerback upperback back thorax torso abdomen waist lowerchest lumbar rib ribs "
+    "l5 l3 t12 t8 midspine",
+    "neck": "neck lowerneck upperneck necktwist",
+    "head": "head skull",
+}
+_SIDED: dict[Part, str] = {
+    "hip": "hipjoint",
+    "thigh": "upleg upperleg thigh femur hip",
+    "shank": "lowerleg lowleg leg calf shin shank tibia knee",
+    "foot": "foot ankle",
+    "toes": "toe toes toebase ball bigtoe",
+    "clavicle": "clavicle collar collarbone shoulder",
+    "upper arm": "upperarm uparm arm humerus shldr",
+    "forearm": "forearm lowerarm lowarm radius elbow",
+    "hand": "hand wrist",
+}
+_KEYS: dict[str, Part] = {
+    word: part for table in (_MIDDLE, _SIDED) for part, words in table.items() for word in words.split()
+}
+_KEYS |= {"hip": "pelvis"}  # with a side it is a thigh, which `_part` knows
+_PREFIXES = re.compile(
+    r"^(mixamorig\d*|character\d*|bip\d*|cc base|j bip|joint|jnt|def|org|mch|rl|b|[mf] avg|avg|bone|valvebiped)\b"
+)
+_RIGGED = re.compile(r"^(DEF|ORG|MCH)-")  # Blender's rigs
+_LEFT, _RIGHT = {"left", "l", "lt", "lf"}, {"right", "r", "rt", "rg"}
+# Where joints are called after themselves, "shoulder" is where the upper arm starts, and "leg" never stands alone.
+_JOINT_STYLE = {"elbow", "knee"}
+# What a bone may lead to: a bone "A-B" belongs to A only where B continues it.
+_FOLLOWS: dict[Part, tuple[Part, ...]] = {
+    "pelvis": ("trunk", "neck", "head", "pelvis"),
+    "trunk": ("trunk", "neck", "head"),
+    "neck": ("neck", "head"),
+    "hip": ("hip", "thigh"),
+    "thigh": ("thigh", "shank"),
+    "shank": ("shank", "foot"),
+    "foot": ("foot", "toes"),
+    "clavicle": ("clavicle", "upper arm"),
+    "upper arm": ("upper arm", "forearm"),
+    "forearm": ("forearm", "hand"),
+}
+
+_THESIS: dict[str, NamedPart] = {
+    "back": NamedPart("trunk", "middle"),
+    "neck": NamedPart("trunk", "middle"),
+    "head": NamedPart("head", "middle"),
+}
+_LIMBS: tuple[tuple[str, Part], ...] = (
+    ("hip", "hip"),
+    ("kne", "thigh"),
+    ("ank", "shank"),
+    ("foo", "foot"),
+    ("sho", "clavicle"),
+    ("elb", "upper arm"),
+    ("wri", "forearm"),
+    ("han", "hand"),
+)
+_SIDES: tuple[tuple[str, Side], ...] = (("l", "left"), ("r", "right"))
+for _letter, _side in _SIDES:
+    _THESIS |= {_letter + end: NamedPart(part, _side) for end, part in _LIMBS}
+
+
+def named_parts(names: Iterable[str]) -> list[NamedPart | None]:
+    """The part that each name of a skeleton means; None where it means none of a human's."""
+    names = tuple(names)
+    if set(_THESIS) <= set(names):
+        return [_THESIS.get(name) for name in names]
+    style = {_key(start)[0] for name in names for start in name.split("-")}
+    joint_style = bool(style & _JOINT_STYLE)
+    return [_named(name, joint_style) for name in names]
+
+
+def _named(name: str, joint_style: bool) -> NamedPart | None:
+    """The part of one bone: its own, or that of the way to the joint it leads to."""
+    start, *end = _RIGGED.sub("", name).split("-", 1)
+    own = _part(start, joint_style)
+    if not end:
+        return own
+    next_part = _part(end[0], joint_style)
+    if own is not None and own.part in ("hand", "foot"):
+        return own
+    if own is None or next_part is None:
+        return None
+    if own.side == "middle" and next_part.part in ("hip", "thigh"):
+        return NamedPart("hip", next_part.side)
+    if own.side == "middle" and next_part.part in ("clavicle", "upper arm"):
+        return NamedPart("clavicle", next_part.side)
+    follows = next_part.part in _FOLLOWS.get(own.part, ()) and next_part.side in (own.side, "middle")
+    return own if follows else None
+
+
+def _part(name: str, joint_style: bool) -> NamedPart | None:
+    key, side = _key(name)
+    part = _KEYS.get(key)
+    if part is None:
+        return None
+    if side == "middle":
+        return NamedPart(part, side) if part in _MIDDLE else None
+    if key == "hip":
+        return NamedPart("thigh", side)
+    if key == "shoulder" and joint_style:
+        return NamedPart("upper arm", side)
+    return None if part in _MIDDLE else NamedPart(part, side)
+
+
+@lru_cache(maxsize=4096)
+def _key(name: str) -> tuple[str, Side]:
+    """A name without prefix, separators, numbers and side; and the side."""
+    name = name.rsplit(":", 1)[-1]
+    name = re.sub(r"([a-z0-9])([A-Z])", r"\1 \2", name)
+    name = re.sub(r"([A-Z])([A-Z][a-z])", r"\1 \2", name)
+    spaced = " ".join(re.sub(r"[^a-z0-9]+", " ", name.lower()).split())
+    while (shorter := _PREFIXES.sub("", spaced).strip()) and shorter != spaced:
+        spaced = shorter
+    words = spaced.split()
+    side: Side = "middle"
+    kept: list[str] = []
+    for word in words:
+        bare = word.rstrip("0123456789")
+        if bare in _LEFT | _RIGHT and side == "middle" and len(words) > 1 and not word[-1].isdigit():
+            side = "left" if bare in _LEFT else "right"
+        elif bare or len(words) == 1:
+            kept.append(bare if bare not in ("", "l", "t") else word)
+    key = "".join(word for word in kept if word != "c")
+    if side == "middle" and key not in _KEYS:
+        prefixes: tuple[tuple[str, Side], ...] = (("left", "left"), ("right", "right"), *_SIDES)
+        for word, which in prefixes:
+            if key.startswith(word) and key[len(word) :] in _KEYS:
+                return key[len(word) :], which
+            if key.endswith(word) and key[: -len(word)] in _KEYS:
+                return key[: -len(word)], which
+    return key, side

@@ -1,0 +1,187 @@
+"""A recorded tree of joints, whatever file it came from, made into bones.
+
+A reader gives where every joint is and how it is turned, frame by frame; here joints become rigid bones:
+
+- The root is the joint called hips or pelvis, or else the first fork; what is above it ("Reference", "Armature", a root
+  on the floor) only carries the body, and its movement is in the positions.
+- A joint becomes the bone from itself to its children. Where these begin in different places there is one bone for each
+  of them, called after both joints ("Hips-LeftUpLeg"); children that begin where their parent does add no bone.
+- A joint that ends the tree without an end site is a bone too if it is a hand or a head: how it is turned is recorded,
+  only its length is not. It continues the bone before it.
+- Where a bone changes its length or bends (position channels), it is as long as in the median frame, and turned in each
+  frame to where it points there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.mocap.bone_names import named_parts
+from controller.mocap.rest_pose import RecordedBody
+from controller.rotations import Array, between, conjugate, dot, multiply, normalise, rotate
+from motiondeck_base.errors import FileFormatError
+
+COINCIDENT = 1e-4  # of the body's size: exporters write 0.000069 for joints that sit in one place
+# How long a bone is whose end the file does not give: a head against the spine below it, a hand against its arm.
+HEAD_PER_SPINE, HAND_PER_ARM = 0.25, 0.35
+
+
+@dataclass(frozen=True, eq=False)
+class JointTree:
+    """J joints over T frames, in the axes and the unit of a file.
+
+    Attributes:
+        names: of the joints, no two alike.
+        parent: of each joint, shape (J,), parents first; -1 for the one at the top.
+        position: world positions, shape (T, J, 3).
+        rotation: world rotations, shape (T, J, 4).
+        turns: whether a joint's own rotation is recorded (an end site's is not), shape (J,).
+    """
+
+    names: tuple[str, ...]
+    parent: NDArray[np.int64]
+    position: Array
+    rotation: Array
+    turns: NDArray[np.bool_]
+
+
+def body_of(tree: JointTree, path: object) -> RecordedBody:
+    """The bones of a tree.
+
+    Raises:
+        FileFormatError: naming the file, if no body has such joints.
+    """
+    children = [np.flatnonzero(tree.parent == joint).tolist() for joint in range(len(tree.names))]
+    above = np.maximum(tree.parent, 0)
+    offset = rotate(conjugate(tree.rotation[:, above]), tree.position - tree.position[:, above])
+    size = float(np.ptp(_median(tree.position - tree.position[:, :1]), axis=0).max())
+    if not 0.0 < size < 1e9 or np.abs(tree.position).max() > 1e9:
+        raise FileFormatError(f"{path}: no body has joints like these. Is it the right file?")
+    rigid = _median(offset)
+    bends = np.abs(offset - rigid).max(axis=(0, 2)) > COINCIDENT * size
+    root = _root(tree, children)
+
+    names: list[str] = []
+    parents: list[int] = []
+    vectors: list[Array] = []
+    rotations: list[Array] = []
+    for joint, child, bone_above in _bones(tree, children, rigid, COINCIDENT * size, root, names):
+        turned = tree.rotation[:, joint]
+        if child is None:
+            vector = _assumed(tree, joint, rigid)
+        else:
+            vector = rigid[child]
+            if bends[child]:
+                seen = rotate(turned, offset[:, child])
+                there = np.sqrt(dot(seen, seen)) > COINCIDENT * size
+                swing = between(normalise(rotate(turned, vector)), normalise(seen))
+                turned = np.where(there[:, None], multiply(swing, turned), turned)
+        parents.append(bone_above)
+        vectors.append(vector)
+        rotations.append(turned)
+    if not names:
+        raise FileFormatError(f"{path}: all its joints are in one place. Is it the right file?")
+    return RecordedBody(
+        tuple(names),
+        np.array(parents),
+        np.array(vectors),
+        tree.position[:, root],
+        np.stack([tree.rotation[:, root], *rotations], axis=1),
+    )
+
+
+def _median(frames: Array) -> Array:
+    """The median over some hundred frames: enough to see past a few bad ones."""
+    return np.median(frames[:: max(1, len(frames) // 400)], axis=0)
+
+
+def _root(tree: JointTree, children: list[list[int]]) -> int:
+    """The joint that the body hangs from."""
+    parts = named_parts(tree.names)
+    named = (j for j, part in enumerate(parts) if part is not None and part.part == "pelvis" and children[j])
+    root = next(named, 0)
+    while len(children[root]) == 1:
+        child = children[root][0]
+        if not _forks(children, child):
+            break
+        root = child
+    return root
+
+
+def _forks(children: list[list[int]], joint: int) -> bool:
+    while len(children[joint]) == 1:
+        joint = children[joint][0]
+    return bool(children[joint])
+
+
+def _bones(
+    tree: JointTree, children: list[list[int]], offset: Array, least: float, root: int, names: list[str]
+) -> Iterator[tuple[int, int | None, int]]:
+    """Names each bone and gives the joints it leads from and to (None: assumed), and the bone it hangs from."""
+    waiting = [(root, -1)]  # a joint, and the bone that ends in it
+    while waiting:
+        joint, above = waiting.pop()
+        apart = [child for child in children[joint] if np.abs(offset[child]).max() > least]
+        ways = _distinct([offset[child] for child in apart], least)
+        if not apart and _unfinished(tree, children, joint):
+            names.append(tree.names[joint])
+            yield joint, None, above
+        below: list[tuple[int, int]] = []
+        begun: list[tuple[Array, int]] = []  # where the joint's bones end, and which bones they are
+        for child in children[joint]:
+            bone = above
+            if child in apart:
+                same = (b for way, b in begun if _near(way, offset[child], least))
+                bone = next(same, -2)
+                if bone == -2:
+                    bone = len(names)
+                    begun.append((offset[child], bone))
+                    one, together = tree.names[joint], [c for c in apart if _near(offset[c], offset[child], least)]
+                    known = (tree.names[c] for c in together if named_parts([tree.names[c]])[0] is not None)
+                    names.append(one if len(ways) == 1 else f"{one}-{next(known, tree.names[child])}")
+                    yield joint, child, above
+            below.append((child, bone))
+        waiting.extend(reversed(below))
+
+
+def _near(one: Array, other: Array, tolerance: float) -> bool:
+    return bool(np.abs(one - other).max() <= tolerance)
+
+
+def _distinct(vectors: list[Array], tolerance: float) -> list[Array]:
+    kept: list[Array] = []
+    for vector in vectors:
+        if not any(_near(vector, other, tolerance) for other in kept):
+            kept.append(vector)
+    return kept
+
+
+def _unfinished(tree: JointTree, children: list[list[int]], joint: int) -> bool:
+    """Whether a joint is a head or a hand without an end."""
+    (part,) = named_parts([tree.names[joint]])
+    if part is None or not tree.turns[joint]:
+        return False
+    last = all(not children[child] for child in children[joint])
+    return part.part == "head" or (part.part == "hand" and last)
+
+
+def _assumed(tree: JointTree, joint: int, offset: Array) -> Array:
+    """A bone that continues the one before it, seen from its own joint."""
+    way = [joint]
+    (part,) = named_parts([tree.names[joint]])
+    reach = 2 if part is not None and part.part == "hand" else len(tree.names)
+    while len(way) < reach and tree.parent[way[-1]] >= 0 and named_parts([tree.names[way[-1]]])[0] is not None:
+        above = int(tree.parent[way[-1]])
+        if named_parts([tree.names[above]])[0] is None:
+            break
+        way.append(above)
+    before = joint
+    while np.linalg.norm(offset[before]) == 0.0 and tree.parent[before] >= 0:
+        before = int(tree.parent[before])
+    share = HAND_PER_ARM if reach == 2 else HEAD_PER_SPINE
+    length = share * sum(float(np.linalg.norm(offset[j])) for j in (way if reach == 2 else way[:-1]))
+    return normalise(offset[before]) * length

@@ -1,0 +1,97 @@
+"""BVH and AMC read once more, from the formats' specifications and with scipy: where every joint is, in file axes."""
+
+import re
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+
+def bvh_joints(text, frames=slice(None)):
+    """Where each joint of a BVH is, by name, shape (T, 3), in the file's axes and unit.
+
+    A joint's channels apply in their order, the first outermost; position channels replace its OFFSET.
+    """
+    hierarchy, motion = text.split("MOTION")
+    rows = np.array([line.split() for line in motion.strip().splitlines()[2:] if line.strip()], dtype=float)[frames]
+    place, turn, above, column = {}, {}, [], 0
+    words = iter(re.findall(r"\S+", hierarchy))
+    name = None
+    for word in words:
+        if word in ("ROOT", "JOINT"):
+            name = next(words)
+        elif word == "End":
+            next(words)
+            name = f"{above[-1]} end"
+        elif word == "{":
+            above.append(name)
+        elif word == "}":
+            above.pop()
+        elif word == "OFFSET":
+            offset = np.tile([float(next(words)) for _ in range(3)], (len(rows), 1))
+            parent = above[-2] if len(above) > 1 else None
+            turn[name], place[name] = _placed(turn, place, parent, offset, Rotation.identity(len(rows)))
+        elif word == "CHANNELS":
+            order, angles = "", []
+            for _ in range(int(next(words))):
+                channel = next(words)
+                if channel.endswith("rotation"):
+                    order += channel[0].upper()
+                    angles.append(rows[:, column])
+                else:
+                    offset[:, "XYZ".index(channel[0].upper())] = rows[:, column]
+                column += 1
+            own = Rotation.identity(len(rows))
+            if order:
+                own = Rotation.from_euler(order, np.array(angles).T.reshape(len(rows), -1), degrees=True)
+            turn[name], place[name] = _placed(turn, place, parent, offset, own)
+    return place
+
+
+def _placed(turn, place, parent, offset, own):
+    if parent is None:
+        return own, offset.copy()
+    return turn[parent] * own, place[parent] + turn[parent].apply(offset)
+
+
+def amc_joints(asf, amc, frames=slice(None)):
+    """Where each bone of an ASF ends in each frame of an AMC, by name, in the file's axes (y up), m; "root" too.
+
+    Lengths are inches divided by `length`. A bone turns by C M C^-1 against its parent: C from `axis`, M from its
+    channels; both rotate about fixed axes, the first angle first.
+    """
+    section = dict(re.findall(r"^:(\w+)(.*?)(?=^:|\Z)", asf, flags=re.MULTILINE | re.DOTALL))
+    unit = 0.0254 / float(re.search(r"length\s+(\S+)", section["units"]).group(1))
+    bones = {}
+    for block in re.findall(r"begin(.*?)end\b", section["bonedata"], flags=re.DOTALL):
+        fields = {line.split()[0]: line.split()[1:] for line in block.strip().splitlines() if line.split()}
+        bones[fields["name"][0]] = fields
+    order = re.search(r"order\s+(.*)", section["root"]).group(1).lower().split()
+    parent = {}
+    for line in section["hierarchy"].splitlines():
+        words = line.split()
+        parent |= {child: words[0] for child in words[1:] if words[0] not in ("begin", "end")}
+    blocks = re.split(r"^\d+\s*$", amc, flags=re.MULTILINE)[1:][frames]
+    values = {}
+    for block in blocks:
+        for line in block.strip().splitlines():
+            name, *numbers = line.split()
+            values.setdefault(name, []).append([float(number) for number in numbers])
+    root = dict(zip(order, np.array(values["root"]).T, strict=True))
+    place = {"root": np.stack([root[axis] for axis in ("tx", "ty", "tz")], axis=1) * unit}
+    turn = {"root": _fixed("".join(c[1] for c in order if c[0] == "r"), [root[c] for c in order if c[0] == "r"])}
+    for name, above in parent.items():
+        fields = bones[name]
+        axis = Rotation.from_euler(fields["axis"][3].lower(), [float(a) for a in fields["axis"][:3]], degrees=True)
+        channels = fields.get("dof", [])
+        own = Rotation.identity(len(blocks))
+        if channels:
+            own = _fixed("".join(channel[1] for channel in channels), np.array(values[name]).T)
+        turn[name] = turn[above] * (axis * own * axis.inv())
+        vector = np.array([float(d) for d in fields["direction"]])
+        vector *= float(fields["length"][0]) * unit / np.linalg.norm(vector)
+        place[name] = place[above] + turn[name].apply(vector)
+    return place
+
+
+def _fixed(letters, angles):
+    return Rotation.from_euler(letters, np.array(angles).T, degrees=True)
