@@ -34,9 +34,8 @@ def main() -> None:
     parser.add_argument("--rig", default="emulated", help="a rig file, or 'emulated'")
     options = parser.parse_args()
 
-    start = time.monotonic()
     with motiondeck.play("thesis15", "walk", robot="servo20", rig=options.rig, physics=False) as deck:
-        present = "walk"
+        start, present = time.monotonic(), "walk"
         while (now := time.monotonic() - start) < options.seconds:
             wanted = motion_for(distance(now), present)
             if wanted != present:

@@ -75,7 +75,7 @@ _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 
 def __getattr__(name: str) -> object:
-    """Imports what is asked for when it is first used (PEP 562): importing everything takes a second."""
+    """Imports a name when it is first used (PEP 562): importing everything takes a second."""
     if name not in __all__:
         raise AttributeError(f"module 'motiondeck' has no attribute '{name}'")
     try:

@@ -13,7 +13,7 @@ PACKAGES = ("motiondeck_base", "controller", "sim", "hardware")
 
 
 def main() -> None:
-    """Runs the command line; where another package stands in front of one of ours, one line says so (exit code 1)."""
+    """Runs the command line; where a foreign package shadows one of ours, prints one line and exits with code 1."""
     for line in shadowed():
         print(f"motiondeck: {line}", file=sys.stderr)
         sys.exit(1)

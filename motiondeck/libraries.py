@@ -155,7 +155,7 @@ def learn(
     )
     for motion in one_shots:
         if motion not in files:
-            raise MotiondeckError(f"one_shots names '{motion}', which is none of the motions {', '.join(files)}")
+            raise MotiondeckError(f"one_shots names '{motion}', which is not among the motions {', '.join(files)}")
     if not files:
         raise MotiondeckError("there are no recordings to learn from")
     motions = [

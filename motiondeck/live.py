@@ -256,7 +256,7 @@ class LiveDeck:
         try:
             reply = self._client.request(checked(message), _ANSWERS_WITHIN)
         except SocketError:
-            # It may just be ending: then there is more to say than that nobody answers.
+            # It may just be ending: then its reason is more useful than that nobody answers.
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._process.wait(1.0)
                 self._end()

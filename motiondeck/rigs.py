@@ -86,7 +86,7 @@ class Rig:
     def wait(self, seconds: float) -> None:
         """Lets time pass and keeps the servos' watchdogs fed; a simulated rig does not keep you waiting.
 
-        Calls add up to what was asked, whatever happens in between: a loop of `write` and `wait(0.01)` runs at 100 Hz.
+        Successive calls keep their pace whatever happens in between: a loop of `write` and `wait(0.01)` runs at 100 Hz.
         """
         rig = self._rig
         if isinstance(rig, SimulatedRig):
@@ -146,6 +146,7 @@ def open_rig(name: str | Path, servos: Servos = "real", ports: Sequence[str] = (
 
     Raises:
         MotiondeckError: if the file is wrong, a port cannot be opened, or a servo is missing or unfit; it names them.
+            After the block, if joints did not confirm that their torque is off.
     """
     if servos not in SERVOS:
         raise UnknownNameError.among("kind of servos", servos, SERVOS)
@@ -160,9 +161,11 @@ def open_rig(name: str | Path, servos: Servos = "real", ports: Sequence[str] = (
             connected = connect_rig(config, ports)
         try:
             yield Rig(connected)
-        finally:
-            unconfirmed = connected.close()
-        if unconfirmed:
+        except BaseException as error:
+            if unconfirmed := connected.close():
+                error.add_note(still_on(unconfirmed))
+            raise
+        if unconfirmed := connected.close():
             raise RigError(still_on(unconfirmed))
 
 

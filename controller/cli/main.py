@@ -8,10 +8,10 @@ import signal
 import sys
 from typing import Annotated
 
-# While modules are still being imported Ctrl-C ends the program without a word.
+# While modules are still being imported Ctrl-C ends the program silently.
 signal.signal(signal.SIGINT, signal.SIG_DFL)
 
-# Two BLAS threads cost a loop eight milliseconds at p99; this must be said before numpy is imported.
+# Two BLAS threads cost a loop eight milliseconds at p99; this must be set before numpy is imported.
 for _library in ("OPENBLAS", "OMP", "MKL"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
 
@@ -76,7 +76,7 @@ def main() -> None:
     except KeyboardInterrupt:
         sys.exit(130)
     except BrokenPipeError:
-        # Whoever read our output has gone (`| head`); there is nobody left to tell.
+        # The reader of our output has gone (`| head`).
         sys.stdout = None
         sys.exit(141)
     except OSError as error:

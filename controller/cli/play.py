@@ -33,7 +33,7 @@ def play(
     solver: Annotated[
         str | None,
         typer.Option(
-            "--solver", help="How motions are carried onto the robot: angles or ik; the robot file says by itself."
+            "--solver", help="How motions are carried onto the robot: angles or ik; default: as in the robot file."
         ),
     ] = None,
     rig: Annotated[
@@ -204,7 +204,7 @@ def play(
 
 
 def _timeline(library: MotionLibrary, motion: str | None, script: str | None) -> tuple[str, list[Timed], float | None]:
-    """What is played first, what is commanded when, and how long a script takes, if it says so."""
+    """The first motion, what is commanded when, and the length of a script, if it has one."""
     from controller.cli.session.script import Timed, parse_script, read_timeline
     from controller.cli.session.setup import first_motion
 

@@ -1,6 +1,6 @@
 """Learning from signals that are no motions: any time series (T, D), by name.
 
-What plays motions needs a body and an encoding; the networks themselves do not. A signal is normalised to [-1, 1], its
+Playing motions needs a body and an encoding; the networks themselves do not. A signal is normalised to [-1, 1], its
 first frames lead the reservoir in, and the rest is learned.
 """
 
@@ -123,7 +123,7 @@ def _motions(
         raise MotiondeckError("there are no signals to learn")
     for name in loops:
         if name not in signals:
-            raise MotiondeckError(f"loops names '{name}', which is none of the signals {', '.join(signals)}")
+            raise MotiondeckError(f"loops names '{name}', which is not among the signals {', '.join(signals)}")
     for name, signal in signals.items():
         if len(signal) < washout + 2:
             raise MotiondeckError(f"signal '{name}' of {len(signal)} frames is too short for a washout of {washout}")

@@ -199,6 +199,29 @@ def test_targets_that_do_not_fit_a_rig_are_refused(angles, says):
         assert np.array_equal(rig.read(), before)
 
 
+def test_an_emulated_rig_is_read_and_moved_over_its_wire():
+    with motiondeck.open_rig("servo20", servos="emulated") as rig:
+        joint = rig.joints[3]
+        rig.move_to({joint: 0.2}, seconds=0.4)
+        rig.wait(0.3)
+        assert dict(zip(rig.joints, rig.read(), strict=True))[joint] == pytest.approx(0.2, abs=0.02)
+
+
+def test_joints_whose_torque_may_still_be_on_are_named_in_the_end():
+    def drive(error=None):
+        with motiondeck.open_rig("servo20", servos="simulated") as rig:
+            rig._rig.servos.devices[4].dead = True
+            if error is not None:
+                raise error
+
+    with pytest.raises(MotiondeckError, match="torque may still be on: r_shoulder_yaw"):
+        drive()
+    error = ZeroDivisionError()
+    with pytest.raises(ZeroDivisionError):
+        drive(error)
+    assert "torque may still be on" in error.__notes__[0]
+
+
 def test_rigs_that_do_not_exist_are_named():
     for arguments, says in (
         (("servo2o", "simulated"), "Did you mean servo20"),

@@ -42,8 +42,8 @@ def play(
 ) -> None:
     """Play a taught clip once, or a library for as long as you like, on a rig alone.
 
-    Nothing is simulated and nothing is shown: the rig is all there is. The approach to the first pose is slow; every
-    target keeps to the rig file's limits. A clip ends at its last frame, even if it is held back or stopped.
+    No robot is simulated and there is no page. The approach to the first pose is slow; every target keeps to the rig
+    file's limits. A clip ends at its last frame, even if limits have held it back.
 
     `motiondeck send switch nod` (or pause, speed 0.5, home, estop) commands it.
 

@@ -53,7 +53,7 @@ class RigOutput:
         self._lost = ""
 
     def write(self, targets: Array, pose: Pose) -> None:
-        """Takes in the state asked for a tick ago, sends the targets, and asks anew; never waits for the wire.
+        """Takes the state requested a tick ago, sends the targets, and requests the next; never waits for the wire.
 
         Raises:
             MotiondeckError: if the rig has stopped for good, at this and every later write.
@@ -83,7 +83,7 @@ class RigOutput:
         return self._measured
 
     def report(self) -> Mapping[str, object]:
-        """The rig's part of the run's report."""
+        """The rig's part of the report of the run."""
         rig = self._rig
         return {
             "kind": "dynamixel",

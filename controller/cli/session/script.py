@@ -4,7 +4,7 @@ motion = "walk"              # what is played first
 
 [[commands]]
 at = 4.0                     # s since play began
-say = "switch jog"           # what one would type at the prompt
+say = "switch jog"           # a command as typed at the prompt
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class _File(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def read_timeline(path: Path, motions: Iterable[str]) -> tuple[str, list[Timed]]:
-    """What a timeline file plays first, and its commands in the order of their times.
+    """The first motion of a timeline file, and its commands in the order of their times.
 
     Args:
         path: a TOML file.
@@ -79,7 +79,7 @@ def read_timeline(path: Path, motions: Iterable[str]) -> tuple[str, list[Timed]]
 
 
 def parse_script(text: str, motions: Iterable[str]) -> tuple[list[Cue], float | None]:
-    """The cues of a script, the first one at 0 s, and how long it takes, if its last part says so.
+    """The cues of a script, the first one at 0 s, and its length in s, if its last part gives seconds.
 
     Args:
         text: motions separated by commas, each but the last followed by its seconds; the last one's may be left out.
@@ -102,7 +102,7 @@ def parse_script(text: str, motions: Iterable[str]) -> tuple[list[Cue], float | 
             raise UnknownNameError(f"script, part {place}: {UnknownNameError.among('motion', words[0], known)}")
         if len(words) == 1 and not last:
             raise MotiondeckError(
-                f"script, part {place}: say for how long, as in '{words[0]} 4'; only the last may go on"
+                f"script, part {place}: give its seconds, as in '{words[0]} 4'; only the last part may go without"
             )
         cues.append(Cue(at, words[0]))
         at += _seconds(words[1], place) if len(words) == 2 else 0.0

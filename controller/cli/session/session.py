@@ -49,7 +49,7 @@ from motiondeck_base.errors import MotiondeckError
 
 @dataclass(frozen=True)
 class RunSettings:
-    """How a run goes, whatever is played and whoever plays it.
+    """How a run goes, whatever is played on whichever robot.
 
     Attributes:
         rate: ticks of the loop a second, Hz.
@@ -110,15 +110,15 @@ class Session:
     """Opens all that a run needs; use it as a context manager.
 
     Args:
-        source: what is played: its name and its skeleton.
-        open_robots: opens those who play, at least one; the stack that it is given closes them.
+        source: what is played; a session needs its name and its skeleton, recognition its motions.
+        open_robots: opens the robots, at least one; the stack that it gets closes them.
         make_deck: makes what is played, for the robots' retargeting.
         settings: the rest.
         timeline: what is commanded when, in order.
         clock: what the loop runs on, of the rate in the settings; a `Ticker` by default.
 
     Attributes:
-        robots: who plays, once it is open.
+        robots: those that play, once it is open.
         command_port: where commands are taken, once it is open.
         page_port: where the page is, once it is open, if there is one.
     """

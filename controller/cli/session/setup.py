@@ -23,7 +23,7 @@ def check_seconds(seconds: float | None) -> None:
 
 
 def first_motion(library: MotionLibrary, motion: str | None) -> str:
-    """What a library plays first: the motion that was asked for, else `walk` where there is one.
+    """What a library plays first: the given motion, else `walk`, else its first one.
 
     Raises:
         UnknownNameError: if the library has no such motion; it names the nearest.

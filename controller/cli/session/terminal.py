@@ -37,7 +37,7 @@ _HELP_ROWS = [
 ]
 HELP = "\n".join(f"{typed:26} {effect}" for typed, effect in _HELP_ROWS)
 
-_HEARTBEAT = 0.3  # s of silence before asking whether the deck is still there; three questions are asked
+_HEARTBEAT = 0.3  # s of silence before a status request; after three without an answer the deck is gone
 _STARTING = 5.0  # s that a deck may take from opening its port to answering
 
 
@@ -66,7 +66,7 @@ class _Interrupted(Exception):
 
 
 async def converse(client: CommandClient) -> None:
-    """Takes commands from a person, with completion, until it is left or the deck goes away.
+    """Takes commands from a person, with completion, until the person leaves or the deck ends.
 
     Raises:
         SocketError: if no deck is running.
@@ -95,7 +95,7 @@ async def converse(client: CommandClient) -> None:
             except _Interrupted:
                 line = "stop"
             try:
-                if message := _understood(line):
+                if message := _message_in(line):
                     client.post(message)
             except SocketError:
                 break
@@ -104,8 +104,8 @@ async def converse(client: CommandClient) -> None:
 
 
 def listen_to(client: CommandClient, enough: Callable[[], bool]) -> None:
-    """Prints what the deck answers, until it answers no more or it is enough."""
-    questions: set[int] = set()  # asked here, only to hear whether the deck is still there
+    """Prints the answers of the deck until it answers no more, or `enough` is true."""
+    questions: set[int] = set()  # status requests whose answers are not printed
     try:
         while not enough() and len(questions) < 3:
             reply = client.receive(_HEARTBEAT)
@@ -122,13 +122,13 @@ def listen_to(client: CommandClient, enough: Callable[[], bool]) -> None:
 
 
 def follow(client: CommandClient, lines: Iterable[str]) -> None:
-    """Takes commands from lines, one after the other, and waits for each switch to settle.
+    """Sends commands from lines, one after the other, and waits for each switch to settle.
 
     Raises:
         SocketError: if no deck is running.
     """
     for line in lines:
-        message = _understood(line)
+        message = _message_in(line)
         if message is None:
             continue
         reply = client.request(message, _STARTING)
@@ -138,8 +138,8 @@ def follow(client: CommandClient, lines: Iterable[str]) -> None:
             print(describe(settled) if settled else "not settled yet", flush=True)
 
 
-def _understood(line: str) -> Message | None:
-    """The message a line says, or None where there is nothing to send: then it is answered here."""
+def _message_in(line: str) -> Message | None:
+    """The message in a typed line, or None where there is nothing to send: help and mistakes are answered here."""
     words = line.split()
     if words == ["help"]:
         print(HELP, flush=True)

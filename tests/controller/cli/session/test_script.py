@@ -27,7 +27,7 @@ def test_a_script_whose_last_part_has_seconds_has_an_end():
     ("text", "says"),
     [
         ("walk 4, jig 4", "part 2: unknown motion 'jig'. Did you mean jog"),
-        ("walk, jog", "part 1: say for how long"),
+        ("walk, jog", "part 1: give its seconds"),
         ("walk four, jog", "part 1: 'four' is not a number of seconds"),
         ("walk -1", "part 1: '-1' is not"),
         ("walk nan, jog", "part 1: 'nan' is not"),
