@@ -214,7 +214,7 @@ def test_joints_whose_torque_may_still_be_on_are_named_in_the_end():
             if error is not None:
                 raise error
 
-    with pytest.raises(MotiondeckError, match="torque may still be on: r_shoulder_yaw"):
+    with pytest.raises(MotiondeckError, match="torque may still be on: r_elbow"):
         drive()
     error = ZeroDivisionError()
     with pytest.raises(ZeroDivisionError):
