@@ -7,8 +7,8 @@ from collections.abc import Callable
 import typer
 
 
-def run(name: str, main: Callable[..., object]) -> None:
-    """Reads the command line by the parameters of `main`, whose docstring is the help, and calls it."""
-    app = typer.Typer(add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False)
-    app.command()(main)
+def run(name: str, main: Callable[..., object], about: str | None = None) -> None:
+    """Reads the command line by the parameters of `main` and calls it; the help is `about` or else its docstring."""
+    app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+    app.command(help=about)(main)
     app(prog_name=f"python -m benchmarks {name}")

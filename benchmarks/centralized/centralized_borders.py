@@ -1,4 +1,4 @@
-"""Scores found borders against marked ones, CMU 86:  python -m benchmarks centralized_borders FOLDER_OF_CMU_86
+"""Found borders against the marked ones of CMU 86.
 
 86_01 is a whole body; 86_10 here its 62 recorded angles; the others four angles, rx of the upper arms and thighs,
 for which a simple motion is given a plane of two dimensions. Windows are the labels' own, and widened by 50 frames.
@@ -6,11 +6,13 @@ for which a simple motion is given a plane of two dimensions. Windows are the la
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 
+from benchmarks import command
 from controller.mocap.formats.reading import read_clip
 from controller.mocap.segmentation import Bounds, body_features, borders_between, find_segments
 from controller.recognition.segmentation.border_score import BorderScore, score_borders
@@ -30,8 +32,9 @@ def score(segments: Bounds, marked: np.ndarray, tolerance: int = 0) -> BorderSco
     return score_borders(borders_between(segments), marked + tolerance * np.array([-1, 0, 1]))
 
 
-def main(folder: str) -> None:
-    data = Path(folder)
+def main(
+    data: Annotated[Path, typer.Argument(metavar="DIR", help="CMU 86: 86_01.amc, 62ch/, 4ch/, labels/.")],
+) -> None:
     trials = [("86_01 body", "01", body_features(read_clip(data / "86_01.amc")), 4)]
     trials.append(("86_10 62 angles", "10", angles(np.load(data / "62ch" / "86_10.npy")[:, 6:62]), 4))
     for file in sorted((data / "4ch").glob("86_*.csv")):
@@ -52,6 +55,4 @@ def main(folder: str) -> None:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 2:
-        sys.exit(__doc__)
-    main(sys.argv[1])
+    command.run("centralized_borders", main, __doc__)

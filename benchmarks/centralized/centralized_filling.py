@@ -1,4 +1,4 @@
-"""How far off markers are that were hidden and filled in:  python -m benchmarks centralized_filling RECORDING...
+"""Errors of markers that were hidden at random and filled in.
 
 Gaps of 0.25 to 1 s, at random times, of random markers (.c3d) or joints (.amc), TRIES of each length a recording: mean
 absolute error of a coordinate in mm, with 95 % bootstrap intervals of the mean; and in how many gaps the network was
@@ -8,12 +8,14 @@ nearest. Recordings that `reconstruction.py` was not written with: all but 86_01
 
 from __future__ import annotations
 
-import sys
 from dataclasses import astuple, fields
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 
+from benchmarks import command
 from benchmarks.papers.hidden_joints import Missed, fill_hidden
 from controller.mocap.formats.c3d import read_c3d
 from controller.mocap.formats.reading import read_clip, skeleton_of
@@ -45,9 +47,11 @@ def hide(places: np.ndarray, rate: float, gap_s: float, rng: np.random.Generator
     return found
 
 
-def main(*files: str) -> None:
+def main(
+    files: Annotated[list[Path], typer.Argument(metavar="RECORDING...", help="Markers (.c3d) or joints (.amc).")],
+) -> None:
     rng = np.random.default_rng(0)
-    recordings = {Path(file).stem: places_of(Path(file)) for file in files}
+    recordings = {file.stem: places_of(file) for file in files}
     names = [field.name for field in fields(Missed)]
     print("| gap, s | gaps | " + " | ".join(names) + " | network nearest |\n" + "|---" * (len(names) + 3) + "|")
     for gap_s in GAPS_S:
@@ -65,6 +69,4 @@ def main(*files: str) -> None:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) < 2:
-        sys.exit(__doc__)
-    main(*sys.argv[1:])
+    command.run("centralized_filling", main, __doc__)

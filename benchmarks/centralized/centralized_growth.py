@@ -1,4 +1,4 @@
-"""How the costs of a centralized network grow:  python -m benchmarks centralized_growth [--plot PICTURE]
+"""How the costs of a centralized network grow with each of its sizes.
 
 Processor time of one thread for a step, for the weights W of a motion, for judging one vector of frequencies in the
 search, and for learning satellites (20 iterations), while one of these varies and the others stay at K = 1000 samples,
@@ -10,16 +10,18 @@ logarithms, the power of growth.
 from __future__ import annotations
 
 import os
-import sys
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 
+from benchmarks import command
 from benchmarks.centralized.centralized_step import motion
 from controller.cli.pictures.figures import check_picture, new_figure, save
 from controller.networks.centers import pairs_at
@@ -90,7 +92,11 @@ def costs(samples: int, outputs: int, centers: int, satellites: int, segments: i
     }
 
 
-def main(picture: Path | None) -> None:
+def main(
+    picture: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw it (.png, .svg, .pdf).")] = None,
+) -> None:
+    if picture is not None:
+        check_picture(picture)
     print("| varied | cost | " + "sizes: costs | power |\n|---|---|---|---|")
     found: dict[str, dict[str, np.ndarray]] = {}
     for name, sizes in VARIED.items():
@@ -136,9 +142,4 @@ def draw(found: dict[str, dict[str, np.ndarray]], picture: Path) -> None:
 
 
 if __name__ == "__main__":
-    options = sys.argv[1:]
-    if options and (len(options) != 2 or options[0] != "--plot"):
-        sys.exit(__doc__)
-    if options:
-        check_picture(Path(options[1]))
-    main(Path(options[1]) if options else None)
+    command.run("centralized_growth", main, __doc__)

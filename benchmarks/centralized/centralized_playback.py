@@ -1,4 +1,4 @@
-"""Long playback and switches of a centralized library:  python -m benchmarks centralized_playback [LIBRARY_FILE]
+"""Ten minutes of every motion, a million steps, and all switches.
 
 Ten minutes of every motion against the range of its first round; the amplitude of the centers after a million steps;
 and the 99.9 % quantile of the joints' accelerations while the deck switches once between every ordered pair, over that
@@ -7,16 +7,19 @@ of the motions themselves (each counting alike). cmu86 if no library is named.
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 
+from benchmarks import command
 from controller.deck.deck import Deck
 from controller.library.motion_library import MotionLibrary, load_library
 from controller.networks.centralized import Voice
 from controller.networks.centralized_frames import CentralizedNetwork
 from controller.rotations import Array
+from motiondeck_base.errors import MotiondeckError
 
 DT = 1.0 / 120.0
 SHIPPED = Path(__file__).parents[1] / "configs" / "libraries" / "cmu86.safetensors"
@@ -82,11 +85,13 @@ def switches(library: MotionLibrary) -> tuple[float, float]:
     return float(np.quantile(np.concatenate(found), 0.999)), longest
 
 
-def main() -> None:
-    library = load_library(Path(sys.argv[1]) if len(sys.argv) > 1 else SHIPPED)
+def main(
+    library_file: Annotated[Path, typer.Argument(metavar="LIBRARY_FILE", help="Default: cmu86.")] = SHIPPED,
+) -> None:
+    library = load_library(library_file)
     network = library.network
     if not isinstance(network, CentralizedNetwork):
-        sys.exit("this library holds no centralized network")
+        raise MotiondeckError(f"{library_file}: this library holds no centralized network")
     rng, taught = np.random.default_rng(1), []
     for motion in network.motions:
         part = network.part(motion)
@@ -100,4 +105,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    command.run("centralized_playback", main, __doc__)

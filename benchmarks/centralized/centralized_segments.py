@@ -1,6 +1,4 @@
-"""Whole-body errors on CMU 86_01, eleven segments found by themselves, beside pydmps, splines, Fourier and cosines.
-
-    python -m benchmarks centralized_segments FOLDER_WITH_86_01.amc [PICTURE]
+"""Whole-body errors on CMU 86_01 beside pydmps, splines and Fourier.
 
 Mean over segments of the mean absolute error of a coordinate, mm, 31 joints (93 outputs). In the second table every
 method has the same number of parameters for each output; satellites and frequencies are shared by all outputs and
@@ -10,12 +8,14 @@ picture is figure 15 of the paper: the first table by segments.
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 from scipy.interpolate import BSpline
 
+from benchmarks import command
 from controller.cli.pictures.curve_plots import draw_lines
 from controller.cli.pictures.figures import check_picture
 from controller.mocap.formats.reading import read_clip
@@ -64,10 +64,13 @@ def movement_primitives(part: np.ndarray) -> np.ndarray:
     return primitives.rollout(timesteps=each * len(part))[0][::each].reshape(part.shape)
 
 
-def main(folder: str, picture: str | None = None) -> None:
+def main(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="The folder that holds 86_01.amc.")],
+    picture: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw it (.png, .svg, .pdf).")] = None,
+) -> None:
     if picture is not None:
-        check_picture(Path(picture))
-    clip = read_clip(Path(folder) / "86_01.amc")
+        check_picture(picture)
+    clip = read_clip(folder / "86_01.amc")
     places = 1e3 * clip.joints()
     segments = find_segments(body_features(clip), clip.rate, SEGMENTS)
     print(f"{SEGMENTS} segments end at {[end for _, end in segments]}", flush=True)
@@ -96,7 +99,7 @@ def main(folder: str, picture: str | None = None) -> None:
         )
     if picture is not None:
         title = "86_01, 31 joints"
-        draw_lines(curves, ("segment", "mean absolute error of a coordinate, mm"), title, Path(picture), yscale="log")
+        draw_lines(curves, ("segment", "mean absolute error of a coordinate, mm"), title, picture, yscale="log")
     outputs = places[0].size
     for satellites in (8, 16, 32):
         shared = satellites * 5 + 4
@@ -115,6 +118,4 @@ def main(folder: str, picture: str | None = None) -> None:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) not in (2, 3):
-        sys.exit(__doc__)
-    main(*sys.argv[1:])
+    command.run("centralized_segments", main, __doc__)

@@ -1,4 +1,4 @@
-"""What a step of a centralized network costs beside one of pydmps:  python -m benchmarks centralized_step
+"""One step of a centralized network beside pydmps.
 
 Processor time of one thread, which a busy machine changes less than the clock's: n = 2 centers, m = 100 satellites, 62
 outputs; median of 20 rounds of 2000 steps. pydmps (rhythmic, GPL) is measured in the same run where it is installed:
@@ -17,6 +17,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from benchmarks import command
 from controller.library.motion_index import MotionIndex
 from controller.networks.centralized import CentralizedGenerator, CentralizedMotion
 from controller.networks.satellites import GaussianSatellites, grid_places, spacing
@@ -91,4 +92,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    command.run("centralized_step", main, __doc__)

@@ -1,6 +1,4 @@
-"""Approach and stop moves: ours beside those of ruckig, a library of time-optimal trajectories, in one run.
-
-python -m benchmarks approach_stop [--moves 200] [--seed 0] [--json]        (needs motiondeck[benchmark])
+"""Approach and stop moves beside those of ruckig.
 
 Random moves of servo20's joints. Both are judged by what reaches a servo, targets at 200 Hz: their differences from
 tick to tick over the limits of velocity, acceleration and jerk (1 is the limit), and how far they leave the range of a
@@ -134,8 +132,11 @@ def moving(limits: JointLimits, rng: np.random.Generator) -> tuple[SafetyEnvelop
 
 
 def main() -> int:
-    about = (__doc__ or "").splitlines()[0]
-    parser = argparse.ArgumentParser(prog="python -m benchmarks approach_stop", description=about)
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks approach_stop",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument("--moves", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", action="store_true", help="one JSON object")

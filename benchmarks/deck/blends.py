@@ -1,6 +1,6 @@
-"""What becomes of mixtures: every pair of motions that the deck blends, in three shares, from several moments.
+"""Whether each blend of two motions keeps moving and no joint turns over.
 
-python -m benchmarks blends [--library thesis15] [--seeds 2] [--first-seed 0] [--json]
+Three shares of each blend, from several moments.
 
 Each mixture is played inside the network, as its paper has it, and side by side. It stands still if in some half second
 after the share was reached no joint moves a tenth as far as in the motion that moves less; it turns over if a joint
@@ -72,7 +72,9 @@ def judged(places: Array, rate: float, least: float, fastest: float) -> tuple[bo
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks blends", description=(__doc__ or "").splitlines()[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks blends", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--library", default="thesis15")
     parser.add_argument("--seeds", type=int, default=2, help="moments at which each mixture begins")
     parser.add_argument("--first-seed", type=int, default=0)

@@ -1,7 +1,6 @@
-"""The loop's punctuality: the whole of `play` with thesis15 on servo20, beside the clock of loop-rate-limiters.
+"""How punctual the loop is, beside the clock of loop-rate-limiters.
 
-python -m benchmarks loop [--rates 100,250,500,1000] [--seconds 20] [--beside none,view,hog] [--core N]
-                         [--no-rig] [--json]
+The whole of `play` with thesis15 on servo20.
 
 For each rate, and for what runs beside it (nothing, the browser view, a process that keeps another core busy), the same
 run is made with ordinary scheduling and then with SCHED_FIFO and locked memory, where that is permitted:
@@ -191,7 +190,9 @@ def view_ratios(rows: list[dict[str, Any]]) -> dict[str, float]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks loop", description=(__doc__ or "").splitlines()[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks loop", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--rates", default="100,250,500,1000", help="ticks a second, separated by commas")
     parser.add_argument("--seconds", type=float, default=20.0, help="how long each run is played")
     parser.add_argument("--beside", default=",".join(BESIDE), help="what runs beside it, of none, view and hog")

@@ -1,6 +1,6 @@
-"""How fast the deck switches: every pair of motions that is joined directly, in seconds of virtual time.
+"""How long a switch takes, for every pair that is joined directly.
 
-python -m benchmarks switches [--library thesis15] [--joining WAY] [--pairs FILE.csv] [--json]
+In seconds of virtual time.
 
 For each pair: the ticks from the command to the first targets that it changed, the frames until nothing was left of the
 motion before, and the peak acceleration of a joint in the world on the way, over the larger of both motions' own peaks.
@@ -70,7 +70,9 @@ def measure(library: MotionLibrary, source: str, target: str, joining: Joining |
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks switches", description=(__doc__ or "").splitlines()[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks switches", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--library", default="thesis15")
     parser.add_argument("--joining", choices=JOININGS, help="by itself as suits the network")
     parser.add_argument("--pairs", type=Path, metavar="FILE.csv", help="write a line for each pair")

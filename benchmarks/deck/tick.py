@@ -1,6 +1,6 @@
-"""The work of one tick without the simulator: a conceptor of 1000 neurons, retargeting, safety, and the servos' frame.
+"""CPU time of one tick, part by part, without the simulator.
 
-python -m benchmarks tick [--library thesis15] [--motion walk] [--ticks 20000] [--json]
+A conceptor of 1000 neurons, retargeting, safety, and the servos' frame.
 
 Each part is measured within the same run of the deck on servo20 at 200 Hz; `all` is the whole tick. The servos' frame
 is the sync write of 20 goal positions, encoded with its CRC and byte stuffing, not sent.
@@ -52,7 +52,9 @@ def encoder(joints: tuple[str, ...]) -> Callable[[Array], bytes]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks tick", description=(__doc__ or "").splitlines()[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks tick", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--library", default="thesis15")
     parser.add_argument("--motion", default="walk")
     parser.add_argument("--ticks", type=int, default=20_000)

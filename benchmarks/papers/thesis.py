@@ -1,4 +1,4 @@
-"""Training errors, robustness and stability beside the figures of Deliallisi 2017 (thesis tables 4.1 to 4.9)."""
+"""Training errors and failure rates beside the thesis's (tables 4.1 to 4.9)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 import typer
 
-from benchmarks.command import run
+from benchmarks import command
 from benchmarks.papers.thesis_figures import THESIS, noisy_targets
 from controller.cli.common.options import check_folder
 from controller.cli.common.progress import progress
@@ -139,4 +139,4 @@ def with_failure_figures(table: Table, name: str, kind: Kind) -> Table:
 
 
 if __name__ == "__main__":
-    run("thesis", main)
+    command.run("thesis", main)

@@ -1,4 +1,4 @@
-"""Training and playing cost against reservoir size, recording length and motions (thesis tables 4.10 to 4.13)."""
+"""Costs by network size, recording length and motions (tables 4.10 to 4.13)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
-from benchmarks.command import run
+from benchmarks import command
 from benchmarks.papers.cost_measurement import TrainingCost, costs, exponent, variants
 from controller.cli.common.options import check_folder
 from controller.cli.common.progress import progress
@@ -120,4 +120,4 @@ def cost_figure(table: Table) -> Figure:
 
 
 if __name__ == "__main__":
-    run("training_cost", main)
+    command.run("training_cost", main)

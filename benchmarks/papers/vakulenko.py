@@ -1,4 +1,4 @@
-"""Figures 3 to 16 of Vakulenko et al. 2017 for any recording: segments, models, coordinates, reconstruction."""
+"""Figures 3 to 16 of Vakulenko et al. 2017 for any recording."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import typer
 
-from benchmarks.command import run
+from benchmarks import command
 from benchmarks.papers.hidden_joints import fill_hidden
 from benchmarks.papers.vakulenko_plots import draw_hidden, draw_segment_errors
 from controller.cli.common.options import check_folder
@@ -222,4 +222,4 @@ def _frames(cut: tuple[int, int], clip: Clip) -> float:
 
 
 if __name__ == "__main__":
-    run("vakulenko", main)
+    command.run("vakulenko", main)

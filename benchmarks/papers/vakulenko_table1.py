@@ -1,4 +1,4 @@
-"""Table 1 of Vakulenko et al. 2017: the paper's figures, ours by its method, ours with learned satellites."""
+"""Table 1 of Vakulenko et al. 2017, the paper's column beside ours."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from benchmarks.command import run
+from benchmarks import command
 from benchmarks.papers.table1_networks import PAPER, Entry, centralized_table1
 from benchmarks.papers.vakulenko_plots import draw_table1
 from controller.cli.common.options import check_folder
@@ -60,4 +60,4 @@ def table1(entries: list[Entry]) -> Table:
 
 
 if __name__ == "__main__":
-    run("vakulenko_table1", main)
+    command.run("vakulenko_table1", main)

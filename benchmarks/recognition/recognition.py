@@ -1,4 +1,4 @@
-"""Recognition on labelled recordings: the 2012 proposal, our experts and every peer in the same folds."""
+"""The 2012 proposal, our experts and every peer in the same folds."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 import typer
 
-from benchmarks.command import run
+from benchmarks import command
 from benchmarks.recognition.contenders import (
     COMMITTEE,
     OURS,
@@ -202,4 +202,4 @@ def _print_more(report: dict[str, Any]) -> None:
 
 
 if __name__ == "__main__":
-    run("recognition", main)
+    command.run("recognition", main)

@@ -1,6 +1,6 @@
-"""Echo-state experts beside MiniRocket in the same folds:  python -m benchmarks recognition_peers DATA
+"""Echo-state experts beside MiniRocket (aeon) in the same folds.
 
-DATA is a folder as `motiondeck recognize benchmark` takes it. MiniRocket (4000 kernels on joint positions, every clip
+DATA is a folder as `python -m benchmarks recognition` takes it. MiniRocket (4000 kernels on joint positions, every clip
 resampled to 96 frames, ridge classifier) is aeon's: pip install aeon. Without it only our rows are measured.
 """
 
@@ -13,9 +13,12 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import time
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 
+from benchmarks import command
 from benchmarks.recognition.baselines import linear_experts
 from benchmarks.recognition.contenders import POSITIONS, WITH_VELOCITY, ours
 from benchmarks.recognition.folds import measure
@@ -49,10 +52,10 @@ def minirocket(seed: int) -> Prepare:
     return prepare
 
 
-def main() -> None:
-    if len(sys.argv) != 2:
-        sys.exit(__doc__)
-    dataset = read_dataset(Path(sys.argv[1]))
+def main(
+    data: Annotated[Path, typer.Argument(metavar="DATA", help="A folder with one folder of recordings a motion.")],
+) -> None:
+    dataset = read_dataset(data)
     rows = {
         "experts (ours)": ours,
         "linear experts (VAR 2)": lambda seed: [Method("", looking_at(WITH_VELOCITY), linear_experts(2, 0.1))],
@@ -72,4 +75,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    command.run("recognition_peers", main, __doc__)

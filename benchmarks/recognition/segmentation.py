@@ -1,4 +1,4 @@
-"""Segmentation of every labelled CMU trial at hand:  python -m benchmarks segmentation_table DATA [MOCAP6.mat]
+"""Borders found in the labelled CMU trials, ruptures beside ours.
 
 DATA is a folder with 86.asf, 86_01.amc, 62ch/86_NN.npy (all AMC channels), 4ch/86_NN.csv (rx of upper arms and
 thighs) and labels/barbic_NN_ground_truth.txt; what is missing is left out. Unsupervised on all, and the experts on
@@ -12,16 +12,19 @@ so a border counts within 1 s; channels are scaled to a standard deviation of 1.
 from __future__ import annotations
 
 import os
-import sys
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import importlib.util
 import tempfile
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import scipy.io
+import typer
 
+from benchmarks import command
 from controller.mocap.formats.amc import read_amc
 from controller.mocap.formats.asf import read_asf
 from controller.recognition.experts import ExpertRecipe
@@ -39,24 +42,38 @@ from controller.recognition.segmentation.by_experts import (
     viterbi,
 )
 from controller.recognition.segmentation.change_points import (
+    BORDER_PRICE,
     KERNEL_RATE,
     PREDICTION_RATE,
+    SHORTEST,
     cross_prediction,
     kernel_change_points,
 )
 from controller.recognition.segmentation.labels import Labels, read_labels
 
 RATE = 120.0
+
+
+def kernel_by_ruptures(signal, rate: float):
+    """The same kernel, price and shortest segment, minimised by ruptures (PELT, in C)."""
+    from ruptures import KernelCPD
+
+    search = KernelCPD(kernel="rbf", min_size=max(1, round(SHORTEST * rate))).fit(signal)
+    return np.array(search.predict(pen=BORDER_PRICE * rate)[:-1], dtype=np.int64)
+
+
 WAYS = {
     "kernel change points": (kernel_change_points, KERNEL_RATE),
     "cross-prediction": (cross_prediction, PREDICTION_RATE),
 }
+if importlib.util.find_spec("ruptures") is not None:
+    WAYS["ruptures, same kernel"] = (kernel_by_ruptures, KERNEL_RATE)
 
 
-def main() -> None:
-    if len(sys.argv) not in (2, 3):
-        sys.exit(__doc__)
-    folder = Path(sys.argv[1])
+def main(
+    folder: Annotated[Path, typer.Argument(metavar="DATA", help="The folder of CMU 86.")],
+    mocap6: Annotated[Path | None, typer.Argument(metavar="MOCAP6.mat", help="Six exercise sequences.")] = None,
+) -> None:
     skeleton = read_asf(folder / "86.asf")
     clips = {path.stem[-2:]: read_amc(path, skeleton) for path in sorted(folder.glob("86_*.amc"))}
     order = channel_order(folder / "86_01.amc")
@@ -86,8 +103,8 @@ def main() -> None:
                     f"  {kind:<11} 86_{trial}: F1 {score.f1:.2f} ({score.hits} of {score.marked}, {score.found} given)"
                 )
             print(f"  {kind:<11} mean F1 {np.mean(scores):.2f} over {len(scores)} trials")
-    if len(sys.argv) == 3:
-        exercises(Path(sys.argv[2]))
+    if mocap6 is not None:
+        exercises(mocap6)
     print("experts on 86_01, first occurrences learned, the rest asked")
     labels = read_labels(folder / "labels" / "barbic_01_ground_truth.txt")
     rows = [experts(features(clips["01"], LOOK), labels, seed) for seed in range(1, 9)]
@@ -110,8 +127,8 @@ def exercises(path: Path) -> None:
             score = score_borders(cut(with_velocity(frames, rate), rate), accepted)
             scores.append(score.f1)
             name = one["filename"].item().item()
-            print(f"  {way:<20} {name}: F1 {score.f1:.2f} ({score.hits} of {score.marked}, {score.found} given)")
-        print(f"  {way:<20} mean F1 {np.mean(scores):.2f} over {len(scores)} sequences")
+            print(f"  {way:<21} {name}: F1 {score.f1:.2f} ({score.hits} of {score.marked}, {score.found} given)")
+        print(f"  {way:<21} mean F1 {np.mean(scores):.2f} over {len(scores)} sequences")
 
 
 def experts(signal, labels: Labels, seed: int) -> tuple[float, float, float]:
@@ -150,4 +167,4 @@ def write_amc(path: Path, values, order: list[tuple[str, int]]) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    command.run("segmentation", main, __doc__)

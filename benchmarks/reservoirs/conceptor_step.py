@@ -1,6 +1,4 @@
-"""One frame of a motion: our low-rank conceptor beside the thesis's dense one and reservoirpy's echo-state network.
-
-    python -m benchmarks conceptor_step [--neurons 1000] [--rank 50] [--steps 2000]
+"""One frame of a conceptor, low-rank and dense, beside reservoirpy.
 
 All play 61 channels from random weights of the right size, one core, in one run and in turns of BLOCK steps, so that a
 busy machine slows them alike and each has its own weights in the cache as it would when it plays alone. What is printed

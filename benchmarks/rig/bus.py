@@ -1,6 +1,4 @@
-"""The servo bus beside dynamixel-sdk and rustypot: 20 servos, one run, clients in turns.
-
-python -m benchmarks bus [--json]
+"""The servo bus beside dynamixel-sdk and rustypot: 20 servos, one run.
 
 A responder process answers every client with the same prepared bytes. Unpaced it stays awake and does nothing but look
 up and send them, so what is timed is the client and the operating system; the floor is a client that knows the
@@ -17,15 +15,17 @@ import os
 import platform
 import pty
 import select
-import sys
 import time
 import tty
 from collections.abc import Callable
 from functools import partial
 from multiprocessing.connection import Connection
+from typing import Annotated
 
 import numpy as np
+import typer
 
+from benchmarks import command
 from hardware.bus.port import SerialPort
 from hardware.bus.servo_bus import Bus
 from hardware.bus.wire_time import rate_limit
@@ -266,7 +266,9 @@ def free_running(make: Callable[..., Client], seconds: float = 2.0) -> float:
     return rate
 
 
-def main() -> None:
+def main(
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of lines.")] = False,
+) -> None:
     clients = {name: make for name, make in CLIENTS.items() if name in ("motiondeck", "floor") or _installed(name)}
     medians = unpaced(clients)
     limit = rate_limit(len(IDS), 4_000_000, STATE[1])
@@ -279,7 +281,7 @@ def main() -> None:
         "core_at_100_hz_1_mbps": {name: at_100_hz(make) for name, make in clients.items()},
         "free_running_hz_4_mbps": {name: free_running(make) for name, make in clients.items()} | {"wire limit": limit},
     }
-    if "--json" in sys.argv:
+    if as_json:
         print(json.dumps(report))
         return
     print(report["machine"])
@@ -299,4 +301,4 @@ def _installed(name: str) -> bool:
 
 
 if __name__ == "__main__":
-    main()
+    command.run("bus", main, __doc__)

@@ -1,19 +1,18 @@
-"""Random fault schedules against a rig on one port and on two, in simulated time: what it may meet, many times over.
-
-python -m benchmarks fault_schedules [COUNT [SECONDS]] runs the schedules 0 to COUNT - 1 and prints what came of them.
-"""
+"""Random faults against a rig on one port and on two, in simulated time."""
 
 from __future__ import annotations
 
 import random
-import sys
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Annotated
 
 import numpy as np
+import typer
 
+from benchmarks import command
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import Fault, FaultPlan
@@ -182,10 +181,11 @@ def _judge(outcome: Outcome, sent: bytes) -> None:
         outcome.problems.append(f"{outcome.beyond} goals beyond the limits")
 
 
-def main() -> int:
-    """Runs many schedules; 1 if one of them went wrong."""
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 500
-    seconds = float(sys.argv[2]) if len(sys.argv) > 2 else 20.0
+def main(
+    count: Annotated[int, typer.Argument(help="Schedules to run, seeds 0 to COUNT - 1.")] = 500,
+    seconds: Annotated[float, typer.Argument(help="Length of each, s.")] = 20.0,
+) -> None:
+    """Runs many schedules; exit code 1 if one of them went wrong."""
     kinds: Counter[str] = Counter()
     wrong, recoveries, stops, longest = 0, 0, 0, 0.0
     for seed in range(count):
@@ -199,8 +199,9 @@ def main() -> int:
             print(f"schedule {seed}: {'; '.join(outcome.problems)}")
     print(f"{count} schedules of {seconds:g} s: {wrong} went wrong, {recoveries} recoveries, {stops} safe stops,")
     print(f"longest recovery {longest:.2f} s; faults: {', '.join(f'{kind} {n}' for kind, n in sorted(kinds.items()))}")
-    return 1 if wrong else 0
+    if wrong:
+        raise typer.Exit(1)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command.run("fault_schedules", main, __doc__)

@@ -1,4 +1,4 @@
-"""Recognition from measured joints, and jams:  python -m benchmarks recognition_on_the_rig
+"""Recognition from measured joints, and jams, on the emulated rig.
 
 Plays the shipped library in simulated time on the emulated 20-servo rig (or on a simulated robot), switches at random
 every 6 s for 10 minutes, and then jams joints of the rig, one at a time, at whatever position they are in. Prints one

@@ -1,6 +1,4 @@
-"""How long motions on the spot stand with a free root: played plainly, and with balance under pushes.
-
-    python -m benchmarks balance [--seconds 60] [--only WORDS] [--push 1.0] [--sheet FILE.png] [--json]
+"""How long motions on the spot stand with a free root, under pushes.
 
 Every PERIOD seconds the root is pushed for 0.1 s, in turn from behind, the right, the front and the left, with an
 impulse in proportion to the robot's mass and the speed at which a pendulum of its height falls: PUSH * mass *

@@ -1,6 +1,4 @@
-"""Limbs kept apart: how deep a robot's limbs run into each other with and without the guard, and what the look costs.
-
-python -m benchmarks collisions [--library thesis15] [--robots ROBOT...] [--motions MOTION...] [--seconds 8]
+"""How deep limbs meet with and without the guard, and what it costs.
 
 Depths are those of the target poses, mm: without the guard, with it, and of what the safety envelope, which comes after
 it, makes of these. `beyond` is the share of ticks deeper than the guard lets pass, without it, and `after` the same
@@ -57,7 +55,9 @@ def measured(library: MotionLibrary, robot: Robot, motion: str, ticks: int) -> t
 
 def main() -> int:
     parser = argparse.ArgumentParser(
-        prog="python -m benchmarks collisions", description=(__doc__ or "").splitlines()[0]
+        prog="python -m benchmarks collisions",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--library", default="thesis15")
     parser.add_argument("--robots", nargs="+", default=["servo20", "mannequin"])

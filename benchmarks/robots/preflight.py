@@ -1,6 +1,4 @@
-"""Whether preflight's verdicts come true: what it says without simulating against what physics then does.
-
-    python -m benchmarks preflight [--library thesis15] [--json]
+"""Whether preflight's verdicts come true in simulated physics.
 
 Every motion on every robot at several tempos. "follows": no joint is held back or lags, against: no joint is off its
 target in a simulation with servos. "stands": never off balance for long, against: does not fall in ten seconds with a

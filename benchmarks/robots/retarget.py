@@ -1,4 +1,4 @@
-"""How well and how fast motions are carried onto robots, beside plain mink:  python -m benchmarks retarget
+"""Errors and time of retargeting beside plain mink.
 
 Walk, jog, waltz and box as the shipped library plays them, at 120 Hz. First servo20 with either solver; then a humanoid
 of 57 hinges and a free root, made here from the motions' own skeleton so that every pose is in reach, by ours and by
@@ -17,13 +17,16 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Annotated
 
 # One thread each, for theirs as for ours; it must be said before numpy is imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import mujoco
 import numpy as np
+import typer
 
+from benchmarks import command
 from controller.library.motion_library import load_library
 from controller.mocap.clip import Clip
 from controller.mocap.posture import Pose
@@ -61,7 +64,9 @@ PARTS = {
 }
 
 
-def main() -> None:
+def main(
+    as_json: Annotated[bool, typer.Option("--json", help="Print a JSON object a line.")] = False,
+) -> None:
     library = load_library(find("library", "thesis15", ".safetensors"))
     names = [name for name in MOTIONS if name in library.network.motions]
     clips = [as_clip(library, name, SECONDS, RATE) for name in names]
@@ -69,7 +74,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         rows += big(Path(folder), clips)
     for row in rows:
-        print(json.dumps(row) if "--json" in sys.argv else said(row))
+        print(json.dumps(row) if as_json else said(row))
 
 
 def measured(path: Path, clips: list[Clip], solver) -> dict[str, object]:
@@ -242,4 +247,4 @@ def said(row: dict[str, object]) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    command.run("retarget", main, __doc__)
