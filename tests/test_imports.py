@@ -95,9 +95,12 @@ def test_no_product_file_imports_the_benchmarks():
         assert not found, f"{path.relative_to(ROOT)} imports {found}"
 
 
-def test_no_class_name_stands_twice():
+def test_no_class_name_stands_twice_below_the_front_door():
+    """What `motiondeck` makes public may bear the name of what it wraps."""
     places = defaultdict(list)
     for path, tree in TREES.items():
+        if path.is_relative_to(ROOT / "motiondeck"):
+            continue
         for node in tree.body:
             if isinstance(node, ast.ClassDef):
                 places[node.name].append(str(path.relative_to(ROOT)))

@@ -16,12 +16,12 @@ import typer
 from scipy.interpolate import BSpline
 
 from benchmarks import command
+from benchmarks.papers.segment_network import play_segment
 from controller.cli.pictures.curve_plots import draw_lines
 from controller.cli.pictures.figures import check_picture
 from controller.mocap.formats.reading import read_clip
 from controller.mocap.segmentation import body_features, find_segments
 from controller.training.centralized.model_choice import mean_absolute, mean_distance
-from controller.training.centralized.segment_network import say_segment
 
 SEGMENTS = 11
 
@@ -94,7 +94,7 @@ def main(
     for satellites in (16, 49, 100):
         row(
             f"learned network, 2 centers, {satellites} satellites",
-            lambda p, m=satellites: say_segment(p, clip.rate, m),
+            lambda p, m=satellites: play_segment(p, clip.rate, m),
             f"{satellites} satellites",
         )
     if picture is not None:
@@ -107,7 +107,7 @@ def main(
         print(f"at {satellites + 1 + shared / outputs:.1f} parameters for each output (others: {count})")
         ours = row(
             f"  learned network, 2 centers, {satellites} satellites",
-            lambda p, m=satellites: say_segment(p, clip.rate, m),
+            lambda p, m=satellites: play_segment(p, clip.rate, m),
         )
         best = min(
             row("  cubic spline", lambda p, c=count: spline(p, c)),

@@ -18,10 +18,10 @@ from collections.abc import Callable
 import numpy as np
 
 from benchmarks import command
+from benchmarks.papers.frequency_search import FrequencySearch, frequency_grid
 from controller.library.motion_index import MotionIndex
 from controller.networks.centralized import CentralizedGenerator, CentralizedMotion
 from controller.networks.satellites import GaussianSatellites, grid_places, spacing
-from controller.training.centralized.frequency_search import FrequencySearch, frequency_grid
 
 OUTPUTS = 62
 

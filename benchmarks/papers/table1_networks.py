@@ -13,16 +13,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.mocap.clip import Clip
-from controller.networks.satellites import grid_places, spacing
-from controller.rotations import Array
-from controller.training.centralized.frequency_search import (
+from benchmarks.papers.frequency_search import (
     Candidate,
     FrequencySearch,
     frequency_grid,
     readout,
     sines_at,
 )
+from controller.mocap.clip import Clip
+from controller.networks.satellites import grid_places, spacing
+from controller.rotations import Array
 from controller.training.centralized.model_choice import mean_absolute, relative_accuracy
 from controller.training.centralized.satellite_learning import learn, ridge_readout, slow_and_fast
 from motiondeck_base.errors import FileFormatError

@@ -12,6 +12,7 @@ import typer
 
 from benchmarks import command
 from benchmarks.papers.hidden_joints import fill_hidden
+from benchmarks.papers.segment_network import play_segment
 from benchmarks.papers.vakulenko_plots import draw_hidden, draw_segment_errors
 from controller.cli.common.options import check_folder
 from controller.cli.common.progress import progress
@@ -30,7 +31,6 @@ from controller.training.centralized.model_choice import (
 )
 from controller.training.centralized.model_search import CENTERS as CENTER_CHOICES
 from controller.training.centralized.model_search import RATE, SATELLITES, score_models
-from controller.training.centralized.segment_network import say_segment
 from motiondeck_base.errors import MotiondeckError
 
 Draw = Callable[[Table, Path], None]
@@ -85,7 +85,7 @@ def segments(clip: Clip) -> tuple[Table, Draw]:
             part = places[first:end]
             row: dict[str, Value] = {"segment": str(number), "seconds": (end - first) / clip.rate}
             for satellites in SEGMENT_SATELLITES:
-                played = say_segment(part, clip.rate, satellites)
+                played = play_segment(part, clip.rate, satellites)
                 row[f"{satellites} satellites"] = mean_absolute(played, part)
                 row[f"{satellites}, joint"] = mean_distance(played, part)
                 tick()
@@ -172,7 +172,7 @@ def coordinates(clip: Clip) -> tuple[Table, Draw]:
     played = {}
     with progress("networks", len(SHOWN_SATELLITES)) as tick:
         for satellites in SHOWN_SATELLITES:
-            parts = [say_segment(places[a:b], clip.rate, satellites) for a, b in shown]
+            parts = [play_segment(places[a:b], clip.rate, satellites) for a, b in shown]
             played[f"{satellites} satellites"] = np.concatenate(parts)
             tick()
     rows: list[dict[str, Value]] = [

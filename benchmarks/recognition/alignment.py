@@ -75,3 +75,13 @@ def warping_distances(signal: Array, others: list[Array]) -> Array:
     table = warped(np.ascontiguousarray(cost.transpose(1, 0, 2), dtype=np.float64))
     lengths = np.array([len(other) for other in others])
     return table[np.arange(len(others)), -1, lengths - 1] / np.maximum(lengths, len(signal))
+
+
+def aligned(base: Array, frames: int) -> Array:
+    """Channels (T, C) stretched or squeezed to a number of frames: alignment in time, begin to begin and end to end."""
+    if len(base) < 2:
+        return np.repeat(base, frames, axis=0)
+    place = np.linspace(0.0, len(base) - 1.0, frames)
+    low = np.minimum(place.astype(np.int64), len(base) - 2)
+    share = (place - low)[:, None]
+    return (1.0 - share) * base[low] + share * base[low + 1]

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.recognition.alignment import aligned
 from benchmarks.recognition.baselines import (
     conceptor_evidence,
     eros,
@@ -24,7 +25,7 @@ from benchmarks.recognition.motion_templates import motion_templates, relations
 from benchmarks.recognition.self_organising_map import motion_strings
 from benchmarks.recognition.unknown import Doubter
 from controller.recognition.experts import ANY_TEMPO_LEAK, ExpertRecipe
-from controller.recognition.features import ENDS, FeatureRecipe, aligned, features, with_velocity
+from controller.recognition.features import ENDS, FeatureRecipe, features, with_velocity
 from controller.recognition.labelled_recordings import Dataset, Example
 from controller.rotations import Array
 

@@ -12,6 +12,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from benchmarks.recognition.recorded_angles import recorded_angles
 from controller.networks.reservoir import random_reservoir
 from controller.recognition.experts import (
     SMALLEST_ERROR,
@@ -25,7 +26,7 @@ from controller.recognition.experts import (
     total,
 )
 from controller.recognition.features import FeatureRecipe, features, resampled
-from controller.recognition.labelled_recordings import Example, recorded_angles
+from controller.recognition.labelled_recordings import Example
 from controller.recognition.protocols import Indices
 from controller.rotations import Array
 

@@ -36,7 +36,7 @@ from motiondeck_base.shipped import find
 from sim.models.robot_file import read_robot_file
 from sim.physics.played_motions import as_clip
 from sim.retargeting.robot_limbs import SIDES, RobotLimbs
-from sim.robots.fidelity import carry, floor_measures, joint_measures, limb_errors, scaled_path
+from sim.robots.fidelity import carry, floor_measures, joint_measures, limb_errors
 from sim.robots.robot import Robot, load_robot
 
 MOTIONS = ("walk", "jog", "waltz", "box 1")
@@ -239,6 +239,13 @@ def hinged(skeleton: Skeleton) -> mujoco.MjSpec:
         body.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=[0.0, 0.0, 0.0, *end], size=[0.03, 0.0, 0.0], mass=2.0)
         bodies[bone] = body
     return spec
+
+
+def scaled_path(clip: Clip, robot: Robot, qpos: Array) -> Array:
+    """The same joints with the root on the human's own path, to scale: what footing is compared with, shape (T, nq)."""
+    plain = qpos.copy()
+    plain[:, :3] = robot.path_scale * clip.root_position
+    return plain
 
 
 def said(row: dict[str, object]) -> str:

@@ -62,13 +62,6 @@ class DurationHistogram:
         p50, p99, p999 = (self.percentile(share) for share in (0.5, 0.99, 0.999))
         return Percentiles(p50, p99, p999, self.longest / 1000.0)
 
-    def merge(self, other: DurationHistogram) -> None:
-        """Adds the counts of another histogram."""
-        mine = np.frombuffer(self._counts, dtype=np.uint64)
-        mine += np.frombuffer(other._counts, dtype=np.uint64)
-        self.count += other.count
-        self.longest = max(self.longest, other.longest)
-
     def clear(self) -> None:
         """Sets all counts to zero."""
         np.frombuffer(self._counts, dtype=np.uint64)[:] = 0

@@ -75,10 +75,6 @@ class Matcher:
         self._square = [np.square(w).sum(1) for w in self._windows]
         self._joints = references[0].shape[1] / 3.0 * WINDOW / STRIDE
 
-    def windows_of(self, motion: int) -> int:
-        """How many windows a motion has."""
-        return len(self._windows[motion])
-
     def match(self, run: Array, meant: int, *, alone: bool = False) -> MotionMatch:
         """Compares a run of features (T, F) with all motions, or with the one that was meant alone."""
         seen = windows(run)

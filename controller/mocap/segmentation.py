@@ -47,12 +47,6 @@ def borders_between(segments: Bounds) -> NDArray[np.int64]:
     return np.array([end for _, end in segments[:-1]], dtype=np.int64)
 
 
-def by_labels(labels: NDArray[np.generic]) -> Bounds:
-    """Segments over which a label, one a frame, stays the same."""
-    changes = np.flatnonzero(labels[1:] != labels[:-1]) + 1
-    return by_hand(changes.tolist(), len(labels))
-
-
 def body_features(clip: Clip) -> Array:
     """Joints relative to the root and seen from its heading, and their rates over 0.1 s, shape (T, 6 B), m."""
     forward = rotate(clip.rotation[:, 0], np.array([1.0, 0.0, 0.0]))

@@ -78,14 +78,6 @@ class Skeleton:
         return self.children(ROOT)
 
     @cached_property
-    def levels(self) -> tuple[NDArray[np.int64], ...]:
-        """The bones by their distance from the root, so that each level needs only the one before it."""
-        depth = np.zeros(len(self), dtype=np.int64)
-        for bone, parent in enumerate(self.parent):
-            depth[bone] = 0 if parent == ROOT else depth[parent] + 1
-        return tuple(np.flatnonzero(depth == level) for level in range(depth.max() + 1))
-
-    @cached_property
     def walk(self) -> tuple[tuple[int, list[float], list[int]], ...]:
         """Parent, rest direction and children of each bone as plain numbers, for code that goes bone by bone."""
         return tuple(

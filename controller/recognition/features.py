@@ -103,16 +103,6 @@ def resampled(frames: Array, rate: float, wanted: float) -> Array:
     return (1.0 - share) * frames[low] + share * frames[high]
 
 
-def aligned(base: Array, frames: int) -> Array:
-    """Channels (T, C) stretched or squeezed to a number of frames: alignment in time, begin to begin and end to end."""
-    if len(base) < 2:
-        return np.repeat(base, frames, axis=0)
-    place = np.linspace(0.0, len(base) - 1.0, frames)
-    low = np.minimum(place.astype(np.int64), len(base) - 2)
-    share = (place - low)[:, None]
-    return (1.0 - share) * base[low] + share * base[low + 1]
-
-
 def heading_of(clip: Clip) -> Array:
     """Which way the root faces, shape (T,), rad: its forward axis, flat on the floor."""
     forward = rotate(clip.rotation[:, 0], np.array([1.0, 0.0, 0.0]))

@@ -79,7 +79,6 @@ class Balance:
         self._middle = np.mean([corners[:4].mean(axis=0), corners[4:].mean(axis=0)], axis=0)
         self._support = convex_hull(corners)
         self._half = margin(self._support, self._middle)
-        self._planned = self._middle.copy()
         self._smooth = np.zeros(2)
         goal = data.qpos.copy()
         for _ in range(STARTING_STEPS):

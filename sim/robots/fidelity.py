@@ -208,10 +208,3 @@ def standing_feet(clip: Clip) -> dict[str, NDArray[np.bool_]]:
         speed = np.linalg.norm(np.gradient(ball, axis=0), axis=1) * clip.rate if len(clip) > 1 else np.zeros(1)
         found[side] = speed < STILL * clip.skeleton.leg_length
     return found
-
-
-def scaled_path(clip: Clip, robot: Robot, qpos: Array) -> Array:
-    """The same joints with the root on the human's own path, to scale: what footing is compared with, shape (T, nq)."""
-    plain = qpos.copy()
-    plain[:, :3] = robot.path_scale * clip.root_position
-    return plain

@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.recognition.alignment import locally_aligned, warped, warping_distances, warping_path
+from benchmarks.recognition.alignment import aligned, locally_aligned, warped, warping_distances, warping_path
 
 
 def slow_warp(cost):
@@ -51,3 +51,9 @@ def test_a_motion_at_half_the_pace_is_no_distance_away():
     distances = warping_distances(signal, [np.repeat(signal, 2, axis=0), other, signal])
     assert np.allclose(distances[[0, 2]], 0.0)
     assert distances[1] > 0.5
+
+
+@given(st.integers(1, 50), st.integers(2, 80))
+def test_alignment_keeps_both_ends_and_straight_lines(count, frames):
+    out = aligned(np.arange(count, dtype=float)[:, None], frames)
+    assert np.allclose(out[:, 0], np.linspace(0.0, count - 1.0, frames))

@@ -20,7 +20,6 @@ from controller.networks.centers import pairs_at, require_frequencies
 from controller.networks.satellites import GaussianSatellites
 from controller.ridge import ridge
 from controller.rotations import Array
-from controller.training.centralized.frequency_search import principal_scores
 from motiondeck_base.errors import MotiondeckError
 
 WIDTHS = (0.7, 1.5, 3.0, 6.0, 12.0)
@@ -31,6 +30,14 @@ LEAST_NEW = 1e-6
 
 # The logarithm of the sharpness stays within these bounds.
 LEAST_SHARPNESS, GREATEST_SHARPNESS = 0.05, 60.0
+
+
+def principal_scores(target: Array, keep: int = 40) -> Array:
+    """At most `keep` columns that stand in for target (K, D); what they leave out, every network leaves out."""
+    if target.shape[1] <= keep:
+        return target
+    left, size, _ = np.linalg.svd(target, full_matrices=False)
+    return left[:, :keep] * size[:keep]
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,15 +20,6 @@ def test_a_percentile_errs_by_a_64th_at_most(values, share):
     assert abs(counted(values).percentile(share) - exact) <= exact / 64.0 + 1e-9
 
 
-@given(durations, durations)
-def test_merging_is_counting_everything_in_one(first, second):
-    merged = counted(first)
-    merged.merge(counted(second))
-    together = counted(first + second)
-    assert merged.percentiles() == together.percentiles()
-    assert (merged.count, merged.longest) == (together.count, together.longest)
-
-
 def test_the_maximum_is_exact():
     assert counted([1_234_567, 5]).percentiles().max == 1234.567
 

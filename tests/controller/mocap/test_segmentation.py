@@ -12,7 +12,6 @@ from controller.mocap.segmentation import (
     body_features,
     borders_between,
     by_hand,
-    by_labels,
     cross_fade,
     find_segments,
 )
@@ -29,10 +28,6 @@ def test_segments_by_hand_cover_everything_once(borders):
     else:
         with pytest.raises(FileFormatError, match="must rise"):
             by_hand(borders, 50)
-
-
-def test_labels_become_segments():
-    assert by_labels(np.array([0, 0, 1, 1, 1, 0])) == ((0, 2), (2, 5), (5, 6))
 
 
 def three_motions(seed, ends, columns=24):

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.recognition.reduction import by_conditional_entropy, by_principal_axes, by_variance
-from controller.recognition.features import FeatureRecipe, aligned, features, resampled, with_velocity
+from controller.recognition.features import FeatureRecipe, features, resampled, with_velocity
 from controller.rotations import multiply, rotate, yaw
 from motiondeck_base.errors import MotiondeckError
 from recognition_examples import clip
@@ -96,9 +96,3 @@ def test_variance_keeps_what_varies_and_principal_axes_are_orthonormal():
     axes = by_principal_axes(frames, 3)
     assert np.allclose(axes.T @ axes, np.eye(3))
     assert (frames @ axes).var(0)[0] > 20.0
-
-
-@given(st.integers(1, 50), st.integers(2, 80))
-def test_alignment_keeps_both_ends_and_straight_lines(count, frames):
-    out = aligned(np.arange(count, dtype=float)[:, None], frames)
-    assert np.allclose(out[:, 0], np.linspace(0.0, count - 1.0, frames))

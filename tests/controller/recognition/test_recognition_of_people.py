@@ -8,9 +8,10 @@ from typer.testing import CliRunner
 from benchmarks.recognition.committee import A_JOINT, GROUPS
 from benchmarks.recognition.contenders import contenders, doubters, ours
 from benchmarks.recognition.folds import measure
+from benchmarks.recognition.recorded_angles import recorded_angles
 from benchmarks.recognition.unknown import unknown_auc
 from controller.cli.main import app
-from controller.recognition.labelled_recordings import read_dataset, recorded_angles
+from controller.recognition.labelled_recordings import read_dataset
 
 
 @pytest.fixture(scope="module")

@@ -16,6 +16,7 @@ from scipy.optimize import minimize
 
 from controller.networks.centers import require_frequencies
 from controller.rotations import Array
+from controller.training.centralized.satellite_learning import principal_scores
 from motiondeck_base.errors import MotiondeckError
 
 # Ranking solves normal equations; this share of the frames on their diagonal keeps them solvable.
@@ -49,14 +50,6 @@ def frequency_grid(duration: float, count: int, turns: float = 16.0) -> Array:
 def sines_at(frequency: Array, time: Array) -> Array:
     """q_i = sin(omega_i t), shape (K, n)."""
     return np.sin(np.multiply.outer(time, frequency))
-
-
-def principal_scores(target: Array, keep: int = 40) -> Array:
-    """At most `keep` columns that stand for all of target (K, D): what they leave out is left out by every network."""
-    if target.shape[1] <= keep:
-        return target
-    left, size, _ = np.linalg.svd(target, full_matrices=False)
-    return left[:, :keep] * size[:keep]
 
 
 class FrequencySearch:
@@ -135,8 +128,8 @@ class FrequencySearch:
         root, failed = lapack.dpotrf(gram, lower=1, overwrite_a=1)  # pyright: ignore[reportAttributeAccessIssue]
         if failed:
             return 1.0
-        told = lapack.dtrtrs(root, response.T @ self._target, lower=1)[0]  # pyright: ignore[reportAttributeAccessIssue]
-        return max(0.0, 1.0 - float(np.square(told).sum()) / self._size)
+        fitted = lapack.dtrtrs(root, response.T @ self._target, lower=1)[0]  # pyright: ignore[reportAttributeAccessIssue]
+        return max(0.0, 1.0 - float(np.square(fitted).sum()) / self._size)
 
     def _factor(self, frequencies: Array, center: int, sharpness: float) -> Array:
         """What one center contributes to the Gaussians at each frequency, shape (F, K', m): they are products."""
@@ -145,7 +138,7 @@ class FrequencySearch:
 
 
 def readout(response: Array, target: Array) -> Array:
-    """The weights W, shape (D, m), that tell target (K, D) best from responses (K, m), by singular values.
+    """The weights W, shape (D, m), that fit target (K, D) best from responses (K, m), by singular values.
 
     Raises:
         MotiondeckError: if there are fewer frames than satellites.

@@ -1,4 +1,4 @@
-"""What a centralized network makes of one segment, with as much effort as its figures are quoted with."""
+"""The centralized network of one segment, trained with the effort that the published figures were measured with."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ KEPT = 4
 ITERATIONS = 500
 
 
-def say_segment(segment: Array, rate: float, satellites: int, centers: int = 2) -> Array:
-    """What learned satellites say of joints or markers (K, M, 3), the mean of each coordinate beside.
+def play_segment(segment: Array, rate: float, satellites: int, centers: int = 2) -> Array:
+    """Joints or markers (K, M, 3) as learned satellites play them; each coordinate's mean is kept beside.
 
     Args:
         segment: K frames.

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controller.networks.satellites import GaussianSatellites, grid_places, spacing
-from controller.training.centralized.frequency_search import (
+from benchmarks.papers.frequency_search import (
     Candidate,
     FrequencySearch,
     frequency_grid,
@@ -14,6 +13,7 @@ from controller.training.centralized.frequency_search import (
     readout,
     sines_at,
 )
+from controller.networks.satellites import GaussianSatellites, grid_places, spacing
 from motiondeck_base.errors import MotiondeckError
 
 TIME = np.arange(600) / 120.0
