@@ -1,4 +1,4 @@
-"""Switching a rig on and off: whatever happens, torque comes on only where the joint already stands.
+"""Switching a rig on and off: torque comes on only where the joint already stands.
 
 These functions wait for each servo's answer; they are not for use inside a loop.
 """
@@ -13,10 +13,10 @@ import numpy as np
 from hardware.bus.servo_bus import Bus
 from hardware.control_table.servo_traits import TRAITS
 from hardware.errors import NoReplyError, RigError, SerialPortError, ServoError
+from hardware.rig.audit import POSITION_MODE, audit, in_counts, position_ends, settle
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array, RigScale
 
-_POSITION_MODE = 3
 _ANSWER_EVERYTHING = 2
 _NEAR = 0.05  # rad that a joint may stand outside its limits when switched on: play, and the rounding of pulses
 
@@ -24,7 +24,7 @@ _HARDWARE_ERRORS = {1: "input voltage", 4: "overheated", 8: "encoder", 16: "elec
 
 
 def switch_on(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambda: False) -> Array:
-    """Checks who is there, takes torque off, settles each servo's settings, makes its position its goal, torque on.
+    """Checks who is there, takes torque off, audits and sets the settings, makes each position the goal, torque on.
 
     Args:
         config: the rig.
@@ -35,21 +35,21 @@ def switch_on(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambd
         The angles (J,), rad, at which the joints now hold.
 
     Raises:
-        RigError: if servos are missing, of another model, shut down, or outside their limits, it names them all; or if
-            it was cancelled.
+        RigError: if servos are missing, of another model, shut down, set so that they could move wrongly (see `audit`),
+            or outside their limits, it names them all; or if it was cancelled.
         SerialPortError: if the port vanishes.
     """
     check_identities(config, bus)
-    # A servo told to keep silent would look like one that is missing.
+    # A servo set to keep silent would look like one that is missing.
     tell_all(config, bus, "status_return_level", _ANSWER_EVERYTHING)
     try:
         _write(config, bus, "torque_enable", [0] * len(config.joints))
         _refuse_shut_down(config, bus)
-        _settle(config, bus, "operating_mode", [_POSITION_MODE] * len(config.joints))
-        ends = _ends(RigScale(config))
-        _settle(config, bus, "min_position_limit", [int(pulses) for pulses in ends[0]])
-        _settle(config, bus, "max_position_limit", [int(pulses) for pulses in ends[1]])
-        _limit_current(config, bus)
+        differences = audit(config, bus)
+        refused = [str(difference) for difference in differences if difference.when == "refused"]
+        if refused:
+            raise RigError(f"{'; '.join(refused)}. Set it with motiondeck rig doctor RIG --fix.")
+        settle((difference for difference in differences if difference.when == "switch-on"), config, bus)
         held = hold_still(config, bus)
         if cancelled():
             raise RigError("the rig was closed before torque was on.")
@@ -104,7 +104,7 @@ def resume(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambda: 
     tell_all(config, bus, "status_return_level", _ANSWER_EVERYTHING)
     try:
         _refuse_shut_down(config, bus)
-        ends = _ends(RigScale(config))
+        ends = position_ends(config)
         held = zip(
             _read(config, bus, "torque_enable"),
             _read(config, bus, "operating_mode"),
@@ -115,7 +115,7 @@ def resume(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambda: 
         lost = [
             joint
             for joint, is_set, low, high in zip(config.joints, held, *ends.astype(np.int64).tolist(), strict=True)
-            if is_set != (1, _POSITION_MODE, low, high)
+            if is_set != (1, POSITION_MODE, low, high)
         ]
         if lost:
             switch_on(msgspec.structs.replace(config, joints=tuple(lost)), bus, cancelled)
@@ -147,7 +147,7 @@ def describe_errors(bits: int) -> str:
 
 
 def switch_off(config: RigConfig, bus: Bus) -> list[str]:
-    """Takes the torque off all servos at once, then off each for itself.
+    """Takes the torque off all servos at once, then off each one, and waits for its answer.
 
     Returns:
         The joints that did not confirm it: dead ones, or all where the port is gone.
@@ -173,7 +173,7 @@ def hold_each(config: RigConfig, bus: Bus) -> list[str]:
         The joints that did not confirm it: dead ones, or all where the port is gone.
     """
     unconfirmed: list[str] = []
-    ends = _ends(RigScale(config)).astype(np.int64).T.tolist()
+    ends = position_ends(config).astype(np.int64).T.tolist()
     try:
         tell_all(config, bus, "bus_watchdog", 0)
         for joint, (low, high) in zip(config.joints, ends, strict=True):
@@ -228,30 +228,11 @@ def _refuse_shut_down(config: RigConfig, bus: Bus) -> None:
 
 
 def _limit_speed(config: RigConfig, bus: Bus) -> None:
-    """Has each servo keep to its joint's limits by itself; a profile velocity of 0 would mean no limit."""
-    speeds = [_counts(joint, "profile_velocity", joint.velocity * joint.gear, 1) for joint in config.joints]
-    rates = [_counts(joint, "profile_acceleration", joint.acceleration * joint.gear, 0) for joint in config.joints]
+    """Has each servo keep its joint's limits on its own; a profile velocity of 0 would mean no limit."""
+    speeds = [in_counts(joint, "profile_velocity", joint.velocity * joint.gear, 1) for joint in config.joints]
+    rates = [in_counts(joint, "profile_acceleration", joint.acceleration * joint.gear, 0) for joint in config.joints]
     _write(config, bus, "profile_velocity", speeds)
     _write(config, bus, "profile_acceleration", rates)
-
-
-def _limit_current(config: RigConfig, bus: Bus) -> None:
-    """Writes the current limit where the rig file has one."""
-    for joint in config.joints:
-        if joint.current:
-            one = msgspec.structs.replace(config, joints=(joint,))
-            _settle(one, bus, "current_limit", [_counts(joint, "current_limit", joint.current, 1)])
-
-
-def _counts(joint: RigJoint, name: str, value: float, least: int) -> int:
-    """A value in SI units as what a register of the joint takes, 0 for 0."""
-    register = joint.table[name]
-    return max(least if value else 0, min(round(value / register.si), register.maximum))
-
-
-def _ends(scale: RigScale) -> Array:
-    """The lowest and the highest position of each servo, shape (2, J), pulses."""
-    return np.sort([scale.pulses(scale.lower), scale.pulses(scale.upper)], axis=0)
 
 
 def _positions(config: RigConfig, bus: Bus, scale: RigScale) -> Array:
@@ -275,14 +256,6 @@ def _read(config: RigConfig, bus: Bus, name: str) -> list[int]:
     """A register of every servo."""
     rows = [(joint.id, joint.table[name]) for joint in config.joints]
     return [row.decode(bus.read(id, row.address, row.length).params) for id, row in rows]
-
-
-def _settle(config: RigConfig, bus: Bus, name: str, values: Sequence[int]) -> None:
-    """Writes an EEPROM register where it differs: its cells wear out."""
-    for joint, value, held in zip(config.joints, values, _read(config, bus, name), strict=True):
-        if value != held:
-            register = joint.table[name]
-            bus.write(joint.id, register.address, register.encode(value))
 
 
 def _who(joints: Iterable[RigJoint]) -> str:

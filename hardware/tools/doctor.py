@@ -1,4 +1,4 @@
-"""What is on a bus, and what is wrong with it: scanning, examining, and setting up one servo at a time."""
+"""What is on a bus and what is wrong with it: scanning, examining, fixing, and setting up one servo at a time."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from hardware.bus.wire_time import rate_limit
 from hardware.control_table.models import MODELS
 from hardware.control_table.table import ControlTable
 from hardware.errors import NoReplyError, RigError, ServoError
+from hardware.rig.audit import audit, settle
 from hardware.rig.rig_file import BAUD_RATES, RigConfig, RigJoint
 from hardware.rig.state_block import arranged
 from hardware.rig.switching import describe_errors
 
 _USB_SERIAL = Path("/sys/bus/usb-serial/devices")
 _LIKELY = (57600, 1_000_000, 4_000_000, 2_000_000, 3_000_000, 115_200, 9600)
-_SLOW_ANSWER = 20e-6  # s of return delay that nobody minds
 _CLOSE_TO_HOT = 12.0  # degC
 
 
@@ -31,7 +31,7 @@ class Found(NamedTuple):
 
 
 class ServoReport(msgspec.Struct, frozen=True):
-    """What a servo of the rig says of itself.
+    """What a servo of the rig reports.
 
     Attributes:
         name: of its joint.
@@ -126,14 +126,14 @@ def _latency_file(port: str) -> Path:
 
 
 def examine(config: RigConfig, bus: Bus) -> Report:
-    """Asks every servo of a rig how it is and says what would go wrong; moves nothing.
+    """Asks every servo of a rig how it is, compares its settings, and lists what would go wrong; moves nothing.
 
     Raises:
         SerialPortError: if the port vanishes.
     """
     problems: list[str] = []
     servos: list[ServoReport] = []
-    for joint in config.joints:
+    for index, joint in enumerate(config.joints):
         identity = bus.ping(joint.id)
         who = f"{joint.name} (id {joint.id})"
         if identity is None:
@@ -144,11 +144,17 @@ def examine(config: RigConfig, bus: Bus) -> Report:
             problems.append(f"{who} is a {identity.model}, not a {joint.model}: correct the rig file")
         else:
             try:
-                servos.append(servo := _ask(joint, identity, bus))
+                servo = _ask(joint, identity, bus)
+                differences = [
+                    f"{difference}: motiondeck rig doctor --fix"
+                    for difference in audit(config.only([index]), bus)
+                    if difference.when != "switch-on"
+                ]
+                servos.append(servo)
             except ServoError as error:
                 problems.append(str(error))
                 continue
-            problems += _complaints(servo, joint, who)
+            problems += _complaints(servo, joint, who) + differences
     latency = latency_timer(bus.port.name)
     if latency is not None and latency > 1:
         problems.append(
@@ -167,23 +173,27 @@ def examine(config: RigConfig, bus: Bus) -> Report:
     return Report(bus.port.name, bus.baud, latency, config.rate_hz, possible, servos, problems)
 
 
-def shorten_return_delays(config: RigConfig, bus: Bus) -> list[str]:
-    """Sets the return delay of every servo that answers to 0; torque must be off there.
+def fix_settings(config: RigConfig, bus: Bus) -> list[str]:
+    """Sets every register in which a servo differs from what the rig needs (see `audit`); torque must be off there.
 
     Returns:
-        The joints whose servo did not take it.
+        What a servo did not take, or that it did not answer; one line each.
 
     Raises:
         SerialPortError: if the port vanishes.
     """
     refused: list[str] = []
-    for joint in config.joints:
-        register = joint.table["return_delay_time"]
+    for index, joint in enumerate(config.joints):
+        one = config.only([index])
         try:
-            if bus.read(joint.id, register.address, 1).params != b"\0":
-                bus.write(joint.id, register.address, b"\0")
-        except ServoError:
-            refused.append(joint.name)
+            torque = joint.table["torque_enable"]
+            differences = audit(one, bus)
+            if differences and bus.read(joint.id, torque.address, torque.length).params != b"\0":
+                refused.append(f"{joint.name} (id {joint.id}) has its torque on: motiondeck rig stop takes it off")
+                continue
+            settle(differences, one, bus)
+        except ServoError as error:
+            refused.append(f"{joint.name}: {error}")
     return refused
 
 
@@ -238,7 +248,7 @@ def _put(bus: Bus, id: int, table: ControlTable, name: str, value: int) -> None:
 
 
 def _ask(joint: RigJoint, identity: Identity, bus: Bus) -> ServoReport:
-    """Reads what a report says of one servo."""
+    """Reads the report of one servo."""
 
     def value(name: str) -> int:
         register = joint.table[name]
@@ -260,16 +270,14 @@ def _ask(joint: RigJoint, identity: Identity, bus: Bus) -> ServoReport:
 
 def _complaints(servo: ServoReport, joint: RigJoint, who: str) -> list[str]:
     """What is wrong with one servo."""
-    said: list[str] = []
+    found: list[str] = []
     if servo.errors:
-        said.append(f"{who} reports {servo.errors}: mend the cause, then switch its power off and on")
+        found.append(f"{who} reports {servo.errors}: mend the cause, then switch its power off and on")
     if not joint.lower - 0.05 <= servo.position <= joint.upper + 0.05:
-        said.append(
+        found.append(
             f"{who} stands at {servo.position:.2f} rad, its limits are {joint.lower} to {joint.upper}: "
             "move it by hand, or motiondeck rig calibrate"
         )
     if servo.temperature > joint.hottest - _CLOSE_TO_HOT:
-        said.append(f"{who} has {servo.temperature:.0f} degC and shuts down at {joint.hottest:.0f}: let it cool")
-    if servo.return_delay_us * 1e-6 > _SLOW_ANSWER:
-        said.append(f"{who} waits {servo.return_delay_us} us before it answers: motiondeck rig doctor --fix sets 0")
-    return said
+        found.append(f"{who} has {servo.temperature:.0f} degC and shuts down at {joint.hottest:.0f}: let it cool")
+    return found

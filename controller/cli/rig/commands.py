@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from controller.cli.rig import play, teach
+from controller.cli.rig import play, settings, teach
 from controller.cli.rig.rig_port import JsonOption, PortOption, RigArgument, ended_by_sigterm, load, open_buses
 from motiondeck_base.errors import MotiondeckError
 
@@ -25,6 +25,8 @@ app = typer.Typer(
 
 app.command("teach")(teach.teach)
 app.command("play")(play.play)
+app.command("backup")(settings.backup)
+app.command("restore")(settings.restore)
 
 
 @app.command("emulate")
@@ -125,24 +127,27 @@ def doctor(
     port: PortOption = None,
     fix: Annotated[
         bool,
-        typer.Option("--fix", help="Set every servo's return delay to 0, and the USB adapter's latency timer to 1 ms."),
+        typer.Option("--fix", help="Set every register that differs, and the USB adapter's latency timer to 1 ms."),
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Check a rig without moving it: servos, settings, temperatures, and how fast the wire can be; exit 1 on a problem.
+    """Check a rig without moving it; exit code 1 on a problem.
+
+    Shown are servos that are missing or of another model, registers that differ from what the rig needs, heat and
+    voltage, and how fast the wire can be.
 
     Example:  motiondeck rig doctor configs/rigs/servo20.toml --port /dev/ttyUSB0
     """
     import msgspec
 
-    from hardware.tools.doctor import examine, shorten_latency, shorten_return_delays
+    from hardware.tools.doctor import examine, fix_settings, shorten_latency
 
     config = load(rig)
     reports, refused = [], []
     with open_buses(config, port) as parts:
         for part, bus in parts:
             if fix:
-                refused += shorten_return_delays(part, bus)
+                refused += fix_settings(part, bus)
                 print(shorten_latency(bus.port.name), file=sys.stderr)
             reports.append(examine(part, bus))
     if as_json:
@@ -160,7 +165,7 @@ def doctor(
     problems = sum(len(report.problems) for report in reports)
     if not as_json:
         if refused:
-            print(f"return delay not set: {', '.join(refused)} (is torque on?)")
+            print("\n".join(f"not set: {line}" for line in refused))
         print("no problem found" if not problems else f"{problems} problems")
     if problems:
         raise typer.Exit(1)

@@ -13,7 +13,7 @@ from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
 from hardware.rig.rig_file import load_rig
 from hardware.tools.calibration import calibrate, calibrated, save_rig
-from hardware.tools.doctor import examine, latency_timer, scan, set_up, shorten_latency, shorten_return_delays
+from hardware.tools.doctor import examine, fix_settings, latency_timer, scan, set_up, shorten_latency
 from hardware.tools.monitor import observe
 
 
@@ -42,14 +42,15 @@ def test_a_scan_finds_servos_at_every_speed(opened, port):
 def test_a_healthy_rig_has_nothing_but_slow_answers(rig_of_four, bus):
     report = examine(rig_of_four, bus)
     assert [servo.id for servo in report.servos] == [1, 2, 3, 4]
-    assert all("waits 500 us" in problem for problem in report.problems)
-    assert shorten_return_delays(rig_of_four, bus) == []
+    assert len(report.problems) == 4
+    assert all("return_delay_time is 250, the rig needs 0" in problem for problem in report.problems)
+    assert fix_settings(rig_of_four, bus) == []
     assert examine(rig_of_four, bus).problems == []
     assert msgspec.json.decode(msgspec.json.encode(report))["servos"][2]["position"] == 0.0
 
 
 def test_an_examination_names_every_trouble(rig_of_four, bus, port):
-    shorten_return_delays(rig_of_four, bus)
+    fix_settings(rig_of_four, bus)
     port.bus[1].dead = True
     port.bus[2]["model_number"] = 1060
     port.bus[3].fail(0x20)
@@ -69,9 +70,9 @@ def test_an_examination_names_every_trouble(rig_of_four, bus, port):
         assert said in problems
 
 
-def test_return_delays_stay_where_torque_is_on(rig_of_four, bus, port):
+def test_settings_stay_where_torque_is_on(rig_of_four, bus, port):
     port.bus[2]["torque_enable"] = 1
-    assert shorten_return_delays(rig_of_four, bus) == ["joint_2"]
+    assert fix_settings(rig_of_four, bus) == ["joint_2 (id 2) has its torque on: motiondeck rig stop takes it off"]
 
 
 def test_a_port_without_a_latency_timer_has_none(tmp_path):
@@ -84,7 +85,7 @@ def test_the_latency_timer_is_set_on_request(tmp_path, monkeypatch, rig_of_four,
     assert "has no latency timer" in shorten_latency("emulated")
     file.parent.mkdir()
     file.write_text("16\n")
-    shorten_return_delays(rig_of_four, bus)
+    fix_settings(rig_of_four, bus)
     assert "holds answers for up to 16 ms" in "".join(examine(rig_of_four, bus).problems)
     assert "was 16 ms and is 1 ms now" in shorten_latency("/dev/emulated")
     assert "is 1 ms already" in shorten_latency("/dev/emulated")

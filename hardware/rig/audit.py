@@ -1,0 +1,165 @@
+"""The audit of a servo's settings: every register that bears on motion, compared with what the rig needs.
+
+A used servo keeps what an earlier program has written: a time-based profile makes it faster than its limit, an offset
+puts its zero elsewhere, a second ID lets another servo's goals move it.
+
+    register                 needed                                            set
+    operating_mode, min_position_limit, max_position_limit, current_limit      at switch-on: the rig file states them
+    gains P, I, feed-forward the model's own                                   at switch-on: they are in RAM
+    goal_pwm                 what pwm_limit allows                             at switch-on
+    drive_mode               0: not reversed, velocity-based profile           on request, refused until then
+    homing_offset            0: the rig file has the zero                      on request, refused until then
+    secondary_id             above 252: none                                   on request, refused until then
+    startup_configuration    0: torque stays off at power-up                   on request, refused until then
+    shutdown                 at least heat, shock and overload                 on request, refused until then
+    temperature_limit        at most the model's own                           on request, refused until then
+    velocity_limit           at least the joint's velocity                     on request, advised
+    pwm_limit                the model's own                                   on request, advised
+    return_delay_time        20 us at most                                     on request, advised
+
+Profiles, bus watchdog and status return level are RAM too; `switching` writes them each time. D gains are left alone:
+some models have one from the box, and the tables do not hold it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from hardware.bus.servo_bus import Bus
+from hardware.control_table.servo_traits import TRAITS
+from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.scale import Array, RigScale
+
+POSITION_MODE = 3
+_PROTECTED = 4 | 16 | 32  # heat, shock, overload
+_LAST_ID, _NO_SECOND_ID = 252, 255
+_SLOW_ANSWER = 10  # counts of 2 us that do no harm
+_COMPARED = frozenset({
+    "drive_mode", "homing_offset", "secondary_id", "startup_configuration", "shutdown", "temperature_limit",
+    "velocity_limit", "pwm_limit", "current_limit", "operating_mode", "min_position_limit", "max_position_limit",
+    "return_delay_time", "position_p_gain", "position_i_gain", "feedforward_1st_gain", "feedforward_2nd_gain",
+    "goal_pwm",
+})  # fmt: skip
+_WHY = {
+    "drive_mode": "reversed, or with a profile in time instead of speed",
+    "homing_offset": "its zero is elsewhere",
+    "secondary_id": "it obeys a second ID",
+    "startup_configuration": "torque or RAM come back at power-up",
+    "shutdown": "it does not protect itself",
+    "temperature_limit": "it may get too hot",
+    "velocity_limit": "it is slower than the rig file asks",
+    "pwm_limit": "it is weaker than its model",
+    "return_delay_time": "it waits before each answer, in counts of 2 us",
+}
+
+
+When = Literal["switch-on", "refused", "advised"]
+
+
+class Difference(NamedTuple):
+    """A register that holds something else than the rig needs.
+
+    Attributes:
+        joint: its name.
+        id: of the servo.
+        register: its name.
+        found, needed: in counts.
+        when: "switch-on" if it is set then; else it is set on request, and "refused" until then or only "advised".
+    """
+
+    joint: str
+    id: int
+    register: str
+    found: int
+    needed: int
+    when: When
+
+    def __str__(self) -> str:
+        why = f" ({_WHY[self.register]})" if self.register in _WHY else ""
+        return f"{self.joint} (id {self.id}): {self.register} is {self.found}, the rig needs {self.needed}{why}"
+
+
+def audit(config: RigConfig, bus: Bus) -> list[Difference]:
+    """Where the servos' settings differ from what the rig needs, joint by joint.
+
+    Raises:
+        ServoError: if a servo stays silent, or does not let itself be read.
+        SerialPortError: if the port vanishes.
+    """
+    found: list[Difference] = []
+    for joint, (low, high) in zip(config.joints, position_ends(config).T, strict=True):
+        held = _read_settings(joint, bus)
+        for name, needed, when in _needs(joint, int(low), int(high), held):
+            if held[name] != needed:
+                found.append(Difference(joint.name, joint.id, name, held[name], needed, when))
+    return found
+
+
+def settle(differences: Iterable[Difference], config: RigConfig, bus: Bus) -> None:
+    """Writes what the rig needs where it differs. EEPROM registers are locked while torque is on.
+
+    Raises:
+        ServoError: if a servo stays silent, or refuses.
+        SerialPortError: if the port vanishes.
+    """
+    tables = {joint.id: joint.table for joint in config.joints}
+    for difference in differences:
+        register = tables[difference.id][difference.register]
+        bus.write(difference.id, register.address, register.encode(difference.needed))
+
+
+def position_ends(config: RigConfig) -> Array:
+    """The lowest and the highest position of each servo, shape (2, J), pulses."""
+    scale = RigScale(config)
+    return np.sort([scale.pulses(scale.lower), scale.pulses(scale.upper)], axis=0)
+
+
+def in_counts(joint: RigJoint, name: str, value: float, least: int) -> int:
+    """A value in SI units as what a register of the joint takes, 0 for 0."""
+    register = joint.table[name]
+    return max(least if value else 0, min(round(value / register.si), register.maximum))
+
+
+def _read_settings(joint: RigJoint, bus: Bus) -> dict[str, int]:
+    """What the registers of one servo hold that the audit compares, read as two blocks."""
+    rows = [register for name, register in joint.table.registers.items() if name in _COMPARED]
+    held: dict[str, int] = {}
+    for memory in ("EEPROM", "RAM"):
+        block = [row for row in rows if row.memory == memory]
+        start, end = block[0].address, block[-1].address + block[-1].length
+        data = bus.read(joint.id, start, end - start).params
+        held |= {row.name: row.decode(data[row.address - start :][: row.length]) for row in block}
+    return held
+
+
+def _needs(joint: RigJoint, low: int, high: int, held: dict[str, int]) -> Iterator[tuple[str, int, When]]:
+    """Register, needed value, and when it is set, for the registers that this model has."""
+    # First the mode: a change of it puts gains and goals back.
+    yield "operating_mode", POSITION_MODE, "switch-on"
+    yield "min_position_limit", low, "switch-on"
+    yield "max_position_limit", high, "switch-on"
+    if joint.current:
+        yield "current_limit", in_counts(joint, "current_limit", joint.current, 1), "switch-on"
+    traits = TRAITS.get(joint.model)
+    if traits is not None:
+        yield "position_p_gain", traits.position_p, "switch-on"
+        for name in ("position_i_gain", "feedforward_1st_gain", "feedforward_2nd_gain"):
+            yield name, 0, "switch-on"
+        yield "goal_pwm", held["pwm_limit"], "switch-on"
+    for name in ("drive_mode", "homing_offset", "startup_configuration"):
+        if name in held:
+            yield name, 0, "refused"
+    if held.get("secondary_id", _NO_SECOND_ID) <= _LAST_ID:
+        yield "secondary_id", _NO_SECOND_ID, "refused"
+    yield "shutdown", held["shutdown"] | _PROTECTED, "refused"
+    yield "temperature_limit", min(held["temperature_limit"], round(joint.hottest)), "refused"
+    fast_enough = in_counts(joint, "velocity_limit", joint.velocity * joint.gear, 1)
+    yield "velocity_limit", max(held["velocity_limit"], fast_enough), "advised"
+    own_pwm = joint.table["pwm_limit"].default
+    if own_pwm is not None:
+        yield "pwm_limit", own_pwm, "advised"
+    if held["return_delay_time"] > _SLOW_ANSWER:
+        yield "return_delay_time", 0, "advised"

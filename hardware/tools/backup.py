@@ -1,0 +1,124 @@
+"""A rig's control tables in a file, and back: all registers are kept, and those in EEPROM can be restored."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import msgspec
+
+from hardware.bus.servo_bus import Bus
+from hardware.errors import RigError
+from hardware.rig.rig_file import RigConfig
+
+_CHUNK = 64  # bytes a read
+_NOT_RESTORED = ("id", "baud_rate", "protocol_type")  # the servo would be gone from its place on the bus
+
+
+class ServoBackup(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The control table of one servo.
+
+    Attributes:
+        joint: its name in the rig file.
+        id: on the bus.
+        model: the maker's name.
+        registers: what each held, in counts, by name.
+    """
+
+    joint: str
+    id: int
+    model: str
+    registers: dict[str, int]
+
+
+def back_up(config: RigConfig, bus: Bus) -> list[ServoBackup]:
+    """Reads the whole table of every servo.
+
+    Raises:
+        RigError: if a servo is missing or of another model.
+        ServoError: if one stays silent, or refuses to be read.
+        SerialPortError: if the port vanishes.
+    """
+    backups: list[ServoBackup] = []
+    for joint in config.joints:
+        _check_model(joint.name, joint.id, joint.model, bus)
+        rows = list(joint.table.registers.values())
+        held: dict[str, int] = {}
+        while rows:
+            start = rows[0].address
+            block = [row for row in rows if row.address + row.length <= start + _CHUNK]
+            rows = rows[len(block) :]
+            data = bus.read(joint.id, start, block[-1].address + block[-1].length - start).params
+            held |= {row.name: row.decode(data[row.address - start :][: row.length]) for row in block}
+        backups.append(ServoBackup(joint.name, joint.id, joint.model, held))
+    return backups
+
+
+def restore(config: RigConfig, backups: Iterable[ServoBackup], bus: Bus) -> list[str]:
+    """Writes the EEPROM registers that differ from the backup, but ID and baud rate; torque must be off.
+
+    Returns:
+        What was written, one line a register.
+
+    Raises:
+        RigError: if a servo is missing or of another model, or has its torque on.
+        ServoError: if one stays silent, or refuses a value.
+        SerialPortError: if the port vanishes.
+    """
+    kept = {backup.joint: backup for backup in backups}
+    joints = [joint for joint in config.joints if joint.name in kept]
+    for joint in joints:
+        backup = kept[joint.name]
+        if backup.model != joint.model:
+            raise RigError(f"{joint.name} is a {joint.model} in the rig file, and a {backup.model} in the backup.")
+        _check_model(joint.name, joint.id, joint.model, bus)
+        torque = joint.table["torque_enable"]
+        if bus.read(joint.id, torque.address, torque.length).params != b"\0":
+            raise RigError(f"{joint.name} (id {joint.id}) has its torque on. Take it off with motiondeck rig stop.")
+    written: list[str] = []
+    for joint in joints:
+        for name, value in kept[joint.name].registers.items():
+            register = joint.table[name]
+            if register.memory != "EEPROM" or register.access == "R" or name in _NOT_RESTORED:
+                continue
+            held = register.decode(bus.read(joint.id, register.address, register.length).params)
+            if held != value:
+                bus.write(joint.id, register.address, register.encode(value))
+                written.append(f"{joint.name} (id {joint.id}): {name} was {held} and is {value}")
+    return written
+
+
+def save_backups(backups: list[ServoBackup], path: Path) -> None:
+    """Writes backups as JSON, whole or not at all.
+
+    Raises:
+        RigError: if the file cannot be written.
+    """
+    draft = path.with_name(f".{path.name}.draft")
+    try:
+        draft.write_bytes(msgspec.json.format(msgspec.json.encode(backups)))
+        draft.replace(path)
+    except OSError as error:
+        raise RigError(f"cannot write the backup {path}: {error.strerror}.") from error
+
+
+def load_backups(path: Path) -> list[ServoBackup]:
+    """Reads what `save_backups` wrote.
+
+    Raises:
+        RigError: if the file cannot be read, or is not a backup.
+    """
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=list[ServoBackup])
+    except OSError as error:
+        raise RigError(f"cannot read the backup {path}: {error.strerror}.") from error
+    except msgspec.DecodeError as error:
+        raise RigError(f"{path} is not a backup of motiondeck rig backup: {error}.") from error
+
+
+def _check_model(joint: str, id: int, model: str, bus: Bus) -> None:
+    identity = bus.ping(id)
+    if identity is None:
+        raise RigError(f"{joint} (id {id}) does not answer. Check power, cable, id and baud rate.")
+    if identity.model != model:
+        raise RigError(f"{joint} (id {id}) is a {identity.model}, not a {model}. Correct the rig file.")

@@ -1,0 +1,108 @@
+"""Servos as other tools leave them: refused or set right at switch-on, named by the audit, and never too fast."""
+
+import numpy as np
+import pytest
+
+from hardware.bus.servo_bus import Bus
+from hardware.emulator.bus import EmulatedBus
+from hardware.emulator.port import EmulatedPort
+from hardware.errors import RigError
+from hardware.rig.audit import audit, settle
+from hardware.rig.dynamixel_rig import DynamixelRig
+from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.tools.doctor import examine, fix_settings
+
+LIMIT = 1.5  # rad/s
+
+LEFT_BEHIND = {
+    "drive_mode": (4, r"drive_mode is 4, the rig needs 0 \(reversed, or with a profile in time"),
+    "homing_offset": (700, r"homing_offset is 700, the rig needs 0 \(its zero is elsewhere"),
+    "secondary_id": (2, r"secondary_id is 2, the rig needs 255 \(it obeys a second ID"),
+    "startup_configuration": (1, r"startup_configuration is 1, the rig needs 0"),
+    "shutdown": (0, r"shutdown is 0, the rig needs 52"),
+    "temperature_limit": (100, r"temperature_limit is 100, the rig needs 80"),
+}
+SET_ANYWAY = {
+    "operating_mode": 4,
+    "status_return_level": 0,
+    "position_p_gain": 8000,
+    "position_i_gain": 900,
+    "feedforward_1st_gain": 500,
+    "goal_pwm": 300,
+    "profile_velocity": 0,
+    "bus_watchdog": -1,
+}
+
+
+@pytest.fixture
+def used_rig():
+    """Two joints of 1.5 rad/s, the first of which other tools have used."""
+    joints = tuple(RigJoint(f"joint_{id}", id, "XM430-W350", 1, 2048, -1.5, 1.5, LIMIT) for id in (1, 2))
+    return RigConfig("emulated", 1_000_000, 100.0, joints)
+
+
+@pytest.fixture
+def port(used_rig):
+    return EmulatedPort(EmulatedBus(used_rig))
+
+
+@pytest.fixture
+def bus(port):
+    return Bus(port, 1_000_000)
+
+
+def fastest(rig, port, seconds=2.0):
+    """The largest speed of the first shaft while it goes from one end to the other, rad/s."""
+    device, shafts = port.bus.devices[0], []
+    for _ in range(round(seconds / 0.01)):
+        rig.collect_state()
+        rig.write(np.full(2, 1.4))
+        rig.request_state()
+        port.elapse(0.01)
+        shafts.append(float(device.bank.shaft[device.row]))
+    return float(np.abs(np.diff(shafts)).max()) / 0.01 * 2.0 * np.pi / 4096
+
+
+@pytest.mark.parametrize("register", LEFT_BEHIND)
+def test_what_could_move_a_joint_wrongly_is_refused_and_named_and_fixed_on_request(used_rig, port, bus, register):
+    value, said = LEFT_BEHIND[register]
+    port.bus[1][register] = value
+    port.bus.reindex()
+    with pytest.raises(RigError, match=r"joint_1 \(id 1\): " + said):
+        DynamixelRig(used_rig, bus)
+    assert [port.bus[id]["torque_enable"] for id in (1, 2)] == [0, 0]
+    assert port.bus[1][register] == value
+    assert any(register in problem and "rig doctor --fix" in problem for problem in examine(used_rig, bus).problems)
+    assert fix_settings(used_rig, bus) == []
+    assert audit(used_rig, bus) == []
+    assert fastest(DynamixelRig(used_rig, bus), port) < 1.05 * LIMIT
+
+
+@pytest.mark.parametrize("register", SET_ANYWAY)
+def test_what_the_rig_file_states_or_is_in_ram_is_set_at_switch_on(used_rig, port, bus, register):
+    port.bus[1][register] = SET_ANYWAY[register]
+    rig = DynamixelRig(used_rig, bus)
+    assert fastest(rig, port) < 1.05 * LIMIT
+    assert [difference for difference in audit(used_rig, bus) if difference.when == "switch-on"] == []
+    assert rig.positions == pytest.approx([1.4, 1.4], abs=0.01)
+
+
+def test_a_weaker_or_slower_servo_is_advice_only(used_rig, port, bus):
+    port.bus[1]["pwm_limit"], port.bus[1]["velocity_limit"] = 600, 20
+    problems = "\n".join(examine(used_rig, bus).problems)
+    assert "pwm_limit is 600, the rig needs 885 (it is weaker than its model)" in problems
+    assert "velocity_limit is 20" in problems
+    DynamixelRig(used_rig, bus)
+
+
+def test_nothing_is_written_where_nothing_differs(used_rig, port, bus):
+    settle(audit(used_rig, bus), used_rig, bus)
+    port.sent.clear()
+    settle(audit(used_rig, bus), used_rig, bus)
+    assert len(port.sent) == 4  # two blocks a servo, read
+
+
+def test_every_difference_of_every_joint_is_in_one_message(used_rig, port, bus):
+    port.bus[1]["drive_mode"], port.bus[2]["homing_offset"] = 1, -300
+    with pytest.raises(RigError, match=r"joint_1 .*drive_mode is 1.*; joint_2 .*homing_offset is -300.*--fix"):
+        DynamixelRig(used_rig, bus)

@@ -1,0 +1,51 @@
+"""Control tables in a file and back, against emulated servos."""
+
+import pytest
+
+from hardware.control_table.models import MODELS
+from hardware.errors import RigError
+from hardware.tools.backup import back_up, load_backups, restore, save_backups
+
+
+def test_what_was_changed_is_restored_from_the_file(rig_of_four, bus, port, tmp_path):
+    port.bus[2]["homing_offset"] = -300
+    save_backups(back_up(rig_of_four, bus), tmp_path / "servos.json")
+    backups = load_backups(tmp_path / "servos.json")
+    assert [len(backup.registers) for backup in backups] == [len(MODELS["XM430-W350"].registers)] * 4
+    port.bus[2]["homing_offset"] = 0
+    port.bus[3]["drive_mode"] = 4
+    assert restore(rig_of_four, backups, bus) == [
+        "joint_2 (id 2): homing_offset was 0 and is -300",
+        "joint_3 (id 3): drive_mode was 4 and is 0",
+    ]
+    assert (port.bus[2]["homing_offset"], port.bus[3]["drive_mode"]) == (-300, 0)
+    assert restore(rig_of_four, backups, bus) == []
+
+
+def test_nothing_is_written_while_one_servo_has_its_torque_on(rig_of_four, bus, port):
+    backups = back_up(rig_of_four, bus)
+    port.bus[1]["drive_mode"] = 4
+    port.bus[4]["torque_enable"] = 1
+    with pytest.raises(RigError, match=r"joint_4 \(id 4\) has its torque on"):
+        restore(rig_of_four, backups, bus)
+    assert port.bus[1]["drive_mode"] == 4
+
+
+def test_another_servo_in_its_place_is_not_written_to(rig_of_four, bus, port):
+    backups = back_up(rig_of_four, bus)
+    port.bus[2]["model_number"] = 1060
+    with pytest.raises(RigError, match=r"joint_2 \(id 2\) is a XL430-W250, not a XM430-W350"):
+        restore(rig_of_four, backups, bus)
+    port.bus[1].dead = True
+    with pytest.raises(RigError, match=r"joint_1 \(id 1\) does not answer"):
+        back_up(rig_of_four, bus)
+
+
+def test_a_file_that_is_no_backup_is_named(tmp_path):
+    (tmp_path / "notes.json").write_text("[{}]")
+    with pytest.raises(RigError, match=r"notes\.json is not a backup"):
+        load_backups(tmp_path / "notes.json")
+    with pytest.raises(RigError, match="cannot read the backup"):
+        load_backups(tmp_path / "none.json")
+    with pytest.raises(RigError, match="cannot write the backup"):
+        save_backups([], tmp_path / "none" / "servos.json")
