@@ -29,14 +29,16 @@ class Kind:
     Attributes:
         name: what a user calls it.
         key: where its header stands in the metadata.
-        version: of its format; others are refused.
+        version: of its format.
         made_by: how one is made, for error messages.
+        older: versions that are read as well; all others are refused.
     """
 
     name: str
     key: str
     version: int
     made_by: str
+    older: tuple[int, ...] = ()
 
 
 def write_arrays(path: Path, kind: Kind, header: msgspec.Struct, arrays: dict[str, NDArray[Any]]) -> None:
@@ -86,7 +88,7 @@ def read_arrays(path: Path, kind: Kind) -> tuple[object, StoredArrays]:
     except (msgspec.DecodeError, RecursionError):
         raise FileFormatError(f"{path}: its header is damaged") from None
     version = header.get("version") if isinstance(header, dict) else None
-    if version != kind.version:
+    if version not in (kind.version, *kind.older):
         raise FileFormatError(
             f"{path}: format version {version!r}; this Motiondeck reads version {kind.version}. "
             f"Make it again with {kind.made_by}."

@@ -1,5 +1,6 @@
 """A small body and three motions made up for tests, so that everything but the readers runs without recordings."""
 
+import msgspec
 import numpy as np
 
 from controller.library.library_header import VERSION, LibraryInfo, MotionInfo, describe_skeleton
@@ -10,6 +11,7 @@ from controller.mocap.skeleton import Skeleton
 from controller.training.preparation.loops import hold_end
 from controller.training.preparation.training_motion import TrainingMotion
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe, train_conceptors
+from controller.training.reservoirs.phase_training import PhaseRecipe, train_phase_conceptors
 
 RATE = 120.0
 RIGHT, LEFT, UP, DOWN = (0, -1, 0), (0, 1, 0), (0, 0, 1), (0, 0, -1)
@@ -29,6 +31,9 @@ SMALL_RECIPE = ConceptorRecipe(neurons=300, input_scale=0.5, aperture=100.0, rid
 def small_skeleton():
     names, parents, directions, lengths = zip(*BODY, strict=True)
     return Skeleton("small", names, np.array(parents), np.array(directions, dtype=float), np.array(lengths))
+
+
+SMALL_PHASE = {"neurons": 200, "rank": 30}
 
 
 def small_encoding():
@@ -91,6 +96,18 @@ def lessons():
 def small_network(seed=0, recipe=SMALL_RECIPE):
     taught, normalisation = lessons()
     return train_conceptors(taught, normalisation, recipe, seed)
+
+
+def small_phase_network(seed=0, **recipe):
+    taught, normalisation = lessons()
+    return train_phase_conceptors(taught, normalisation, PhaseRecipe(**(SMALL_PHASE | recipe)), RATE, seed)
+
+
+def small_phase_library(seed=0, **recipe):
+    """The same motions in a phase-driven network."""
+    network, library = small_phase_network(seed, **recipe), small_library(seed)
+    info = msgspec.structs.replace(library.info, network="phase-conceptor", scales=network.scales)
+    return MotionLibrary(info, network, library.encoding)
 
 
 def small_library(seed=0):

@@ -17,6 +17,7 @@ import numpy as np
 from controller.networks.base import Channels, FrameNetwork
 from controller.networks.centralized_frames import CentralizedNetwork
 from controller.networks.morph import Morph, ReservoirNetwork, morph
+from controller.networks.phase_conceptor import PhaseConceptorNetwork
 from controller.quintic import rise
 
 AHEAD = 3
@@ -36,7 +37,9 @@ class Mixture:
         anchor: the anchor of that motion nearest to where it continues alone after a mixture.
     """
 
-    def __init__(self, network: FrameNetwork, core: ReservoirNetwork | CentralizedNetwork) -> None:
+    def __init__(
+        self, network: FrameNetwork, core: ReservoirNetwork | PhaseConceptorNetwork | CentralizedNetwork
+    ) -> None:
         self.motions, self.channels = network.motions, network.channels
         self._network, self._core = network, core
         self._pair = core.twin(), core.twin()
@@ -90,7 +93,7 @@ class Mixture:
             UnknownNameError: if there is no such motion.
         """
         if self._morph is None:
-            if inside and not isinstance(self._core, CentralizedNetwork):
+            if inside and isinstance(self._core, ReservoirNetwork):
                 self._morph = morph(self._core, self.motion, other)
             else:
                 self._morph = self._dual(other, anchor)

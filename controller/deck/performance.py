@@ -21,7 +21,6 @@ from controller.library.motion_library import MotionLibrary
 from controller.library.network_arrays import Network
 from controller.mocap.posture import Posture
 from controller.networks.base import CrossingNetwork
-from controller.networks.centralized_frames import CentralizedNetwork
 from controller.networks.guard import Guard
 from controller.rotations import Array
 
@@ -51,7 +50,7 @@ class Performance:
         self._encoding = library.encoding
         self._joining: Joining | None = joining
         core = self._core = library.network.twin()
-        self._guard = None if isinstance(core, CentralizedNetwork) else _guard(core, library)
+        self._guard = _guard(core, library) if isinstance(core, Network) else None
         self._faded_restarts = 0  # how many of the guard's restarts are faded in already
         self._mixture = Mixture(self._guard or core, core)
         self._player = FramePlayer(self._mixture, library.info.rate)
@@ -247,7 +246,7 @@ class Performance:
 
 
 def _guard(network: Network, library: MotionLibrary) -> Guard:
-    """A guard around a network; a centralized one has no state that could be lost, and needs none."""
+    """A guard around a network that runs by itself; one that a center drives cannot lose its place, and needs none."""
     motions = library.info.motions
     lengths = {motion.name: motion.frames for motion in motions}
     return Guard(network, lengths, {motion.name: motion.plays == "loop" for motion in motions})

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from controller.library.network_arrays import AnyNetwork
 from controller.measures.disturbance import GuardKnowledge, Kind, disturbed
 from controller.measures.run_batch import batch_of
-from controller.measures.self_test import Judge
+from controller.measures.self_test import Judge, after_disturbance
 from controller.networks.guard import beat, spread
 from controller.training.fit import TrainingSet, first_to_pass, settle
 from controller.training.recipe import LibraryRecipe
@@ -146,7 +146,7 @@ def _count(kind: Kind, subject: Subject, motion: str, runs: int, judge: Judge, l
             # The same noise for both: what differs is the guard.
             rng = np.random.default_rng([subject.seed, network.motions.index(motion), kind == "stability"])
             played = disturbed(kind, batch_of(network, motion, runs, subject.weights), runs, rng, guard)
-            verdicts = [judge(motion, run.astype(np.float64)) for run in played]
+            verdicts = [after_disturbance(network, judge, motion, run.astype(np.float64)) for run in played]
             failed.append(sum(not verdict.passed for verdict in verdicts))
             reason = reason or next((verdict.reason for verdict in verdicts if not verdict.passed), "")
     return Count(motion, loop, subject.seed, subject.drawn, runs, failed[0], failed[1] if guarded else None, reason)

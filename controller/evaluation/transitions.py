@@ -26,8 +26,7 @@ from controller.measures.self_test import Judge
 from controller.mocap.encodings.bone_directions import FIRST_BONE, HEIGHT, TURN_RATE
 from controller.mocap.encodings.joint_angles import JointBody
 from controller.mocap.posture import Pose, Posture
-from controller.networks.centralized_frames import CentralizedNetwork
-from controller.networks.morph import morph
+from controller.networks.morph import ReservoirNetwork, morph
 from controller.rotations import Array, rotate, yaw
 from controller.training.fit import TrainingSet
 from motiondeck_base.errors import MotiondeckError
@@ -108,8 +107,8 @@ def _from(
     """All transitions out of one motion."""
     crossings = []
     motions = list(syllabus.frames)
-    # The thesis morphs within a reservoir; a centralized network has none.
-    methods = METHODS[1:] if isinstance(library.network, CentralizedNetwork) else METHODS
+    # The thesis morphs within a reservoir that runs by itself.
+    methods = METHODS if isinstance(library.network, ReservoirNetwork) else METHODS[1:]
     with threadpool_limits(1):
         for target in motions:
             if target == source:

@@ -13,10 +13,13 @@ from controller.mocap.encodings.encoding import Encoding
 from controller.mocap.encodings.joint_angles import JointAngles, JointBody
 from controller.mocap.encodings.joint_rotations import JointRotations
 from controller.mocap.skeleton import Skeleton
+from controller.networks.phase_conceptor import PhaseScales
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.toml_file import shaped
 
-VERSION = 1
+VERSION = 2
+OLDER = (1,)  # read as well: what has come since is only the network that is driven by its phase
+MOST_NEURONS, MOST_HARMONICS = 20_000, 100
 FEWEST_ANCHORS = 3  # with fewer nobody can tell how a motion moves
 
 
@@ -73,11 +76,12 @@ class LibraryInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
         acknowledgement: what the owners of the data ask to be said.
         leak: of an echo-state network, else 1.
         clipped: whether an echo-state network keeps its state and output in the range of training.
+        scales: what the weights that the motions of a phase-driven network share are drawn with, from the seed.
     """
 
     version: int
     name: str
-    network: Literal["conceptor", "echo-state", "random-feature", "centralized"]
+    network: Literal["conceptor", "phase-conceptor", "echo-state", "random-feature", "centralized"]
     encoding: Literal["bone directions", "joint rotations", "joint angles"]
     rate: float
     seed: int
@@ -88,6 +92,7 @@ class LibraryInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
     acknowledgement: str
     leak: float = 1.0
     clipped: bool = True
+    scales: PhaseScales | None = None
 
 
 def describe_skeleton(encoding: Encoding) -> SkeletonInfo:
@@ -115,6 +120,14 @@ def read_header(path: Path, tree: object) -> LibraryInfo:
         raise FileFormatError(f"{path}: its header names no motion, or one twice")
     if not (1.0 <= info.rate <= 1000.0 and 0.0 < info.leak <= 1.0):
         raise FileFormatError(f"{path}: rate {info.rate} Hz or leak {info.leak} is impossible")
+    scales = info.scales
+    if scales is not None and not (
+        1 <= scales.neurons <= MOST_NEURONS
+        and 1 <= scales.harmonics <= MOST_HARMONICS
+        and info.seed >= 0
+        and all(0.0 <= value <= 1e3 for value in msgspec.structs.astuple(scales)[2:])
+    ):
+        raise FileFormatError(f"{path}: no weights can be drawn with seed {info.seed} and {scales}")
     for motion in info.motions:
         if not (motion.name and motion.frames >= FEWEST_ANCHORS):
             raise FileFormatError(f"{path}: its header has a motion '{motion.name}' of {motion.frames} frames")

@@ -11,14 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from controller.arrays_file import Kind, read_arrays, write_arrays
-from controller.library.library_header import VERSION, LibraryInfo, encoding_in, read_header
+from controller.library.library_header import OLDER, VERSION, LibraryInfo, encoding_in, read_header
 from controller.library.network_arrays import AnyNetwork, Network, arrays_of, network_in
 from controller.mocap.encodings.encoding import Encoding
 from controller.mocap.skeleton import Skeleton
-from controller.networks.centralized_frames import CentralizedNetwork
 from motiondeck_base.errors import MotiondeckError
 
-KIND = Kind("motion library", "motiondeck", VERSION, "`motiondeck fit`")
+KIND = Kind("motion library", "motiondeck", VERSION, "`motiondeck fit`", OLDER)
 
 
 @dataclass(frozen=True)
@@ -37,16 +36,16 @@ class MotionLibrary:
 
     @property
     def reservoir(self) -> Network:
-        """The network, where only one with a reservoir will do.
+        """The network, where only one that runs by itself will do.
 
         Raises:
-            MotiondeckError: if it is a centralized one.
+            MotiondeckError: if a center drives it.
         """
-        if isinstance(self.network, CentralizedNetwork):
-            raise MotiondeckError(
-                f"library '{self.info.name}' holds a centralized network; this is for reservoirs only"
-            )
-        return self.network
+        if isinstance(self.network, Network):
+            return self.network
+        raise MotiondeckError(
+            f"library '{self.info.name}' holds a {self.info.network} network; this needs one that runs by itself"
+        )
 
     @property
     def skeleton(self) -> Skeleton:

@@ -14,11 +14,18 @@ from controller.mocap.encodings.normalisation import Normalisation
 from controller.networks.centralized_frames import CentralizedNetwork, StoredMotion
 from controller.networks.conceptor import ConceptorMotion, ConceptorNetwork, Memory
 from controller.networks.echo_state import EchoStateMotion, EchoStateNetwork
+from controller.networks.phase_conceptor import (
+    PhaseConceptorNetwork,
+    PhaseCourse,
+    PhaseMotion,
+    PhaseReservoir,
+    StoredPieces,
+)
 from controller.networks.random_feature_conceptor import FeatureMotion, FeatureReservoir, RandomFeatureNetwork
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 
 Network = ConceptorNetwork | EchoStateNetwork | RandomFeatureNetwork
-AnyNetwork = Network | CentralizedNetwork
+AnyNetwork = Network | PhaseConceptorNetwork | CentralizedNetwork
 
 
 def arrays_of(network: AnyNetwork) -> dict[str, NDArray[Any]]:
@@ -26,6 +33,9 @@ def arrays_of(network: AnyNetwork) -> dict[str, NDArray[Any]]:
     arrays: dict[str, NDArray[Any]] = {}
     for motion in network.motions:
         part = network[motion]
+        if isinstance(part, PhaseMotion):
+            arrays[f"motion/{motion}/held"] = np.array([part.course.held], dtype=np.int32)
+            part = part.stored
         for field in fields(part):
             arrays[f"motion/{motion}/{field.name}"] = getattr(part, field.name)
     if isinstance(network, ConceptorNetwork) and network.memory is not None:
@@ -34,6 +44,7 @@ def arrays_of(network: AnyNetwork) -> dict[str, NDArray[Any]]:
         arrays |= {"memory/shift": normalisation.shift, "memory/scaling": normalisation.scaling}
     if isinstance(network, EchoStateNetwork):
         arrays |= {"weights": network.weights, "feedback": network.feedback, "bias": network.bias}
+    if isinstance(network, EchoStateNetwork | PhaseConceptorNetwork):
         arrays |= {"shift": network.normalisation.shift, "scaling": network.normalisation.scaling}
     if isinstance(network, RandomFeatureNetwork):
         arrays |= {field.name: getattr(network.reservoir, field.name) for field in fields(network.reservoir)}
@@ -65,6 +76,8 @@ class _Reader:
                 raise FileFormatError(f"{self.path}: motions of different reservoir sizes {sorted(sizes)}")
             memory = self.memory(len(parts), sizes.pop(), channels) if "memory/estimate" in self.stored else None
             network: AnyNetwork = ConceptorNetwork(parts, memory)
+        elif info.network == "phase-conceptor":
+            network = self.phase_conceptors(info, channels)
         elif info.network == "centralized":
             network = self.centralized(info, channels)
         elif info.network == "random-feature":
@@ -109,6 +122,34 @@ class _Reader:
             rest=self.take(at + "rest", channels),
             states=self.take(at + "states", anchors, rank),
         )
+
+    def phase_conceptors(self, info: LibraryInfo, channels: int) -> PhaseConceptorNetwork:
+        if info.scales is None:
+            raise FileFormatError(f"{self.path}: its header has no scales for the weights that its motions share")
+        at = f"motion/{info.motions[0].name}/directions"
+        neurons, rank = self.size(at, 1), self.size(at, 2)
+        if neurons != info.scales.neurons:
+            raise FileFormatError(f"{self.path}: {info.scales.neurons} neurons in its header, {neurons} in '{at}'")
+        reservoir = PhaseReservoir.draw(info.scales, channels, info.seed)
+        motions = {}
+        for motion in info.motions:
+            at = f"motion/{motion.name}/"
+            pieces = self.size(at + "directions")
+            held = int(self.take(at + "held", 1, kind=np.int32)[0])
+            if not 0 <= held < motion.frames or pieces > motion.frames:
+                raise FileFormatError(
+                    f"{self.path}: '{at}': {pieces} pieces, {held} frames held, of {motion.frames} frames"
+                )
+            stored = StoredPieces(
+                directions=self.take(at + "directions", pieces, neurons, rank, kind=np.float16),
+                strength=self.take(at + "strength", pieces, rank),
+                mean=self.take(at + "mean", pieces, neurons, kind=np.float16),
+                estimate=self.take(at + "estimate", pieces, channels, rank + 1, kind=np.float16),
+                readout=self.take(at + "readout", pieces, channels, rank + 1),
+            )
+            course = PhaseCourse.of(motion.frames, pieces, loop=motion.plays == "loop", held=held)
+            motions[motion.name] = PhaseMotion(stored, course, reservoir)
+        return PhaseConceptorNetwork(info.scales, info.seed, self.normalisation("", channels), motions)
 
     def echo_state(self, motion: str, neurons: int, channels: int) -> EchoStateMotion:
         at = f"motion/{motion}/"

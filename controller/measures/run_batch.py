@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.measures.centralized_run_batch import CentralizedBatch
+from controller.measures.phase_run_batch import PhaseBatch
 from controller.networks.centralized_frames import CentralizedNetwork
 from controller.networks.conceptor import ConceptorNetwork
 from controller.networks.echo_state import EchoStateNetwork
 from controller.networks.morph import ReservoirNetwork
+from controller.networks.phase_conceptor import PhaseConceptorNetwork
 from controller.networks.random_feature_conceptor import RandomFeatureNetwork
 
 Float32 = NDArray[np.float32]
@@ -190,11 +192,16 @@ class RandomFeatureBatch:
 
 
 def batch_of(
-    network: ReservoirNetwork | CentralizedNetwork, motion: str, runs: int, weights: Float32 | None = None
+    network: ReservoirNetwork | PhaseConceptorNetwork | CentralizedNetwork,
+    motion: str,
+    runs: int,
+    weights: Float32 | None = None,
 ) -> RunBatch:
     """R runs of one motion of whichever network; see `ConceptorBatch` for the weights."""
     if isinstance(network, CentralizedNetwork):
         return CentralizedBatch(network, motion, runs)
+    if isinstance(network, PhaseConceptorNetwork):
+        return PhaseBatch(network, motion, runs)
     if isinstance(network, ConceptorNetwork):
         return ConceptorBatch(network, motion, runs, weights)
     if isinstance(network, RandomFeatureNetwork):

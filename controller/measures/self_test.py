@@ -8,6 +8,11 @@ Each motion is started at its first anchor and left alone for three times its le
   may take a short cut where a motion comes near to itself, and play a part of it for ever;
 - a motion that happens once passes if it went through at least 70 % of its moving windows in order and then holds its
   last pose to 40 mm.
+
+A network that a center drives knows its phase, so there each frame is compared with the recorded one of the same phase,
+and a gesture that is repeated within a motion is not mistaken for itself. It passes if, over the last time that it goes
+through the motion, the mean distance is under PHASE_SHARE of the motion's spread (5 mm at least, 40 mm at most) and no
+frame is further off than 40 mm.
 """
 
 from __future__ import annotations
@@ -28,11 +33,14 @@ from controller.measures.motion_matching import (
     windows,
 )
 from controller.mocap.encodings.encoding import Encoding
-from controller.networks.base import FrameNetwork
+from controller.networks.base import FrameNetwork, PhaseNetwork
 from controller.rotations import Array
 
 RUN_LENGTHS = 3
 STILL_MM = 0.3
+PHASE_SHARE = 0.2
+LEAST_BOUND_MM = 5.0
+RECOVERED_FRAMES = 60  # at the end of a disturbed run, by which it is judged
 
 
 @dataclass(frozen=True)
@@ -41,7 +49,8 @@ class MotionVerdict:
 
     Attributes:
         passed: whether the motion may be played.
-        error_mm: median distance to the nearest window of the motion, over the last third of the run, mm.
+        error_mm: median distance to the nearest window of the motion, over the last third of the run, mm; the mean
+            distance at the same phase where that is known.
         right: share of those windows that are nearest to this motion and no other (1 for motions that happen once).
         reason: why it failed, or "".
     """
@@ -69,6 +78,8 @@ def self_test(network: FrameNetwork, judge: Judge, motions: Iterable[str] | None
 def _tested(network: FrameNetwork, judge: Judge, motion: str) -> MotionVerdict:
     length = judge.length(motion)
     run = run_free(network, motion, RUN_LENGTHS * length)
+    if isinstance(network, PhaseNetwork):
+        return judge.at_the_same_phase(motion, run if judge.loops[motion] else run[:length], length)
     verdict = judge(motion, run)
     if not (verdict.passed and judge.loops[motion]):
         return verdict
@@ -76,6 +87,13 @@ def _tested(network: FrameNetwork, judge: Judge, motion: str) -> MotionVerdict:
     if passed_by >= 0.7:
         return verdict
     return replace(verdict, passed=False, reason=f"comes by {passed_by:.0%} of the motion only")
+
+
+def after_disturbance(network: object, judge: Judge, motion: str, run: Array) -> MotionVerdict:
+    """The verdict on the channels (T, C) of a run that was disturbed at its beginning."""
+    if isinstance(network, PhaseNetwork):
+        return judge.at_the_same_phase(motion, run, RECOVERED_FRAMES)
+    return judge(motion, run)
 
 
 class Judge:
@@ -110,11 +128,33 @@ class Judge:
         nearest = self._matcher.nearest(joint_features(self.encoding, run), index)
         return float(np.mean(nearest <= LOST_MM))
 
+    def at_the_same_phase(self, motion: str, run: Array, last: int) -> MotionVerdict:
+        """The verdict on the channels (T, C) of a run from the first frame on, by its last so many frames."""
+        if not np.isfinite(run).all():
+            return MotionVerdict(False, np.inf, 0.0, "the network ran away")
+        reference = self._features[self._names.index(motion)]
+        frame = np.arange(1, len(run) + 1)[-last:]
+        frame = frame % len(reference) if self.loops[motion] else np.minimum(frame, len(reference) - 1)
+        off = distances(joint_features(self.encoding, run[-last:]), reference[frame])
+        spread = float(np.sqrt(np.square(distances(reference, reference.mean(0))).mean()))
+        bound = min(max(PHASE_SHARE * spread, LEAST_BOUND_MM), LOST_MM)
+        error, largest = float(off.mean()), float(off.max())
+        if error > bound:
+            return MotionVerdict(False, error, 1.0, f"{error:.0f} mm off at the same phase, {bound:.0f} mm allowed")
+        if largest > LOST_MM:
+            return MotionVerdict(False, error, 1.0, f"{largest:.0f} mm off at one frame, {LOST_MM:.0f} mm allowed")
+        return MotionVerdict(True, error, 1.0, "")
+
     def __call__(self, motion: str, run: Array) -> MotionVerdict:
         """The verdict on the channels (T, C) of a run."""
         index = self._names.index(motion)
         features = joint_features(self.encoding, run)
         return judge(features, self._matcher, index, self._features[index], loop=self.loops[motion], holds=self.holds)
+
+
+def distances(features: Array, others: Array) -> Array:
+    """The root mean square distance of joints between features (T, F) and others (T, F) or (F,), shape (T,), mm."""
+    return np.sqrt(np.square(features - others).sum(-1) / (features.shape[-1] / 3.0))
 
 
 def judge(

@@ -56,6 +56,24 @@ class CrossingNetwork(FrameNetwork, Protocol):
         ...
 
 
+@runtime_checkable
+class PhaseNetwork(FrameNetwork, Protocol):
+    """A frame network that a center drives: it knows where in the motion it is, and can be sent elsewhere."""
+
+    @property
+    def phase(self) -> float:
+        """How far the motion is: [0, 1) in a loop, 0 to 1 in a one-shot, which then holds its end."""
+        ...
+
+    def seek(self, motion: str, phase: float) -> None:
+        """Goes to the frame of a motion that is nearest to a phase; the next `advance` gives the frame after it."""
+        ...
+
+    def retreat(self, out: Channels) -> None:
+        """Steps one frame back and writes it into out, shape (channels,)."""
+        ...
+
+
 class Generator(Protocol):
     """Plays motions in continuous time.
 

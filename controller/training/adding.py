@@ -22,6 +22,7 @@ from controller.mocap.encodings.normalisation import Normalisation
 from controller.networks.centralized_frames import CentralizedNetwork
 from controller.networks.conceptor import ConceptorNetwork
 from controller.networks.echo_state import EchoStateNetwork
+from controller.networks.phase_conceptor import PhaseConceptorNetwork, PhaseReservoir
 from controller.networks.random_feature_conceptor import RandomFeatureNetwork
 from controller.networks.reservoir import Reservoir
 from controller.rotations import Array
@@ -32,6 +33,7 @@ from controller.training.recipe import LibraryRecipe, MotionRecipe, check_name, 
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe, learn_readouts
 from controller.training.reservoirs.incremental_loading import load_one_more, memory_of, quota
+from controller.training.reservoirs.phase_training import PhaseRecipe, learn_motion
 from controller.training.reservoirs.rank_choice import cut_to_tolerance
 from controller.training.stress_test import stress_test
 from motiondeck_base.errors import MotiondeckError
@@ -115,6 +117,11 @@ def _learn(
             # The stored motions were cut when they were learned.
             grown = cut_to_tolerance(grown, library.encoding, plan.rank_tolerance_mm, (motion.name,))
         return grown, (quota(network, lengths, plan), quota(grown, lengths | {motion.name: len(frames)}, plan))
+    if isinstance(network, PhaseConceptorNetwork) and isinstance(plan, PhaseRecipe):
+        one = TrainingMotion(motion.name, network.normalisation.apply(frames), loop)
+        reservoir = PhaseReservoir.draw(network.scales, network.channels, network.seed)
+        part = learn_motion(one, reservoir, network.normalisation, plan, library.info.rate)
+        return network.with_motions({motion.name: part}), (None, None)
     if isinstance(network, EchoStateNetwork) and isinstance(plan, EchoStateRecipe):
         to_load = TrainingMotion(motion.name, network.normalisation.apply(frames), loop)
         reservoir = Reservoir(network.weights, network.feedback, network.bias, network.leak)

@@ -29,11 +29,12 @@ from controller.rotations import Array
 from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network
 from controller.training.preparation.loops import close_loop, hold_end
 from controller.training.preparation.training_motion import TrainingMotion
-from controller.training.recipe import LibraryRecipe, MotionRecipe, ReservoirRecipe
+from controller.training.recipe import CenterRecipe, LibraryRecipe, MotionRecipe, NetworkRecipe
 from controller.training.reservoirs.aperture_choice import settled_network
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
 from controller.training.reservoirs.noise_choice import settled_echo_state
+from controller.training.reservoirs.phase_training import PhaseRecipe, train_phase_conceptors
 from controller.training.reservoirs.random_feature_training import RandomFeatureRecipe, train_random_features
 from controller.training.stress_test import stress_test
 from motiondeck_base.errors import FileFormatError
@@ -41,10 +42,10 @@ from motiondeck_base.errors import FileFormatError
 SHORTEST = 48  # frames of a recording: two windows of the self-test
 
 Progress = Callable[[str], None]
-Kind = ReservoirRecipe | CentralizedRecipe
 
-_KINDS: dict[type, Literal["conceptor", "echo-state", "random-feature", "centralized"]] = {
+_KINDS: dict[type, Literal["conceptor", "phase-conceptor", "echo-state", "random-feature", "centralized"]] = {
     ConceptorRecipe: "conceptor",
+    PhaseRecipe: "phase-conceptor",
     EchoStateRecipe: "echo-state",
     RandomFeatureRecipe: "random-feature",
     CentralizedRecipe: "centralized",
@@ -158,7 +159,7 @@ def first_to_pass(seeds: Iterable[int], train_with: Callable[[int], TrainedNetwo
 def settle(
     motions: list[TrainingMotion],
     normalisation: Normalisation,
-    recipe: Kind,
+    recipe: NetworkRecipe,
     rate: float,
     seed: int,
     judge: Judge,
@@ -205,16 +206,19 @@ def assemble(
         acknowledgement=recipe.acknowledgement,
         leak=recipe.network.leak if isinstance(recipe.network, EchoStateRecipe) else 1.0,
         clipped=recipe.network.clipped if isinstance(recipe.network, EchoStateRecipe) else True,
+        scales=recipe.network.scales if isinstance(recipe.network, PhaseRecipe) else None,
     )
     return MotionLibrary(info, network, training_set.encoding)
 
 
 def train(
-    motions: list[TrainingMotion], normalisation: Normalisation, recipe: Kind, rate: float, seed: int
+    motions: list[TrainingMotion], normalisation: Normalisation, recipe: NetworkRecipe, rate: float, seed: int
 ) -> AnyNetwork:
     """The network that a recipe describes, untested."""
     if isinstance(recipe, CentralizedRecipe):
         return train_centralized_network(motions, normalisation, recipe, rate, seed)
+    if isinstance(recipe, PhaseRecipe):
+        return train_phase_conceptors(motions, normalisation, recipe, rate, seed)
     if isinstance(recipe, ConceptorRecipe):
         return conceptor_network(load_reservoir(motions, recipe, seed), motions, normalisation, recipe)
     if isinstance(recipe, RandomFeatureRecipe):
@@ -242,7 +246,7 @@ def prepare(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: No
         progress(f"reading {motion.name}")
         clip = cut(read_clip(find_recording(data, motion.file)), motion)
         rates.add(clip.rate)
-        if recipe.as_recorded and not isinstance(recipe.network, CentralizedRecipe):
+        if recipe.as_recorded and not isinstance(recipe.network, CenterRecipe):
             channels, washout = encoding_of(clip.skeleton, twist=twist).encode(clip), recipe.network.washout
             if len(channels) < 2 * washout:
                 raise FileFormatError(f"motion '{motion.name}' is shorter than twice the washout of {washout} frames")

@@ -13,11 +13,18 @@ from controller.mocap.formats.reading import read_clip
 from controller.training.centralized.centralized_training import CentralizedRecipe
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe
+from controller.training.reservoirs.phase_training import PhaseRecipe
 from controller.training.reservoirs.random_feature_training import RandomFeatureRecipe
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.toml_file import read_toml, shaped
 
 ReservoirRecipe = ConceptorRecipe | EchoStateRecipe | RandomFeatureRecipe
+"""Networks that run by themselves, as in the thesis."""
+
+CenterRecipe = PhaseRecipe | CentralizedRecipe
+"""Networks that centers drive."""
+
+NetworkRecipe = ReservoirRecipe | CenterRecipe
 
 _SATELLITES = 6.0  # per second of the longest clip
 
@@ -58,7 +65,7 @@ class LibraryRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_
     """
 
     name: str
-    network: ReservoirRecipe | CentralizedRecipe
+    network: NetworkRecipe
     motions: list[MotionRecipe]
     body: str
     encoding: Literal["bone directions", "joint rotations"] = "bone directions"
@@ -152,8 +159,10 @@ def check_recipe(recipe: LibraryRecipe, path: Path) -> LibraryRecipe:
     if not 0.1 <= recipe.loop_keeps < 1.0:
         raise FileFormatError(f"{path}: loop_keeps is {recipe.loop_keeps}; it lies between 0.1 and 1")
     _check_network(path, recipe.network)
-    if isinstance(recipe.network, CentralizedRecipe) and recipe.as_recorded:
-        raise FileFormatError(f"{path}: as_recorded is for reservoirs; centralized networks play closed loops and ends")
+    if isinstance(recipe.network, CenterRecipe) and recipe.as_recorded:
+        raise FileFormatError(
+            f"{path}: as_recorded is for networks that run by themselves; centers need closed loops and ends that hold"
+        )
     if isinstance(recipe.network, ConceptorRecipe):
         for name, aperture in recipe.network.apertures.items():
             if name not in names:
@@ -163,7 +172,7 @@ def check_recipe(recipe: LibraryRecipe, path: Path) -> LibraryRecipe:
     return recipe
 
 
-def _check_network(path: Path, network: ReservoirRecipe | CentralizedRecipe) -> None:
+def _check_network(path: Path, network: NetworkRecipe) -> None:
     """Refuses sizes and scales that no network can have."""
     for field in network.__struct_fields__:
         value = getattr(network, field)

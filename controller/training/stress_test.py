@@ -1,7 +1,8 @@
-"""The second half of the self-test: a loop started from noise, or disturbed while it plays, must return to its motion.
+"""The second half of the self-test: a motion started from noise, or disturbed while it plays, must return.
 
-Both disturbances are the thesis's (`measures/disturbance.py`). One-shots are not tested: after a
-disturbance they may be anywhere along their course, and only a guard that knows the time can put them back.
+Both disturbances are the thesis's (`measures/disturbance.py`). One-shots of a network that runs by itself are not
+tested: after a disturbance they may be anywhere along their course, and only a guard that knows the time can put them
+back. A center does know it.
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ import numpy as np
 from controller.library.network_arrays import Network
 from controller.measures.disturbance import Kind, disturbed
 from controller.measures.run_batch import batch_of
-from controller.measures.self_test import Judge, MotionVerdict
+from controller.measures.self_test import Judge, MotionVerdict, after_disturbance
+from controller.networks.phase_conceptor import PhaseConceptorNetwork
 
 RUNS = 5
 FORGIVEN = 1
@@ -22,9 +24,9 @@ _WORDS: dict[Kind, str] = {"robustness": "started from noise", "stability": "dis
 
 
 def stress_test(
-    network: Network, verdicts: dict[str, MotionVerdict], judge: Judge, seed: int
+    network: Network | PhaseConceptorNetwork, verdicts: dict[str, MotionVerdict], judge: Judge, seed: int
 ) -> dict[str, MotionVerdict]:
-    """The verdicts of the free runs, made worse where a loop does not survive a disturbance.
+    """The verdicts of the free runs, made worse where a motion does not survive a disturbance.
 
     Args:
         network: what is tested.
@@ -32,17 +34,22 @@ def stress_test(
         judge: of its motions.
         seed: of the noise.
     """
+    knows_phase = isinstance(network, PhaseConceptorNetwork)
     return {
-        name: _stressed(network, name, verdict, judge, seed) if verdict.passed and judge.loops[name] else verdict
+        name: _stressed(network, name, verdict, judge, seed)
+        if verdict.passed and (judge.loops[name] or knows_phase)
+        else verdict
         for name, verdict in verdicts.items()
     }
 
 
-def _stressed(network: Network, motion: str, verdict: MotionVerdict, judge: Judge, seed: int) -> MotionVerdict:
+def _stressed(
+    network: Network | PhaseConceptorNetwork, motion: str, verdict: MotionVerdict, judge: Judge, seed: int
+) -> MotionVerdict:
     rng = np.random.default_rng([seed, network.motions.index(motion)])
     for kind, words in _WORDS.items():
         runs = disturbed(kind, batch_of(network, motion, RUNS), RUNS, rng)
-        failed = sum(not judge(motion, run.astype(np.float64)).passed for run in runs)
+        failed = sum(not after_disturbance(network, judge, motion, run.astype(np.float64)).passed for run in runs)
         if failed > FORGIVEN:
             return replace(verdict, passed=False, reason=f"fails {failed} of {RUNS} times when {words}")
     return verdict

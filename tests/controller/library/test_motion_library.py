@@ -68,6 +68,46 @@ def test_an_echo_state_library_survives_too(library, tmp_path):
     assert np.array_equal(played(loaded, "wave"), played(MotionLibrary(info, network, library.encoding), "wave"))
 
 
+@pytest.fixture(scope="module")
+def phase_library():
+    return synthetic.small_phase_library(piece_seconds=0.5)
+
+
+def test_a_phase_driven_library_plays_the_same_after_saving_and_loading(phase_library, tmp_path):
+    save_library(phase_library, tmp_path / "phase.safetensors")
+    loaded = load_library(tmp_path / "phase.safetensors")
+    assert loaded.info == phase_library.info
+    for motion in loaded.network.motions:
+        assert np.array_equal(played(loaded, motion, 200), played(phase_library, motion, 200))
+
+
+def test_a_library_of_the_first_version_still_plays(library, saved, tmp_path):
+    def first_version(arrays, header):
+        header["version"] = 1
+        del header["scales"]
+
+    loaded = load_library(rewritten(saved, tmp_path, first_version))
+    assert np.array_equal(played(loaded, "march"), played(library, "march"))
+
+
+@pytest.mark.parametrize(
+    ("change", "error"),
+    [
+        (lambda arrays, header: header.update(scales=None), "no scales"),
+        (lambda arrays, header: header["scales"].update(neurons=7), "7 neurons in its header"),
+        (lambda arrays, header: header["scales"].update(harmonics=10**9), "no weights can be drawn"),
+        (lambda arrays, header: header.update(seed=-1), "no weights can be drawn"),
+        (lambda arrays, header: arrays["motion/bow/held"].fill(-1), "-1 frames held"),
+        (lambda arrays, header: arrays.pop("motion/bow/held"), "motion/bow/held.*missing"),
+        (lambda arrays, header: arrays["motion/wave/directions"].fill(np.inf), "not finite"),
+    ],
+)
+def test_what_is_wrong_with_a_phase_driven_library_is_named(phase_library, tmp_path, change, error):
+    save_library(phase_library, tmp_path / "phase.safetensors")
+    with pytest.raises(FileFormatError, match=error):
+        load_library(rewritten(tmp_path / "phase.safetensors", tmp_path, change))
+
+
 def test_nothing_is_left_beside_a_library(saved):
     assert [path.name for path in saved.parent.iterdir()] == ["small.safetensors"]
 

@@ -9,8 +9,9 @@ from controller.evaluation.tables import failure_table
 from controller.measures.disturbance import STEPS, GuardKnowledge, disturbed
 from controller.measures.intervals import wilson
 from controller.measures.run_batch import batch_of
-from controller.measures.self_test import Judge, self_test
+from controller.measures.self_test import Judge, after_disturbance, self_test
 from controller.networks.guard import Guard, beat, spread
+from controller.networks.phase_conceptor import PhaseReservoir
 from controller.training.fit import TrainingSet
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
 from controller.training.stress_test import stress_test
@@ -35,21 +36,26 @@ def syllabus():
     return TrainingSet(synthetic.small_encoding(), synthetic.RATE, synthetic.references(), LOOPS, {})
 
 
-@pytest.mark.parametrize("kind", ["conceptors", "echo"])
+@pytest.fixture(scope="module")
+def driven():
+    return synthetic.small_phase_network(piece_seconds=0.5)
+
+
+@pytest.mark.parametrize("kind", ["conceptors", "echo", "driven"])
 @pytest.mark.parametrize("motion", list(synthetic.MOTIONS))
 def test_a_batch_plays_what_the_network_plays(kind, motion, request):
     network = request.getfixturevalue(kind)
     network.cue(motion, 0)
     frame = np.empty(network.channels)
     batch = batch_of(network, motion, 3)
-    for _ in range(60):
+    for _ in range(130):
         network.advance(frame)
         frames = batch.advance()
     assert np.allclose(frames, frame, atol=2e-3)
     assert not batch.astray().any()
 
 
-@pytest.mark.parametrize("kind", ["conceptors", "echo"])
+@pytest.mark.parametrize("kind", ["conceptors", "echo", "driven"])
 def test_runs_of_a_batch_do_not_touch_each_other(kind, request):
     network = request.getfixturevalue(kind)
     calm, shaken = batch_of(network, "march", 2), batch_of(network, "march", 2)
@@ -155,3 +161,34 @@ def test_wilson_is_that_of_the_books():
     assert wilson(0, 100) == pytest.approx((0.0, 0.0370), abs=1e-4)
     assert wilson(10, 100) == pytest.approx((0.0552, 0.1744), abs=1e-4)
     assert wilson(0, 0) == (0.0, 1.0)
+
+
+@pytest.mark.parametrize("kind", ["robustness", "stability"])
+def test_a_disturbed_phase_network_finds_back_to_its_phase(driven, kind):
+    judge = Judge(synthetic.small_encoding(), synthetic.references(), LOOPS)
+    for motion in driven.motions:
+        for run in disturbed(kind, batch_of(driven, motion, 4), 4, np.random.default_rng(2)):
+            assert after_disturbance(driven, judge, motion, run.astype(np.float64)).passed
+            assert not after_disturbance(driven, judge, motion, run[7:].astype(np.float64)).passed or motion == "bow"
+
+
+def test_a_push_acts_through_all_of_the_weights(driven):
+    # The network steps from x = s + d with dense weights; the batch has only z and what is orthogonal to it.
+    motion, scales = driven["march"], driven.scales
+    reservoir = PhaseReservoir.draw(scales, driven.channels, driven.seed)
+    push = np.random.default_rng(4).uniform(-2.0, 2.0, (1, driven.neurons)).astype(np.float32)
+    batch = batch_of(driven, "march", 1)
+    batch.displace(push)
+    played = batch.advance()[0]
+    directions, estimate = motion.stored.directions[0].astype(np.float64), motion.stored.estimate[0].astype(np.float64)
+    mean = motion.stored.mean[0].astype(np.float64)
+    x = mean + directions @ motion.states[0] + push[0]
+    inputs = estimate[:, :-1] @ (directions.T @ (x - mean)) + estimate[:, -1]
+    hidden = np.tanh(
+        reservoir.weights @ x
+        + reservoir.input_weights @ inputs
+        + reservoir.phase_weights @ motion.harmonics[1]
+        + reservoir.bias
+    )
+    z = motion.stored.strength[0] * (directions.T @ (hidden - mean))
+    assert np.allclose(played, motion.readout[0, :, :-1] @ z + motion.readout[0, :, -1], atol=5e-3)

@@ -56,6 +56,55 @@ def test_a_loop_that_takes_a_short_cut_fails():
     assert "of the motion only" in verdict.reason
 
 
+class PhaseTape(Tape):
+    """The same, and it knows its phase."""
+
+    phase = 0.0
+
+    def seek(self, motion, phase): ...
+
+    def retreat(self, out): ...
+
+    anchors = snapshot = restore = retreat
+
+
+def beckon():
+    """The same wave of a hand three times, and then a step."""
+    t = 2 * np.pi * np.arange(240) / 60
+    waving = (np.arange(240) < 180) * np.sin(t)
+    arms = synthetic.swing(-1.0 + 0.5 * waving, 0), synthetic.swing(0 * t, 0)
+    step = (np.arange(240) >= 180) * (1.0 - np.cos(t))
+    legs = synthetic.swing(0.3 * step, 0), synthetic.swing(-0.3 * step, 0)
+    return synthetic.frames_of(0.8 + 0 * t, 0 * t, 0 * t, legs, arms)
+
+
+@pytest.mark.parametrize("loop", [True, False])
+def test_a_repeated_gesture_passes_where_the_phase_is_known(loop):
+    judge = Judge(synthetic.small_encoding(), {"both": beckon()}, {"both": loop})
+    tape = PhaseTape(np.concatenate([beckon(), *([] if loop else [beckon()[-1:]] * 480)]))
+    tape.cue = lambda motion, anchor: setattr(tape, "_n", anchor + 1)  # the frame after the anchor comes first
+    verdict = self_test(tape, judge)["both"]
+    assert verdict.passed
+    assert verdict.error_mm < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda frames: np.roll(frames, 30, axis=0), "off at the same phase"),
+        (lambda frames: np.where(np.arange(240)[:, None] == 100, np.roll(frames, 120, axis=0), frames), "at one frame"),
+        (lambda frames: np.repeat(frames[:1], 240, axis=0), "off at the same phase"),
+        (lambda frames: frames * np.nan, "ran away"),
+    ],
+)
+def test_what_is_not_at_its_phase_fails(change, reason):
+    judge = Judge(synthetic.small_encoding(), {"both": beckon()}, {"both": True})
+    tape = PhaseTape(np.roll(change(beckon()), -1, axis=0))
+    verdict = self_test(tape, judge)["both"]
+    assert not verdict.passed
+    assert reason in verdict.reason
+
+
 def test_a_frozen_loop_fails(features, matcher):
     frozen = np.repeat(features[0][:1], 300, axis=0)
     assert not judge(frozen, matcher, 0, features[0], loop=True).passed

@@ -34,6 +34,7 @@ NETWORKS = {
     "echo-state": echo_state,
     "echo-state of the thesis": lambda: echo_state(clipped=False),
     "random-feature": random_features,
+    "phase-conceptor": lambda: synthetic.small_phase_network(piece_seconds=0.5),
 }
 
 

@@ -48,6 +48,18 @@ def test_a_small_library_is_trained_from_recordings(tmp_path, mocap_data):
     assert load_library(tmp_path / "three.safetensors").info == library.info
 
 
+def test_a_phase_driven_library_needs_one_seed_and_is_exact(tmp_path, mocap_data):
+    recipe = recipe_of(
+        tmp_path, SMALL.replace('type = "conceptor"', 'type = "phase-conceptor"').replace("aperture", "#")
+    )
+    library = fit(recipe, mocap_data)
+    assert library.info.seed == 0
+    assert [motion.passed for motion in library.info.motions] == [True] * 3
+    assert max(motion.error_mm for motion in library.info.motions) < 2.0
+    save_library(library, tmp_path / "three.safetensors")
+    assert load_library(tmp_path / "three.safetensors").info == library.info
+
+
 def test_motions_are_carried_to_one_body(tmp_path, mocap_data):
     syllabus = prepare(recipe_of(tmp_path, SMALL), mocap_data)
     assert syllabus.rate == 120.0

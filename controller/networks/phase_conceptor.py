@@ -1,0 +1,361 @@
+"""Phase-driven conceptors: a center turns with the motion and drives the reservoir that plays it.
+
+The reservoir of a conceptor network (Deliallisi 2017, eq. 3.8) gets the phase phi of a harmonic center (Vakulenko et
+al. 2017, eq. 1) as one more input, while motions are loaded and while they are played, and every motion predicts its
+input and its channels for itself:
+
+    p(phi)  = a / sqrt(H) (cos phi, ..., cos H phi, sin phi, ..., sin H phi)
+    x(n+1)  = m + C (tanh(W x(n) + W_in (V x(n) + v) + W_phi p(phi(n+1)) + b) - m)
+    y(n)    = R x(n) + r
+
+W, W_in, W_phi and b are drawn from a seed and shared; m, C, V and R belong to a motion, or to a piece of a long one. A
+loop turns phi round and round. A one-shot turns it by half a turn and stops, so that its end is a fixed point. A long
+motion is a chain of pieces, each half a turn, and the state is handed on from one to the next. As in `conceptor`,
+C ~ U S U' has rank k and the state is x = m + U z, so that a step costs 2 N k multiplications:
+
+    z(n+1)  = S U' tanh(A z(n) + W_phi p(phi(n+1)) + B) - S U' m,    A = W U + W_in V U,    B = W m + W_in (V m + v) + b
+
+One step is one frame's worth of phase: tempo is how many steps are made a second, and never changes what is played.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.mocap.encodings.normalisation import Normalisation
+from controller.networks.base import Channels
+from motiondeck_base.errors import UnknownNameError
+
+Float32 = NDArray[np.float32]
+Float16 = NDArray[np.float16]
+
+ANCHOR_EVERY = 2
+SETTLING_STEPS = 100
+
+
+class PhaseScales(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """What the shared weights are drawn with.
+
+    Attributes:
+        neurons: N.
+        harmonics: H of the phase.
+        spectral_radius: of W, by the circular law: that of an infinitely large W.
+        input_scale, phase_scale, bias_scale: of W_in, W_phi (a in the equation) and b.
+    """
+
+    neurons: int
+    harmonics: int
+    spectral_radius: float
+    input_scale: float
+    phase_scale: float
+    bias_scale: float
+
+
+@dataclass(frozen=True)
+class PhaseReservoir:
+    """The weights that all motions share, with N neurons, C channels and H harmonics.
+
+    Attributes:
+        weights: W, shape (N, N).
+        input_weights: W_in, shape (N, C).
+        phase_weights: W_phi a / sqrt(H), shape (N, 2 H).
+        bias: b, shape (N,).
+    """
+
+    weights: Float32
+    input_weights: Float32
+    phase_weights: Float32
+    bias: Float32
+
+    @classmethod
+    def draw(cls, scales: PhaseScales, channels: int, seed: int) -> PhaseReservoir:
+        """The weights of a seed, each from U[-1, 1] before it is scaled.
+
+        Drawn from the raw bits of the generator, whose stream never changes with the version of numpy.
+        """
+        raw, neurons, inputs = np.random.PCG64(seed), scales.neurons, 2 * scales.harmonics
+
+        def uniform(scale: float, *shape: int) -> Float32:
+            bits = raw.random_raw(int(np.prod(shape))) >> np.uint64(11)
+            return (scale * (bits * 2.0**-52 - 1.0)).reshape(shape).astype(np.float32)
+
+        return cls(
+            uniform(scales.spectral_radius * np.sqrt(3.0 / neurons), neurons, neurons),
+            uniform(scales.input_scale, neurons, channels),
+            uniform(scales.phase_scale / np.sqrt(scales.harmonics), neurons, inputs),
+            uniform(scales.bias_scale, neurons),
+        )
+
+    def harmonics_of(self, phase: NDArray[np.float64]) -> Float32:
+        """(cos phi, ..., cos H phi, sin phi, ..., sin H phi) of phases (T,), shape (T, 2 H)."""
+        angles = np.multiply.outer(phase, np.arange(1, self.phase_weights.shape[1] // 2 + 1))
+        return np.concatenate([np.cos(angles), np.sin(angles)], axis=-1).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class StoredPieces:
+    """A motion as a library keeps it: P pieces of rank k in N neurons, with C channels.
+
+    Attributes:
+        directions: U, shape (P, N, k), half precision.
+        strength: the diagonal of S, shape (P, k).
+        mean: m, shape (P, N), half precision.
+        estimate: (V U, V m + v) in normalised channels, shape (P, C, k + 1), half precision.
+        readout: (R U, R m + r) in the units of the encoding, shape (P, C, k + 1).
+    """
+
+    directions: Float16
+    strength: Float32
+    mean: Float16
+    estimate: Float16
+    readout: Float32
+
+
+@dataclass(frozen=True)
+class PhaseCourse:
+    """How the center turns while a motion of T frames is played, in P pieces.
+
+    Attributes:
+        phase: phi at each frame, shape (T,), rad; it rises, and stays where a one-shot has stopped.
+        piece: which piece plays each frame, shape (T,).
+        loop: whether frame 0 follows the last one.
+    """
+
+    phase: NDArray[np.float64]
+    piece: NDArray[np.int64]
+    loop: bool
+
+    @classmethod
+    def of(cls, frames: int, pieces: int, *, loop: bool, held: int = 0) -> PhaseCourse:
+        """Of a motion of some frames, the last of which only hold its end."""
+        way = np.arange(frames) / (frames if loop else max(1, frames - held - 1))
+        piece = np.minimum(pieces * way, pieces - 1).astype(np.int64)
+        half_turns = 2 if loop and pieces == 1 else pieces
+        return cls(np.pi * half_turns * np.minimum(way, 1.0), piece, loop)
+
+    @property
+    def held(self) -> int:
+        """How many frames at the end only hold it."""
+        return int((np.diff(self.phase) == 0.0).sum())
+
+    def share_at(self, frame: int) -> float:
+        """How far the motion is at a frame: [0, 1) in a loop, 0 to 1 in a one-shot."""
+        return float(self.phase[frame] / self._whole)
+
+    def frame_at(self, share: float) -> int:
+        """The frame nearest to a share of the way."""
+        if self.loop:
+            return round(share * len(self.phase)) % len(self.phase)
+        return int(np.abs(self.phase - share * self._whole).argmin())
+
+    @property
+    def _whole(self) -> float:
+        """By how much the center turns in all, rad."""
+        return float(self.phase[-1] + (self.phase[1] if self.loop else 0.0))
+
+    def before(self, steps: int) -> NDArray[np.float64]:
+        """phi in the frames before the first, shape (steps,): a loop comes from its end, a one-shot has not begun."""
+        turn = float(self.phase[1]) if self.loop else 0.0
+        return turn * np.arange(-steps, 0, dtype=np.float64)
+
+
+class PhaseMotion:
+    """One motion, ready to be played.
+
+    Args:
+        stored: its pieces.
+        course: of its phase.
+        reservoir: the weights that it shares with others.
+
+    Attributes:
+        drive: (A, W_phi, B) of each piece, shape (P, N, k + 2 H + 1), to be multiplied with (z, p, 1).
+        project: S U' of each piece, shape (P, k, N).
+        offset: S U' m of each piece, shape (P, k).
+        hand_on: from the state of the piece before to that of each piece, shape (P, k, k), and
+        shift: what is added to it, shape (P, k).
+        harmonics: p at each frame, shape (T, 2 H).
+        states: z at each frame once the network has settled, shape (T, k).
+    """
+
+    def __init__(self, stored: StoredPieces, course: PhaseCourse, reservoir: PhaseReservoir) -> None:
+        self.stored, self.course = stored, course
+        self.readout = stored.readout
+        self.harmonics = reservoir.harmonics_of(course.phase)
+        directions, mean, estimate = (a.astype(np.float32) for a in (stored.directions, stored.mean, stored.estimate))
+        pieces, neurons, rank = directions.shape
+        inputs = self.harmonics.shape[1]
+        self.drive = np.empty((pieces, neurons, rank + inputs + 1), dtype=np.float32)
+        self.drive[:, :, :rank] = reservoir.weights @ directions
+        self.drive[:, :, :rank] += reservoir.input_weights @ estimate[:, :, :-1]
+        self.drive[:, :, rank:-1] = reservoir.phase_weights
+        self.drive[:, :, -1] = mean @ reservoir.weights.T + reservoir.bias
+        self.drive[:, :, -1] += estimate[:, :, -1] @ reservoir.input_weights.T
+        self.project = np.ascontiguousarray(stored.strength[:, :, None] * directions.transpose(0, 2, 1))
+        self.offset = np.einsum("pkn,pn->pk", self.project, mean)
+        # x = m + U z of the piece before, seen in the directions of this one.
+        before = np.roll(np.arange(pieces), 1)
+        self.hand_on = np.einsum("pnk,pnl->pkl", directions, directions[before])
+        self.shift = np.einsum("pnk,pn->pk", directions, mean[before] - mean)
+        self.states = self._settled(rank)
+
+    def __len__(self) -> int:
+        return len(self.course.phase)
+
+    def after(self, frame: int) -> int:
+        """The frame that follows one: the first after the last of a loop, the last itself of a one-shot."""
+        if frame + 1 < len(self):
+            return frame + 1
+        return 0 if self.course.loop else frame
+
+    def before(self, frame: int) -> int:
+        """The frame that precedes one."""
+        return frame - 1 if frame > 0 else len(self) - 1 if self.course.loop else 0
+
+    def _settled(self, rank: int) -> Float32:
+        """The states that the motion is led to from wherever it starts."""
+        states = np.zeros((len(self), rank), dtype=np.float32)
+        voice = PhaseVoice(self, 0, states[0])
+        for _ in range(len(self) if self.course.loop else SETTLING_STEPS):
+            voice.step(voice.next if self.course.loop else 0)
+        states[0] = voice.z
+        for frame in range(1, len(self)):
+            voice.step(frame)
+            states[frame] = voice.z
+        return states
+
+
+class PhaseVoice:
+    """A motion while it plays: its state z and the frame it is at."""
+
+    def __init__(self, motion: PhaseMotion, frame: int, z: Float32) -> None:
+        inputs, neurons = motion.harmonics.shape[1], motion.drive.shape[1]
+        self._hidden = np.zeros(neurons, dtype=np.float32)
+        self._input = np.ones(len(z) + inputs + 1, dtype=np.float32)
+        self._harmonics = self._input[len(z) : -1]
+        self._handed = np.zeros(len(z), dtype=np.float32)
+        # z and a 1 side by side, for the readout.
+        self._state = np.ones(len(z) + 1, dtype=np.float32)
+        self.z = self._state[:-1]
+        self.place(motion, frame, z)
+
+    def place(self, motion: PhaseMotion, frame: int, z: Float32) -> None:
+        """Goes to a frame of a motion, in a state."""
+        self.motion, self.frame = motion, frame
+        np.copyto(self.z, z)
+
+    @property
+    def next(self) -> int:
+        """The frame after the present one."""
+        return self.motion.after(self.frame)
+
+    def step(self, frame: int) -> None:
+        """Goes on to a frame whose phase is near the present one."""
+        motion, z = self.motion, self.z
+        piece = motion.course.piece[frame]
+        if piece != motion.course.piece[self.frame]:
+            np.dot(motion.hand_on[piece], z, out=self._handed)
+            np.add(self._handed, motion.shift[piece], out=z)
+        np.copyto(self._input[: len(z)], z)
+        np.copyto(self._harmonics, motion.harmonics[frame])
+        np.dot(motion.drive[piece], self._input, out=self._hidden)
+        np.tanh(self._hidden, out=self._hidden)
+        np.dot(motion.project[piece], self._hidden, out=z)
+        np.subtract(z, motion.offset[piece], out=z)
+        self.frame = frame
+
+    def read(self, out: Float32) -> None:
+        """Writes the channels of the present state into out, shape (C,)."""
+        np.dot(self.motion.readout[self.motion.course.piece[self.frame]], self._state, out=out)
+
+
+class PhaseConceptorNetwork:
+    """Plays phase-driven motions frame by frame; fits `base.PhaseNetwork`.
+
+    Args:
+        scales, seed: what the shared weights were drawn with.
+        normalisation: between the normalised channels that W_in knows and the encoding's units.
+        motions: what it plays.
+    """
+
+    def __init__(
+        self, scales: PhaseScales, seed: int, normalisation: Normalisation, motions: dict[str, PhaseMotion]
+    ) -> None:
+        self.scales, self.seed, self.normalisation = scales, seed, normalisation
+        self._of = motions
+        self.motions = tuple(motions)
+        first = motions[self.motions[0]]
+        self.channels = first.readout.shape[1]
+        self._frame = np.zeros(self.channels, dtype=np.float32)
+        self._voice = PhaseVoice(first, 0, first.states[0])
+
+    def __getitem__(self, motion: str) -> PhaseMotion:
+        if motion not in self._of:
+            raise UnknownNameError.among("motion", motion, self.motions)
+        return self._of[motion]
+
+    def twin(self) -> PhaseConceptorNetwork:
+        """The same weights with a state of its own: what one player does, another does not see."""
+        return PhaseConceptorNetwork(self.scales, self.seed, self.normalisation, self._of)
+
+    def with_motions(self, more: dict[str, PhaseMotion]) -> PhaseConceptorNetwork:
+        """The same reservoir with further motions."""
+        return PhaseConceptorNetwork(self.scales, self.seed, self.normalisation, self._of | more)
+
+    @property
+    def neurons(self) -> int:
+        """How many neurons the reservoir has."""
+        return self.scales.neurons
+
+    def anchors(self, motion: str) -> Channels:
+        """The frames at the anchors of a motion, shape (anchors, channels)."""
+        part = self[motion]
+        frames = np.arange(0, len(part), ANCHOR_EVERY)
+        readout = part.readout[part.course.piece[frames]].astype(np.float64)
+        return np.einsum("fck,fk->fc", readout[:, :, :-1], part.states[frames]) + readout[:, :, -1]
+
+    def recall(self, motion: str) -> Channels:
+        """What the readout makes of the stored states; here that is what the anchors are."""
+        return self.anchors(motion)
+
+    def cue(self, motion: str, anchor: int) -> None:
+        """Goes to an anchor; the next `advance` gives the frame after it."""
+        part, frame = self[motion], anchor * ANCHOR_EVERY
+        self._voice.place(part, frame, part.states[frame])
+
+    def advance(self, out: Channels) -> None:
+        """Steps one frame on and writes it into out, shape (channels,)."""
+        self._voice.step(self._voice.next)
+        self._voice.read(self._frame)
+        np.copyto(out, self._frame)
+
+    def retreat(self, out: Channels) -> None:
+        """Steps one frame back, along the states that the motion settles in, and writes it into out."""
+        part = self._voice.motion
+        frame = part.before(self._voice.frame)
+        self._voice.place(part, frame, part.states[frame])
+        self._voice.read(self._frame)
+        np.copyto(out, self._frame)
+
+    @property
+    def phase(self) -> float:
+        """How far the motion is: [0, 1) in a loop, 0 to 1 in a one-shot."""
+        return self._voice.motion.course.share_at(self._voice.frame)
+
+    def seek(self, motion: str, phase: float) -> None:
+        """Goes to the frame nearest to a phase, in the state that the motion settles in there."""
+        part = self[motion]
+        frame = part.course.frame_at(phase)
+        self._voice.place(part, frame, part.states[frame])
+
+    def snapshot(self) -> tuple[PhaseMotion, int, Float32]:
+        """A copy of the state."""
+        return self._voice.motion, self._voice.frame, self._voice.z.copy()
+
+    def restore(self, snapshot: Any) -> None:
+        """Puts the state back to a snapshot."""
+        self._voice.place(*snapshot)
