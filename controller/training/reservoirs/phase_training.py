@@ -58,7 +58,7 @@ class PhaseRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
         ridge: gamma of both regressions.
     """
 
-    neurons: int = 400
+    neurons: int = 300
     harmonics: int = 3
     spectral_radius: float = 1.6
     input_scale: float = 1.0
@@ -66,7 +66,7 @@ class PhaseRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
     bias_scale: float = 0.8
     aperture: float = 30.0
     rank: int = 40
-    piece_seconds: float = 2.0
+    piece_seconds: float = 1.5
     ridge: float = 1e-3
 
     @property
