@@ -157,7 +157,7 @@ def test_a_damaged_library_is_refused_by_its_place(library, tmp_path, name, chan
 
 
 def test_what_needs_a_reservoir_says_so(library):
-    with pytest.raises(MotiondeckError, match="for reservoirs only"):
+    with pytest.raises(MotiondeckError, match="needs one that runs by itself"):
         _ = library.reservoir
     assert synthetic.small_library().reservoir.motions == library.network.motions
     with pytest.raises(UnknownNameError, match="wave"):
