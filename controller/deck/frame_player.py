@@ -1,7 +1,8 @@
 """From frames to continuous time: plays a frame network at any tempo.
 
 Between two frames p1 and p2 it follows the cubic whose slopes there are (p2 - p0) / 2 and (p3 - p1) / 2 (Catmull-Rom),
-so that velocities do not jump at a frame. The network runs two frames ahead of the output, without delay.
+so that velocities do not jump at a frame. The network runs two frames ahead of the output, without delay. One that a
+center drives also knows its phase, and is played backwards; then it runs two frames behind.
 """
 
 from __future__ import annotations
@@ -10,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.networks.base import Channels, CrossingNetwork, FrameNetwork
+from controller.networks.base import Channels, CrossingNetwork, FrameNetwork, PhaseNetwork
+from motiondeck_base.errors import MotiondeckError
 
 # Rows: the weights of p0 .. p3 for 1, u, u^2, u^3.
 _CUBIC = 0.5 * np.array([[0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3, 1]], dtype=np.float64)
@@ -24,10 +26,14 @@ class PlayerState:
     network: object
     frames: Channels
     fraction: float
+    phases: tuple[float, ...]
+    forwards: bool
 
 
 class FramePlayer:
     """Plays a frame network in continuous time; fits `base.Generator`.
+
+    One that a center drives is also sent to any phase and played backwards: it fits `base.PhaseGenerator`.
 
     Args:
         network: the network that is played.
@@ -38,7 +44,10 @@ class FramePlayer:
         self.network = network
         self.rate = rate
         self.motions = network.motions
+        self._center = network if isinstance(network, PhaseNetwork) else None
         self._frames = np.zeros((4, network.channels))
+        self._phases = [0.0] * 4
+        self._forwards = True
         self._powers = np.ones(4)
         self._weights = np.zeros(4)
         self._out = np.zeros(network.channels)
@@ -46,17 +55,41 @@ class FramePlayer:
         self.cue(self.motion)
 
     def cue(self, motion: str, phase: float = 0.0) -> None:
-        """Starts a motion at a phase in [0, 1): at the anchor that comes last before it."""
-        self.cue_anchor(motion, int(phase * len(self.network.anchors(motion))))
+        """Starts a motion at a phase in [0, 1): there if a center drives it, or else at the last anchor before it."""
+        if self._center is None:
+            self.cue_anchor(motion, int(phase * len(self.network.anchors(motion))))
+            return
+        self._center.seek(motion, phase)
+        self._center.retreat(self._frames[0])
+        self._begin(motion)
 
     def cue_anchor(self, motion: str, anchor: int) -> None:
         """Starts a motion at one of its anchors."""
         self.network.cue(motion, anchor)
-        self.motion = motion
-        self._fraction = 0.0
         self._frames[0] = self.network.anchors(motion)[anchor]
-        for frame in self._frames[1:]:
-            self.network.advance(frame)
+        self._begin(motion)
+
+    def _begin(self, motion: str) -> None:
+        """Takes the frames after the first one from the network, which is there."""
+        self.motion, self._fraction, self._forwards = motion, 0.0, True
+        self._note_phase(0)
+        for place in range(1, 4):
+            self._take(place)
+
+    @property
+    def phase(self) -> float:
+        """How far the motion is: [0, 1) in a loop, 0 to 1 in a one-shot.
+
+        Raises:
+            MotiondeckError: if the network runs by itself and does not know.
+        """
+        self._require_center()
+        before, after = self._phases[1], self._phases[2]
+        way = after - before
+        # A loop's phase falls from nearly 1 to 0 where it begins anew.
+        way -= round(way)
+        phase = before + self._fraction * way
+        return phase % 1.0 if way and not 0.0 <= phase <= 1.0 else phase
 
     def cross(self, network: CrossingNetwork, motion: str, entries: int) -> int:
         """Has a network with a switching module cross to one of the first anchors of a motion; returns which."""
@@ -64,25 +97,68 @@ class FramePlayer:
         return network.cross(motion, entries)
 
     def step(self, dt: float) -> Channels:
-        """Advances by dt >= 0 seconds; the channels there, shape (channels,), overwritten by the next step."""
-        self._fraction += dt * self.rate
+        """Advances by dt seconds; the channels there, shape (channels,), overwritten by the next step.
+
+        Raises:
+            MotiondeckError: if dt is negative and the network runs by itself, which cannot be played backwards.
+        """
+        if dt < 0.0 or not self._forwards:
+            self._require_center()
+            if dt and (dt > 0.0) is not self._forwards:
+                self._turn_round()
+        self._fraction += abs(dt) * self.rate
         while self._fraction >= 1.0:
             self._fraction -= 1.0
             for older, newer in zip(self._frames, self._frames[1:], strict=False):
                 older[:] = newer
-            self.network.advance(self._frames[3])
+            for place in range(3):
+                self._phases[place] = self._phases[place + 1]
+            self._take(3)
         u = self._fraction
         self._powers[1:] = u, u * u, u * u * u
         np.dot(self._powers, _CUBIC, out=self._weights)
         return np.dot(self._weights, self._frames, out=self._out)
 
+    def _take(self, place: int) -> None:
+        """The next frame in the direction of play."""
+        if self._forwards:
+            self.network.advance(self._frames[place])
+        elif self._center is not None:
+            self._center.retreat(self._frames[place])
+        self._note_phase(place)
+
+    def _note_phase(self, place: int) -> None:
+        if self._center is not None:
+            self._phases[place] = self._center.phase
+
+    def _turn_round(self) -> None:
+        """Plays the other way from here on: what lay ahead is behind, and the network has to get ahead of it again."""
+        self._forwards = not self._forwards
+        self._fraction = 1.0 - self._fraction
+        self._frames[:] = self._frames[::-1].copy()
+        self._phases.reverse()
+        for place in range(1, 4):
+            self._take(place)
+
+    def _require_center(self) -> None:
+        if self._center is None:
+            raise MotiondeckError("only a network that a center drives knows its phase and is played backwards")
+
     def snapshot(self) -> PlayerState:
         """A copy of the state: two runs from one snapshot are identical."""
-        return PlayerState(self.motion, self.network.snapshot(), self._frames.copy(), self._fraction)
+        return PlayerState(
+            self.motion,
+            self.network.snapshot(),
+            self._frames.copy(),
+            self._fraction,
+            tuple(self._phases),
+            self._forwards,
+        )
 
     def restore(self, playhead: PlayerState) -> None:
         """Puts the state back to a snapshot."""
         self.motion = playhead.motion
         self.network.restore(playhead.network)
         self._frames[:] = playhead.frames
-        self._fraction = playhead.fraction
+        self._fraction, self._forwards = playhead.fraction, playhead.forwards
+        self._phases[:] = playhead.phases
