@@ -20,7 +20,7 @@ from controller.training.fit import fit
 from controller.training.recipe import LibraryRecipe, MotionRecipe, ReservoirRecipe, check_recipe, read_recipe
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe
 from motiondeck_base.errors import MotiondeckError
-from motiondeck_base.shipped import find
+from motiondeck_base.shipped import find_library
 
 __all__ = ["Library", "MotionGenerator", "learn", "learn_recipe", "load_library"]
 
@@ -117,7 +117,7 @@ def load_library(name: str | Path) -> Library:
     Raises:
         MotiondeckError: if there is no such library (it names the nearest) or the file is damaged.
     """
-    return Library(load_library_file(find("library", str(name), ".safetensors")))
+    return Library(load_library_file(find_library(name)))
 
 
 def learn(

@@ -20,7 +20,7 @@ from hardware.rig.interface import Rig as ConnectedRig
 from hardware.rig.joined_rig import connect_rig
 from hardware.rig.rig_file import RigConfig, load_rig
 from motiondeck_base.errors import UnknownNameError
-from motiondeck_base.shipped import find
+from motiondeck_base.shipped import find_rig
 
 __all__ = ["Rig", "open_rig"]
 
@@ -150,7 +150,7 @@ def open_rig(name: str | Path, servos: Servos = "real", ports: Sequence[str] = (
     """
     if servos not in SERVOS:
         raise UnknownNameError.among("kind of servos", servos, SERVOS)
-    file = find("rig", str(name), ".toml")
+    file = find_rig(name)
     config = load_rig(file)
     with ExitStack() as opened:
         if servos == "simulated":

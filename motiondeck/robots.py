@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from controller.mocap.clip import Clip
-from motiondeck_base.shipped import find
+from motiondeck_base.shipped import find_robot
 from sim.models.average_body import reference_body
 from sim.models.robot_file import read_robot_file, solver_named
 from sim.robots.joint_motion import JointMotion, retargeted
@@ -52,5 +52,5 @@ def load_robot(name: str | Path, solver: Literal["angles", "ik"] | None = None) 
     Raises:
         MotiondeckError: if there is no such robot or solver (it names the nearest), or the file is wrong.
     """
-    file = find("robot", str(name), ".toml")
+    file = find_robot(name)
     return Robot(file, read_robot_file(file).name, solver_named(solver))

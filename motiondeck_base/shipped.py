@@ -1,7 +1,8 @@
-"""Where the robots, rigs and libraries are that come with the program, and how a name or a path becomes a file."""
+"""The shipped robots, rigs and libraries, and how a name or a path becomes a file."""
 
 from __future__ import annotations
 
+import difflib
 from pathlib import Path
 
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
@@ -16,24 +17,49 @@ def shipped_configs() -> Path:
     raise MotiondeckError(f"the installation is incomplete: no 'configs' in {package}. Install motiondeck again.")
 
 
-def find(kind: str, name: str, suffix: str) -> Path:
-    """The file of a robot, rig or library: a path where it looks like one, else a shipped one by its name.
-
-    Args:
-        kind: "robot", "rig" or "library".
-        name: what the user gave.
-        suffix: of such files, with the dot.
+def find_robot(name: str | Path) -> Path:
+    """The file of a robot: the path itself if `name` is one, else the shipped robot of this name.
 
     Raises:
-        MotiondeckError: if there is none; it names the nearest shipped ones.
+        MotiondeckError: if there is none; it offers the nearest names.
     """
+    return _find("robot", "robots", ".toml", name)
+
+
+def find_rig(name: str | Path) -> Path:
+    """The file of a rig: the path itself if `name` is one, else the shipped rig of this name.
+
+    Raises:
+        MotiondeckError: if there is none; it offers the nearest names.
+    """
+    return _find("rig", "rigs", ".toml", name)
+
+
+def find_library(name: str | Path) -> Path:
+    """The file of a motion library: the path itself if `name` is one, else the shipped library of this name.
+
+    Raises:
+        MotiondeckError: if there is none; it offers the nearest names.
+    """
+    return _find("library", "libraries", ".safetensors", name)
+
+
+def _find(kind: str, folder: str, suffix: str, name: str | Path) -> Path:
+    """A file by its path, which has the suffix or names a folder, or else by the name of a shipped one."""
     path = Path(name)
-    if path.suffix == suffix or "/" in name:
-        if not path.is_file():
-            raise MotiondeckError(f"{name}: there is no such file")
-        return path
-    folder = shipped_configs() / {"robot": "robots", "rig": "rigs", "library": "libraries"}[kind]
-    file = folder / f"{name}{suffix}"
-    if not file.is_file():
-        raise UnknownNameError.among(kind, name, sorted(p.stem for p in folder.glob(f"*{suffix}")))
-    return file
+    if path.suffix == suffix or len(path.parts) > 1:
+        if path.is_file():
+            return path
+        others = sorted(other.name for other in path.parent.glob(f"*{suffix}"))
+        near = difflib.get_close_matches(path.name, others, n=3, cutoff=0.5)
+        hint = f". Did you mean {' or '.join(str(path.with_name(other)) for other in near)}?" if near else ""
+        raise MotiondeckError(f"{name}: there is no such file{hint}")
+    shipped = {file.stem: file for file in sorted((shipped_configs() / folder).glob(f"*{suffix}"))}
+    if str(name) not in shipped:
+        raise UnknownNameError.among(kind, str(name), shipped)
+    return shipped[str(name)]
+
+
+def find(kind: str, name: str, suffix: str) -> Path:
+    """Goes when the last caller has moved to the functions above."""
+    return {"robot": find_robot, "rig": find_rig, "library": find_library}[kind](name)

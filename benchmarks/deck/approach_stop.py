@@ -27,7 +27,7 @@ from controller.library.motion_library import load_library  # noqa: E402
 from controller.loop.approach import Approach  # noqa: E402
 from controller.loop.safety_envelope import SafetyEnvelope  # noqa: E402
 from controller.rotations import Array  # noqa: E402
-from motiondeck_base.shipped import find  # noqa: E402
+from motiondeck_base.shipped import find_library, find_robot  # noqa: E402
 from sim.robots.robot import load_robot  # noqa: E402
 
 DT = 0.005
@@ -146,8 +146,8 @@ def main() -> int:
     except ImportError:
         print("ruckig is not installed: pip install 'motiondeck[benchmark]'", file=sys.stderr)
         return 1
-    skeleton = load_library(find("library", "thesis15", ".safetensors")).skeleton
-    limits = load_robot(find("robot", "servo20", ".toml"), skeleton).limits
+    skeleton = load_library(find_library("thesis15")).skeleton
+    limits = load_robot(find_robot("servo20"), skeleton).limits
     rng = np.random.default_rng(options.seed)
     found: dict[str, list[tuple[Array, float, float, float]]] = {}
     for _ in range(options.moves):

@@ -28,7 +28,7 @@ from controller.library.motion_library import MotionLibrary, load_library  # noq
 from controller.measures.motion_matching import joint_features  # noqa: E402
 from controller.networks.centralized_frames import CentralizedNetwork  # noqa: E402
 from controller.rotations import Array  # noqa: E402
-from motiondeck_base.shipped import find  # noqa: E402
+from motiondeck_base.shipped import find_library  # noqa: E402
 
 WAYS = ("inside", "side by side")
 SHARES = (0.25, 0.5, 0.75)
@@ -80,7 +80,7 @@ def main() -> int:
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--json", action="store_true", help="one JSON object")
     options = parser.parse_args()
-    library = load_library(find("library", options.library, ".safetensors"))
+    library = load_library(find_library(options.library))
     repertoire = read_motions(library)
     routes = Routes.between(repertoire)
     loops = [name for name, motion in repertoire.items() if motion.loop]

@@ -48,7 +48,7 @@ from controller.loop.histogram import DurationHistogram  # noqa: E402
 from controller.loop.permissions import handed_back, request_core, request_realtime  # noqa: E402
 from controller.loop.quiet import undisturbed  # noqa: E402
 from controller.wire.messages import Switch  # noqa: E402
-from motiondeck_base.shipped import find  # noqa: E402
+from motiondeck_base.shipped import find_library, find_rig, find_robot  # noqa: E402
 
 BESIDE = ("none", "view", "hog")
 RIG_HZ = 125.0  # at most; the fastest whole share of the loop's rate below it is taken
@@ -57,7 +57,7 @@ RIG_HZ = 125.0  # at most; the fastest whole share of the loop's rate below it i
 def rig_file(folder: Path, rate: float) -> Path:
     """The emulated rig of servo20, written to as often as divides the loop's rate."""
     every = -(-rate // RIG_HZ)
-    text = find("rig", "servo20", ".toml").read_text()
+    text = find_rig("servo20").read_text()
     path = folder / "servo20.toml"
     path.write_text(re.sub(r"(?m)^rate_hz\s*=.*$", f"rate_hz = {rate / every:g}", text))
     return path
@@ -71,7 +71,7 @@ def measure(
     show = [Timed(2.0 * k, Switch(motions[k % len(motions)])) for k in range(1, int(options.seconds / 2.0))]
     with tempfile.TemporaryDirectory() as folder, hog(beside == "hog", options.core):
         rig = rig_file(Path(folder), rate) if options.rig else None
-        setup = RobotSetup(find("robot", "servo20", ".toml"), rig, emulated=True, physics=False)
+        setup = RobotSetup(find_robot("servo20"), rig, emulated=True, physics=False)
         settings = RunSettings(
             rate=rate,
             realtime=fifo,
@@ -203,7 +203,7 @@ def main() -> int:
     besides = options.beside.split(",")
     if not set(besides) <= set(BESIDE):
         parser.error(f"--beside {options.beside}: choose from {', '.join(BESIDE)}")
-    library = load_library(find("library", "thesis15", ".safetensors"))
+    library = load_library(find_library("thesis15"))
     machine = {
         "system": platform.platform(),
         "python": platform.python_version(),

@@ -18,7 +18,7 @@ import msgspec  # noqa: E402
 
 from benchmarks.deck.soak_run import soak  # noqa: E402
 from controller.library.motion_library import load_library  # noqa: E402
-from motiondeck_base.shipped import find  # noqa: E402
+from motiondeck_base.shipped import find_library, find_robot  # noqa: E402
 from sim.robots.robot import load_robot  # noqa: E402
 
 
@@ -31,8 +31,8 @@ def main() -> int:
     parser.add_argument("--robot", default="servo20")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
-    library = load_library(find("library", options.library, ".safetensors"))
-    robot = load_robot(find("robot", options.robot, ".toml"), library.skeleton)
+    library = load_library(find_library(options.library))
+    robot = load_robot(find_robot(options.robot), library.skeleton)
 
     def progress(seconds: float) -> None:
         print(f"\r{seconds / 60:.1f} of {options.minutes:g} minutes", end="", file=sys.stderr, flush=True)

@@ -27,7 +27,7 @@ from controller.deck.motions import read_motions  # noqa: E402
 from controller.deck.routes import Routes  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
 from controller.rotations import Array  # noqa: E402
-from motiondeck_base.shipped import find  # noqa: E402
+from motiondeck_base.shipped import find_library  # noqa: E402
 
 RATE = 200.0
 DT = 1.0 / RATE
@@ -78,7 +78,7 @@ def main() -> int:
     parser.add_argument("--pairs", type=Path, metavar="FILE.csv", help="write a line for each pair")
     parser.add_argument("--json", action="store_true", help="one JSON object")
     options = parser.parse_args()
-    library = load_library(find("library", options.library, ".safetensors"))
+    library = load_library(find_library(options.library))
     motions = library.network.motions
     routes = Routes.between(read_motions(library))
     own = {m: peak(played(library, Deck(library, lambda pose: pose.root_position, m), LONGEST)) for m in motions}

@@ -29,7 +29,7 @@ from controller.rotations import Array  # noqa: E402
 from hardware.protocol2.instructions import sync_write  # noqa: E402
 from hardware.rig.rig_file import load_rig  # noqa: E402
 from hardware.rig.scale import RigScale  # noqa: E402
-from motiondeck_base.shipped import find  # noqa: E402
+from motiondeck_base.shipped import find_library, find_rig, find_robot  # noqa: E402
 from sim.robots.robot import load_robot  # noqa: E402
 
 RATE = 200.0
@@ -37,7 +37,7 @@ RATE = 200.0
 
 def encoder(joints: tuple[str, ...]) -> Callable[[Array], bytes]:
     """Makes the sync write of goal positions for the shipped rig, out of targets (J,), rad, in the robot's order."""
-    config = load_rig(find("rig", "servo20", ".toml"))
+    config = load_rig(find_rig("servo20"))
     scale = RigScale(config)
     order = np.array([joints.index(joint.name) for joint in config.joints])
     entries = np.zeros(len(order), dtype=[("id", "u1"), ("goal", "<i4")])
@@ -60,8 +60,8 @@ def main() -> int:
     parser.add_argument("--ticks", type=int, default=20_000)
     parser.add_argument("--json", action="store_true", help="one JSON object")
     options = parser.parse_args()
-    library = load_library(find("library", options.library, ".safetensors"))
-    robot = load_robot(find("robot", "servo20", ".toml"), library.skeleton)
+    library = load_library(find_library(options.library))
+    robot = load_robot(find_robot("servo20"), library.skeleton)
     retargeting = 0
 
     def retarget(pose: Pose) -> Array:

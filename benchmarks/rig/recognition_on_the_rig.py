@@ -36,7 +36,7 @@ from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.rig.dynamixel_rig import DynamixelRig
 from hardware.rig.rig_file import load_rig
-from motiondeck_base.shipped import find
+from motiondeck_base.shipped import find_library, find_rig, find_robot
 from sim.physics.playback import PhysicsPlayback
 from sim.robots.robot import load_robot
 
@@ -63,9 +63,9 @@ class Stage:
     """Robot, library and rig; each run gets a rig, a deck and a watch of its own."""
 
     def __init__(self, robot: str, *, rig: bool, speed: float) -> None:
-        self.library = load_library(find("library", "thesis15", ".safetensors"))
-        self.robot = load_robot(find("robot", robot, ".toml"), self.library.skeleton)
-        self.config = load_rig(find("rig", robot, ".toml")) if rig else None
+        self.library = load_library(find_library("thesis15"))
+        self.robot = load_robot(find_robot(robot), self.library.skeleton)
+        self.config = load_rig(find_rig(robot)) if rig else None
         self.speed = speed
         # As when playing: the servos are never told to go where they cannot.
         self.limits = narrowed(self.robot.limits, self.robot, self.config) if self.config else self.robot.limits

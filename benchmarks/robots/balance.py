@@ -22,7 +22,7 @@ from controller.library.motion_library import load_library
 from controller.loop.safety_envelope import SafetyEnvelope
 from controller.mocap.posture import Pose
 from controller.rotations import Array
-from motiondeck_base.shipped import find
+from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.physics_model import feet_of
 from sim.physics.playback import PhysicsPlayback
 from sim.robots.robot import Robot, load_robot
@@ -102,8 +102,8 @@ def player(
     library: str, motion: str, robot_name: str
 ) -> tuple[Robot, Callable[[], Callable[[float], tuple[Array, Pose]]]]:
     """The robot, and what makes a fresh player of a motion for it."""
-    loaded = load_library(find("library", "thesis15" if library == "made up" else library, ".safetensors"))
-    robot = load_robot(find("robot", robot_name, ".toml"), loaded.skeleton)
+    loaded = load_library(find_library("thesis15" if library == "made up" else library))
+    robot = load_robot(find_robot(robot_name), loaded.skeleton)
     if library == "made up":
         from benchmarks.robots.made_up_motions import MADE_UP
 

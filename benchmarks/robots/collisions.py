@@ -22,7 +22,7 @@ from controller.deck.deck import Deck  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
 from controller.loop.safety_envelope import SafetyEnvelope  # noqa: E402
 from controller.rotations import Array  # noqa: E402
-from motiondeck_base.shipped import find  # noqa: E402
+from motiondeck_base.shipped import find_library, find_robot  # noqa: E402
 from sim.robots.collision_guard import CollisionGuard  # noqa: E402
 from sim.robots.robot import Robot, load_robot  # noqa: E402
 from sim.robots.self_collision import OVERLAP, SelfCollision  # noqa: E402
@@ -64,13 +64,13 @@ def main() -> int:
     parser.add_argument("--motions", nargs="+", default=["walk", "waltz", "cartwheel", "box1"])
     parser.add_argument("--seconds", type=float, default=8.0)
     options = parser.parse_args()
-    library = load_library(find("library", options.library, ".safetensors"))
+    library = load_library(find_library(options.library))
     print(
         f"{'robot':<12}{'motion':<14}{'deepest':>9}{'guarded':>9}{'enveloped':>11}{'beyond':>8}{'after':>8}"
         f"{'us a tick':>11}  kept apart, ticks"
     )
     for name in options.robots:
-        robot = load_robot(find("robot", name, ".toml"), library.skeleton)
+        robot = load_robot(find_robot(name), library.skeleton)
         for motion in options.motions:
             depths, costs, held = measured(library, robot, motion, round(options.seconds / DT))
             deep, guarded, enveloped = 1e3 * depths.max(axis=0)

@@ -12,7 +12,7 @@ import json
 import sys
 
 from controller.library.motion_library import load_library
-from motiondeck_base.shipped import find
+from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.loads import loads_of
 from sim.physics.played_motions import load_for_takes, motion_takes
 from sim.physics.preflight import Preflight
@@ -28,10 +28,10 @@ def main() -> None:
     parser.add_argument("--library", default="thesis15")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
-    library = load_library(find("library", given.library, ".safetensors"))
+    library = load_library(find_library(given.library))
     rows = []
     for name in ROBOTS:
-        robot = load_for_takes(find("robot", name, ".toml"), library.skeleton)
+        robot = load_for_takes(find_robot(name), library.skeleton)
         free = Preflight(robot, robot.limits, "free")
         collisions = SelfCollision(robot)
         for take in motion_takes(library, robot):

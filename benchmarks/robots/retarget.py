@@ -32,7 +32,7 @@ from controller.mocap.clip import Clip
 from controller.mocap.posture import Pose
 from controller.mocap.skeleton import ROOT, Skeleton
 from controller.rotations import Array
-from motiondeck_base.shipped import find
+from motiondeck_base.shipped import find_library, find_robot
 from sim.models.robot_file import read_robot_file
 from sim.physics.played_motions import as_clip
 from sim.retargeting.robot_limbs import SIDES, RobotLimbs
@@ -67,10 +67,10 @@ PARTS = {
 def main(
     as_json: Annotated[bool, typer.Option("--json", help="Print a JSON object a line.")] = False,
 ) -> None:
-    library = load_library(find("library", "thesis15", ".safetensors"))
+    library = load_library(find_library("thesis15"))
     names = [name for name in MOTIONS if name in library.network.motions]
     clips = [as_clip(library, name, SECONDS, RATE) for name in names]
-    rows = [measured(find("robot", "servo20", ".toml"), clips, solver) for solver in ("angles", "ik")]
+    rows = [measured(find_robot("servo20"), clips, solver) for solver in ("angles", "ik")]
     with tempfile.TemporaryDirectory() as folder:
         rows += big(Path(folder), clips)
     for row in rows:

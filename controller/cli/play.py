@@ -152,7 +152,7 @@ def play(
     from controller.library.motion_library import load_library
     from controller.wire.authentication import read_token
     from motiondeck_base.errors import MotiondeckError
-    from motiondeck_base.shipped import find
+    from motiondeck_base.shipped import find_library
 
     check_seconds(seconds)
     if script is not None and motion is not None:
@@ -161,7 +161,7 @@ def play(
         raise MotiondeckError("--root and --balance are for simulated servos: leave --kinematic and --video")
     if not 0.0 < mismatch_after < 1e4:
         raise MotiondeckError(f"--mismatch-after {mismatch_after:g} s is not a length of time above 0")
-    loaded = load_library(find("library", library, ".safetensors"))
+    loaded = load_library(find_library(library))
     first, timeline, length = _timeline(loaded, motion, script)
     seconds = seconds if seconds is not None else length
     if video is not None:

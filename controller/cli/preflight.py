@@ -53,7 +53,7 @@ def preflight(
     from controller.library.motion_library import load_library
     from controller.wire.command_table import TEMPO
     from motiondeck_base.errors import MotiondeckError
-    from motiondeck_base.shipped import find
+    from motiondeck_base.shipped import find_library, find_robot
     from sim.physics.physics_model import physics_model
     from sim.physics.played_motions import (
         count_switches,
@@ -72,8 +72,8 @@ def preflight(
         from controller.cli.pictures.figures import check_picture
 
         check_picture(plot)
-    loaded = load_library(find("library", library, ".safetensors"))
-    body = load_for_takes(find("robot", robot, ".toml"), loaded.skeleton)
+    loaded = load_library(find_library(library))
+    body = load_for_takes(find_robot(robot), loaded.skeleton)
     physics_model(body, root)  # an unknown root is better refused now
     body, limits = _on_rig(body, rig)
     judge = Preflight(body, limits, root, balance)
@@ -110,9 +110,9 @@ def _on_rig(body: Robot, rig: str | None) -> tuple[Robot, JointLimits]:
 
     from controller.cli.session.rig_output import narrowed
     from hardware.rig.rig_file import load_rig
-    from motiondeck_base.shipped import find
+    from motiondeck_base.shipped import find_rig
 
-    config = load_rig(find("rig", rig, ".toml"))
+    config = load_rig(find_rig(rig))
     servo = body.servo
     if servo is not None:
         currents = [joint.current for joint in config.joints if joint.current > 0.0]

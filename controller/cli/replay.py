@@ -53,20 +53,20 @@ def replay(
     from controller.deck.recorded_deck import RecordedDeck
     from controller.library.motion_library import load_library
     from controller.wire.run_recording import load_recording
-    from motiondeck_base.shipped import find
+    from motiondeck_base.shipped import find_library, find_robot
 
     recording = load_recording(file)
     if not recording.complete:
         print(f"{file} was cut short: its last whole chunk ends after {recording.ticks} ticks", file=sys.stderr)
     recorded = str(recording.description["robot"])
     player = robot or recorded
-    loaded = load_library(find("library", library or str(recording.description["library"]), ".safetensors"))
+    loaded = load_library(find_library(library or str(recording.description["library"])))
     if scrub:
         from controller.cli.pictures.clip_scene import act_of_recording
         from controller.cli.session.page import show_act
         from sim.robots.robot import load_robot
 
-        show_act(act_of_recording(recording, load_robot(find("robot", player, ".toml"), loaded.skeleton)), page_port)
+        show_act(act_of_recording(recording, load_robot(find_robot(player), loaded.skeleton)), page_port)
         return
     root, balance = str(recording.description.get("root", "gantry")), bool(recording.description.get("balance"))
     deck = RecordedDeck(recording, same_robot=robot is None or Path(robot).stem == recorded)

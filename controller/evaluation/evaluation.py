@@ -15,7 +15,7 @@ from controller.training.centralized.centralized_training import CentralizedReci
 from controller.training.fit import TrainingSet, prepare
 from controller.training.recipe import LibraryRecipe, read_recipe, recipe_of
 from motiondeck_base.errors import MotiondeckError
-from motiondeck_base.shipped import find
+from motiondeck_base.shipped import find_library
 
 
 @dataclass(frozen=True)
@@ -86,6 +86,6 @@ def read_evaluation(subject: str, data: Path) -> Evaluation:
         path, library = Path(subject), None
         recipe = read_recipe(path)
     else:
-        path = library = find("library", subject, ".safetensors")
+        path = library = find_library(subject)
         recipe = recipe_of(load_library(path).info.recipe, path)
     return Evaluation(path.stem, recipe, library, prepare(recipe, data))

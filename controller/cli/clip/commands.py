@@ -107,10 +107,10 @@ def view(
     from controller.cli.pictures.clip_scene import act_of
     from controller.cli.pictures.library_pictures import FILM, film_frames
     from controller.cli.session.page import show_act
-    from motiondeck_base.shipped import find
+    from motiondeck_base.shipped import find_robot
 
     clip = _read(file, skeleton).clip
-    body = None if robot is None else find("robot", robot, ".toml")
+    body = None if robot is None else find_robot(robot)
     act = act_of(clip, body, ghost=video is None or body is not None)
     if video is not None:
         hz, _ = FILM.get(video.suffix.lower(), FILM[".mp4"])

@@ -26,9 +26,9 @@ def show(
     """
     from controller.cli.common.library_report import print_table, report
     from controller.library.motion_library import load_library
-    from motiondeck_base.shipped import find
+    from motiondeck_base.shipped import find_library
 
-    loaded = load_library(find("library", library, ".safetensors"))
+    loaded = load_library(find_library(library))
     if as_json:
         print(json.dumps(report(loaded)))
         return
@@ -71,9 +71,9 @@ def add(
     from controller.training.adding import add_motion
     from controller.training.recipe import MotionRecipe
     from motiondeck_base.errors import MotiondeckError
-    from motiondeck_base.shipped import find
+    from motiondeck_base.shipped import find_library
 
-    path = find("library", library, ".safetensors")
+    path = find_library(library)
     if out is None and not Path(library).is_file():
         raise MotiondeckError(f"'{library}' is a shipped library, which stays as it is; say with --out where to write")
     target = out or path

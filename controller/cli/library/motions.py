@@ -138,11 +138,11 @@ def anticipate(
     from controller.library.anticipation import Anticipator, foresight
     from controller.library.motion_library import load_library
     from controller.mocap.canonical_body import carried
-    from motiondeck_base.shipped import find
+    from motiondeck_base.shipped import find_library
 
     if plot is not None:
         check_picture(plot)
-    loaded = load_library(find("library", library, ".safetensors"))
+    loaded = load_library(find_library(library))
     seen = carried(_cut(clip, frames, skeleton), loaded.skeleton)
     rows = [asdict(row) for row in foresight(Anticipator(loaded), loaded.encoding.encode(seen), seen.rate)]
     if plot is not None:
@@ -175,9 +175,9 @@ def restyle(
     """
     from controller.library.motion_library import load_library, save_library
     from controller.library.restyling import restyled
-    from motiondeck_base.shipped import find
+    from motiondeck_base.shipped import find_library
 
-    styled, outside = restyled(load_library(find("library", library, ".safetensors")), motion, like)
+    styled, outside = restyled(load_library(find_library(library)), motion, like)
     save_library(styled, out)
     name = styled.info.motions[-1].name
     if as_json:
@@ -227,9 +227,9 @@ def _of_library(library: str) -> tuple[list[str], Array]:
 
     from controller.library.motion_library import load_library
     from controller.library.motion_signature import signature
-    from motiondeck_base.shipped import find
+    from motiondeck_base.shipped import find_library
 
-    loaded = load_library(find("library", library, ".safetensors"))
+    loaded = load_library(find_library(library))
     names, rows = [], []
     for motion in loaded.info.motions:
         anchors = loaded.network.anchors(motion.name)

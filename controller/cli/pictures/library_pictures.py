@@ -13,7 +13,7 @@ from controller.cli.session.script import Cue
 from controller.deck.deck import Deck
 from controller.library.motion_library import MotionLibrary, load_library
 from controller.rotations import Array
-from motiondeck_base.shipped import find
+from motiondeck_base.shipped import find_library, find_robot
 
 if TYPE_CHECKING:
     from sim.physics.playback import KinematicPlayback
@@ -32,8 +32,8 @@ def draw_sheet(library: str, robot: str, out: Path) -> None:
     from sim.pictures.video import contact_sheet
     from sim.robots.robot import load_robot
 
-    loaded = load_library(find("library", library, ".safetensors"))
-    body = load_robot(find("robot", robot, ".toml"), loaded.skeleton)
+    loaded = load_library(find_library(library))
+    body = load_robot(find_robot(robot), loaded.skeleton)
     rows: list[tuple[str, list[Array]]] = []
     for motion in loaded.info.motions:
         deck = Deck(loaded, body.retarget, motion.name)
@@ -65,7 +65,7 @@ def film(
     from sim.models.robot_file import solver_named
     from sim.robots.robot import load_robot
 
-    body = load_robot(find("robot", robot, ".toml"), library.skeleton, solver_named(solver), 1.0 / STEPS_A_SECOND)
+    body = load_robot(find_robot(robot), library.skeleton, solver_named(solver), 1.0 / STEPS_A_SECOND)
     hz, _ = FILM.get(out.suffix.lower(), FILM[".mp4"])
     total = max(1, round(seconds * hz))
     return film_frames(body.model, _frames(library, body, cues, total, hz), total, out)

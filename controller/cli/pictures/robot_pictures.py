@@ -11,7 +11,7 @@ from controller.mocap.clip import Clip
 from controller.mocap.posture import Pose
 from controller.rotations import Array
 from motiondeck_base.errors import UnknownNameError
-from motiondeck_base.shipped import find
+from motiondeck_base.shipped import find_library, find_robot
 
 RATE = 60.0
 MOMENTS = 8
@@ -23,7 +23,7 @@ def played(library: str, motion: str, seconds: float) -> Clip:
     Raises:
         UnknownNameError: if there is no such library or motion.
     """
-    loaded = load_library(find("library", library, ".safetensors"))
+    loaded = load_library(find_library(library))
     if motion not in loaded.network.motions:
         raise UnknownNameError.among("motion", motion, loaded.network.motions)
     from sim.physics.played_motions import as_clip
@@ -36,7 +36,7 @@ def draw_beside(clip: Clip, robot: Path, out: Path) -> None:
     from sim.pictures.side_by_side import SideBySide
     from sim.pictures.video import contact_sheet
 
-    both = SideBySide(clip.skeleton, find("robot", "mannequin", ".toml"), robot, 1.0 / clip.rate)
+    both = SideBySide(clip.skeleton, find_robot("mannequin"), robot, 1.0 / clip.rate)
     every = max(1, len(clip) // MOMENTS)
     row: list[Array] = []
     for frame in range(every * MOMENTS):

@@ -317,11 +317,11 @@ def stop(rig: RigArgument, port: PortOption = None, as_json: JsonOption = False)
 def _plant(config: RigConfig, robot: str, root: str) -> JointPlant:
     """A robot's body for the joints of a rig."""
     from controller.mocap.encodings.joint_angles import JointBody
-    from motiondeck_base.shipped import find
+    from motiondeck_base.shipped import find_robot
     from sim.physics.rig_plant import RigPlant
     from sim.robots.robot import load_robot
 
-    body = load_robot(find("robot", robot, ".toml"), JointBody.of(config.names))
+    body = load_robot(find_robot(robot), JointBody.of(config.names))
     return RigPlant(body, config.names, root)
 
 

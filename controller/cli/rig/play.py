@@ -60,7 +60,7 @@ def play(
     from controller.cli.session.setup import check_seconds, first_motion
     from controller.library.motion_library import load_library
     from controller.mocap.formats.reading import read_clip
-    from motiondeck_base.shipped import find
+    from motiondeck_base.shipped import find_library
 
     config = load(rig)
     check_seconds(seconds)
@@ -70,7 +70,7 @@ def play(
             raise MotiondeckError(f"{what} is one clip, so there is no motion '{motion}' to choose")
         report = play_clip(config, port or [], read_clip(what), settings)
     else:
-        library = load_library(find("library", what, ".safetensors"))
+        library = load_library(find_library(what))
         first = first_motion(library, motion)
         report = play_library(config, port or [], library, first, robot or Path(rig).stem, settings)
     print(json.dumps(report) if as_json else summary(report))

@@ -28,9 +28,9 @@ def load(rig: str) -> RigConfig:
         MotiondeckError: if there is none, or it is not good.
     """
     from hardware.rig.rig_file import load_rig
-    from motiondeck_base.shipped import find
+    from motiondeck_base.shipped import find_rig
 
-    return load_rig(find("rig", rig, ".toml"))
+    return load_rig(find_rig(rig))
 
 
 @contextmanager

@@ -70,12 +70,12 @@ def show(robot: RobotArgument, as_json: JsonOption = False) -> None:
     Example:  motiondeck robot show servo20
     """
     from controller.cli.common.tables import show_table
-    from motiondeck_base.shipped import find
+    from motiondeck_base.shipped import find_robot
     from sim.models.average_body import reference_body
     from sim.models.robot_file import read_robot_file
     from sim.robots.robot import load_robot
 
-    path = find("robot", robot, ".toml")
+    path = find_robot(robot)
     file = read_robot_file(path)
     loaded = load_robot(path, reference_body())
     limits = loaded.limits
@@ -201,7 +201,7 @@ def check(
     from controller.cli.common.progress import progress
     from controller.cli.robot.check import check as rows_of
     from controller.cli.robot.check import passes, recordings
-    from motiondeck_base.shipped import find
+    from motiondeck_base.shipped import find_robot
     from sim.models.robot_file import solver_named
 
     if seconds is not None and not seconds > 0.0:
@@ -210,7 +210,7 @@ def check(
     found = recordings(files)
     rows = []
     with progress("carrying", len(found)) as tick:
-        for row in rows_of(find("robot", robot, ".toml"), found, named, seconds):
+        for row in rows_of(find_robot(robot), found, named, seconds):
             rows.append(row)
             tick()
     if as_json:

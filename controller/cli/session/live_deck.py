@@ -85,10 +85,10 @@ def play_live(request: LiveRequest) -> None:
     from controller.cli.session.setup import check_seconds, first_motion, robot_setup
     from controller.deck.deck import Deck
     from controller.library.motion_library import load_library
-    from motiondeck_base.shipped import find
+    from motiondeck_base.shipped import find_library
 
     check_seconds(request.seconds)
-    library = load_library(find("library", request.library, ".safetensors"))
+    library = load_library(find_library(request.library))
     first = first_motion(library, request.motion)
     setup = robot_setup(request.robot, request.rig, physics=request.physics, root=request.root, balance=request.balance)
     settings = RunSettings(

@@ -47,10 +47,10 @@ def open_rig_alone(
         return _open_taught(opening, config, ports, source)
     if isinstance(source, Clip):
         raise MotiondeckError(f"clip '{source.name}' shows a human body. Learn it first: motiondeck fit")
-    from motiondeck_base.shipped import find
+    from motiondeck_base.shipped import find_robot
     from sim.robots.robot import load_robot
 
-    loaded = load_robot(find("robot", robot, ".toml"), source.skeleton)
+    loaded = load_robot(find_robot(robot), source.skeleton)
     limits = narrowed(loaded.limits, loaded, config)
     output = _connect(opening, config, ports, loaded.joints)[1]
     return RobotOnDeck(loaded.name, loaded.joints, limits, loaded.rest, loaded.retarget, Channel(output))

@@ -7,7 +7,7 @@ from pathlib import Path
 from controller.cli.session.robot_on_deck import RobotSetup
 from controller.library.motion_library import MotionLibrary
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
-from motiondeck_base.shipped import find
+from motiondeck_base.shipped import find_rig, find_robot
 
 EMULATED = "emulated"
 
@@ -54,7 +54,7 @@ def robot_setup(
     Raises:
         MotiondeckError: if there is no such robot or rig; it names the nearest.
     """
-    file = find("robot", robot, ".toml")
+    file = find_robot(robot)
     return RobotSetup(file, _rig_file(rig, robot), rig == EMULATED, physics, root, balance, solver, keep_apart)
 
 
@@ -63,9 +63,9 @@ def _rig_file(rig: str | None, robot: str) -> Path | None:
     if rig is None:
         return None
     if rig != EMULATED:
-        return find("rig", rig, ".toml")
+        return find_rig(rig)
     try:
-        return find("rig", Path(robot).stem, ".toml")
+        return find_rig(Path(robot).stem)
     except MotiondeckError:
         raise MotiondeckError(
             f"there is no rig for robot '{Path(robot).stem}' to be emulated. Try: --rig emulated --robot servo20"

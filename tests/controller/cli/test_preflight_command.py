@@ -67,7 +67,7 @@ def test_what_cannot_be_is_refused_in_one_line(library, arguments, complaint):
 def test_what_has_no_feet_has_no_margin():
     import numpy as np
 
-    from motiondeck_base.shipped import find
+    from motiondeck_base.shipped import find_robot
     from sim.physics.loads import loads_of
     from sim.physics.played_motions import Take
     from sim.physics.preflight import Preflight
@@ -75,7 +75,7 @@ def test_what_has_no_feet_has_no_margin():
     from sim.robots.self_collision import SelfCollision
     from simulated_bodies import bent_pose
 
-    body = load_robot(find("robot", "servo20", ".toml"), human())
+    body = load_robot(find_robot("servo20"), human())
     take = Take("still", True, np.tile(body.rest, (3, 1)), (bent_pose(human()),) * 3)
     loads = loads_of(body, take, free=False, collisions=SelfCollision(body))
     loads = replace(loads, support=(np.zeros((0, 2)),) * 3)
@@ -86,22 +86,22 @@ def test_what_has_no_feet_has_no_margin():
 
 def test_currents_that_cannot_be_judged_are_mentioned(tmp_path, capsys):
     from controller.cli.preflight import _on_rig
-    from motiondeck_base.shipped import find
+    from motiondeck_base.shipped import find_rig, find_robot
     from sim.robots.robot import load_robot
 
-    body = load_robot(find("robot", "servo20", ".toml"), human())
+    body = load_robot(find_robot("servo20"), human())
     rig = tmp_path / "rig.toml"
-    rig.write_text(find("rig", "servo20", ".toml").read_text().replace("id = 1, ", "id = 1, current = 1.0,"))
+    rig.write_text(find_rig("servo20").read_text().replace("id = 1, ", "id = 1, current = 1.0,"))
     _on_rig(replace(body, servo=None), str(rig))
     assert "current limits" in capsys.readouterr().err
 
 
 def test_a_rig_narrows_what_is_allowed():
     from controller.cli.preflight import _on_rig
-    from motiondeck_base.shipped import find
+    from motiondeck_base.shipped import find_robot
     from sim.robots.robot import load_robot
 
-    body = load_robot(find("robot", "servo20", ".toml"), human())
+    body = load_robot(find_robot("servo20"), human())
     on_rig, limits = _on_rig(body, "servo20")
     assert (limits.velocity <= body.limits.velocity).all()
     assert limits.velocity.max() == 4.7

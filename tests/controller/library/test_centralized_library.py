@@ -14,7 +14,7 @@ from controller.measures.self_test import Judge, self_test
 from controller.networks.centralized_frames import CentralizedNetwork
 from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network
 from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
-from motiondeck_base.shipped import find
+from motiondeck_base.shipped import find_library
 
 RECIPE = CentralizedRecipe(satellites=16, iterations=30)
 
@@ -167,7 +167,7 @@ def test_what_needs_a_reservoir_says_so(library):
 
 
 def test_the_shipped_library_is_small_sound_and_never_leaves_its_range():
-    path = find("library", "cmu86", ".safetensors")
+    path = find_library("cmu86")
     assert path.stat().st_size < 2e6
     library = load_library(path)
     assert all(motion.passed for motion in library.info.motions)

@@ -10,7 +10,7 @@ from controller.cli.session.robot_on_deck import RobotSetup, open_robots
 from controller.cli.session.session import RunSettings, Session
 from controller.deck.deck import Deck
 from controller.loop.clock import VirtualClock
-from motiondeck_base.shipped import find
+from motiondeck_base.shipped import find_robot
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +20,7 @@ def library():
 
 def session(library, deck, robots=1, **changes):
     """A run of mannequins at 100 Hz on a virtual clock."""
-    setups = [RobotSetup(find("robot", "mannequin", ".toml"), physics=False)] * robots
+    setups = [RobotSetup(find_robot("mannequin"), physics=False)] * robots
     return Session(
         library,
         lambda opening: open_robots(opening, setups, library, 100.0),

@@ -15,7 +15,7 @@ from controller.cli.pictures.clip_scene import act_of_recording
 from controller.deck.recorded_deck import RecordedDeck
 from controller.library.motion_library import load_library, save_library
 from controller.wire.run_recording import COMMANDS, MODES, load_recording
-from motiondeck_base.shipped import find
+from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.playback import KinematicPlayback
 from sim.robots.robot import load_robot
 
@@ -108,13 +108,13 @@ def servo_run(folder):
 
 
 def test_a_robot_that_is_placed_by_its_feet_is_replayed_where_it_was(servo_run):
-    library = load_library(find("library", "thesis15", ".safetensors"))
+    library = load_library(find_library("thesis15"))
     root = servo_run.fields["robot_root"]
     assert np.allclose(np.linalg.norm(root[:, 3:], axis=1), 1.0)
     # On its own steps it comes less far, and its height is its own.
     walked, path = np.ptp(root[:, 0]), np.ptp(servo_run.fields["root_position"][:, 0])
     assert 0.0 < walked < path
-    robot = load_robot(find("robot", "servo20", ".toml"), library.skeleton)
+    robot = load_robot(find_robot("servo20"), library.skeleton)
     stage, deck = KinematicPlayback(robot), RecordedDeck(servo_run)
     for tick in range(1, servo_run.ticks):
         stage.write(*deck.update(0.01))

@@ -15,7 +15,7 @@ from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.pty_server import PtyServer
 from hardware.rig.rig_file import load_rig
 from motiondeck_base.errors import MotiondeckError
-from motiondeck_base.shipped import find
+from motiondeck_base.shipped import find_rig
 
 JOINTS = ("a", "b", "c")
 POSE = Pose(np.zeros(3), np.array(0.0), np.zeros((1, 4)))
@@ -105,7 +105,7 @@ def test_a_rest_pose_that_the_rig_cannot_take_is_refused():
 
 
 def test_stopping_a_rig_that_another_program_plays_on_says_how_to_stop_that():
-    config = load_rig(find("rig", "servo20", ".toml"))
+    config = load_rig(find_rig("servo20"))
     server = PtyServer(EmulatedBus(config))
     player = Bus.open(server.port, config.baud)
     result = CliRunner().invoke(app, ["rig", "stop", "servo20", "--port", server.port])

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from controller.cli.session import robot_on_deck
-from motiondeck_base.shipped import find
+from motiondeck_base.shipped import find_rig, find_robot
 from simulated_bodies import bent_pose, human
 
 
@@ -20,9 +20,7 @@ def test_limbs_are_kept_apart_within_the_limits_of_the_rig(monkeypatch):
 
     monkeypatch.setattr(robot_on_deck, "open_rig", open_rig)
     skeleton, rate = human(), 100.0
-    setup = robot_on_deck.RobotSetup(
-        find("robot", "servo20", ".toml"), find("rig", "servo20", ".toml"), physics=False, keep_apart=True
-    )
+    setup = robot_on_deck.RobotSetup(find_robot("servo20"), find_rig("servo20"), physics=False, keep_apart=True)
     library: Any = SimpleNamespace(skeleton=skeleton)
     with ExitStack() as opening:
         opened = robot_on_deck.open_robot(opening, setup, library, rate)
