@@ -52,7 +52,7 @@ from controller.training.reservoirs.conceptor_training import ConceptorRecipe
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe
 from controller.training.reservoirs.phase_training import PhaseRecipe
 from motiondeck_base.errors import FileFormatError
-from motiondeck_base.shipped import find
+from motiondeck_base.shipped import shipped_configs
 
 RATE = 120.0
 RUNS, RECOVERY_FRAMES = 4, 300
@@ -113,7 +113,7 @@ def recordings(data: Path, source: str) -> list[Path]:
 def training_set(data: Path, source: str) -> TrainingSet:
     """What the networks learn of a source; recordings that cannot be used are named."""
     if source == "thesis15":
-        return prepare(read_recipe(find("library", "thesis15", ".toml")), data)
+        return prepare(read_recipe(shipped_configs() / "libraries" / "thesis15.toml"), data)
     if source == "long":
         clip = read_clip(data / "cmu" / "86" / "86_01.amc")
         encoding = encoding_of(clip.skeleton)
