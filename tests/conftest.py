@@ -1,6 +1,7 @@
-"""What all tests share: where real recordings are, and property tests that try the same examples every time."""
+"""What all tests share: recordings, a browser, hypothesis examples that stay the same, and no silent skips in CI."""
 
 import os
+import shutil
 from pathlib import Path
 
 import pytest
@@ -16,11 +17,47 @@ settings.register_profile(
 settings.load_profile("motiondeck")
 
 
+RECORDINGS = Path(os.environ.get("MOTIONDECK_DATA") or Path(__file__).parents[2] / "shared" / "data")
+
+
 @pytest.fixture(scope="session")
 def mocap_data() -> Path:
     """The folder of real recordings: MOTIONDECK_DATA, or shared/data beside the repository."""
-    given = os.environ.get("MOTIONDECK_DATA")
-    folder = Path(given) if given else Path(__file__).parents[2] / "shared" / "data"
-    if not folder.is_dir():
-        pytest.skip(f"there is no folder {folder}: set MOTIONDECK_DATA to one with recordings")
-    return folder
+    if not RECORDINGS.is_dir():
+        pytest.skip(f"there is no folder {RECORDINGS}: set MOTIONDECK_DATA to one with recordings")
+    return RECORDINGS
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """A headless Chromium, where one is installed and can be started."""
+    playwright = pytest.importorskip("playwright.sync_api")
+    names = ("chromium", "chromium-browser", "google-chrome")
+    installed = next(filter(None, map(shutil.which, names)), None)
+    if installed is None:
+        pytest.skip("no Chromium is installed (Debian: apt-get install chromium)")
+    graphics = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+    try:
+        driver = playwright.sync_playwright().start()
+    except Exception as error:  # whatever keeps a foreign process from starting, e.g. no libatomic1
+        pytest.skip(f"the browser's driver does not start: {str(error).splitlines()[0]}")
+    try:
+        try:
+            chromium = driver.chromium.launch(executable_path=installed, args=graphics)
+        except playwright.Error as error:
+            pytest.skip(f"the browser does not start: {str(error).splitlines()[0]}")
+        yield chromium
+        chromium.close()
+    finally:
+        driver.stop()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item, call):
+    """With MOTIONDECK_ALL_TESTS set, as in CI, a skipped test is a failed one; only recordings may be missing."""
+    report = yield
+    lacks_recordings = "mocap_data" in item.fixturenames and not RECORDINGS.is_dir()
+    if report.skipped and "MOTIONDECK_ALL_TESTS" in os.environ and not lacks_recordings:
+        report.outcome = "failed"
+        report.longrepr = f"skipped, but MOTIONDECK_ALL_TESTS is set: {report.longrepr[2]}"
+    return report

@@ -1,6 +1,5 @@
 import io
 import os
-import shutil
 import socket
 import subprocess
 import sys
@@ -73,21 +72,6 @@ def deck(tmp_path):
     fake = FakeDeck(tmp_path)
     yield fake
     fake.end()
-
-
-@pytest.fixture(scope="module")
-def browser():
-    """A headless browser, where one is installed."""
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    installed = shutil.which("chromium") or shutil.which("google-chrome")
-    graphics = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-    with playwright.sync_playwright() as player:
-        try:
-            chromium = player.chromium.launch(executable_path=installed, args=graphics)
-        except playwright.Error as error:
-            pytest.skip(f"no browser: {str(error).splitlines()[0]}")
-        yield chromium
-        chromium.close()
 
 
 def start(deck, port):

@@ -1,17 +1,13 @@
 """The page of a recording, pressed by a real browser."""
 
 import re
-import shutil
 import subprocess
 import sys
 
 import pytest
+from playwright.sync_api import Error
 
 from recordings import BVH
-
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-
-pytestmark = pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed (Debian: apt-get install chromium)")
 
 
 @pytest.fixture
@@ -33,39 +29,33 @@ def address(tmp_path):
         view.wait(timeout=20)
 
 
-def test_the_bar_the_steps_and_the_button(address):
-    sync_api = pytest.importorskip("playwright.sync_api")
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path=BROWSER,
-            args=["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
-        )
-        page = browser.new_page(viewport={"width": 800, "height": 600})
-        for _ in range(100):
-            try:
-                page.goto(address)
-                break
-            except sync_api.Error:
-                page.wait_for_timeout(100)
+def test_the_bar_the_steps_and_the_button(browser, address):
+    page = browser.new_page(viewport={"width": 800, "height": 600})
+    for _ in range(100):
+        try:
+            page.goto(address)
+            break
+        except Error:
+            page.wait_for_timeout(100)
 
-        def frame():
-            found = re.match(r"frame (\d+) of 120", page.locator("#where").inner_text())
-            assert found is not None
-            return int(found.group(1))
+    def frame():
+        found = re.match(r"frame (\d+) of 120", page.locator("#where").inner_text())
+        assert found is not None
+        return int(found.group(1))
 
-        page.get_by_role("button", name="Pause").click(timeout=30_000)
-        page.get_by_role("button", name="Play").wait_for()
-        page.wait_for_timeout(500)
-        here = frame()
-        page.wait_for_timeout(500)
-        assert frame() == here
-        step, after = ("+1", here + 1) if here < 120 else ("-1", here - 1)
-        page.get_by_role("button", name=step, exact=True).click()
-        page.get_by_text(f"frame {after} of 120").wait_for()
-        bar = page.get_by_role("textbox").first
-        bar.fill("0.5")
-        bar.press("Enter")
-        page.get_by_text("frame 61 of 120").wait_for()
-        page.get_by_role("button", name="Play").click()
-        page.get_by_role("button", name="Pause").wait_for()
-        browser.close()
+    page.get_by_role("button", name="Pause").click(timeout=30_000)
+    page.get_by_role("button", name="Play").wait_for()
+    page.wait_for_timeout(500)
+    here = frame()
+    page.wait_for_timeout(500)
+    assert frame() == here
+    step, after = ("+1", here + 1) if here < 120 else ("-1", here - 1)
+    page.get_by_role("button", name=step, exact=True).click()
+    page.get_by_text(f"frame {after} of 120").wait_for()
+    bar = page.get_by_role("textbox").first
+    bar.fill("0.5")
+    bar.press("Enter")
+    page.get_by_text("frame 61 of 120").wait_for()
+    page.get_by_role("button", name="Play").click()
+    page.get_by_role("button", name="Pause").wait_for()
+    page.close()

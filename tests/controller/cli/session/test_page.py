@@ -2,7 +2,6 @@
 
 import io
 import json
-import shutil
 import socket
 import subprocess
 import sys
@@ -10,8 +9,7 @@ import sys
 import numpy as np
 import pytest
 from PIL import Image
-
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+from playwright.sync_api import Error
 
 
 def free_port():
@@ -22,8 +20,6 @@ def free_port():
 
 
 COMMAND_PORT = free_port()
-
-pytestmark = pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed (Debian: apt-get install chromium)")
 
 
 @pytest.fixture(scope="module")
@@ -46,23 +42,16 @@ def address():
 
 
 @pytest.fixture(scope="module")
-def page(address):
-    sync_api = pytest.importorskip("playwright.sync_api")
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path=BROWSER,
-            args=["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
-        )
-        page = browser.new_page(viewport={"width": 800, "height": 600})
-        for _ in range(100):
-            try:
-                page.goto(address)
-                break
-            except sync_api.Error:
-                page.wait_for_timeout(100)
-        page.get_by_role("button", name="jog").wait_for(timeout=30_000)
-        yield page
-        browser.close()
+def page(browser, address):
+    page = browser.new_page(viewport={"width": 800, "height": 600})
+    for _ in range(100):
+        try:
+            page.goto(address)
+            break
+        except Error:
+            page.wait_for_timeout(100)
+    page.get_by_role("button", name="jog").wait_for(timeout=30_000)
+    return page
 
 
 def picture(page):
