@@ -1,20 +1,15 @@
-"""`motiondeck gamepad`: commands a running deck with a gamepad.
-
-It is read through the kernel's joystick interface, which every gamepad driver on Linux provides: events of eight bytes
-from /dev/input/js0 (time in ms, value, kind, number; Linux, Documentation/input/joydev). No library is needed.
-"""
+"""`motiondeck gamepad`: commands a running deck with a gamepad."""
 
 from __future__ import annotations
 
-import struct
 import sys
-from collections.abc import Iterator, Sequence
-from enum import IntEnum
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, BinaryIO, NamedTuple
+from typing import Annotated
 
 import typer
 
+from controller.cli.gamepad_device import Button, EventDevice, Stick, events, open_gamepad
 from controller.wire.command_socket import (
     DEFAULT_PORT,
     CommandClient,
@@ -34,39 +29,10 @@ from controller.wire.command_socket import (
 from controller.wire.command_table import TEMPO, command_of
 from motiondeck_base.errors import MotiondeckError
 
-_EVENT = struct.Struct("<IhBB")
-_BUTTON, _AXIS = 1, 2  # kinds of event; the initial state that the kernel reports on opening has 0x80 added
-_FULL = 32767.0
-
-TEMPO_AXIS, MOTION_AXIS = 1, 6
 DEAD = 0.15
-"""Deflections of a stick up to this share of the full one count as released."""
+"""Deflections of the stick up to this share of the full one count as released."""
 STEP = 0.1
 """Tempos are sent in such steps, so that a hand on the stick does not flood the deck."""
-
-
-class Button(IntEnum):
-    """The buttons in use, as the drivers of common gamepads number them."""
-
-    A, B, X, Y, START = 0, 1, 2, 3, 7
-
-
-class Event(NamedTuple):
-    """A change of a button (0 or 1) or an axis (-1 to 1)."""
-
-    axis: bool
-    number: int
-    value: float
-
-
-def events(device: BinaryIO) -> Iterator[Event]:
-    """The events of a gamepad until it is unplugged; the state reported on opening is left out."""
-    while len(data := device.read(_EVENT.size)) == _EVENT.size:
-        _, value, kind, number = _EVENT.unpack(data)
-        if kind == _AXIS:
-            yield Event(True, number, value / _FULL)
-        elif kind == _BUTTON:
-            yield Event(False, number, float(value))
 
 
 class Pad:
@@ -83,13 +49,15 @@ class Pad:
         self._paused = False
         self._tempo = 1.0
 
-    def command(self, event: Event) -> Message | None:
+    def command(self, event: Button | Stick) -> Message | None:
         """The command of an event, or None where it has none."""
-        if event.axis:
-            return self._moved(event.number, event.value)
-        if not event.value:
-            return None
-        match event.number:
+        match event:
+            case Stick(y):
+                return self._set_tempo(tempo_of(y))
+            case Button.LEFT:
+                return self._switch(-1)
+            case Button.RIGHT:
+                return self._switch(1)
             case Button.A:
                 self._paused = not self._paused
                 return Pause() if self._paused else Resume()
@@ -102,19 +70,17 @@ class Pad:
                 return Reset()
             case Button.START:
                 return Stop()
-        return None
 
-    def _moved(self, axis: int, value: float) -> Message | None:
-        if axis == MOTION_AXIS and value:
-            self._place = (self._place + (1 if value > 0.0 else -1)) % len(self._motions)
-            self._paused = False
-            return Switch(self._motions[self._place])
-        if axis == TEMPO_AXIS:
-            tempo = tempo_of(value)
-            if abs(tempo - self._tempo) >= 0.5 * STEP:
-                self._tempo = tempo
-                return SetSpeed(tempo)
-        return None
+    def _switch(self, step: int) -> Message:
+        self._place = (self._place + step) % len(self._motions)
+        self._paused = False
+        return Switch(self._motions[self._place])
+
+    def _set_tempo(self, tempo: float) -> Message | None:
+        if abs(tempo - self._tempo) < 0.5 * STEP:
+            return None
+        self._tempo = tempo
+        return SetSpeed(tempo)
 
 
 def tempo_of(value: float) -> float:
@@ -124,7 +90,7 @@ def tempo_of(value: float) -> float:
     return min(max(round(tempo / STEP) * STEP, TEMPO.lowest), TEMPO.highest)
 
 
-def drive(device: BinaryIO, client: CommandClient) -> None:
+def drive(device: EventDevice, client: CommandClient) -> None:
     """Commands the deck until the gamepad is unplugged; then the deck is paused.
 
     Raises:
@@ -160,28 +126,23 @@ def _typed(message: Message) -> str:
 
 def gamepad(
     device: Annotated[
-        Path, typer.Option("--device", metavar="FILE", help="The gamepad; a second one is /dev/input/js1.")
-    ] = Path("/dev/input/js0"),
+        Path | None,
+        typer.Option("--device", metavar="FILE", help="/dev/input/event7, say; by default the first gamepad."),
+    ] = None,
     command_port: Annotated[int, typer.Option("--command-port", help="The deck's command port.")] = DEFAULT_PORT,
 ) -> None:
-    """Command the running deck with a gamepad.
+    """Command the running deck with a gamepad (Linux, with the extra `gamepad` installed).
 
     Cross left and right: previous and next motion. Left stick: tempo. A: pause and resume. B: emergency stop. Y: reset.
     X: home. Start: stop. Unplugging the gamepad pauses the deck.
 
-    Example:  motiondeck gamepad --device /dev/input/js1
+    Example:  motiondeck gamepad
     """
-    try:
-        stream = device.open("rb", buffering=0)
-    except OSError as error:
-        raise MotiondeckError(
-            f"{device}: there is no gamepad here ({error.strerror or error}). Plug one in, or give another --device"
-        ) from None
+    pad = open_gamepad(device)
     client = CommandClient(command_port)
     try:
-        with stream:
-            print("cross: motion, left stick: tempo, A: pause, B: emergency stop, Y: reset, X: home, Start: stop")
-            drive(stream, client)
+        print("cross: motion, left stick: tempo, A: pause, B: emergency stop, Y: reset, X: home, Start: stop")
+        drive(pad, client)
     except KeyboardInterrupt:
         sys.exit(130)
     finally:
