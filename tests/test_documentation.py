@@ -1,0 +1,109 @@
+"""The pages: what they link exists, docs/README.md links them all, and the source distribution holds what they show."""
+
+import re
+import subprocess
+import sys
+import tarfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "THIRD_PARTY_NOTICES.md", "CHANGELOG.md")]
+PAGES += sorted((ROOT / "docs").glob("*.md"))
+LINK = re.compile(r"\[[^\]\[]*\]\(([^)\s]+)\)")
+
+
+def text_of(page):
+    """A page without its blocks of code."""
+    return re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)
+
+
+def links(page):
+    """The targets of a page's links and pictures within the project."""
+    return [target for target in LINK.findall(text_of(page)) if not re.match(r"\w+:", target)]
+
+
+def anchors(page):
+    """The names under which a page's headings can be linked, as GitHub makes them."""
+    headings = re.findall(r"^#+ +(.*?) *$", text_of(page), flags=re.M)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_link_and_picture_exists(page):
+    broken = []
+    for target in links(page):
+        file, _, anchor = target.partition("#")
+        there = (page.parent / file).resolve() if file else page
+        if not there.exists() or (anchor and anchor not in anchors(there)):
+            broken.append(target)
+    assert broken == []
+
+
+def test_every_page_is_linked_from_the_first():
+    linked = {target.partition("#")[0] for target in links(ROOT / "docs" / "README.md")}
+    assert {page.name for page in (ROOT / "docs").glob("*.md")} - linked == {"README.md"}
+
+
+def test_the_notices_name_every_shipped_library():
+    shipped = {file.stem for file in (ROOT / "configs" / "libraries").glob("*.safetensors")}
+    notices = (ROOT / "THIRD_PARTY_NOTICES.md").read_text(encoding="utf-8")
+    assert len(shipped) >= 2
+    assert {name for name in shipped if f"`{name}`" not in notices} == set()
+
+
+@pytest.fixture(scope="module")
+def packed(tmp_path_factory):
+    """The names in the source distribution."""
+    pytest.importorskip("hatchling", reason="the source distribution is built without the network")
+    folder = tmp_path_factory.mktemp("sdist")
+    subprocess.run(
+        [sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", str(folder)],
+        cwd=ROOT,
+        check=True,
+        capture_output=True,
+    )
+    (archive,) = folder.glob("*.tar.gz")
+    with tarfile.open(archive) as tar:
+        return {name.partition("/")[2] for name in tar.getnames()}
+
+
+def absent(paths, packed):
+    """The files and folders that are not in the source distribution."""
+    return {path for path in paths if path not in packed and not any(name.startswith(f"{path}/") for name in packed)}
+
+
+def test_the_source_distribution_holds_what_the_pages_show(packed):
+    shown = {page.relative_to(ROOT).as_posix() for page in PAGES}
+    for page in PAGES:
+        files = {target.partition("#")[0] for target in links(page)} - {""}
+        shown |= {(page.parent / file).resolve().relative_to(ROOT).as_posix() for file in files}
+    assert absent(shown, packed) == set()
+
+
+def test_the_source_distribution_holds_each_path_that_the_readme_mentions(packed):
+    words = re.findall(
+        r"[\w.\-/]+", "\n".join(re.findall(r"`+[^`]+`+", (ROOT / "README.md").read_text(encoding="utf-8")))
+    )
+    folders = {path.name for path in ROOT.iterdir() if path.is_dir() and not path.name.startswith(".")}
+    paths = {word.rstrip("/") for word in words if "/" in word and word.split("/")[0] in folders}
+    assert "configs/libraries/thesis15.toml" in paths
+    assert absent(paths, packed) == set()
+
+
+def test_the_source_distribution_holds_all_sources_and_tests(packed):
+    kinds = {".py", ".toml", ".xml", ".safetensors", ".md", ".png", ".webp", ".gif"}
+    folders = [
+        "motiondeck",
+        "motiondeck_base",
+        "controller",
+        "sim",
+        "hardware",
+        "configs",
+        "tests",
+        "benchmarks",
+        "docs",
+    ]
+    files = {path for folder in folders for path in (ROOT / folder).rglob("*") if path.suffix in kinds}
+    assert {path.relative_to(ROOT).as_posix() for path in files} - packed == set()
