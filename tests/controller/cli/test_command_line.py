@@ -10,6 +10,8 @@ import pytest
 import synthetic
 from controller.library.motion_library import save_library
 
+pytestmark = pytest.mark.smoke
+
 
 def motiondeck(*arguments, timeout=60, **options):
     return subprocess.run(

@@ -31,6 +31,8 @@ from controller.wire.command_socket import (
 )
 from motiondeck_base.errors import MotiondeckError
 
+pytestmark = pytest.mark.smoke
+
 MOTIONS = ("walk", "jog", "waltz")
 SYN, KEY, ABS = 0, 1, 3
 SOUTH, EAST, NORTH, WEST, START, LEFT, RIGHT = 0x130, 0x131, 0x133, 0x134, 0x13B, 0x222, 0x223

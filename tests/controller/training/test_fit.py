@@ -6,6 +6,8 @@ from controller.training.recipe import read_recipe
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.shipped import shipped_configs
 
+pytestmark = pytest.mark.smoke
+
 RECIPES = shipped_configs() / "libraries"
 
 SMALL = """

@@ -7,6 +7,8 @@ from sim.pictures.offscreen import OffScreen, PictureError
 from sim.pictures.video import contact_sheet, render
 from simulated_bodies import human
 
+pytestmark = pytest.mark.smoke
+
 
 @pytest.fixture(scope="module")
 def model():

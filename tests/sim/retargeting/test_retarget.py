@@ -9,6 +9,8 @@ from sim.retargeting.retarget import GAIN, SETTLE, MannequinRetargeter, ServoHum
 from sim.robots.robot import load_robot
 from simulated_bodies import ROBOTS, bent_pose, human, random_pose, smooth_poses
 
+pytestmark = pytest.mark.smoke
+
 QUARTER = np.pi / 2.0
 
 

@@ -21,6 +21,8 @@ from sim.robots.robot import load_robot
 from simulated_bodies import bent_pose, human, smooth_poses
 from small_robots import LEG, SERVOS, humanoid, urdf
 
+pytestmark = pytest.mark.smoke
+
 MASS = '<inertial pos="0 0 0" mass="1" diaginertia="0.01 0.01 0.01"/>'
 
 
