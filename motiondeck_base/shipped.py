@@ -58,8 +58,3 @@ def _find(kind: str, folder: str, suffix: str, name: str | Path) -> Path:
     if str(name) not in shipped:
         raise UnknownNameError.among(kind, str(name), shipped)
     return shipped[str(name)]
-
-
-def find(kind: str, name: str, suffix: str) -> Path:
-    """Goes when the last caller has moved to the functions above."""
-    return {"robot": find_robot, "rig": find_rig, "library": find_library}[kind](name)
