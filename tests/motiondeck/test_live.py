@@ -54,7 +54,7 @@ def test_commands_change_the_status_and_appear_as_events(library):
         with pytest.raises(MotiondeckError, match="overtaken"):
             first.wait()
         second.wait()
-        with pytest.raises(MotiondeckError, match="bow happens once"):
+        with pytest.raises(MotiondeckError, match="bow is a one-shot"):
             deck.blend("march", "bow", 0.5)
         events = deck.events()
         for command, kind in (
