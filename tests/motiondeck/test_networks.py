@@ -36,6 +36,8 @@ def test_a_morph_half_way_lies_between(loaded):
     first, second = (loaded.conceptor(name, 10.0) for name in ("slow", "fast"))
     played = loaded.morph(first, second, np.full(400, 0.5))
     assert 8.2 < period_of(played[200:]) < 9.7
+    assert played == pytest.approx(loaded.run(0.5 * (first + second), 400))
+    assert loaded.morph(first, second, np.ones(50)) == pytest.approx(loaded.run(second, 50))
 
 
 def test_conceptors_are_computed_with(loaded):
@@ -121,7 +123,10 @@ FREQUENCY = np.array([2 * np.pi])  # 1 Hz
 def test_every_kind_of_satellites_follows_every_kind_of_centers(centers, satellites):
     time = np.arange(100)[:, None] / 100.0
     signal = np.hstack([1.0 + np.cos(2 * np.pi * time) ** 2, np.sin(2 * np.pi * time)])
-    network = net.learn_weights(signal, 100.0, centers, satellites, regulariser=1e-9)
+    start = centers.coordinates.copy()
+    # Three quarters of a period, so that centers that were moved by learning would be elsewhere.
+    network = net.learn_weights(np.vstack([signal, signal[:75]]), 100.0, centers, satellites, regulariser=1e-9)
+    assert np.array_equal(centers.coordinates, start)
     again = network.run(200, 0.01)
     # Even functions of the coordinates alone (harmonic satellites) cannot follow an odd channel.
     channels = slice(0, 1) if isinstance(satellites, net.HarmonicSatellites) else slice(None)
