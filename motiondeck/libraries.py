@@ -15,9 +15,8 @@ from controller.library.motion_library import MotionLibrary, save_library
 from controller.library.motion_library import load_library as load_library_file
 from controller.mocap.clip import Clip
 from controller.mocap.skeleton import Skeleton
-from controller.training.centralized.centralized_training import CentralizedRecipe
 from controller.training.fit import fit
-from controller.training.recipe import LibraryRecipe, MotionRecipe, ReservoirRecipe, check_recipe, read_recipe
+from controller.training.recipe import LibraryRecipe, MotionRecipe, NetworkRecipe, check_recipe, read_recipe
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library
@@ -25,7 +24,6 @@ from motiondeck_base.shipped import find_library
 __all__ = ["Library", "MotionGenerator", "learn", "learn_recipe", "load_library"]
 
 Recordings = Mapping[str, str | Path] | Sequence[str | Path]
-NetworkRecipe = ReservoirRecipe | CentralizedRecipe
 
 
 @dataclass(frozen=True)
@@ -136,8 +134,8 @@ def learn(
         recordings: the file of each motion by the motion's name, or files that are named like their motions. The
             skeleton of the first is the body that all are carried to.
         name: of the library.
-        network: its kind and sizes: a `ConceptorRecipe` (also the default), `EchoStateRecipe`, `RandomFeatureRecipe`
-            or `CentralizedRecipe` of `motiondeck.networks`.
+        network: its kind and sizes: a `ConceptorRecipe` (also the default), `EchoStateRecipe`, `RandomFeatureRecipe`,
+            `PhaseRecipe` or `CentralizedRecipe` of `motiondeck.networks`.
         one_shots: the motions that end in a pose and hold it; all others become loops.
         seeds: tried in turn until every motion passes the self-test; see `Library.failed`.
         licence: terms of the recordings, kept in the file.

@@ -34,6 +34,7 @@ from controller.networks.conceptor_algebra import (
 from controller.networks.echo_state import EchoStateNetwork
 from controller.networks.loaded_signals import LoadedSignals
 from controller.networks.morph import Morph, morph
+from controller.networks.phase_conceptor import PhaseConceptorNetwork
 from controller.networks.random_feature_conceptor import RandomFeatureNetwork
 from controller.networks.reservoir import Reservoir, drive, random_reservoir
 from controller.networks.satellite_network import SatelliteNetwork, learn_weights
@@ -70,6 +71,7 @@ from controller.training.own_signals import (
 )
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe
+from controller.training.reservoirs.phase_training import PhaseRecipe
 from controller.training.reservoirs.random_feature_training import RandomFeatureRecipe
 
 __all__ = [
@@ -95,6 +97,8 @@ __all__ = [
     "Morph",
     "NonlinearCenters",
     "Pendulum",
+    "PhaseConceptorNetwork",
+    "PhaseRecipe",
     "PolynomialSatellites",
     "RandomFeatureNetwork",
     "RandomFeatureRecipe",

@@ -18,8 +18,9 @@ from controller.networks.loaded_signals import LoadedSignals
 from controller.networks.reservoir import Reservoir, drive
 from controller.ridge import ridge
 from controller.rotations import Array
-from controller.training.fit import Kind, train
+from controller.training.fit import train
 from controller.training.preparation.training_motion import TrainingMotion
+from controller.training.recipe import NetworkRecipe
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe, load_reservoir
 from motiondeck_base.errors import MotiondeckError
 
@@ -49,7 +50,12 @@ def load_signals(
 
 
 def learn_signals(
-    signals: Mapping[str, Array], recipe: Kind, *, rate: float = 1.0, loops: Collection[str] = (), seed: int = 0
+    signals: Mapping[str, Array],
+    recipe: NetworkRecipe,
+    *,
+    rate: float = 1.0,
+    loops: Collection[str] = (),
+    seed: int = 0,
 ) -> AnyNetwork:
     """One network that plays all signals, of the kind that the recipe names.
 
