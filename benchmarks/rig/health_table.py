@@ -1,17 +1,18 @@
-"""How soon a rig of mixed models notices and names each fault of each model, in simulated time.
+"""How soon a rig of mixed models names each fault of each model.
 
-python -m benchmarks health_table [--in-place] prints the table: model, fault, s until the incident that names the
-joint, and what came of it. With --in-place no servo's indirect cells can be arranged, so health is read in turns.
+In simulated time; the table has model, fault, s until the incident that names the joint, and what came of it. The exit
+code is 1 if a fault was found after more than a second, or not named.
 """
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+import typer
 
+from benchmarks import command
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import BOOT_TIME, EmulatedBus
 from hardware.emulator.device import Device
@@ -107,9 +108,11 @@ def run(model: str, fault: str, in_place: bool = False) -> Found:
     return Found(named[0].time - struck, named[0].what, end, follows)
 
 
-def main() -> int:
-    """Prints the table; 1 if a fault was found after more than a second, or not named."""
-    in_place = "--in-place" in sys.argv
+def main(
+    in_place: Annotated[
+        bool, typer.Option("--in-place", help="No servo's indirect cells can be arranged: health is read in turns.")
+    ] = False,
+) -> None:
     late = 0
     for model in MODELS:
         for fault in FAULTS:
@@ -118,8 +121,9 @@ def main() -> int:
             came = "stopped, named" if model in found.end else "mended" if found.follows else "does not follow"
             print(f"{model:<12} {fault:<13} {found.after:5.2f} s  {came:<16} {found.incident}")
     print(f"found after more than 1 s or not at all: {late}")
-    return 1 if late else 0
+    if late:
+        raise typer.Exit(1)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command.run("health_table", main, __doc__)

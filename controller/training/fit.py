@@ -19,10 +19,10 @@ from controller.measures.accuracy import nrmse
 from controller.measures.motion_matching import joint_features
 from controller.measures.self_test import Judge, MotionVerdict, self_test
 from controller.measures.trials import with_trials
-from controller.mocap.canonical_body import carried
 from controller.mocap.clip import Clip
 from controller.mocap.encodings.encoding import Encoding, encoding_of
 from controller.mocap.encodings.normalisation import Normalisation
+from controller.mocap.formats.canonical_body import carried
 from controller.mocap.formats.reading import read_clip
 from controller.networks.centralized_frames import CentralizedNetwork
 from controller.rotations import Array

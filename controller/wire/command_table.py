@@ -106,7 +106,7 @@ RELEASED: frozenset[Mode] = ALWAYS - {"emergency stop"}
 
 
 @dataclass(frozen=True)
-class Command:
+class DeckCommand:
     """One command.
 
     Attributes:
@@ -146,48 +146,48 @@ class Command:
 
 
 COMMANDS = (
-    Command(
+    DeckCommand(
         "switch",
         Switch,
         (MotionName("to"), Flag("direct", "direct")),
         "play a motion now, or when a one-shot has ended; direct: at once and straight",
     ),
-    Command("queue", Queue, (MotionName("to"),), "play a motion when the present one has ended or gone round"),
-    Command(
+    DeckCommand("queue", Queue, (MotionName("to"),), "play a motion when the present one has ended or gone round"),
+    DeckCommand(
         "blend",
         Blend,
         (MotionName("first", "A"), MotionName("second", "B"), WEIGHT),
         "play a blend of two loops; WEIGHT (0 to 1) is that of B",
     ),
-    Command(
+    DeckCommand(
         "speed",
         SetSpeed,
         (TEMPO, TEMPO_SECONDS),
         "play at 0.1 to 3 times the recorded tempo, reached smoothly or within 0 to 60 s",
     ),
-    Command("pause", Pause, (), "stand still"),
-    Command("resume", Resume, (), "play on after a pause, from home, or after a reset"),
-    Command("home", Home, (), "go slowly to the rest pose and stay there"),
-    Command("estop", EmergencyStop, (), "emergency stop: brake every joint at once and hold", ALWAYS),
-    Command(
+    DeckCommand("pause", Pause, (), "stand still"),
+    DeckCommand("resume", Resume, (), "play on after a pause, from home, or after a reset"),
+    DeckCommand("home", Home, (), "go slowly to the rest pose and stay there"),
+    DeckCommand("estop", EmergencyStop, (), "emergency stop: brake every joint at once and hold", ALWAYS),
+    DeckCommand(
         "reset",
         Reset,
         (),
         "release the emergency stop; nothing moves before resume, home or a motion",
         frozenset({"emergency stop"}),
     ),
-    Command("status", GetStatus, (), "show what is played and what can be", ALWAYS),
-    Command("stop", Stop, (), "bring the joints to rest and end the run", ALWAYS, ("quit",)),
+    DeckCommand("status", GetStatus, (), "show what is played and what can be", ALWAYS),
+    DeckCommand("stop", Stop, (), "bring the joints to rest and end the run", ALWAYS, ("quit",)),
 )
 
 BY_WORD = {word: command for command in COMMANDS for word in (command.word, *command.aliases)}
-_BY_MESSAGE: dict[type[Message], Command] = {command.message: command for command in COMMANDS}
+_BY_MESSAGE: dict[type[Message], DeckCommand] = {command.message: command for command in COMMANDS}
 USAGES = ", ".join(command.usage for command in COMMANDS)
 
 _messages = msgspec.json.Decoder(Message)
 
 
-def command_of(message: Message) -> Command:
+def command_of(message: Message) -> DeckCommand:
     """The row of a message."""
     return _BY_MESSAGE[type(message)]
 
