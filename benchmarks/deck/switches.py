@@ -74,7 +74,7 @@ def main() -> int:
         prog="python -m benchmarks switches", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--library", default="thesis15")
-    parser.add_argument("--joining", choices=JOININGS, help="by itself as suits the network")
+    parser.add_argument("--joining", choices=JOININGS, help="default: what suits the network")
     parser.add_argument("--pairs", type=Path, metavar="FILE.csv", help="write a line for each pair")
     parser.add_argument("--json", action="store_true", help="one JSON object")
     options = parser.parse_args()

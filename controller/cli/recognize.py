@@ -30,19 +30,19 @@ def benchmark(arguments: Annotated[list[str] | None, typer.Argument()] = None) -
 def train(
     data: DataArgument,
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where the recognizer goes (.safetensors).")],
-    neurons: Annotated[int, typer.Option("--neurons", help="Of the reservoir.", min=1, max=2000)] = 100,
-    rate: Annotated[float, typer.Option("--rate", help="Frames per second that are looked at, Hz.")] = 30.0,
+    neurons: Annotated[int, typer.Option("--neurons", help="Neurons of the reservoir.", min=1, max=2000)] = 100,
+    rate: Annotated[float, typer.Option("--rate", help="Frame rate at which motions are compared, Hz.")] = 30.0,
     joints: Annotated[
-        str, typer.Option("--joints", help="The joints looked at, by name, with commas between; default 14 of them.")
+        str, typer.Option("--joints", help="Names of the joints to compare, separated by commas; default: 14 joints.")
     ] = "",
-    seed: Annotated[int, typer.Option("--seed", help="Of the reservoir.", min=0)] = 1,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the reservoir.", min=0)] = 1,
     tempo: Annotated[
         list[float] | None,
         typer.Option(
             "--tempo", help="Learn each recording as if it took so many times as long; more than once. Default: 1."
         ),
     ] = None,
-    licence: Annotated[str, typer.Option("--licence", help="The recordings' terms, to stand in the file.")] = "",
+    licence: Annotated[str, typer.Option("--licence", help="Licence of the recordings, kept in the file.")] = "",
     as_json: AsJson = False,
 ) -> None:
     """Train a recognizer from labelled recordings.
@@ -90,11 +90,12 @@ def run(
         Path | None, typer.Option("--skeleton", help="The .asf of .amc recordings; default: found by name.")
     ] = None,
     stream: Annotated[
-        bool, typer.Option("--stream", help="Frame by frame, as on a robot: what is seen when, with timing.")
+        bool,
+        typer.Option("--stream", help="Recognize frame by frame, as on a robot, and print when each motion was seen."),
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Say which motion a recording is, how sure that is, and whether it is a known motion at all.
+    """Name the motion of each recording, with its margin over the next best and whether it is known at all.
 
     Example:  motiondeck recognize run hdm05.safetensors squat.amc --skeleton HDM_bd.asf
     """

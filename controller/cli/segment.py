@@ -33,7 +33,7 @@ def segment(
         Path | None, typer.Option("--recognizer", help="For experts: a trained recognizer instead of the labels.")
     ] = None,
     count: Annotated[
-        int | None, typer.Option("--segments", min=1, help="For planes: how many segments; without it that is found.")
+        int | None, typer.Option("--segments", min=1, help="For planes: the number of segments; default: found.")
     ] = None,
     plot: Annotated[
         Path | None, typer.Option("--plot", metavar="FILE", help="Draw the cuts over the motion (.png, .svg, .pdf).")
@@ -43,10 +43,10 @@ def segment(
 ) -> None:
     """Cut a recording into its behaviours.
 
-    With experts every frame is recognized, by a trained recognizer or by experts that learn the first occurrence of
-    each behaviour from --labels and are asked about the rest. With change-points (segments as uniform as can be),
-    cross-prediction (borders where each side is a surprise to the other) and planes (each segment as near as can be to
-    a plane of four dimensions; the borders are the best there are) nobody needs to have labelled anything.
+    experts: every frame is recognized, by a trained recognizer, or by experts that learn the first occurrence of each
+    behaviour from --labels. The other methods need no labels. change-points: segments that vary least within
+    themselves. cross-prediction: borders across which prediction fails. planes: segments nearest to planes of four
+    dimensions, the best of all segmentations.
 
     Labels have the format of Barbic et al. 2004: earliest, best and latest acceptable frame of each border.
 

@@ -1,9 +1,9 @@
-"""Cutting a stream that nobody has labelled: by kernel change points, and by networks that foretell each other's side.
+"""Cuts an unlabelled stream into segments: by kernel change points, or by networks that predict across each moment.
 
-kernel change points   segments that are each as uniform as can be in the eyes of a Gaussian kernel, for a price per
-                       border; all segmentations are compared (Harchaoui and Cappe 2007, by dynamic programming)
-cross-prediction       a readout learned from the seconds before a moment is asked to foretell the seconds after it, and
-                       the other way round; where both fail, one behaviour has become another
+kernel change points   the least scatter within segments, measured by a Gaussian kernel, plus a price per border; found
+                       exactly by dynamic programming (Harchaoui and Cappe 2007)
+cross-prediction       a readout learned from the seconds before a moment predicts the seconds after it, and the other
+                       way round; where both predict badly, one behaviour has become another
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from motiondeck_base.errors import MotiondeckError
 
 Frames = NDArray[np.int64]
 
-BORDER_PRICE = 0.67  # s of frames as different as frames can be
-KERNEL_RATE = 15.0  # Hz, what the kernel is best shown
-PREDICTION_RATE = 30.0  # Hz, what the readouts are best shown
+BORDER_PRICE = 0.67  # s of frames that differ as much as frames can
+KERNEL_RATE = 15.0  # Hz of the stream that suits the kernel
+PREDICTION_RATE = 30.0  # Hz of the stream that suits the readouts
 SHORTEST = 1.0  # s between two borders
 LARGEST_GRAM = 4000  # frames; the kernel holds their square
 
 WINDOW = 3.0  # s on each side of a moment
-SURPRISE = 0.8  # log of how many times worse the other side is foretold than one's own
+SURPRISE = 0.8  # log of the ratio of errors: across the moment over within a side
 
 
 def kernel_change_points(signal: Array, rate: float, price: float = BORDER_PRICE) -> Frames:
@@ -74,14 +74,14 @@ def kernel_change_points(signal: Array, rate: float, price: float = BORDER_PRICE
 def cross_prediction(
     signal: Array, rate: float, recipe: ExpertRecipe | None = None, surprise: float = SURPRISE
 ) -> Frames:
-    """Borders of a stream (T, C) at a rate in Hz: where each side is a surprise to the other."""
+    """Borders of a stream (T, C) at a rate in Hz: moments across which prediction fails."""
     scores = cross_surprise(signal, rate, recipe or ExpertRecipe(neurons=30))
     peaks, _ = find_peaks(scores, height=surprise, distance=max(1, round(SHORTEST * rate)), prominence=0.3)
     return peaks.astype(np.int64)
 
 
 def cross_surprise(signal: Array, rate: float, recipe: ExpertRecipe) -> Array:
-    """How many times worse (log) each moment's two sides foretell each other than themselves, shape (T,).
+    """How many times worse (log) each moment's two sides predict each other than themselves, shape (T,).
 
     Zero where a side is shorter than a third of the window.
     """
