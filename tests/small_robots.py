@@ -86,7 +86,7 @@ def full_humanoid(
     hip="pitch roll yaw",
     ankle="pitch roll",
     shoulder="pitch roll yaw",
-    wrist="roll pitch yaw",
+    wrist="yaw pitch roll",
     neck="yaw pitch",
     fingers=True,
     lying=False,
@@ -94,7 +94,7 @@ def full_humanoid(
 ):
     """An MJCF of a humanoid, 1.3 m tall, with the named hinges in the order of their names.
 
-    Yaw turns about the segment and pitch and roll bend it. A thigh's yaw sits halfway down the thigh, a wrist's roll
+    Yaw turns about the segment and pitch and roll bend it. A thigh's yaw sits halfway down the thigh, a wrist's yaw
     halfway down the forearm. The limbs of the model are straight and hang down.
 
     Args:

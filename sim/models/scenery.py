@@ -8,7 +8,7 @@ from __future__ import annotations
 import mujoco
 
 GANTRY = "(gantry)"
-FLOOR = "floor"
+FLOOR = "(floor)"
 
 TIMESTEP = 0.0025
 HORIZON = (0.80, 0.85, 0.90)
@@ -37,7 +37,7 @@ def set_stage(spec: mujoco.MjSpec, height: float) -> None:
     spec.visual.rgba.haze = [*HORIZON, 1.0]
 
     spec.add_texture(
-        name="sky",
+        name="(sky)",
         type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
         builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
         rgb1=[0.93, 0.95, 0.97],
@@ -71,7 +71,7 @@ def set_stage(spec: mujoco.MjSpec, height: float) -> None:
 
     # Even light far out; the shadow is the lamp's.
     spec.worldbody.add_light(
-        name="day",
+        name="(day)",
         type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
         castshadow=False,
         pos=[0.0, 0.0, 10.0],
@@ -90,7 +90,7 @@ def add_lamp(root: mujoco.MjsBody, height: float) -> None:
     """
     at = [0.4 * height, -1.5 * height, 3.8 * height]
     root.add_light(
-        name="lamp",
+        name="(lamp)",
         type=mujoco.mjtLightType.mjLIGHT_SPOT,
         mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK,
         pos=at,

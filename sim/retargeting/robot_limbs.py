@@ -55,6 +55,15 @@ class Vectors:
     length: Array
 
 
+@dataclass(frozen=True)
+class Measured:
+    """One segment of a limb: the hinge at its near end, its axis (3,) as the robot stands straight, its length, m."""
+
+    joint: int
+    axis: Array
+    length: float
+
+
 class RobotLimbs:
     """The limbs of one robot.
 
@@ -62,6 +71,8 @@ class RobotLimbs:
         vectors: its limbs.
         hinges: the names of the hinges that move them, length N: those that are played, in the order of `joints`.
         reach: length of the legs and arms when stretched, by name ("r_leg"), m.
+        surface: the robot's skin.
+        segments: thighs, shanks, upper arms and forearms by name ("r_thigh").
     """
 
     def __init__(
@@ -94,8 +105,9 @@ class RobotLimbs:
             if leader == joint:
                 self._data.qpos[model.jnt_qposadr[joint]] = curve[0]
         mujoco.mj_kinematics(model, self._data)
-        self._surface = Surface.of(model)
+        self.surface = Surface.of(model)
         self.reach: dict[str, float] = {}
+        self.segments: dict[str, Measured] = {}
         waist = set(self._joints_above(self._parts["chest"])) - set(self._joints_above(self._parts["pelvis"]))
         self._axes = [part for part in ("head", "chest") if part in self._parts and (part == "head" or waist)]
         self.vectors = self._find()
@@ -220,9 +232,11 @@ class RobotLimbs:
         far = CARRIED * float(np.linalg.norm(knee - start))
         if any(np.linalg.norm(self._data.xanchor[joint] - start) > far for joint in hips):
             add(f"{side}_{first}_start", (base, self._data.xpos[base]), (upper, start))
-        reach = float(np.linalg.norm(knee - start) + np.linalg.norm(tip - knee))
-        self.reach[f"{side}_{whole}"] = reach
-        return reach
+        lengths = float(np.linalg.norm(knee - start)), float(np.linalg.norm(tip - knee))
+        for part, joint, length in zip((first, second), (hips[-1], knee_joint), lengths, strict=True):
+            self.segments[f"{side}_{part}"] = Measured(joint, self._data.xaxis[joint].copy(), length)
+        self.reach[f"{side}_{whole}"] = sum(lengths)
+        return sum(lengths)
 
     def _knee(self, upper: int, lower: int) -> int:
         """The last hinge across the limb on the way from its upper segment to the body that its knee moves."""
@@ -250,7 +264,7 @@ class RobotLimbs:
 
     def _tip(self, body: int, start: Array) -> Array:
         """The end of a limb without a hand: the point of its surface farthest from the joint."""
-        mine = self._surface.part(np.array(below(self._model, body)))
+        mine = self.surface.part(np.array(below(self._model, body)))
         points = mine.positions(self._data)
         if not len(points):
             raise FileFormatError(
@@ -270,7 +284,7 @@ class RobotLimbs:
         ahead = AHEAD - (AHEAD @ up) * up
         ahead /= np.linalg.norm(ahead)
         left = np.cross(up, ahead)
-        mine = self._surface.part(np.array(below(self._model, foot)))
+        mine = self.surface.part(np.array(below(self._model, foot)))
         points = mine.positions(self._data) - ankle
         if len(points):
             along, height = points @ ahead, points @ up - mine.radius

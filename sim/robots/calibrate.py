@@ -32,6 +32,8 @@ from sim.retargeting.inverse_kinematics import LimbSolver
 from sim.retargeting.retarget import SERVO_HUMANOID_JOINTS, LimbAngles
 from sim.retargeting.robot_limbs import SIDES, RobotLimbs
 from sim.robots.body_matching import match
+from sim.robots.limb_directions import LimbDirections
+from sim.robots.proportions import Doubt, Segment, doubts, segments_of
 
 # What a model does not say: rad/s, rad/s^2, rad/s^3. A robot half as tall moves its limbs 1.4 times as fast.
 VELOCITY, ACCELERATION, JERK = 10.0, 300.0, 15000.0
@@ -63,6 +65,8 @@ class Calibration:
         open_chains: how many constraints close a chain of bodies; they hold in physics only.
         angles: the angle solver's joints, where they fit.
         missed: how far its limbs point from those of a standing human at best, rad, by limb.
+        segments: what its limbs measure, beside a human's.
+        doubts: what does not fit.
     """
 
     name: str
@@ -78,6 +82,13 @@ class Calibration:
     open_chains: int
     angles: dict[str, Angle]
     missed: dict[str, float]
+    segments: tuple[Segment, ...]
+    doubts: tuple[Doubt, ...]
+
+    @property
+    def sound(self) -> bool:
+        """Whether no limb is missing or implausible."""
+        return not any(doubt.fatal for doubt in self.doubts)
 
     def to_toml(self, folder: Path) -> str:
         """The robot file, to be kept in a folder: its model is named from there where it lies below."""
@@ -170,6 +181,10 @@ def calibrate(path: Path) -> Calibration:
         for row, name in enumerate(LIMBS)
         if there[row].any()
     }
+    points, radius = limbs.surface.positions(limbs.data), limbs.surface.radius
+    segments = segments_of(model, found.parts, limbs, float((points[:, 2] + radius).max() + height))
+    unsure = [Doubt("", words, False) for words in found.doubts]
+    unsure += doubts(found.parts, segments, LimbDirections(model, found.parts, found.root_rotation))
     return Calibration(
         name=path.stem,
         model=path.resolve(),
@@ -184,6 +199,8 @@ def calibrate(path: Path) -> Calibration:
         open_chains=int(np.isin(model.eq_type[model.eq_active0 != 0], _CLOSING).sum()),
         angles=fitting_angles(limbs, layout.joints, rest, lower, upper),
         missed=missed,
+        segments=tuple(segments),
+        doubts=tuple(unsure),
     )
 
 

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 PICTURES = 60.0  # frames a second that are kept of a recorded run
 GHOST = 0.45  # opacity of the human where a robot or its bones are to be seen
-FLOOR = "floor"
 
 
 def act_of(clip: Clip, robot: Path | None, ghost: bool = True) -> Act:
@@ -130,6 +129,8 @@ def _beside(clip: Clip, robot: Path) -> tuple[mujoco.MjModel, Array, Array, list
 
 def _fade(model: mujoco.MjModel) -> None:
     """Makes the human translucent; the materials of a robot beside it have a name of two parts."""
+    from sim.models.scenery import FLOOR
+
     for index in range(model.nmat):
         name = model.material(index).name
         if name != FLOOR and "/" not in name:

@@ -15,6 +15,7 @@ from motiondeck_base.errors import MotiondeckError
 from sim.models.robot_file import Solver, read_robot_file
 from sim.retargeting.robot_limbs import SIDES, RobotLimbs
 from sim.robots.fidelity import carry, floor_measures, joint_measures, limb_errors, shortfall
+from sim.robots.limb_directions import LimbDirections, beyond_limits
 from sim.robots.robot import load_robot
 
 RECORDINGS = (".amc", ".bvh", ".c3d", ".mat")
@@ -56,18 +57,28 @@ def check(robot: Path, files: Sequence[Path], solver: Solver | None, seconds: fl
 
 
 def passes(row: dict[str, Any]) -> bool:
-    """Whether it was read and all is zero that must be zero."""
-    return "unread" not in row and ("error" not in row and not any(row[name] for name in MUST_BE_ZERO))
+    """Whether it was read, all is zero that must be zero, and no limb points further off than it may."""
+    if "unread" in row or "error" in row:
+        return False
+    return not any(row[name] for name in MUST_BE_ZERO) and not off_limits(row)
 
 
-def _measured(robot: Path, clip: Clip, solver: Solver | None) -> dict[str, float]:
+def off_limits(row: dict[str, Any]) -> list[str]:
+    """The limbs of a row that point further off than they may, a phrase each."""
+    return beyond_limits({name: (off["mean"], off["worst"]) for name, off in row.get("limbs_deg", {}).items()})
+
+
+def _measured(robot: Path, clip: Clip, solver: Solver | None) -> dict[str, Any]:
     file = read_robot_file(robot)
     loaded = load_robot(robot, clip.skeleton, None if file.kind == "mannequin" else solver, 1.0 / clip.rate)
     carried = carry(clip, loaded)
-    measures = joint_measures(clip, loaded, carried) | shortfall(loaded)
+    measures: dict[str, Any] = joint_measures(clip, loaded, carried) | shortfall(loaded)
     if file.parts:
         limbs = RobotLimbs(robot, loaded.model, file.parts, np.array(file.root_rotation), loaded.joints)
         measures |= limb_errors(clip, loaded, limbs, carried)
+        directions = LimbDirections(loaded.model, file.parts, np.array(file.root_rotation))
+        off = directions.errors(carried.qpos, carried.limbs)
+        measures["limbs_deg"] = {name: {"mean": mean, "worst": worst} for name, (mean, worst) in off.items()}
         feet = {
             side: loaded.model.body(file.parts[f"{side}_foot"]).id for side in SIDES if f"{side}_foot" in file.parts
         }

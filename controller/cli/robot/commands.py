@@ -6,15 +6,12 @@ import json
 import sys
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from controller.cli.common.options import PAGE_PORT
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
-
-if TYPE_CHECKING:
-    from sim.robots.calibrate import Calibration
 
 app = typer.Typer(help="Robots: list them, look into one, and fit motions to any MJCF or URDF.", no_args_is_help=True)
 
@@ -117,7 +114,7 @@ def show(robot: RobotArgument, as_json: JsonOption = False) -> None:
 def calibrate(
     model: Annotated[str, typer.Argument(metavar="MODEL", help="An MJCF or URDF file, or a name of the catalogue.")],
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="The robot file; NAME.toml by itself.")
+        Path | None, typer.Option("--out", metavar="FILE", help="The robot file; by default NAME.toml.")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a robot file that is there.")] = False,
     picture: Annotated[
@@ -131,7 +128,11 @@ def calibrate(
 ) -> None:
     r"""Write a first robot file for any humanoid: find its limbs, its rest pose, its size, and which way it faces.
 
-    Look at the result with --view or --picture, mend the file where it is wrong (a wrong body under \[parts], real
+    The table shows each segment of its limbs beside what a human of the same height measures; what does not fit is a
+    warning with the line of the robot file to edit. Then it walks and boxes: the angles between its limbs and the
+    human's are shown in degrees. The exit code is 1 if a limb is missing or implausible.
+
+    Look at the result with --view or --picture, edit the file where it is wrong (a wrong body under \[parts], real
     servo speeds under \[limits]), and check it: motiondeck robot check FILE RECORDINGS.
 
     [bold]Examples[/]
@@ -140,25 +141,22 @@ def calibrate(
 
       motiondeck play walk --robot op3.toml
     """
-    from sim.models.average_body import reference_body
+    from controller.cli.robot.calibration import (
+        directions_of,
+        print_report,
+        report_of,
+        write_robot_file,
+    )
     from sim.robots.calibrate import calibrate as find_out
-    from sim.robots.robot import load_robot
 
     found = find_out(_model_file(model))
     file = out or Path(f"{found.name}.toml")
-    if file.exists() and not force:
-        raise MotiondeckError(f"{file} is there already; give another --out, or --force to replace it")
-    unfinished = file.with_name(f".{file.name}.unfinished")
-    try:
-        unfinished.write_text(found.to_toml(file.parent), encoding="utf-8")
-        unfinished.replace(file)
-    except OSError as error:
-        raise MotiondeckError(f"{file}: cannot be written ({error.strerror})") from None
-    load_robot(file, reference_body())  # whatever it is good for, it can be loaded
+    write_robot_file(found, file, force)
+    off = directions_of(file)
     if as_json:
-        print(json.dumps(_said(found, file)))
+        print(json.dumps(report_of(found, file, off)))
     else:
-        _print_found(found, file)
+        print_report(found, file, off)
     if picture is not None or view:
         from controller.cli.pictures.robot_pictures import draw_beside, played
 
@@ -170,6 +168,8 @@ def calibrate(
             from controller.cli.session.page import show_act
 
             show_act(act_of(played(library, motion, VIEW_SECONDS), file), port)
+    if not found.sound:
+        raise typer.Exit(1)
 
 
 @app.command("check")
@@ -178,19 +178,20 @@ def check(
     files: Annotated[list[Path], typer.Argument(metavar="RECORDINGS", help="Recordings, or folders full of them.")],
     solver: SolverOption = None,
     seconds: Annotated[
-        float | None, typer.Option("--seconds", help="So much of each recording, from its beginning; all by itself.")
+        float | None, typer.Option("--seconds", help="Only so much of each recording, from its beginning.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Carry recordings onto a robot and measure: one row each. The exit code is 1 if anything is not zero that must
-    be, or a recording could not be read.
+    """Retarget recordings onto a robot and measure how well it follows: one row each.
 
-    Zero must be: bad (numbers that are none), beyond (targets outside a joint's range), fast (steps faster than a joint
-    may go), jumps (a joint goes far in one frame though the human does not). changed is how many targets the safety
-    envelope had to slow down. What the robot could not reach: by inverse kinematics short and worst, how far the ends
-    of its limbs were from where they should be (rms and worst, mm); by angles past, how many goals lay outside a
-    joint's range. Then, in mm, how far knees, ankles, elbows and wrists are from the human's, to scale; how fast
-    standing soles slide (mm/s), and how deep anything sinks into the floor.
+    The exit code is 1 if a recording could not be read, if one of these counts is not zero, or if a limb points
+    further off than 15 degrees on average or 45 at worst: bad (NaN or infinite), beyond (targets outside a joint's
+    range), fast (steps faster than a joint may go), jumps (a joint goes far in one frame though the human does not).
+
+    changed is the share of targets that the safety envelope had to slow down. short and worst are how far inverse
+    kinematics missed the ends of the limbs (rms and worst, mm); past is how many goals of the angle solver lay outside
+    a joint's range. The angles between the robot's limbs and the human's follow, mean and worst in degrees, of the
+    worse side; then how fast standing soles slide (mm/s) and how deep anything sinks into the floor (mm).
 
     [bold]Examples[/]
 
@@ -225,21 +226,25 @@ def _print_rows(rows: list[dict[str, Any]]) -> None:
     """The table, its sums, and what went wrong."""
     from controller.cli.common.tables import show_table
 
-    counts, millimetres = ("bad", "beyond", "too_fast", "jumps"), ("knee", "ankle", "elbow", "wrist", "slide", "sunk")
+    from controller.cli.robot.check import off_limits
+
+    counts, segments = ("bad", "beyond", "too_fast", "jumps"), ("thigh", "shank", "upper_arm", "forearm")
     reach = {"past_range": "past"} if any("past_range" in row for row in rows) else {}
     if any("short_worst" in row for row in rows):
         reach = {"short_rms": "short", "short_worst": "worst"}
-    headings = ("recording", "frames", "bad", "beyond", "fast", "jumps", "changed", *reach.values(), *millimetres)
+    degrees = [f"{name.replace('_', ' ')} deg" for name in segments]
+    headings = ("recording", "frames", "bad", "beyond", "fast", "jumps", "changed", *reach.values(), *degrees)
     lines = []
     for row in rows:
         if "altered" in row:
             cells = [str(row["frames"]), *(f"{row[name]:.0f}" for name in counts), f"{100.0 * row['altered']:.1f} %"]
             cells += [f"{row[name]:.0f}" if name == "past_range" else f"{1000.0 * row[name]:.1f}" for name in reach]
-            cells += [f"{1000.0 * row[name]:.1f}" if name in row else "" for name in millimetres]
+            cells += [_degrees(row.get("limbs_deg", {}), name) for name in segments]
+            cells += [f"{1000.0 * row[name]:.1f}" if name in row else "" for name in ("slide", "sunk")]
             lines.append((Path(row["clip"]).name, *cells))
         elif "error" in row:
             lines.append((Path(row["clip"]).name, str(row["frames"]), "ERROR"))
-    show_table(headings, lines)
+    show_table((*headings, "slide", "sunk"), lines)
     carried = [row for row in rows if "altered" in row]
     sums = ", ".join(f"{name.replace('_', ' ')} {sum(row[name] for row in carried):.0f}" for name in counts)
     print(f"{len(carried)} recordings, {sum(row['frames'] for row in carried)} frames: {sums}")
@@ -248,49 +253,14 @@ def _print_rows(rows: list[dict[str, Any]]) -> None:
             print(
                 f"{'not read' if 'unread' in row else 'failed'}: {row['clip']}: {row.get('unread', row.get('error'))}"
             )
+        elif off_limits(row):
+            print(f"limbs point elsewhere: {row['clip']}: {'; '.join(off_limits(row))}")
 
 
-def _said(found: Calibration, file: Path) -> dict[str, Any]:
-    return {
-        "file": str(file),
-        "model": str(found.model),
-        "joints": len(found.joints),
-        "root_height_m": found.root_height,
-        "parts": found.parts,
-        "solvers": ["ik", "angles"] if found.angles else ["ik"],
-        "joints_without_range": list(found.unlimited),
-        "joints_without_speed": [joint for joint in found.joints if joint not in found.speeds],
-        "joints_not_played": list(found.unplayed),
-        "open_chains": found.open_chains,
-        "off_when_standing_rad": found.missed,
-    }
-
-
-def _print_found(found: Calibration, file: Path) -> None:
-    print(f"wrote {file}: {len(found.joints)} joints, root {found.root_height:.3f} m above the floor when it stands")
-    for part, body in sorted(found.parts.items()):
-        print(f"  {part:<12} {body}")
-    off = {name: miss for name, miss in found.missed.items() if miss > 0.1}
-    if off:
-        worst = ", ".join(f"{name} {miss:.2f} rad" for name, miss in off.items())
-        print(f"cannot stand quite like a human with hanging arms: {worst} off")
-    if found.unlimited:
-        print(f"{len(found.unlimited)} joints have no range in the model: half a turn was put down for them; mend it")
-    unknown = len(found.joints) - len(found.speeds)
-    if unknown:
-        print(f"the model does not say how fast {unknown} joints may turn: a guess was put down for them; mend it")
-    if found.unplayed:
-        print(
-            f"not played, for only hinges are: {', '.join(name or 'a joint without a name' for name in found.unplayed)}"
-        )
-    if found.open_chains:
-        print(
-            f"{found.open_chains} constraints (connect, weld) close chains of bodies: they hold in physics "
-            "(`play` without --kinematic), and are drawn open elsewhere"
-        )
-    print(
-        "solvers: ik, angles" if found.angles else "solvers: ik (its joints are others than those of the angle solver)"
-    )
+def _degrees(limbs: dict[str, dict[str, float]], segment: str) -> str:
+    """Mean and worst angle of a segment, of the side where it is worse: "4/12"."""
+    both = [limbs[name] for name in (f"r_{segment}", f"l_{segment}") if name in limbs]
+    return f"{max(one['mean'] for one in both):.0f}/{max(one['worst'] for one in both):.0f}" if both else ""
 
 
 def _model_file(model: str) -> Path:

@@ -8,6 +8,7 @@ from controller.cli.pictures.clip_scene import act_of, act_of_recording
 from controller.mocap.clip import Clip
 from controller.wire.run_recording import RunRecording
 from motiondeck_base.errors import MotiondeckError
+from sim.models.scenery import FLOOR
 from sim.robots.robot import load_robot
 from simulated_bodies import ROBOTS, human, smooth_poses
 
@@ -36,7 +37,7 @@ def test_a_robot_beside_the_human_is_opaque_and_has_its_own_feet():
     names = [act.model.material(index).name for index in range(act.model.nmat)]
     opacity = dict(zip(names, act.model.mat_rgba[:, 3], strict=True))
     assert opacity["left"] < 1.0
-    assert all(alpha == 1.0 for name, alpha in opacity.items() if "/" in name or name == "floor")
+    assert all(alpha == 1.0 for name, alpha in opacity.items() if "/" in name or name == FLOOR)
     assert act.stands.shape == (12, 4)
 
 

@@ -1,0 +1,149 @@
+"""What `motiondeck robot calibrate` writes, measures and prints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from controller.library.motion_library import load_library
+from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.shipped import find
+from sim.models.robot_file import read_robot_file
+from sim.physics.played_motions import as_clip
+from sim.robots.calibrate import Calibration
+from sim.robots.fidelity import carry
+from sim.robots.limb_directions import MEAN_LIMIT, WORST_LIMIT, LimbDirections, beyond_limits
+from sim.robots.robot import load_robot
+
+Directions = Mapping[str, tuple[float, float]]
+
+# What a calibrated robot is tried on: motions of the shipped library thesis15, so many seconds of each.
+LIBRARY, MOTIONS, SECONDS, RATE = "thesis15", ("walk", "box1"), 1.5, 30.0
+
+
+def write_robot_file(found: Calibration, file: Path, force: bool) -> None:
+    """Writes the robot file; MotiondeckError if it is there already and not to be replaced, or cannot be written."""
+    if file.exists() and not force:
+        raise MotiondeckError(f"{file} is there already; give another --out, or --force to replace it")
+    unfinished = file.with_name(f".{file.name}.unfinished")
+    try:
+        unfinished.write_text(found.to_toml(file.parent), encoding="utf-8")
+        unfinished.replace(file)
+    except OSError as error:
+        raise MotiondeckError(f"{file}: cannot be written ({error.strerror})") from None
+
+
+def directions_of(file: Path) -> Directions:
+    """How far the limbs of a robot point from the human's while it walks and boxes: mean and worst, degrees."""
+    robot_file, library = read_robot_file(file), load_library(find("library", LIBRARY, ".safetensors"))
+    found: dict[str, tuple[float, float]] = {}
+    for motion in MOTIONS:
+        clip = as_clip(library, motion, SECONDS, RATE)
+        robot = load_robot(file, clip.skeleton, dt=1.0 / clip.rate)
+        carried = carry(clip, robot)
+        directions = LimbDirections(robot.model, robot_file.parts, np.array(robot_file.root_rotation))
+        for name, (mean, worst) in directions.errors(carried.qpos, carried.limbs).items():
+            before = found.get(name, (0.0, 0.0))
+            found[name] = (before[0] + mean / len(MOTIONS), max(before[1], worst))
+    return found
+
+
+def report_of(found: Calibration, file: Path, off: Directions) -> dict[str, Any]:
+    """The report as one JSON object."""
+    return {
+        "file": str(file),
+        "model": str(found.model),
+        "sound": found.sound,
+        "within_limits": not beyond_limits(off),
+        "joints": len(found.joints),
+        "root_height_m": found.root_height,
+        "parts": found.parts,
+        "segments": [
+            {
+                "part": segment.part,
+                "body": dict(zip("rl", segment.body, strict=True)),
+                "hinge": dict(zip("rl", segment.hinge, strict=True)),
+                "axis": dict(zip("rl", segment.axis.round(4).tolist(), strict=True)),
+                "length_m": dict(zip("rl", segment.length.round(4).tolist(), strict=True)),
+                "human_m": round(segment.human, 4),
+            }
+            for segment in found.segments
+        ],
+        "doubts": [
+            {"part": doubt.part, "line": _line(file, doubt.part), "words": doubt.words, "fatal": doubt.fatal}
+            for doubt in found.doubts
+        ],
+        "limbs_deg": {name: {"mean": mean, "worst": worst} for name, (mean, worst) in off.items()},
+        "solvers": ["ik", "angles"] if found.angles else ["ik"],
+        "joints_without_range": list(found.unlimited),
+        "joints_without_speed": [joint for joint in found.joints if joint not in found.speeds],
+        "joints_not_played": list(found.unplayed),
+        "open_chains": found.open_chains,
+        "off_when_standing_rad": found.missed,
+    }
+
+
+def print_report(found: Calibration, file: Path, off: Directions) -> None:
+    """The report as tables and sentences."""
+    from rich.console import Console
+    from rich.table import Table
+
+    print(f"wrote {file}: {len(found.joints)} joints, root {found.root_height:.3f} m above the floor when it stands")
+    trunk = ", ".join(f"{part} is '{found.parts[part]}'" for part in ("pelvis", "chest", "head") if part in found.parts)
+    print(trunk)
+    table = Table(box=None, header_style="bold")
+    for name in ("segment", "body (left)", "hinge (left)", "axis", "left m", "right m", "human m", "off deg", "worst"):
+        table.add_column(
+            name, justify="left" if name in ("segment", "body (left)", "hinge (left)", "axis") else "right"
+        )
+    for segment in found.segments:
+        angles = [off[name] for name in (f"r_{segment.part}", f"l_{segment.part}") if name in off]
+        table.add_row(
+            segment.part.replace("_", " "),
+            segment.body[1],
+            segment.hinge[1],
+            " ".join(f"{component:+.2f}" for component in segment.axis[1] + 0.0),
+            *(f"{length:.3f}" for length in segment.length[::-1]),
+            f"{segment.human:.3f}",
+            f"{max(mean for mean, _ in angles):.0f}" if angles else "",
+            f"{max(worst for _, worst in angles):.0f}" if angles else "",
+        )
+    Console(width=140, highlight=False).print(table)
+    print("human: a human of the robot's height. off: the angle to the human's limb, walking and boxing.")
+    for doubt in found.doubts:
+        line = _line(file, doubt.part)
+        where = f" (line {line} of {file}: {_text(file, line)})" if line else ""
+        part = f"{doubt.part}: " if doubt.part else ""
+        print(f"{'error' if doubt.fatal else 'warning'}: {part}{doubt.words}{where}")
+    if beyond_limits(off):
+        print(f"warning: limbs point elsewhere than the human's: {'; '.join(beyond_limits(off))}")
+        print(f"`robot check` fails beyond {MEAN_LIMIT:.0f} degrees on average or {WORST_LIMIT:.0f} at worst")
+    if found.unlimited:
+        print(f"{len(found.unlimited)} joints have no range in the model: half a turn either way is a guess; edit it")
+    unknown = len(found.joints) - len(found.speeds)
+    if unknown:
+        print(f"the model does not say how fast {unknown} joints may turn: the robot file has a guess; edit it")
+    if found.unplayed:
+        names = ", ".join(name or "a joint without a name" for name in found.unplayed)
+        print(f"not played, because only hinges are: {names}")
+    if found.open_chains:
+        print(
+            f"{found.open_chains} constraints (connect, weld) close chains of bodies: they hold in physics "
+            "(`play` without --kinematic), and are drawn open elsewhere"
+        )
+    print(
+        "solvers: ik, angles" if found.angles else "solvers: ik (its joints are others than those of the angle solver)"
+    )
+
+
+def _line(file: Path, part: str) -> int:
+    """The line of a robot file that names the body of a part, from 1; 0 if there is none."""
+    lines = file.read_text(encoding="utf-8").splitlines()
+    return next((k for k, line in enumerate(lines, 1) if part and line.startswith(f"{part} = ")), 0)
+
+
+def _text(file: Path, line: int) -> str:
+    return file.read_text(encoding="utf-8").splitlines()[line - 1]

@@ -1,0 +1,166 @@
+"""Limb directions: by how many degrees a robot's limbs point elsewhere than the human's.
+
+The landmarks are found apart from the matcher and from the points that inverse kinematics aims at: a knee is what
+brings the foot closer to the hip. Each hinge of a limb is turned through its range, and the one that changes the
+distance between the limb's beginning and its end most is the knee (elbow). Of the robot file only one body of each limb
+is used, to find the limb, and those of pelvis and chest, from which legs and arms are seen.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.rotations import Array
+from sim.models.kinematic_tree import below, hinges_at, hinges_between
+from sim.models.limb_geometry import centre_of, end_hinge, farthest, level_with
+from sim.models.surface import Surface
+from sim.retargeting.human_limbs import LIMBS
+
+SEGMENTS = {"leg": ("thigh", "shank"), "arm": ("upper_arm", "forearm")}
+# A check fails where a limb points further off than this, on average over a recording or in one of its frames, degrees.
+MEAN_LIMIT, WORST_LIMIT = 15.0, 45.0
+# A hinge is turned this far either way at most, rad; in so many steps.
+TURN, STEPS = 2.6, 11
+# Of the robot's height: an arm's joint so close to the middle of the body is the clavicle's.
+CLAVICLE = 0.03
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One rigid part of a limb.
+
+    Attributes:
+        name: such as "r_thigh".
+        joint: the name of the hinge at its far end if it is an upper segment, at its near end if it is a lower one.
+        axis: of that hinge while the robot stands straight and faces x, shape (3,).
+        body: which it is fixed to.
+        direction: from its beginning to its end in the frame of that body, shape (3,), of length 1.
+        length: m.
+        trunk: the body from which it is seen.
+    """
+
+    name: str
+    joint: str
+    axis: Array
+    body: int
+    direction: Array
+    length: float
+    trunk: int
+
+
+class LimbDirections:
+    """Measures where the limbs of one robot point."""
+
+    def __init__(self, model: mujoco.MjModel, parts: Mapping[str, str], root_rotation: Array) -> None:
+        """Finds the landmarks.
+
+        Args:
+            model: the robot.
+            parts: part to body; looked at are "pelvis", "chest" and one body of each limb.
+            root_rotation: of the root body while the robot stands upright and faces x, shape (4,).
+        """
+        self._model, self._data = model, mujoco.MjData(model)
+        self._surface = Surface.of(model)
+        self._data.qpos[3:7] = root_rotation
+        mujoco.mj_kinematics(model, self._data)
+        self._at_rest = self._data.xmat.reshape(-1, 3, 3).copy()
+        pelvis = model.body(parts["pelvis"]).id
+        trunks = {"leg": pelvis, "arm": model.body(parts["chest"]).id if "chest" in parts else pelvis}
+        self.segments: list[Segment] = []
+        for side in "rl":
+            for limb, names in SEGMENTS.items():
+                if f"{side}_{names[0]}" in parts:
+                    self.segments += self._found(side, names, model.body(parts[f"{side}_{names[0]}"]).id, trunks[limb])
+
+    def __call__(self, qpos: Array) -> Array:
+        """The directions of the K segments seen from the trunk, shape (K, 3), for a robot at qpos (nq,)."""
+        self._data.qpos[:] = qpos
+        mujoco.mj_kinematics(self._model, self._data)
+        now = self._data.xmat.reshape(-1, 3, 3)
+        return np.array(
+            [self._at_rest[s.trunk] @ now[s.trunk].T @ now[s.body] @ s.direction for s in self.segments]
+        ).reshape(-1, 3)
+
+    def errors(self, qpos: Array, limbs: Array) -> dict[str, tuple[float, float]]:
+        """How far the robot's limbs point from the human's.
+
+        Args:
+            qpos: the robot in T frames, shape (T, nq).
+            limbs: the human's limbs in the same frames, shape (T, 14, 3).
+
+        Returns:
+            Segment, such as "r_thigh", to the mean and the worst angle over the frames, degrees.
+        """
+        there = np.array([self(q) for q in qpos])
+        rows = [LIMBS.index(segment.name) for segment in self.segments]
+        cosine = np.einsum("tki,tki->tk", there, limbs[:, rows])
+        degrees: NDArray[np.float64] = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+        return {
+            segment.name: (float(degrees[:, k].mean()), float(degrees[:, k].max()))
+            for k, segment in enumerate(self.segments)
+        }
+
+    def _found(self, side: str, names: tuple[str, str], body: int, trunk: int) -> list[Segment]:
+        model, data = self._model, self._data
+        ends = [b for b in below(model, body) if hinges_at(model, b)] or [body]
+        end = max(ends, key=lambda b: len(hinges_between(model, trunk, b)))
+        hinges = hinges_between(model, trunk, end)
+        tall = float(np.ptp(self._surface.positions(data)[:, 2]))
+        beside = [abs(data.xanchor[j, 1] - data.xpos[trunk, 1]) >= CLAVICLE * tall for j in hinges]
+        hinges = hinges[beside.index(True) :] if any(beside) else hinges
+        if len(hinges) < 2:
+            return []
+        tip = self._tip(end, data.xanchor[hinges[0]])
+        fold = [self._fold(joint, hinges[0], end, tip) for joint in hinges]
+        middle = max(range(1, len(hinges)), key=lambda k: fold[k])
+        joint = hinges[middle]
+        knee, axis = data.xanchor[joint].copy(), data.xaxis[joint].copy()
+        start = level_with(centre_of(data, hinges[:middle], knee), knee, axis)
+        ankle = end_hinge(data, hinges[middle + 1 :], knee, float(np.linalg.norm(knee - start)))
+        far = level_with(tip if ankle is None else data.xanchor[ankle], knee, axis)
+        upper, lower = int(model.body_parentid[model.jnt_bodyid[joint]]), int(model.jnt_bodyid[joint])
+        name = model.joint(joint).name
+        found = []
+        for part, on, way in ((names[0], upper, knee - start), (names[1], lower, far - knee)):
+            length = float(np.linalg.norm(way))
+            if length > 1e-6:
+                direction = data.xmat[on].reshape(3, 3).T @ way / length
+                found.append(Segment(f"{side}_{part}", name, axis, on, direction, length, trunk))
+        return found
+
+    def _fold(self, joint: int, first: int, end: int, tip: Array) -> float:
+        """By how much a hinge changes the distance from the first hinge of a limb to its tip, m."""
+        model, data = self._model, mujoco.MjData(self._model)
+        lower, upper = np.clip(model.jnt_range[joint], -TURN, TURN) if model.jnt_limited[joint] else (-TURN, TURN)
+        # Half of a hand or foot counts, so that one that is long does not pass for a shank.
+        middle = 0.5 * (tip + self._data.xanchor[hinges_at(model, end)[-1]])
+        local = self._data.xmat[end].reshape(3, 3).T @ (middle - self._data.xpos[end])
+        reach = []
+        for q in np.linspace(lower, upper, STEPS):
+            data.qpos[:] = self._data.qpos
+            data.qpos[model.jnt_qposadr[joint]] = q
+            mujoco.mj_kinematics(model, data)
+            at = data.xpos[end] + data.xmat[end].reshape(3, 3) @ local
+            reach.append(float(np.linalg.norm(at - data.xanchor[first])))
+        return float(np.ptp(reach))
+
+    def _tip(self, end: int, start: Array) -> Array:
+        points = self._surface.part(np.array(below(self._model, end))).positions(self._data)
+        return farthest(list(points), start) if len(points) else self._data.xpos[end].copy()
+
+
+def beyond_limits(errors: Mapping[str, tuple[float, float]]) -> list[str]:
+    """What fails the check, a phrase a segment: "l_forearm 17 degrees on average, 52 at worst"."""
+    return [
+        f"{name} {mean:.0f} degrees on average, {worst:.0f} at worst"
+        for name, (mean, worst) in errors.items()
+        if mean > MEAN_LIMIT or worst > WORST_LIMIT
+    ]

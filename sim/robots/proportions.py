@@ -1,0 +1,111 @@
+"""Proportions: what a calibrated robot's limbs measure, beside a human's of its height, and what does not fit.
+
+A human's segments are shares of the height (Drillis and Contini 1966, as in Winter, "Biomechanics and Motor Control of
+Human Movement", 4th edition, 2009, figure 4.1).
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from controller.rotations import Array
+from sim.retargeting.robot_limbs import RobotLimbs
+from sim.robots.limb_directions import LimbDirections
+
+HUMAN = {"thigh": 0.245, "shank": 0.246, "upper_arm": 0.186, "forearm": 0.146}
+# Twins may differ by this share of their length. A segment is odd outside the first range of shares of a human's, and
+# implausible outside the second.
+TWINS, ODD, IMPLAUSIBLE = 0.1, (0.6, 1.8), (0.2, 4.0)
+# A robot's arms may end in long hands that no joint tells from the forearm.
+ODD_FOREARM = 2.8
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One segment of both limbs.
+
+    Attributes:
+        part: such as "shank".
+        body: of the right and the left one.
+        hinge: the joints at their near ends.
+        axis: of these joints while the robot stands straight and faces x, shape (2, 3).
+        length: shape (2,), m.
+        human: what a human of the robot's height measures, m.
+    """
+
+    part: str
+    body: tuple[str, str]
+    hinge: tuple[str, str]
+    axis: Array
+    length: Array
+    human: float
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """What does not fit.
+
+    Attributes:
+        part: whose line in the robot file may be wrong, such as "l_shank"; none for the robot as a whole.
+        words: what it is.
+        fatal: whether a limb is missing or implausible.
+    """
+
+    part: str
+    words: str
+    fatal: bool
+
+
+def segments_of(model: mujoco.MjModel, parts: dict[str, str], limbs: RobotLimbs, height: float) -> list[Segment]:
+    """The segments that both limbs of a pair have, for a robot of a height, m."""
+    found = []
+    for part, share in HUMAN.items():
+        pair = [f"{side}_{part}" for side in "rl"]
+        if all(name in limbs.segments for name in pair):
+            measured = [limbs.segments[name] for name in pair]
+            found.append(
+                Segment(
+                    part,
+                    (parts[pair[0]], parts[pair[1]]),
+                    (model.joint(measured[0].joint).name, model.joint(measured[1].joint).name),
+                    np.array([one.axis for one in measured]),
+                    np.array([one.length for one in measured]),
+                    share * height,
+                )
+            )
+    return found
+
+
+def doubts(parts: dict[str, str], segments: list[Segment], directions: LimbDirections) -> list[Doubt]:
+    """What does not fit a human's body, or the knees and elbows that another way of finding them gives."""
+    found = []
+    for name in ("r_upper_arm", "l_upper_arm"):
+        if name not in parts:
+            found.append(Doubt("", f"no {'right' if name[0] == 'r' else 'left'} arm was found", True))
+    found += [Doubt(f"{s}_shank", "no ankle was found below it", False) for s in "rl" if f"{s}_foot" not in parts]
+    for segment in segments:
+        right, left = segment.length.tolist()
+        if abs(right - left) > TWINS * max(right, left):
+            found.append(Doubt(f"l_{segment.part}", f"left {left:.3f} m and right {right:.3f} m differ", False))
+        for side, length in (("r", right), ("l", left)):
+            share = length / segment.human
+            most = ODD_FOREARM if segment.part == "forearm" else ODD[1]
+            if not ODD[0] <= share <= most:
+                words = f"{length:.3f} m long; a human of this height has {segment.human:.3f} m"
+                fatal = not IMPLAUSIBLE[0] <= share <= IMPLAUSIBLE[1]
+                found.append(Doubt(f"{side}_{segment.part}", words, fatal))
+    by_folding = {segment.name: segment.joint for segment in directions.segments}
+    for segment in segments:
+        for side, hinge in zip("rl", segment.hinge, strict=True):
+            other = by_folding.get(f"{side}_{segment.part}")
+            if segment.part in ("shank", "forearm") and other is not None and other != hinge:
+                bend = "knee" if segment.part == "shank" else "elbow"
+                words = f"its {bend} is taken to be '{hinge}', but '{other}' folds the limb more"
+                found.append(Doubt(f"{side}_{segment.part}", words, True))
+    return found
