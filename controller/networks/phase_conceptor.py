@@ -145,17 +145,17 @@ class PhaseCourse:
 
     def share_at(self, frame: int) -> float:
         """How far the motion is at a frame: [0, 1) in a loop, 0 to 1 in a one-shot."""
-        return float(self.phase[frame] / self._whole)
+        return float(self.phase[frame] / self.whole)
 
     def frame_at(self, share: float) -> int:
         """The frame nearest to a share of the way."""
         if self.loop:
             return round(share * len(self.phase)) % len(self.phase)
-        return int(np.abs(self.phase - share * self._whole).argmin())
+        return int(np.abs(self.phase - share * self.whole).argmin())
 
     @property
-    def _whole(self) -> float:
-        """By how much the center turns in all, rad."""
+    def whole(self) -> float:
+        """By how much the center turns in a round of a loop, or in all of a one-shot, rad."""
         return float(self.phase[-1] + (self.phase[1] if self.loop else 0.0))
 
     def before(self, steps: int) -> NDArray[np.float64]:

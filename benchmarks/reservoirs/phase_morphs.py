@@ -1,0 +1,111 @@
+"""Mixtures of two loops inside a phase-driven network, all pairs: do they move, how much, and how smoothly?
+
+    python -m benchmarks phase_morphs [--library thesis15] [--mu -0.3 0.25 0.5 0.75 1.3] [--json]
+
+Each mixture plays until it has settled; what counts is a round of it. Joints are those of the decoded body, whose bones
+keep their length whatever the channels are.
+
+- still: pairs whose joints move less than a tenth as much as those of both motions played in step;
+- activity: the root mean square speed of the joints, relative to both played in step (channels mixed, then decoded);
+- jerk: the largest of any joint, relative to the larger of both motions' own; and that of both played in step.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import argparse
+import itertools
+import json
+import sys
+
+import numpy as np
+
+from controller.library.motion_library import load_library
+from controller.measures.motion_matching import joint_features
+from controller.mocap.encodings.encoding import Encoding
+from controller.networks.phase_conceptor import PhaseConceptorNetwork
+from controller.networks.phase_morph import PhaseMorph, channels_at
+from controller.rotations import Array
+from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.shipped import find
+
+SETTLED_ROUNDS = 2
+
+
+def speed_and_jerk(encoding: Encoding, channels: Array) -> tuple[float, float]:
+    """The root mean square speed and the largest jerk of the joints over a round, mm a frame and mm a frame^3."""
+    joints = joint_features(encoding, np.concatenate([channels, channels[:3]]))
+    speed = np.sqrt(np.square(np.diff(joints[:-2], axis=0)).mean())
+    return float(speed), float(np.abs(np.diff(joints, n=3, axis=0)).max())
+
+
+def mixtures(network: PhaseConceptorNetwork, encoding: Encoding, pair: tuple[str, str], mus: list[float]) -> Array:
+    """Relative activity and jerk of a pair at each mu, and the jerk of both in step, shape (mus, 3)."""
+    knots = sorted({0.0, 1.0, *mus})
+    morph = PhaseMorph(network.twin(), *pair, knots)
+    motions = [network[name] for name in pair]
+    own = [speed_and_jerk(encoding, channels_at(motion, np.arange(len(motion)) / len(motion))) for motion in motions]
+    rows = []
+    for mu in mus:
+        frames = round(len(motions[0]) ** (1.0 - mu) * len(motions[1]) ** mu)
+        played = np.empty((frames, network.channels))
+        for _ in range(SETTLED_ROUNDS):
+            for frame in played:
+                morph.advance(mu, frame)
+        share = np.arange(frames) / frames
+        source, target = (channels_at(motion, share) for motion in motions)
+        speed, jerk = speed_and_jerk(encoding, played)
+        together, beside = speed_and_jerk(encoding, (1.0 - mu) * source + mu * target)
+        largest = max(own[0][1], own[1][1])
+        rows.append((speed / together, jerk / largest, beside / largest))
+    return np.array(rows)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks phase_morphs",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--library", default="thesis15")
+    parser.add_argument("--mu", type=float, nargs="+", default=[-0.3, 0.25, 0.5, 0.75, 1.3])
+    parser.add_argument("--json", action="store_true", help="one JSON object")
+    options = parser.parse_args()
+    library = load_library(find("library", options.library, ".safetensors"))
+    network = library.network
+    if not isinstance(network, PhaseConceptorNetwork):
+        raise MotiondeckError(f"library '{options.library}' is not driven by its phase")
+    loops = [motion.name for motion in library.info.motions if motion.plays == "loop"]
+    pairs = list(itertools.combinations(loops, 2))
+    found = np.stack([mixtures(network, library.encoding, pair, options.mu) for pair in pairs])
+    rows = [
+        {
+            "mu": mu,
+            "pairs": len(pairs),
+            "still": int((activity < 0.1).sum()),
+            "below 0.8": [" and ".join(pairs[place]) for place in np.flatnonzero(activity < 0.8)],
+            "activity": np.percentile(activity, (0, 50, 100)).tolist(),
+            "jerk": np.percentile(jerk, (50, 95, 100)).tolist(),
+            "in step": np.percentile(beside, (50, 95, 100)).tolist(),
+        }
+        for mu, (activity, jerk, beside) in zip(options.mu, found.transpose(1, 2, 0), strict=True)
+    ]
+    if options.json:
+        print(json.dumps(rows))
+        return 0
+    print("| mu | still | activity: least / median / most | jerk: median / 95 % / largest | jerk in step |")
+    print("|---|---|---|---|---|")
+    for row in rows:
+        columns = [" / ".join(f"{value:.2f}" for value in row[name]) for name in ("activity", "jerk", "in step")]
+        print(f"| {row['mu']:g} | {row['still']} of {row['pairs']} | {' | '.join(columns)} |")
+    for row in rows:
+        if row["below 0.8"]:
+            print(f"below 0.8 at {row['mu']:g}: {', '.join(row['below 0.8'])}", file=sys.stderr)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
