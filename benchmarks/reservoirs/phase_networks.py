@@ -1,4 +1,6 @@
-"""Phase-driven conceptors beside networks that run by themselves and a clip player, on recordings of every source.
+"""Phase-driven conceptors beside autonomous networks and a clip player.
+
+On recordings of every source.
 
     python -m benchmarks phase_networks --data DIR [--sources thesis15 cmu ...] [--seeds 21 22 23] [--ablation]
 
