@@ -82,6 +82,17 @@ def to_rotation_vector(q: Array) -> Array:
     return np.where(cosine < 0.0, -around, around) * axis
 
 
+def nearest_rotation_vector(vector: Array, other: Array) -> Array:
+    """Of the two rotation vectors (|angle| < 2 pi) of one rotation the one nearer to another, shapes (..., 3).
+
+    Between two instants a difference may pass half a turn, where the short way round changes sides.
+    """
+    angle = np.linalg.norm(vector, axis=-1, keepdims=True)
+    around = vector * (1.0 - 2.0 * np.pi / np.maximum(angle, 1e-9))
+    far = np.linalg.norm(vector - other, axis=-1, keepdims=True)
+    return np.where(np.linalg.norm(around - other, axis=-1, keepdims=True) < far, around, vector)
+
+
 def about(axis: Array, angle: Array | float) -> Array:
     """Quaternions (..., 4) that turn by angle (...) rad about unit axes (..., 3)."""
     half = 0.5 * np.asarray(angle)[..., None]

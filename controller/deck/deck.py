@@ -13,7 +13,6 @@ from collections.abc import Iterable
 from controller.deck.interfaces import Retargeter
 from controller.deck.joining import Joining
 from controller.deck.performance import Performance
-from controller.deck.root_path import RootPath
 from controller.deck.routes import Routes
 from controller.deck.switch import CommandedSwitch
 from controller.deck.tempo import Paced
@@ -38,6 +37,7 @@ class Deck(Paced):
         motion: the motion to begin with.
         direct: whether every switch goes straight to its motion, at once.
         joining: how motions are joined; by default, what suits the network.
+        phase: where in the motion to begin, in [0, 1).
 
     Attributes:
         motions: the names of all motions.
@@ -54,11 +54,12 @@ class Deck(Paced):
         *,
         direct: bool = False,
         joining: Joining | None = None,
+        phase: float = 0.0,
     ) -> None:
         self.motions = library.network.motions
         self._check(motion)
         self._retarget = retarget
-        self._show = Performance(library, motion, joining)
+        self._show = Performance(library, motion, joining, phase)
         self._routes = Routes.between(self._show.motions)
         self._direct = direct
         self._current: CommandedSwitch | None = None  # the switch that is under way
@@ -71,8 +72,7 @@ class Deck(Paced):
         self.time = 0.0
         self.switches: deque[CommandedSwitch] = deque(maxlen=REMEMBERED_SWITCHES)
         super().__init__()
-        self._path = RootPath()
-        self.pose = self._path.advance(self.posture, 0.0)
+        self.pose = self._show.pose
 
     @property
     def motion(self) -> str:
@@ -184,8 +184,7 @@ class Deck(Paced):
         """Advances by dt seconds; the joint targets (J,), rad, and the pose they come from."""
         self.time += dt
         show = self._show
-        shown, fade_has_ended = show.step(dt, self._tempo.advance(dt))
-        if fade_has_ended:
+        if show.step(dt, self._tempo.advance(dt)):
             self._finish_fade()
         if show.blend_problem and not self._ahead:
             self._give_up_blend(show.blend_problem)
@@ -193,14 +192,11 @@ class Deck(Paced):
             self._fading.first_change_s = self.time
         self._update_blend()
         if self._next_is_due():
-            show.switch_to(self._ahead.popleft(), shown)
+            show.switch_to(self._ahead.popleft())
             self._blending = None
             self._waits = True  # the motions on a way are one-shots, and those are finished
             self._fading = self._current
-        else:
-            show.fade_after_restart(shown)
-        show.remember(shown)
-        self.pose = self._path.advance(shown, dt)
+        self.pose = show.show()
         return self._retarget(self.pose), self.pose
 
     def _command(self, switch: CommandedSwitch, direct: bool) -> CommandedSwitch:
@@ -234,7 +230,7 @@ class Deck(Paced):
             return
         if not direct:
             switch.via = self._routes.by_way_of(here.name, switch.to)
-            switch.after = "" if here.loop or show.at >= show.end else here.name
+            switch.after = "" if here.loop or show.at_end else here.name
         self._current = switch
         self._ahead.extend((*switch.via, switch.to))
         self._waits = bool(switch.after)
@@ -288,14 +284,14 @@ class Deck(Paced):
     def _update_blend(self) -> None:
         """Notes the progress of a blend, and drops the first motion when its weight has become 0."""
         switch, show = self._blending, self._show
-        if switch is None or not show.blend_reached_output:
+        if switch is None:
             return
         if switch.first_change_s is None:
             switch.first_change_s = self.time
         if show.crossing:
             return
         self._blending = None
-        show.drop_first_motion()
+        show.finish_blend()
         if switch is self._current and not self._ahead:
             self._settle(switch)
 

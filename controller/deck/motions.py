@@ -6,15 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controller.library.library_header import MotionInfo
 from controller.library.motion_library import MotionLibrary
 from controller.measures.motion_matching import joint_features
-from controller.mocap.encodings.encoding import Encoding
 from controller.mocap.posture import walk_path
 from controller.rotations import Array
 
 ENTRY_SHARE = 0.1
 HELD_M = 0.02
-LEAST_ACCELERATION = 2.0  # m/s^2; less is standing still
+LEAST_SPEED, LEAST_ACCELERATION = 0.5, 2.0  # m/s, m/s^2; less is standing still
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Motion:
         exits: the positions where it may be left: anywhere in a loop, the last pose of a one-shot, shape (E, F), m.
         spacing: from anchor to anchor, s.
         seconds: how long one round of a loop takes, or a one-shot until it holds its last pose.
-        acceleration: the largest of any joint in the world, m/s^2.
+        speed, acceleration: the largest of any joint in the world, m/s and m/s^2.
     """
 
     name: str
@@ -39,6 +39,7 @@ class Motion:
     exits: Array
     spacing: float
     seconds: float
+    speed: float
     acceleration: float
 
 
@@ -53,6 +54,7 @@ def read_motions(library: MotionLibrary) -> dict[str, Motion]:
         velocities = _rate(places, spacing, loop=loop)
         moving = len(frames) if loop else _moving(places)
         entries = moving if loop else max(1, int(ENTRY_SHARE * moving))
+        speed, acceleration = _peaks(library, info)
         motions[info.name] = Motion(
             name=info.name,
             loop=loop,
@@ -61,7 +63,8 @@ def read_motions(library: MotionLibrary) -> dict[str, Motion]:
             exits=places if loop else places[-1:],
             spacing=spacing,
             seconds=moving * spacing,
-            acceleration=_acceleration(library.encoding, frames, spacing),
+            speed=speed,
+            acceleration=acceleration,
         )
     return motions
 
@@ -79,9 +82,18 @@ def _rate(values: Array, spacing: float, *, loop: bool) -> Array:
     return np.gradient(values, spacing, axis=0)
 
 
-def _acceleration(encoding: Encoding, frames: Array, spacing: float) -> float:
-    """The largest acceleration of any joint in the world over frames (A, C), but LEAST_ACCELERATION at least, m/s^2."""
-    pose = walk_path(encoding.decode(frames), spacing)
-    joints = encoding.skeleton.joints(pose.root_position, pose.rotation)
-    acceleration = np.diff(joints, n=2, axis=0) / spacing**2
-    return max(float(np.linalg.norm(acceleration, axis=-1).max()), LEAST_ACCELERATION)
+def _peaks(library: MotionLibrary, info: MotionInfo) -> tuple[float, float]:
+    """The largest speed and acceleration of any joint in the world while a motion plays alone, m/s and m/s^2.
+
+    At least LEAST_SPEED and LEAST_ACCELERATION.
+    """
+    network, encoding, rate = library.network.twin(), library.encoding, library.info.rate
+    network.cue(info.name, 0)
+    frames = np.empty((info.frames + 3, network.channels))
+    for frame in frames:
+        network.advance(frame)
+    pose = walk_path(encoding.decode(frames), 1.0 / rate)
+    step = np.diff(encoding.skeleton.joints(pose.root_position, pose.rotation), axis=0)
+    speed = float(np.linalg.norm(step, axis=-1).max()) * rate
+    acceleration = float(np.linalg.norm(np.diff(step, axis=0), axis=-1).max()) * rate**2
+    return max(speed, LEAST_SPEED), max(acceleration, LEAST_ACCELERATION)

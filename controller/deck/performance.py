@@ -1,252 +1,296 @@
-"""The performance: what a library's network shows, and how it gets from one motion into another without a jump.
+"""Plays one motion, or a blend of two, and joins motions without a jump.
 
-    generator -> channels -> posture -> fade of the last switch
+    track -> posture (or two of them -> blend) -> fade of the last switch -> limits of a join -> root path -> pose
 
-It does what it is told at once; what is to be played when is the deck's affair.
+It does what it is told at once; when a motion is played is decided by the deck.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from controller.deck.blend_check import BlendCheck
-from controller.deck.frame_player import FramePlayer
+from controller.deck.join_limits import JoinLimits
 from controller.deck.joining import Joining
-from controller.deck.mixture import Mixture
 from controller.deck.motions import Motion, read_motions
-from controller.deck.transition import Fade, NetworkSwitch, best_anchor, difference
+from controller.deck.posture_blend import PostureBlend
+from controller.deck.root_path import advance, at_origin
+from controller.deck.track import Track
+from controller.deck.transition import Fade, best_anchor, difference, extrapolated
+from controller.deck.weight import ModuleWeight, Ramp, Weight
 from controller.library.motion_library import MotionLibrary
-from controller.library.network_arrays import Network
-from controller.mocap.posture import Posture
-from controller.networks.base import CrossingNetwork
-from controller.networks.guard import Guard
+from controller.mocap.encodings.bone_directions import BoneDirections
+from controller.mocap.posture import Pose, Posture
+from controller.networks.centralized_frames import CentralizedNetwork
+from controller.networks.morph import ReservoirNetwork
 from controller.rotations import Array
 
-# A difference in joint velocity counts as much as the way it goes in this time (8 frames at 120 Hz), s.
+# A difference in joint velocity counts as much as the distance it covers in this time (8 frames at 120 Hz), s.
 VELOCITY_REACH = 8.0 / 120.0
 
-# How long it takes inside a network from one motion to another, s.
+# How long it takes to change the blend weight from 0 to 1, or a network from one motion to another, s.
 MORPH_SECONDS = 1.0
+
+# How often a join that becomes too fast is replaced by a longer fade.
+MOST_CORRECTIONS = 6
+
+# While the weight of a blend changes, it is given up beyond so many times the limits of a join.
+BLEND_TURNS_OVER = 2.0
 
 
 class Performance:
-    """Plays one motion of a library, or a mixture of two.
+    """Plays one motion of a library, or a blend of two.
 
-    A tick is one `step`, then `switch_to` or `fade_after_restart`, and in the end `remember`.
+    A tick is one `step`, perhaps a `switch_to` or `blend_in`, and in the end `show`.
 
     Attributes:
         motions: the motions of the library by name.
-        posture: what was shown last.
-        at: how far into the motion it is, s.
-        end: the place at which the motion has ended or gone round, s.
+        posture: the posture that is shown.
+        pose: the same in the world.
         blend_problem: the problem of the blend in the last step, or "".
     """
 
-    def __init__(self, library: MotionLibrary, motion: str, joining: Joining | None) -> None:
-        """Begins with a motion of the library; `joining` as for the deck."""
+    def __init__(self, library: MotionLibrary, motion: str, joining: Joining | None, phase: float = 0.0) -> None:
+        """Begins with a motion of the library at a phase in [0, 1); `joining` as for the deck."""
         self.motions = read_motions(library)
-        self._encoding = library.encoding
-        self._joining: Joining | None = joining
-        core = self._core = library.network.twin()
-        self._guard = _guard(core, library) if isinstance(core, Network) else None
-        self._faded_restarts = 0  # how many of the guard's restarts are faded in already
-        self._mixture = Mixture(self._guard or core, core)
-        self._player = FramePlayer(self._mixture, library.info.rate)
-        self._player.cue(motion)
+        self._names = library.network.motions
+        self._skeleton = library.encoding.skeleton
+        twist_by_rule = type(library.encoding) is BoneDirections
+        self._rest_direction = library.encoding.skeleton.rest_direction if twist_by_rule else None
+        self._by_module = isinstance(library.network, CentralizedNetwork)
+        self._morphs_inside = isinstance(library.network, ReservoirNetwork)
+        self._joining: Joining = joining or ("morph" if self._by_module else "inertialise")
+        # A blend plays both; in a switch by mixing the second is the one that is entered.
+        self._first, self._second = Track(library, self.motions), Track(library, self.motions)
+        self._blend: PostureBlend | None = None
+        self._weight: Weight = Ramp(0.0, 0.0, 0.0)
+        self._switching = False  # whether a switch is under way that mixes or morphs
         self._check: BlendCheck | None = None
         self.blend_problem = ""
-        self._fade: Fade | NetworkSwitch | None = None
-        self._fade_start = 0.0
-        self._turned = 0.0  # by how much the heading has turned since, rad
-        self.at, self.end = 0.0, self.here.seconds
-        self._time = 0.0
-        self._dt = 1.0 / library.info.rate
-        self._speed = 1.0
-        self._before = self.posture = self._decode(self._player.step(0.0), 1.0)
+        self._fade: Fade | None = None
+        self._fade_elapsed = self._turned = 0.0  # s, and rad by which the heading has turned since the fade began
+        self._limits: JoinLimits | None = None
+        self._corrections = 0
+        self._dt, self._speed = 1.0 / library.info.rate, 1.0
+        self._first.cue_phase(motion, phase)
+        self._first.step(0.0, 1.0)
+        self._before = self.posture = self._shown = self._target = self._first.posture
+        self.pose = self._next = at_origin(self.posture)
+        self._pose_before: Pose | None = None
 
     @property
     def here(self) -> Motion:
-        """The motion that is played."""
-        return self.motions[self._player.motion]
+        """The motion that is played, or being switched to."""
+        return self._leading.motion
 
     @property
     def fading(self) -> bool:
-        """Whether the last switch is still to be seen."""
-        return self._fade is not None
+        """Whether the last switch is still under way."""
+        return self._fade is not None or self._switching
 
     @property
     def crossing(self) -> bool:
-        """Whether the share of a mixture is still changing."""
-        return self._mixture.crossing
-
-    @property
-    def blend_reached_output(self) -> bool:
-        """Whether the last change of the mixture has reached what is shown."""
-        return self._mixture.reached_output or not self._mixture.mixed
+        """Whether the blend weight is still changing."""
+        return self._blend is not None and self._weight.changing
 
     @property
     def other(self) -> str:
-        """The second motion of the mixture, or ""."""
-        return self._mixture.other
+        """The second motion of the blend, or ""."""
+        return self._second.motion.name if self._blend is not None and not self._switching else ""
 
     @property
     def blend(self) -> tuple[str, float] | None:
-        """What is mixed into the motion that is played, and its present share."""
-        blended = self._mixture.mixed and not isinstance(self._fade, NetworkSwitch)
-        return (self._mixture.other, self._mixture.weight) if blended else None
+        """The motion that is blended into the one that is played, and its present weight."""
+        return (self.other, self._weight.value) if self.other else None
 
     @property
     def restarts(self) -> int:
         """How often the network lost its motion and was restarted."""
-        return self._guard.recues if self._guard else 0
+        return self._first.restarts + self._second.restarts
+
+    @property
+    def at_end(self) -> bool:
+        """Whether the motion has ended or gone round."""
+        return self._leading.ended
 
     @property
     def ended(self) -> bool:
-        """Whether the motion has ended or gone round, and nothing else is being faded or mixed in."""
-        return self._fade is None and not self._mixture.crossing and self.at >= self.end
+        """Whether the motion has ended or gone round, and nothing is faded or changing its weight."""
+        return self.at_end and not self.fading and not self.crossing
 
     def finish_round(self) -> None:
-        """Has a loop that has gone round be over when it has done so once more."""
-        if self.here.loop and self.at >= self.end:
-            rounds = np.floor((self.at - self.end) / self.here.seconds) + 1.0
-            self.end += float(rounds) * self.here.seconds
+        """Sets the end of a loop that has gone round to the end of its present round."""
+        self._leading.finish_round()
 
-    def step(self, dt: float, speed: float) -> tuple[Posture, bool]:
-        """Goes dt seconds on at a speed: what is to be shown, and whether a fade has ended with it."""
-        self._time += dt
+    def step(self, dt: float, speed: float) -> bool:
+        """Advances by dt seconds at a tempo; whether a switch has been completed with it."""
         self._dt, self._speed = dt, speed
-        tempo = speed * self._onset()
-        self.at += dt * tempo
-        target = self._decode(self._player.step(dt * tempo), tempo)
+        self._target = self._play(dt, speed)
+        shown, completed = self._faded(dt)
         self.blend_problem = ""
-        if self._check is not None and self.blend is not None:
-            self.blend_problem = self._check.problem(self._joints(target), dt * tempo)
-            if self.blend_problem == "turns over":
-                target = self.posture  # whose speed is no motion's own: the fade begins from a standstill
-        if self._fade is None:
-            return target, False
-        elapsed = self._time - self._fade_start
-        if self._fade.lasts(elapsed):
-            self._turned += float(target.turn_rate) * dt
-            return self._fade.apply(target, elapsed, self._turned), False
-        self._fade = None
-        return target, True
+        if self._check is not None and self.other:
+            self.blend_problem = self._check.problem(self._joints(self._target), dt * speed)
+        self._take(shown)
+        use = self._limits.use(self._next, dt) if self._limits is not None else 0.0
+        if self.other and use > BLEND_TURNS_OVER:
+            self.blend_problem = "turns over"
+        elif not self.other and use > 1.0 and self._corrections < MOST_CORRECTIONS:
+            self._take(extrapolated(self._before, self.posture, dt))
+            self._fade_instead()
+        if self.blend_problem == "turns over":
+            self._take(extrapolated(self._before, self.posture, dt))
+        restarted = self._first.restarted()
+        if restarted is not None and self._blend is None:
+            self._first.restart_at(restarted)
+            self._fade_to_first(self.here.acceleration)
+        return completed
 
-    def remember(self, shown: Posture) -> None:
-        """Takes what is shown for the past, from which what comes next is seen."""
-        self._before, self.posture = self.posture, shown
-        self._faded_restarts = self.restarts
+    def show(self) -> Pose:
+        """Shows what this tick has led to; the pose in the world."""
+        self._before, self.posture = self.posture, self._shown
+        self._pose_before, self.pose = self.pose, self._next
+        if self._limits is not None:
+            self._limits.accept(self.pose)
+            if not self.fading and not self.crossing:
+                self._limits = None
+        return self.pose
 
-    def switch_to(self, motion: str, shown: Posture) -> None:
-        """Starts a motion where it resembles the body most, and the fade from what is shown towards it.
+    def switch_to(self, motion: str) -> None:
+        """Starts a motion where it resembles the body most, and the join from what is shown to it.
 
-        A network that goes over by itself is left to do so, unless another switch is still under way.
+        While another switch is under way, or two motions are blended, the join is a fade.
         """
-        entering = self.motions[motion]
-        bound = max(self.here.acceleration, entering.acceleration)
-        joining = self._joining or ("morph" if isinstance(self._core, CrossingNetwork) else "inertialise")
-        if joining in ("morph", "crossfade") and self._fade is None and not self._mixture.mixed:
-            anchor = self._go_over(motion, shown, bound, inside=joining == "morph")
+        leaving, entering, joining = self.here, self.motions[motion], self._joining
+        anchor = self._best_anchor(motion, self.posture, self._shown)
+        self._limit(leaving, entering)
+        if joining in ("morph", "crossfade") and not self.fading and self._blend is None:
+            if joining == "morph" and self._morphs_inside:
+                self._first.morph(motion, anchor, MORPH_SECONDS)
+            else:
+                self._mix_to(motion, anchor)
+            self._switching = True
+            return
+        self._blend, self._switching = None, False
+        self._first.cue(motion, anchor)
+        if joining == "cut":
+            self._fade, self._limits = None, None
+            self._switching = True  # completed in the next step
         else:
-            anchor = self._anchor(motion, self.posture, shown)
-            self._enter(motion, anchor, shown, bound)
-            if joining == "cut":
-                self._fade = NetworkSwitch(self._mixture)  # which is on no way: it is over at once
-        self.at = anchor * entering.spacing
-        self.end = entering.seconds + (self.at if entering.loop else 0.0)
-
-    def fade_after_restart(self, shown: Posture) -> None:
-        """Fades to where a network that was lost has been put back to, which is some way off, like another motion."""
-        if self._guard and self._guard.recues > self._faded_restarts:
-            self._enter(self._player.motion, self._guard.anchor, shown, self.here.acceleration)
+            self._fade_to_first(max(leaving.acceleration, entering.acceleration))
 
     def blend_in(self, other: str, weight: float) -> None:
-        """Mixes another motion in, side by side, from its present share to this one.
-
-        Inside the network, as the papers have it, most mixtures of unlike motions stand still
-        (benchmarks/deck/blends.py).
-        """
-        if not self._mixture.mixed:
+        """Blends another motion in, or changes its weight, at MORPH_SECONDS for a weight of 1."""
+        if self._blend is None:
             self._check = BlendCheck(self.here, self.motions[other])
-        frames = round(abs(weight - self._mixture.weight) * MORPH_SECONDS * self._player.rate)
-        self._mixture.mix(other, weight, frames, self._anchor(other, self._before, self.posture), inside=False)
+            self._second.cue(other, self._best_anchor(other, self._before, self.posture))
+            self._second.step(0.0, self._speed)
+            self._blend = PostureBlend(self._first.posture, self._second.posture, self._rest_direction)
+            self._weight = Ramp(0.0, 0.0, 0.0)
+        self._limit(self.here, self.motions[other])
+        present = self._weight.value
+        self._weight = Ramp(present, weight, abs(weight - present) * MORPH_SECONDS)
 
-    def drop_first_motion(self) -> None:
-        """Goes on with the second motion of a mixture where that is left alone."""
-        if self._mixture.motion != self._player.motion:
-            here = self.motions[self._mixture.motion]
-            self._player.motion = here.name
-            self.at = self._mixture.anchor * here.spacing
-            self.end = here.seconds + self.at
+    def finish_blend(self) -> None:
+        """Drops the motion whose weight has become 0, if one has."""
+        if self._weight.value == 1.0:
+            self._first, self._second = self._second, self._first
+        if self._weight.value in (0.0, 1.0):
+            self._blend = None
 
-    def _enter(self, motion: str, anchor: int, shown: Posture, bound: float) -> None:
-        """Goes on from an anchor of a motion, and fades from what is shown to it."""
-        dt = self._dt
-        self._player.cue_anchor(motion, anchor)
+    @property
+    def _leading(self) -> Track:
+        return self._second if self._switching and self._blend is not None else self._first
+
+    def _play(self, dt: float, speed: float) -> Posture:
+        """The posture of the motion, or of both, dt seconds later."""
+        if self._blend is None:
+            starting = self._fade is not None and not self.here.loop
+            onset = self._fade.onset(self._fade_elapsed) if self._fade is not None and starting else 1.0
+            return self._first.step(dt, speed * onset)
+        first, second = self._first.step(dt, speed), self._second.step(dt, speed)
+        return self._blend.advance(first, second, self._weight.advance(dt), dt)
+
+    def _faded(self, dt: float) -> tuple[Posture, bool]:
+        """The target with what is left of the last switch, and whether the switch is now complete."""
+        target = self._target
+        if self._fade is not None:
+            self._fade_elapsed += dt
+            if self._fade.lasts(self._fade_elapsed):
+                self._turned += float(target.turn_rate) * dt
+                return self._fade.apply(target, self._fade_elapsed, self._turned), False
+            self._fade = None
+            return target, True
+        if not self._switching or self.crossing or self._first.morphing:
+            return target, False
+        if self._blend is not None:
+            self.finish_blend()
+        self._switching = False
+        return target, True
+
+    def _take(self, shown: Posture) -> None:
+        """Takes a posture for the one of this tick."""
+        self._shown, self._next = shown, advance(self.pose, shown, self._dt)
+
+    def _limit(self, *motions: Motion) -> None:
+        """Limits the join that begins, by these motions and by those of a join still under way."""
+        if self._limits is None:
+            self._limits = JoinLimits(self._skeleton, self._pose_before, self.pose)
+            self._corrections = 0
+        for motion in motions:
+            self._limits.allow(motion)
+
+    def _mix_to(self, motion: str, anchor: int) -> None:
+        """Enters a motion on the second track, and mixes both until it is left alone."""
+        leaving, entering = self.here, self.motions[motion]
+        self._second.cue(motion, anchor)
+        before = self._second.step(0.0, self._speed)
+        now = self._second.step(self._dt, self._speed)
+        self._blend = PostureBlend(self._first.posture, now, self._rest_direction)
+        if self._by_module and self._joining == "morph":
+            self._weight = ModuleWeight(len(self._names), *map(self._names.index, (leaving.name, motion)))
+        else:
+            bound = max(leaving.acceleration, entering.acceleration)
+            self._weight = Ramp(0.0, 1.0, self._difference(before, now, bound).duration)
+
+    def _fade_to_first(self, bound: float, at_least: float = 0.0) -> None:
+        """Fades from what is shown to the motion of the first track, which has just been cued."""
         tempo = self._speed if self.here.loop else 0.0
-        target_before = self._decode(self._player.step(0.0), tempo)
-        target = self._decode(self._player.step(dt * tempo), tempo)
-        self._fade = difference((self.posture, shown), (target_before, target), dt, self._limbs, bound)
-        self._fade_start, self._turned = self._time, 0.0
+        before = self._first.step(0.0, tempo)
+        self._begin_fade(before, self._first.step(self._dt, tempo), bound, at_least)
 
-    def _onset(self) -> float:
-        """The share of the tempo at which a motion that happens once is played while a switch to it lasts."""
-        if self._fade is None or self.here.loop:
-            return 1.0
-        return self._fade.onset(self._time - self._fade_start)
+    def _fade_instead(self) -> None:
+        """Replaces a join that has become too fast by a fade to its target; a fade by a longer one."""
+        self._corrections += 1
+        longer = 1.5 * self._fade.duration if self._fade is not None else 0.0
+        track = self._leading
+        if self._blend is not None:
+            self._first, self._second = self._second, self._first
+            self._blend = None
+        elif track.morphing:
+            track.cue(track.motion.name, self._best_anchor(track.motion.name, self.posture, self._shown))
+            track.step(0.0, self._speed)
+            track.step(self._dt, self._speed)
+        self._switching = False
+        self._begin_fade(track.posture_before, track.posture, track.motion.acceleration, longer)
 
-    def _go_over(self, motion: str, shown: Posture, bound: float, *, inside: bool) -> int:
-        """Goes over to a motion by mixing, inside the network or side by side; the anchor where it is entered."""
-        dt, speed, entering = self._dt, self._speed, self.motions[motion]
-        self._fade_start = self._time
-        if inside and isinstance(self._core, CrossingNetwork):
-            self._fade = NetworkSwitch(self._core)
-            return self._player.cross(self._core, motion, len(entering.places))
-        anchor, seconds = self._anchor(motion, self.posture, shown), MORPH_SECONDS
-        if not inside:
-            frames = self._mixture.anchors(motion)
-            rate = (frames[(anchor + 1) % len(frames)] - frames[anchor - 1]) / (2.0 * entering.spacing)
-            before, now = (self._decode(frames[anchor] - back * speed * rate, speed) for back in (dt, 0.0))
-            seconds = difference((self.posture, shown), (before, now), dt, self._limbs, bound).duration
-        self._mixture.mix(motion, 1.0, round(seconds * self._player.rate), anchor, inside=inside)
-        self._player.motion = motion
-        self._fade = NetworkSwitch(self._mixture)
-        return anchor
+    def _begin_fade(self, before: Posture, now: Posture, bound: float, at_least: float = 0.0) -> None:
+        self._fade = self._difference(before, now, bound, at_least)
+        self._fade_elapsed = self._turned = 0.0
 
-    def _anchor(self, motion: str, before: Posture, now: Posture) -> int:
-        """Where a motion resembles a body most."""
-        there, place = self.motions[motion], self._joints(now)
+    def _difference(self, before: Posture, now: Posture, bound: float, at_least: float = 0.0) -> Fade:
+        """The fade from what is shown to a motion that is at two postures in the tick before and now."""
+        return difference((self.posture, self._shown), (before, now), self._dt, self._limbs, bound, at_least)
+
+    def _best_anchor(self, motion: str, before: Posture, now: Posture) -> int:
+        """The anchor where a motion resembles a body most."""
+        entering, place = self.motions[motion], self._joints(now)
         velocity = (place - self._joints(before)) / self._dt
-        return best_anchor(place, velocity, there.places, there.velocities, VELOCITY_REACH)
-
-    def _decode(self, channels: Array, speed: float) -> Posture:
-        """The posture of channels, its path played at a speed."""
-        posture = self._encoding.decode(channels)
-        return replace(
-            posture,
-            height=posture.height.copy(),
-            velocity=posture.velocity * speed,
-            turn_rate=posture.turn_rate * speed,
-        )
-
-    def _places(self, posture: Posture) -> Array:
-        """Positions of root and joints in the heading frame, from the ground below the root, shape (1 + B, 3), m."""
-        return self._encoding.skeleton.joints(np.array([0.0, 0.0, posture.height]), posture.rotation)
+        return best_anchor(place, velocity, entering.places, entering.velocities, VELOCITY_REACH)
 
     def _limbs(self, rotation: Array) -> Array:
         """Positions of root and joints relative to the root, of rotations (..., 1 + B, 4), m."""
-        return self._encoding.skeleton.joints(np.zeros((*rotation.shape[:-2], 3)), rotation)
+        return self._skeleton.joints(np.zeros((*rotation.shape[:-2], 3)), rotation)
 
     def _joints(self, posture: Posture) -> Array:
         """Joint positions relative to the root in the heading frame, and the root's height, shape (F,), m."""
-        places = self._places(posture)
-        return np.append((places[1:] - places[0]).ravel(), posture.height)
-
-
-def _guard(network: Network, library: MotionLibrary) -> Guard:
-    """A guard around a network that runs by itself; one that a center drives cannot lose its place, and needs none."""
-    motions = library.info.motions
-    lengths = {motion.name: motion.frames for motion in motions}
-    return Guard(network, lengths, {motion.name: motion.plays == "loop" for motion in motions})
+        return np.append(self._limbs(posture.rotation)[1:].ravel(), posture.height)

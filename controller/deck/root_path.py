@@ -10,19 +10,16 @@ from controller.mocap.posture import Pose, Posture
 from controller.rotations import multiply, yaw
 
 
-class RootPath:
-    """The position and heading of the root in the world; it begins at the origin and faces along x."""
+def at_origin(posture: Posture) -> Pose:
+    """A posture that stands at the origin and faces along x."""
+    return Pose(np.array([0.0, 0.0, float(posture.height)]), np.array(0.0), posture.rotation)
 
-    def __init__(self) -> None:
-        self._x = self._y = 0.0
-        self._heading = 0.0
 
-    def advance(self, posture: Posture, dt: float) -> Pose:
-        """The pose of a posture in the world after moving with its velocities (x forward, y left) for dt seconds."""
-        self._heading += float(posture.turn_rate) * dt
-        cosine, sine = cos(self._heading), sin(self._heading)
-        forward, left = (posture.velocity * dt).tolist()
-        self._x += cosine * forward - sine * left
-        self._y += sine * forward + cosine * left
-        position = np.array([self._x, self._y, float(posture.height)])
-        return Pose(position, np.array(self._heading), multiply(yaw(self._heading), posture.rotation))
+def advance(pose: Pose, posture: Posture, dt: float) -> Pose:
+    """The posture in the world, after moving on from a pose with its velocities (x forward, y left) for dt seconds."""
+    heading = float(pose.heading) + float(posture.turn_rate) * dt
+    cosine, sine = cos(heading), sin(heading)
+    forward, left = (posture.velocity * dt).tolist()
+    x, y, _ = pose.root_position.tolist()
+    position = np.array([x + cosine * forward - sine * left, y + sine * forward + cosine * left, float(posture.height)])
+    return Pose(position, np.array(heading), multiply(yaw(heading), posture.rotation))

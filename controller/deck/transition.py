@@ -14,24 +14,32 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
 from controller.mocap.posture import Posture
 from controller.quintic import run_out
-from controller.rotations import Array, conjugate, from_rotation_vector, multiply, rotate, to_rotation_vector, yaw
+from controller.rotations import (
+    Array,
+    conjugate,
+    from_rotation_vector,
+    multiply,
+    nearest_rotation_vector,
+    rotate,
+    to_rotation_vector,
+    yaw,
+)
 
 SHORTEST, LONGEST = 0.2, 1.6
 
-# What share of the bound a fade may use: the target's bones do not go on turning quite as they do at the switch.
+# The part of the bound that a fade may use: the target's bones do not go on turning quite as they do at the switch.
 _SHARE = 0.8
 
 # How long bones go on turning as they do, s: limbs swing back.
 _SWING = 0.3
 
-# At how many moments a fade is looked at for its acceleration, and by how much it is made longer at least.
-_LOOKS = 16
+# At how many moments the acceleration of a fade is computed, and the least factor by which it is lengthened.
+_SAMPLES = 16
 _LONGER = 1.1
 
 
@@ -80,40 +88,13 @@ class Fade:
         return elapsed < self.duration
 
 
-class GoingOver(Protocol):
-    """What goes over from one motion to another by itself."""
-
-    @property
-    def crossing(self) -> bool:
-        """Whether it is on its way."""
-        ...
-
-
-@dataclass(frozen=True)
-class NetworkSwitch:
-    """A switch that the network carries out by itself: nothing is left to fade, and both motions keep their tempo."""
-
-    network: GoingOver
-
-    def apply(self, target: Posture, elapsed: float, turned: float) -> Posture:
-        """The target as it is."""
-        return target
-
-    def onset(self, elapsed: float) -> float:
-        """The whole tempo: the motion that is left would stand still with it."""
-        return 1.0
-
-    def lasts(self, elapsed: float) -> bool:
-        """Whether the network is on its way."""
-        return self.network.crossing
-
-
 def difference(
     shown: tuple[Posture, Posture],
     target: tuple[Posture, Posture],
     dt: float,
     limbs: Callable[[Array], Array],
     bound: float,
+    at_least: float = 0.0,
 ) -> Fade:
     """The fade that leads from what is shown to a target, in the shortest time that keeps accelerations in bounds.
 
@@ -126,16 +107,17 @@ def difference(
         dt: s.
         limbs: joint positions relative to the root of rotations (..., 1 + B, 4), shape (..., J, 3), m.
         bound: m/s^2.
+        at_least: the shortest duration, s, if that is more than SHORTEST.
     """
     before, aim = _from_now(shown, dt), _from_now(target, dt)
     turn = _turn(shown[1].rotation, target[1].rotation)
-    turn_rate = (turn - _nearest(_turn(before.rotation, aim.rotation), turn)) / dt
+    turn_rate = (turn - nearest_rotation_vector(_turn(before.rotation, aim.rotation), turn)) / dt
     drift = _drift(shown[1]) - _drift(target[1])
     drift_rate = (drift - _drift(before) + _drift(aim)) / dt
-    fade = Fade(SHORTEST, turn, turn_rate, drift, drift_rate)
+    fade = Fade(min(max(SHORTEST, at_least), LONGEST), turn, turn_rate, drift, drift_rate)
     spin = _turn(target[1].rotation, aim.rotation) / dt
     while fade.duration < LONGEST:
-        beyond = hardest(fade, target[1].rotation, spin, limbs) / (_SHARE * bound)
+        beyond = peak_acceleration(fade, target[1].rotation, spin, limbs) / (_SHARE * bound)
         if beyond <= 1.0:
             break
         # What a difference in place costs goes with 1 / T^2, one in speed with 1 / T: the former never overshoots.
@@ -144,7 +126,20 @@ def difference(
     return fade
 
 
-def hardest(fade: Fade, rotation: Array, spin: Array, limbs: Callable[[Array], Array]) -> float:
+def extrapolated(before: Posture, now: Posture, dt: float) -> Posture:
+    """The posture dt seconds after two others, if every bone turns and the root moves on as they did."""
+    step = _turn(now.rotation, _from_now((before, now), dt).rotation)
+    turned = float(now.turn_rate) * dt
+    back = yaw(-turned)
+    return replace(
+        now,
+        height=2.0 * now.height - before.height,
+        velocity=rotate(back, np.append(now.velocity, 0.0))[:2],
+        rotation=multiply(back, multiply(from_rotation_vector(step), now.rotation)),
+    )
+
+
+def peak_acceleration(fade: Fade, rotation: Array, spin: Array, limbs: Callable[[Array], Array]) -> float:
     """The largest acceleration by which a fade moves a joint away from its target's own motion, m/s^2.
 
     Args:
@@ -152,8 +147,8 @@ def hardest(fade: Fade, rotation: Array, spin: Array, limbs: Callable[[Array], A
         rotation, spin: the target's at its start, shapes (1 + B, 4) and (1 + B, 3), and rad/s.
         limbs: as for `difference`.
     """
-    step = fade.duration / _LOOKS
-    time: Array = step * np.arange(_LOOKS + 1.0)[:, None, None]
+    step = fade.duration / _SAMPLES
+    time: Array = step * np.arange(_SAMPLES + 1.0)[:, None, None]
     share: Array = time / fade.duration
     value, slope = run_out(share)
     slope = slope * fade.duration
@@ -188,17 +183,6 @@ def _from_now(postures: tuple[Posture, Posture], dt: float) -> Posture:
 
 def _turn(shown: Array, target: Array) -> Array:
     return to_rotation_vector(multiply(shown, conjugate(target)))
-
-
-def _nearest(vector: Array, other: Array) -> Array:
-    """Of the two rotation vectors that mean the same rotation the one nearer to another, shapes (..., 3).
-
-    Between two instants a difference may pass half a turn, where the short way round changes sides.
-    """
-    angle = np.linalg.norm(vector, axis=-1, keepdims=True)
-    around = vector * (1.0 - 2.0 * np.pi / np.maximum(angle, 1e-9))
-    far = np.linalg.norm(vector - other, axis=-1, keepdims=True)
-    return np.where(np.linalg.norm(around - other, axis=-1, keepdims=True) < far, around, vector)
 
 
 def _drift(posture: Posture) -> Array:

@@ -58,3 +58,38 @@ def test_two_runs_from_one_snapshot_are_identical(network):
     player.restore(kept)
     assert np.array_equal(first, play(player, 0.004, 50))
     assert player.motion == "bow"
+
+
+class Polynomial:
+    """A network whose frames lie on a given curve of the frame's number."""
+
+    motions = ("curve",)
+    channels = 1
+
+    def __init__(self, curve):
+        self.curve, self.frame = curve, 0
+
+    def anchors(self, motion):
+        return np.array([[self.curve(0.0)]])
+
+    def cue(self, motion, anchor):
+        self.frame = 0
+
+    def advance(self, out):
+        self.frame += 1
+        out[:] = self.curve(float(self.frame))
+
+
+@pytest.mark.parametrize("curve", [lambda t: 3.0 - 2.0 * t, lambda t: 1.0 + t - 0.7 * t * t])
+def test_a_line_and_a_parabola_are_played_exactly_between_frames(curve):
+    """Catmull-Rom reproduces polynomials up to the second degree."""
+    player = FramePlayer(Polynomial(curve), rate=1.0)
+    played = play(player, 0.2, 40)[:, 0]
+    np.testing.assert_allclose(played, [curve(1.0 + 0.2 * k) for k in range(1, 41)], rtol=1e-9)
+
+
+def test_halfway_between_frames_the_outer_ones_count_a_sixteenth():
+    """Catmull and Rom 1974: the weights at u = 1/2 are (-1, 9, 9, -1) / 16."""
+    for spike, weight in enumerate((-1 / 16, 9 / 16, 9 / 16, -1 / 16)):
+        player = FramePlayer(Polynomial(lambda t, spike=spike: float(t == spike)), rate=1.0)
+        assert player.step(0.5)[0] == pytest.approx(weight)
