@@ -34,7 +34,7 @@ class JoinLimits:
         self._acceleration = max(self._acceleration, HARDEST * motion.acceleration)
 
     def use(self, pose: Pose, dt: float) -> float:
-        """How much of the limits the fastest joint needs if this pose comes dt seconds after the last; 1 is the limit."""
+        """How much of the limits the joints need if this pose comes dt seconds after the last; 1 is the limit."""
         step = self._joints(pose) - self._now
         change = step - (self._now - self._before) if self._before is not None else np.zeros(3)
         speed, acceleration = (float(np.square(part).sum(-1).max()) ** 0.5 for part in (step, change))

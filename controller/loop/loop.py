@@ -2,6 +2,8 @@
 
 No exception leaves a tick. An output that keeps raising is parked and the others go on. While the deck raises its last
 targets are held; if it keeps raising, the joints come to rest and the loop ends.
+
+Ticks that run at once after a stall advance the deck, but are not written faster than time passes (see `pace`).
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from controller.loop.clock import Clock
 from controller.loop.fault_counter import FaultCounter
 from controller.loop.histogram import DurationHistogram, Percentiles
 from controller.loop.output_channel import Channel
+from controller.loop.pace import Pace
 from controller.loop.quiet import undisturbed
 from controller.loop.run_phases import Player, Source, safe_targets
 from controller.loop.safety_envelope import SafetyEnvelope
@@ -118,7 +121,7 @@ def run(
         state = LoopState(envelope.position, source.pose)
         steps = safe_targets(source, channels, envelope, stop, seconds, rest)
         clock.start()
-        start = clock.now()
+        start, pace = clock.now(), Pace(clock.period)
         try:
             while True:
                 began = clock.now()
@@ -126,12 +129,15 @@ def run(
                     commanding.call(commands, stop)
                 for channel in channels:
                     channel.read(state.tick)
-                targets = next(steps, None)
-                if targets is None:
-                    break
-                for channel in channels:
-                    channel.write(state.tick, targets, source.pose)
-                state.targets, state.pose = targets, source.pose
+                if pace.may_write(began):
+                    targets = next(steps, None)
+                    if targets is None:
+                        break
+                    for channel in channels:
+                        channel.write(state.tick, targets, source.pose)
+                    state.targets, state.pose = targets, source.pose
+                else:
+                    source.catch_up()
                 if publish and state.tick % publish_every == 0:
                     publishing.call(publish, state)
                 state.work_ns = clock.now() - began

@@ -33,6 +33,7 @@ class Source:
         pose: where they come from.
         counter: the faults of the updates.
         updates: how many there were after the first one.
+        running: whether the deck's time passes; while the joints approach it, it waits.
     """
 
     def __init__(self, deck: Player, dt: float) -> None:
@@ -41,13 +42,20 @@ class Source:
         self.dt = dt
         self.counter = FaultCounter()
         self.updates = 0
+        self.running = False
         targets, self.pose = deck.update(dt)
         self.targets = targets.copy()
 
     def update(self) -> None:
         """Advances the deck by one tick."""
         self.updates += 1
+        self.running = True
         self.counter.call(self._take)
+
+    def catch_up(self) -> None:
+        """Advances the deck by a tick whose targets are not written, unless it waits for an approach."""
+        if self.running:
+            self.update()
 
     def _take(self) -> None:
         targets, pose = self._deck.update(self.dt)
@@ -112,6 +120,7 @@ def safe_targets(
 
 def _follow(source: Source, envelope: SafetyEnvelope) -> Iterator[Array]:
     """Approaches the deck's targets slowly, and then follows them."""
+    source.running = False
     yield from _move_to(_reachable(source.targets, envelope), envelope, source.dt)
     while True:
         source.update()
