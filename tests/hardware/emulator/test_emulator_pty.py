@@ -145,10 +145,13 @@ def test_a_port_in_use_is_refused(emulator):
 
 
 def test_the_rig_plays_over_the_wire(emulator, servo20_file):
-    with DynamixelRig.connect(load_rig(servo20_file), emulator.port) as rig:
+    config = msgspec.structs.replace(load_rig(servo20_file), watchdog_ms=2540)
+    with DynamixelRig.connect(config, emulator.port) as rig:
         targets = np.linspace(-0.5, 0.5, 20)
 
         def arrived():
+            if rig.stopped:  # a busy machine let the bus be silent for too long, and the watchdogs have done their duty
+                rig.rearm()
             rig.collect_state()
             rig.write(targets)
             rig.request_state()
