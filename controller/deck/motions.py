@@ -10,6 +10,7 @@ from controller.library.library_header import MotionInfo
 from controller.library.motion_library import MotionLibrary
 from controller.measures.motion_matching import joint_features
 from controller.mocap.posture import walk_path
+from controller.networks.base import FrameNetwork
 from controller.rotations import Array
 
 ENTRY_SHARE = 0.1
@@ -45,7 +46,7 @@ class Motion:
 
 def read_motions(library: MotionLibrary) -> dict[str, Motion]:
     """The motions of a library by name; a one-shot may be entered at its beginning only."""
-    motions = {}
+    motions, network = {}, library.network.twin()
     for info in library.info.motions:
         frames = library.network.anchors(info.name)
         spacing = info.frames / len(frames) / library.info.rate
@@ -54,7 +55,7 @@ def read_motions(library: MotionLibrary) -> dict[str, Motion]:
         velocities = _rate(places, spacing, loop=loop)
         moving = len(frames) if loop else _moving(places)
         entries = moving if loop else max(1, int(ENTRY_SHARE * moving))
-        speed, acceleration = _peaks(library, info)
+        speed, acceleration = _peaks(library, network, info)
         motions[info.name] = Motion(
             name=info.name,
             loop=loop,
@@ -82,12 +83,12 @@ def _rate(values: Array, spacing: float, *, loop: bool) -> Array:
     return np.gradient(values, spacing, axis=0)
 
 
-def _peaks(library: MotionLibrary, info: MotionInfo) -> tuple[float, float]:
+def _peaks(library: MotionLibrary, network: FrameNetwork, info: MotionInfo) -> tuple[float, float]:
     """The largest speed and acceleration of any joint in the world while a motion plays alone, m/s and m/s^2.
 
     At least LEAST_SPEED and LEAST_ACCELERATION.
     """
-    network, encoding, rate = library.network.twin(), library.encoding, library.info.rate
+    encoding, rate = library.encoding, library.info.rate
     network.cue(info.name, 0)
     frames = np.empty((info.frames + 3, network.channels))
     for frame in frames:
