@@ -225,7 +225,6 @@ def check(
 def _print_rows(rows: list[dict[str, Any]]) -> None:
     """The table, its sums, and what went wrong."""
     from controller.cli.common.tables import show_table
-
     from controller.cli.robot.check import off_limits
 
     counts, segments = ("bad", "beyond", "too_fast", "jumps"), ("thigh", "shank", "upper_arm", "forearm")

@@ -1,5 +1,6 @@
-"""Centralized networks are measured as reservoirs are: training errors and disturbances."""
+"""Networks with centers are measured as reservoirs are: training errors and disturbances."""
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -10,6 +11,7 @@ from controller.measures.run_batch import batch_of
 from controller.training.centralized.centralized_training import CentralizedRecipe
 from controller.training.fit import TrainingSet
 from controller.training.recipe import LibraryRecipe, MotionRecipe
+from controller.training.reservoirs.phase_training import PhaseRecipe
 
 LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}
 RECIPE = LibraryRecipe(
@@ -73,8 +75,9 @@ def test_loops_come_back_from_every_disturbance(subject, syllabus, kind):
     assert all(one.guarded is not None for one in counts)
 
 
-def test_training_errors(syllabus):
-    found = training_error(RECIPE, syllabus, 0)
+@pytest.mark.parametrize("network", [RECIPE.network, PhaseRecipe(neurons=100, rank=20)])
+def test_training_errors(syllabus, network):
+    found = training_error(msgspec.structs.replace(RECIPE, network=network), syllabus, 0)
     assert 0.0 < found.nrmse_readout < 0.1
     assert 0.0 < found.mabs_readout < 10.0
     assert found.mabs_weights is None
