@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from controller.cli.common.tables import show_table
 from controller.library.motion_library import load_library
 from motiondeck_base.errors import MotiondeckError
-from motiondeck_base.shipped import find
+from motiondeck_base.shipped import find_library
 from sim.models.robot_file import read_robot_file
 from sim.physics.played_motions import as_clip
 from sim.robots.calibrate import Calibration
@@ -22,6 +23,7 @@ Directions = Mapping[str, tuple[float, float]]
 
 # What a calibrated robot is tried on: motions of the shipped library thesis15, so many seconds of each.
 LIBRARY, MOTIONS, SECONDS, RATE = "thesis15", ("walk", "box1"), 1.5, 30.0
+WORDS = ("body (left)", "hinge (left)", "axis")  # the columns of the table that are no numbers
 
 
 def write_robot_file(found: Calibration, file: Path, force: bool) -> None:
@@ -38,7 +40,7 @@ def write_robot_file(found: Calibration, file: Path, force: bool) -> None:
 
 def directions_of(file: Path) -> Directions:
     """How far the limbs of a robot point from the human's while it walks and boxes: mean and worst, degrees."""
-    robot_file, library = read_robot_file(file), load_library(find("library", LIBRARY, ".safetensors"))
+    robot_file, library = read_robot_file(file), load_library(find_library(LIBRARY))
     found: dict[str, tuple[float, float]] = {}
     for motion in MOTIONS:
         clip = as_clip(library, motion, SECONDS, RATE)
@@ -88,30 +90,26 @@ def report_of(found: Calibration, file: Path, off: Directions) -> dict[str, Any]
 
 def print_report(found: Calibration, file: Path, off: Directions) -> None:
     """The report as tables and sentences."""
-    from rich.console import Console
-    from rich.table import Table
-
     print(f"wrote {file}: {len(found.joints)} joints, root {found.root_height:.3f} m above the floor when it stands")
     trunk = ", ".join(f"{part} is '{found.parts[part]}'" for part in ("pelvis", "chest", "head") if part in found.parts)
     print(trunk)
-    table = Table(box=None, header_style="bold")
-    for name in ("segment", "body (left)", "hinge (left)", "axis", "left m", "right m", "human m", "off deg", "worst"):
-        table.add_column(
-            name, justify="left" if name in ("segment", "body (left)", "hinge (left)", "axis") else "right"
-        )
+    rows = []
     for segment in found.segments:
         angles = [off[name] for name in (f"r_{segment.part}", f"l_{segment.part}") if name in off]
-        table.add_row(
-            segment.part.replace("_", " "),
-            segment.body[1],
-            segment.hinge[1],
-            " ".join(f"{component:+.2f}" for component in segment.axis[1] + 0.0),
-            *(f"{length:.3f}" for length in segment.length[::-1]),
-            f"{segment.human:.3f}",
-            f"{max(mean for mean, _ in angles):.0f}" if angles else "",
-            f"{max(worst for _, worst in angles):.0f}" if angles else "",
+        rows.append(
+            (
+                segment.part.replace("_", " "),
+                segment.body[1],
+                segment.hinge[1],
+                " ".join(f"{component:+.2f}" for component in segment.axis[1] + 0.0),
+                *(f"{length:.3f}" for length in segment.length[::-1]),
+                f"{segment.human:.3f}",
+                f"{max(mean for mean, _ in angles):.0f}" if angles else "",
+                f"{max(worst for _, worst in angles):.0f}" if angles else "",
+            )
         )
-    Console(width=140, highlight=False).print(table)
+    headings = ("segment", *WORDS, "left m", "right m", "human m", "off deg", "worst")
+    show_table(headings, rows, left=WORDS)
     print("human: a human of the robot's height. off: the angle to the human's limb, walking and boxing.")
     for doubt in found.doubts:
         line = _line(file, doubt.part)
