@@ -1,7 +1,7 @@
-"""How soon a rig of mixed models names each fault of each model.
+"""How soon a rig of mixed models notices and names each fault of each model, in simulated time.
 
-In simulated time; the table has model, fault, s until the incident that names the joint, and what came of it. The exit
-code is 1 if a fault was found after more than a second, or not named.
+The table has model, fault, s until the incident that names the joint, and what came of it. Where the indirect cells of
+no servo can be arranged (--in-place), health is read in turns.
 """
 
 from __future__ import annotations
@@ -109,17 +109,16 @@ def run(model: str, fault: str, in_place: bool = False) -> Found:
 
 
 def main(
-    in_place: Annotated[
-        bool, typer.Option("--in-place", help="No servo's indirect cells can be arranged: health is read in turns.")
-    ] = False,
+    in_place: Annotated[bool, typer.Option("--in-place", help="Hide the indirect cells of every servo.")] = False,
 ) -> None:
+    """Prints the table; exit code 1 if a fault was found after more than a second, or not named."""
     late = 0
     for model in MODELS:
         for fault in FAULTS:
             found = run(model, fault, in_place)
             late += found.after > 1.0
             came = "stopped, named" if model in found.end else "mended" if found.follows else "does not follow"
-            print(f"{model:<12} {fault:<13} {found.after:5.2f} s  {came:<16} {found.incident}")
+            print(f"{model:<12} {fault:<13} {found.after:5.2f} s  {came:<16} {found.incident}", flush=True)
     print(f"found after more than 1 s or not at all: {late}")
     if late:
         raise typer.Exit(1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import fcntl
 import os
@@ -9,11 +10,14 @@ import select
 import termios
 import time
 from array import array
+from pathlib import Path
 from typing import Protocol
 
 import serial
 
 from hardware.errors import SerialPortError
+
+_BY_ID = Path("/dev/serial/by-id")
 
 
 class Port(Protocol):
@@ -43,7 +47,11 @@ class Port(Protocol):
 
 
 class SerialPort:
-    """A serial device, held exclusively, 8N1."""
+    """A serial device, held exclusively, 8N1.
+
+    A lock keeps out programs that ask for one, and TIOCEXCL all others: a second client that opens the port, such as
+    dynamixel-sdk, is refused by the system. (root is not.)
+    """
 
     def __init__(self, name: str, baud: int) -> None:
         """Opens the device.
@@ -54,8 +62,9 @@ class SerialPort:
         self.name = name
         try:
             self._serial = serial.Serial(name, baud, timeout=0, exclusive=True)
+            fcntl.ioctl(self._serial.fileno(), termios.TIOCEXCL)
         except (OSError, ValueError) as error:
-            raise SerialPortError(f"cannot open the port {name} at {baud} baud: {_reason(error)}") from error
+            raise SerialPortError(f"cannot open the port {name} at {baud} baud: {_reason(name, error)}") from error
         self._fd = self._serial.fileno()
         self._available = array("i", [0])  # bytes that wait in the kernel
         self._poll = select.poll()
@@ -98,6 +107,10 @@ class SerialPort:
     def close(self) -> None:
         """Gives the device back; may be called twice, and afterwards every other call raises SerialPortError."""
         # The number may belong to another file soon: no byte meant for servos may reach that.
+        if self._fd >= 0:
+            # On a pseudo-terminal the other end stays open, and with it this setting.
+            with contextlib.suppress(OSError):
+                fcntl.ioctl(self._fd, termios.TIOCNXCL)
         self._fd = -1
         self._serial.close()
 
@@ -105,7 +118,19 @@ class SerialPort:
         return SerialPortError(f"the port {self.name} is gone: plug the adapter in again and start anew.")
 
 
-def _reason(error: OSError | ValueError) -> str:
+def lasting_name(name: str, folder: Path = _BY_ID) -> str:
+    """The name of a port that its adapter keeps when it is plugged in again: its link in /dev/serial/by-id.
+
+    Linux makes these links from maker, product and serial number. Where the port has none, its own name.
+    """
+    try:
+        links = sorted(folder.iterdir())
+        return next((str(link) for link in links if link.resolve() == Path(name).resolve()), name)
+    except OSError:
+        return name
+
+
+def _reason(name: str, error: OSError | ValueError) -> str:
     """Why a port would not open, and what to do."""
     number = getattr(error, "errno", None)
     if "exclusively lock" in str(error) or number in (errno.EBUSY, errno.EAGAIN):
@@ -113,5 +138,14 @@ def _reason(error: OSError | ValueError) -> str:
     if number == errno.ENOENT:
         return "there is no such device. Plug the adapter in, or name its port."
     if number == errno.EACCES:
-        return "permission denied. Join the group that owns it (often 'dialout') and log in again."
+        group = _group_of(name)
+        return f"permission denied. Join the group {group}: sudo usermod -a -G {group} $USER, and log in again."
     return str(error)
+
+
+def _group_of(name: str) -> str:
+    """The group that owns a device; the usual one where that cannot be found out."""
+    try:
+        return Path(name).group()
+    except (OSError, KeyError):
+        return "dialout"

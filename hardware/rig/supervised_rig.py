@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hardware.bus.port import lasting_name
 from hardware.bus.servo_bus import Bus
 from hardware.errors import MotiondeckError, RigError, SerialPortError
 from hardware.rig.arranging import arrange_state
@@ -91,6 +92,8 @@ class SupervisedRig:
         self._sleep = sleep
         self._rig = DynamixelRig(config, open_bus())
         self._speed = np.array([joint.velocity for joint in config.joints])
+        self._lower = np.array([joint.lower for joint in config.joints])
+        self._upper = np.array([joint.upper for joint in config.joints])
         self._hottest = np.array([joint.hottest for joint in config.joints])
         self._ease = np.ones(len(self.names))
         self._strain = Strain(config)
@@ -110,7 +113,9 @@ class SupervisedRig:
             RigError: as `DynamixelRig`.
             SerialPortError: if the port cannot be opened, or vanishes.
         """
-        return cls(config, lambda: Bus.open(config.port, config.baud))
+        # The adapter may come back as another tty; by this name it is found again.
+        port = lasting_name(config.port)
+        return cls(config, lambda: Bus.open(port, config.baud))
 
     def __enter__(self) -> SupervisedRig:
         return self
@@ -310,7 +315,9 @@ class SupervisedRig:
         held = np.where(
             (easing < 1.0) & ~strain.yielding, goals + np.clip(targets - goals, -easing * step, easing * step), targets
         )
-        self._catching_up &= strain.yielding | ~(np.abs(targets - held) < _CAUGHT_UP)
+        # A joint that stands at a limit has caught up with a target beyond it.
+        reachable = np.clip(targets, self._lower, self._upper)
+        self._catching_up &= strain.yielding | ~(np.abs(reachable - held) < _CAUGHT_UP)
         return held
 
     def _look_after(self) -> None:

@@ -182,6 +182,7 @@ def setup(
 
     Example:  motiondeck rig setup /dev/ttyUSB0 --id 7 --baud 4000000
     """
+    from hardware.bus.port import lasting_name
     from hardware.bus.servo_bus import Bus
     from hardware.rig.rig_file import BAUD_RATES
     from hardware.tools.doctor import set_up
@@ -196,6 +197,8 @@ def setup(
         return
     was = f"id {before.identity.id} at {before.baud} baud"
     print(f"{after.model}: {was} is now id {after.id} at {baud} baud, return delay 0")
+    if (lasting := lasting_name(port)) != port:
+        print(f'write port = "{lasting}" into the rig file: the adapter keeps this name when it is plugged in again')
 
 
 @app.command("monitor")

@@ -217,7 +217,7 @@ def test_pulling_the_plug_is_one_clear_error(rig_of_four):
 def test_nobody_reading_does_not_block_the_emulator(served):
     bus = Bus.open(served.port, 1_000_000)
     for _ in range(400):
-        bus.request([1, 2, 3, 4], 0, 140)
+        bus.request(tuple((id, 0, 140) for id in (1, 2, 3, 4)))
         bus._pending = None
     until(lambda: bus.ping(1), "an answer")
     bus.close()

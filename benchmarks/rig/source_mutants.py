@@ -1,0 +1,62 @@
+"""Eight breakages of the rig's source, each of which a fault schedule must notice."""
+
+from __future__ import annotations
+
+import inspect
+import textwrap
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FunctionType
+from typing import NamedTuple, cast
+
+from hardware.rig.dynamixel_rig import DynamixelRig
+from hardware.rig.supervised_rig import SupervisedRig
+from hardware.rig.switching import check_identities, hold_still
+
+
+class Mutant(NamedTuple):
+    """A function of which one piece of text is replaced."""
+
+    function: Callable[..., object]
+    text: str
+    instead: str
+
+
+_GOALS = '_write(config, bus, "goal_position", [int(pulses) for pulses in scale.pulses(goals)])'
+
+MUTANTS = {
+    "no clipping": Mutant(DynamixelRig.write, "np.clip(wanted, self._scale.lower, self._scale.upper)", "wanted"),
+    "no goal := present": Mutant(hold_still, _GOALS, "pass"),
+    "no speed limit": Mutant(hold_still, "_limit_speed(config, bus)", "pass"),
+    "full-speed catch-up": Mutant(
+        cast(property, vars(SupervisedRig)["easing"]).fget or SupervisedRig.write,
+        "np.minimum(self._ease, _CATCHING_UP)",
+        "self._ease",
+    ),
+    "no watchdog": Mutant(DynamixelRig._send, '"bus_watchdog", units)', '"bus_watchdog", 0)'),
+    "no identity check": Mutant(check_identities, "identity.model != joint.model", "False"),
+    "no switch-off": Mutant(DynamixelRig.close, "end(self.config, self.bus)", "[]"),
+    "no close": Mutant(DynamixelRig.close, "if self._closed:", "if True:"),
+}
+
+
+@contextmanager
+def mutated(mutant: Mutant) -> Iterator[None]:
+    """Breaks the function in place for the length of the block, wherever it has been imported.
+
+    Raises:
+        ValueError: if its source no longer has the text.
+    """
+    function = cast(FunctionType, mutant.function)
+    source = textwrap.dedent(inspect.getsource(function))
+    if mutant.text not in source:
+        raise ValueError(f"{function.__qualname__} no longer has '{mutant.text}'")
+    source = source.replace(mutant.text, mutant.instead).removeprefix("@property\n")
+    made: dict[str, FunctionType] = {}
+    exec(compile(source, "mutant", "exec"), function.__globals__, made)
+    whole = function.__code__
+    function.__code__ = made[function.__name__].__code__
+    try:
+        yield
+    finally:
+        function.__code__ = whole

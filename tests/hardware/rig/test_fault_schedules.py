@@ -1,0 +1,47 @@
+"""Random fault schedules end well, and would notice a rig whose source is broken.
+
+More of them:  python -m benchmarks fault_schedules 500     python -m benchmarks fault_schedules 20 --mutants
+"""
+
+import numpy as np
+import pytest
+
+from benchmarks.rig.fault_schedules import run, schedule
+from benchmarks.rig.source_mutants import MUTANTS, Mutant, mutated
+from hardware.rig.switching import hold_still
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_random_schedule_of_faults_ends_well(seed):
+    assert run(seed).problems == []
+
+
+@pytest.mark.parametrize(
+    ("name", "seed", "noticed"),
+    [
+        ("no goal := present", 0, "from its goal"),
+        ("no speed limit", 0, "was too fast"),
+        ("no switch-off", 0, "wrong torque after the close"),
+    ],
+)
+def test_a_broken_source_is_noticed(name, seed, noticed):
+    with mutated(MUTANTS[name]):
+        assert noticed in "; ".join(run(seed).problems)
+
+
+@pytest.mark.parametrize("name", MUTANTS)
+def test_every_mutant_still_has_its_text_in_the_source(name):
+    with mutated(MUTANTS[name]):
+        pass
+
+
+def test_a_mutant_whose_text_is_gone_is_named():
+    with pytest.raises(ValueError, match="hold_still no longer has"), mutated(Mutant(hold_still, "no such text", "")):
+        pass
+
+
+def test_schedules_come_from_their_seed():
+    one, same, other = schedule(5), schedule(5), schedule(6)
+    assert (one.faults, one.config) == (same.faults, same.config)
+    assert np.array_equal(one.targets(1.0), same.targets(1.0))
+    assert one.faults != other.faults
