@@ -82,7 +82,9 @@ def test_when_one_part_stops_the_whole_rig_stands_still(config):
     bench = Bench(config, [Fault("alert", id=2, at=0.5, value=32.0)])
     with pytest.raises(RigError, match="joint_3"):
         bench.play(300)
-    bench.tick(np.ones(4))  # says nothing more, and writes nothing
+    sent = [len(port.sent) for port in bench.ports]
+    bench.tick(np.ones(4))  # raises nothing more, and writes nothing
+    assert [len(port.sent) for port in bench.ports] == sent
     bench.elapse(0.4)
     for device in bench.ports[1].bus.devices:
         assert device["bus_watchdog"] == -1

@@ -146,6 +146,28 @@ def test_a_rig_file_may_ask_to_go_on_without_a_joint(build):
     assert rig.positions[[0, 2, 3]] == pytest.approx(0.3, abs=0.01)
 
 
+@pytest.mark.parametrize(("degrees", "part"), [(67.0, 1.0), (73.0, 0.5), (77.5, 0.25)])
+def test_heat_slows_a_joint_from_12_to_2_degrees_below_its_limit(build, degrees, part):
+    """An XM430 shuts down at 80 degC."""
+    rig, port = build(f"overheat:id=1,at=0.5,value={degrees}")
+    play(rig, port, [0.0] * 4, 0.6)
+    assert rig.easing == pytest.approx([part, 1.0, 1.0, 1.0], abs=0.06)
+
+
+def test_only_the_eased_joint_is_held_back_and_by_its_own_speed(build):
+    rig, port = build("overheat:id=1,at=0.1,value=79")
+    play(rig, port, [0.0] * 4, 0.5)
+    play(rig, port, [1.0] * 4, 0.1)
+    # A quarter of 4 rad/s for 0.1 s; the others have their targets at once.
+    assert rig._rig.goals == pytest.approx([0.1, 1.0, 1.0, 1.0], abs=0.02)
+
+
+def test_a_servo_heard_again_before_its_watchdog_has_tripped_is_left_alone(build):
+    rig, port = build("dead:id=2,at=0.5,for=0.1")
+    play(rig, port, [0.2] * 4, 2.0)
+    assert rig.recoveries == 0
+
+
 def test_a_hot_joint_gets_slower_before_it_shuts_down(build):
     rig, port = build("overheat:id=1,at=0.5,value=76")
     play(rig, port, [0.0] * 4, 1.0)
