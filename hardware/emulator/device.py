@@ -179,9 +179,11 @@ class Device:
             return plan
         if shadow and any(register.memory == "EEPROM" for register, _ in plan):
             return ACCESS
-        was_on = self._get("torque_enable")
+        was_on, mode = self._get("torque_enable"), self._get("operating_mode")
         for register, value in plan:
             self._store(register, value)
+        if self._get("operating_mode") != mode:
+            self.bank.restore_control(self.row)
         by_goal = not was_on and self._get("drive_mode") & _ON_BY_GOAL and not self.shut_down
         if by_goal and any(register.name in _GOALS for register, _ in plan):
             self._store(self._table["torque_enable"], 1)

@@ -23,6 +23,8 @@ TRIPPED = -1
 VOLTAGE, HEAT, OVERLOAD = 0x01, 0x04, 0x20
 """Bits of the hardware error status that the bank sets."""
 
+_CONTROL = ("position_p_gain", "position_i_gain", "position_d_gain", "velocity_p_gain", "velocity_i_gain",
+            "feedforward_1st_gain", "feedforward_2nd_gain", "profile_velocity", "profile_acceleration")  # fmt: skip
 _SHORTEST_STEP = 0.001
 _IN_POSITION = 0x01
 _PROFILE_ONGOING = 0x02
@@ -85,9 +87,7 @@ class ServoBank:
         for register in self.table.registers.values():
             if register.memory == "RAM":
                 self.registers[register.name][row] = register.default or 0
-        self.registers["goal_pwm"][row] = self.registers["pwm_limit"][row]
-        if self._measures_current:
-            self.registers["goal_current"][row] = self.registers["current_limit"][row]
+        self.restore_control(row)
         for name, value in (restored or {}).items():
             self.registers[name][row] = value
         self._overload[row] = 0.0
@@ -96,6 +96,14 @@ class ServoBank:
         self._shown = False
         self.show()
         self.registers["goal_position"][row] = self.registers["present_position"][row]
+
+    def restore_control(self, row: int) -> None:
+        """Puts gains, profile, goal PWM and goal current of a servo back, as power-up and a change of mode do."""
+        for name in _CONTROL:
+            self.registers[name][row] = self.table[name].default or 0
+        self.registers["goal_pwm"][row] = self.registers["pwm_limit"][row]
+        if self._measures_current:
+            self.registers["goal_current"][row] = self.registers["current_limit"][row]
 
     def reset(self, row: int, keep: Sequence[str]) -> None:
         """Puts the EEPROM of a servo back to its defaults, but for the registers in `keep`."""

@@ -498,3 +498,17 @@ def test_a_mixed_rig_is_emulated_side_by_side(rig_of_four):
     bus = EmulatedBus(msgspec.structs.replace(rig_of_four, joints=joints))
     assert [device.model for device in bus.devices] == ["XM430-W350", "XL430-W250"] * 2
     assert np.array_equal([bus[id].id for id in (1, 2, 3, 4)], [1, 2, 3, 4])
+
+
+def test_a_change_of_mode_puts_gains_profile_and_goals_back_and_the_same_mode_does_not(servo):
+    """[X] Operating Mode (11): gains, profile, goal PWM and goal current are reset when the mode changes."""
+    changed = {"position_p_gain": 400, "position_i_gain": 7, "feedforward_1st_gain": 9, "profile_velocity": 50,
+               "profile_acceleration": 60, "goal_pwm": 200, "goal_current": 100}  # fmt: skip
+    for name, value in changed.items():
+        servo.put(name, value)
+    servo.put("operating_mode", 3)
+    assert {name: servo.get(name) for name in changed} == changed
+    servo.put("operating_mode", 4)
+    back = {name: servo.get(name) for name in changed}
+    assert back == {"position_p_gain": 800, "position_i_gain": 0, "feedforward_1st_gain": 0, "profile_velocity": 0,
+                    "profile_acceleration": 0, "goal_pwm": 885, "goal_current": 1193}  # fmt: skip
