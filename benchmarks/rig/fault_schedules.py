@@ -38,6 +38,7 @@ _LASTING = ("dead", "overheat", "alert", "unplug", "swap")
 _ENDS = ("close", "hold", "kill", "lasting", "lasting")
 _QUIET = 4.0  # s without faults before the end, in which every joint must come to follow
 _FOLLOWS = 0.15  # rad
+_SHORTLY, _CATCHES_UP = 0.5, 0.1  # s; part of its speed limit at which a joint that is still far off must come nearer
 _BLAME = 4.0  # s after a fault in which it may stop the rig
 _RELEASED = 1.5  # s after a jam in which a shaft may snap back to its path
 _MISLED = 0.5  # s after a servo was cut off, or took another's ID, until it is set up again
@@ -158,6 +159,7 @@ def run(seed: int) -> Outcome:
     swaps = [fault for fault in plan.faults if fault.kind == "swap"]
     limits = np.array([joint.lower for joint in config.joints]), np.array([joint.upper for joint in config.joints])
     recoveries = [0] * len(rigs)
+    shortly_before = np.full(len(config.joints), np.nan)
     elapse(0.0)
     while (now := ports[0].now()) < SECONDS:
         targets = plan.targets(now)
@@ -173,6 +175,8 @@ def run(seed: int) -> Outcome:
         if stalls and now >= stalls[0].at:
             elapse(stalls.pop(0).lasts)
         elapse(_TICK)
+        if np.isnan(shortly_before).any() and now > SECONDS - _SHORTLY:
+            shortly_before = _angles(judges, places)
         blocked = _struck(plan, ("jam",), _RELEASED, ports[0].now())
         cut_off = _struck(plan, ("dead", "duplicate"), _MISLED, ports[0].now())
         for number, (judge, part, place) in enumerate(zip(judges, rigs, places, strict=True)):
@@ -181,7 +185,11 @@ def run(seed: int) -> Outcome:
                 judge.recovered()
             judge.look(np.clip(targets, *limits)[place], blocked[place], cut_off[place], not part.mending)
     outcome.recoveries = sum(recoveries)
-    _judge_following(plan, outcome, judges, places, np.clip(plan.targets(ports[0].now() - _TICK), *limits))
+    if outcome.stopped:
+        _judge_stop(plan, outcome, ports[0].now())
+    else:
+        angles, targets = _angles(judges, places), np.clip(plan.targets(ports[0].now() - _TICK), *limits)
+        _judge_following(plan, outcome, angles, angles - shortly_before, targets)
     closed = plan.end != "kill" or bool(outcome.stopped)
     if closed:
         rig.close()
@@ -241,25 +249,32 @@ def _open(port: JudgedPort, baud: int) -> Bus:
     return Bus(port, baud)
 
 
-def _judge_following(
-    plan: Schedule, outcome: Outcome, judges: list[Judge], places: list[NDArray[np.int64]], targets: Array
-) -> None:
-    """Whether the rig stopped only for a reason that it named, and else every joint follows."""
+def _angles(judges: list[Judge], places: list[NDArray[np.int64]]) -> Array:
+    """Where the shafts of all ports really are, in the order of the rig file, rad."""
+    angles = np.empty(sum(len(place) for place in places))
+    for judge, place in zip(judges, places, strict=True):
+        angles[place] = judge.angles
+    return angles
+
+
+def _judge_stop(plan: Schedule, outcome: Outcome, at: float) -> None:
+    """Whether the rig stopped for a reason that it named."""
+    guilty = [fault for fault in plan.faults if fault.at <= at <= fault.at + fault.lasts + _BLAME]
+    if not any(_names(outcome.stopped, fault) for fault in guilty):
+        outcome.problems.append(f"stopped without a reason: {outcome.stopped}")
+
+
+def _judge_following(plan: Schedule, outcome: Outcome, angles: Array, moved: Array, targets: Array) -> None:
+    """Whether a rig that has not stopped had no reason to, and each joint follows, or comes nearer to its target."""
     lasting = next((fault for fault in plan.faults if fault.lasts == float("inf")), None)
-    if outcome.stopped:
-        at = judges[0].now
-        guilty = [fault for fault in plan.faults if fault.at <= at <= fault.at + fault.lasts + _BLAME]
-        if not any(_names(outcome.stopped, fault) for fault in guilty):
-            outcome.problems.append(f"stopped without a reason: {outcome.stopped}")
-    elif lasting is not None:
+    if lasting is not None:
         outcome.problems.append(f"{lasting.kind} of id {lasting.id} did not stop the rig")
-    else:
-        angles = np.empty(len(targets))
-        for judge, place in zip(judges, places, strict=True):
-            angles[place] = judge.angles
-        for index in np.flatnonzero(np.abs(angles - targets) > _FOLLOWS).tolist():
-            name = plan.config.names[index]
-            outcome.problems.append(f"{name} is forgotten: {angles[index]:.2f} rad instead of {targets[index]:.2f}")
+        return
+    nearer = moved * np.sign(targets - angles)
+    least = _CATCHES_UP * _SHORTLY * np.array([joint.velocity for joint in plan.config.joints])
+    for index in np.flatnonzero((np.abs(angles - targets) > _FOLLOWS) & (nearer < least)).tolist():
+        name = plan.config.names[index]
+        outcome.problems.append(f"{name} is forgotten: {angles[index]:.2f} rad instead of {targets[index]:.2f}")
 
 
 def _names(message: str, fault: Fault) -> bool:

@@ -13,6 +13,8 @@ from controller.deck.switch import CommandedSwitch
 from controller.loop.loop import LoopReport
 from controller.loop.permissions import Permission
 
+_INCIDENTS_SHOWN = 10  # the latest
+
 
 def run_report(
     report: LoopReport,
@@ -67,6 +69,7 @@ def summary(report: dict[str, Any]) -> str:
             f"rig: {rig['joints']} joints at {rig['hz']:g} Hz, {rig['faults']} faults"
             + (f", tracking error {np.degrees(error):.2f} deg (rms)" if error is not None else "")
         )
+        lines += [f"rig: {incident}" for incident in rig["incidents"][-_INCIDENTS_SHOWN:]]
     lines += [f"the robot fell after {o['fell_s']:.1f} s" for o in report["outputs"] if o.get("fell_s") is not None]
     if kept := report.get("kept_apart"):
         most = sorted(kept.items(), key=lambda item: -item[1])[:3]

@@ -93,6 +93,7 @@ class RigOutput:
             "read_us": _percentiles(rig.read_us.microseconds),
             "tracking_rmse_rad": (self._squares / self._samples) ** 0.5 if self._samples else None,
             "recoveries": rig.recoveries,
+            "incidents": [f"{incident.who} {incident.what}" for incident in rig.incidents],
             "hottest_degc": _hottest(rig.temperatures),
             "faults": rig.faults.total,
             "faults_by_joint": rig.faults.by_joint(rig.names),

@@ -186,3 +186,29 @@ def test_what_cannot_be_taught_or_played_is_said(rig, tmp_path):
         with pytest.raises(Exception, match=error) as raised:
             CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
         assert any(kind.__name__ == "MotiondeckError" for kind in type(raised.value).__mro__)
+
+
+def test_a_fault_of_one_model_among_others_ends_the_run_with_its_name_and_exit_code_1(rig, tmp_path, monkeypatch):
+    rig.write_text(RIG.replace('"/dev/elsewhere", model = "XM430-W350"', '"/dev/nowhere", model = "XL330-M288"').replace(
+        'name = "tilt", id = 1', 'name = "tilt", id = 2'))  # fmt: skip
+    clip = tmp_path / "sway.clip"
+    sway = 0.3 * np.sin(np.linspace(0.0, 12 * np.pi, 500))
+    save_taught_clip(taught_clip("sway", ("pan", "tilt"), 50.0, np.stack([sway, -sway], axis=1)), clip)
+    config = load_rig(rig)
+    port = EmulatedPort(EmulatedBus(config))
+    writes = []
+
+    def write(self, targets, send=SupervisedRig.write):
+        writes.append(targets)
+        if len(writes) == 20:
+            port.bus[1].fail(32)
+        send(self, targets)
+
+    connected = SupervisedRig(config, lambda: Bus(port, config.baud), beside=False)
+    monkeypatch.setattr(SupervisedRig, "write", write)
+    monkeypatch.setattr("hardware.rig.joined_rig.connect_rig", lambda config, ports: connected)
+    result = CliRunner().invoke(app, ["rig", "play", str(rig), str(clip), "--command-port", "0", "--seconds", "4"])
+    assert result.exit_code == 1
+    assert len(writes) <= 22
+    assert "rig: pan (id 1) has shut down: overload" in result.stdout
+    assert "the rig has stopped: pan (id 1) has shut down: overload" in result.stdout
