@@ -18,7 +18,7 @@ import typer
 from numpy.typing import NDArray
 
 from benchmarks import command
-from benchmarks.rig.schedule_judge import Judge, JudgedBus, JudgedPort
+from benchmarks.rig.schedule_judge import JudgedBus, JudgedPort, ShaftJudge
 from benchmarks.rig.source_mutants import MUTANTS, mutated
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.faults import Fault, FaultPlan
@@ -142,7 +142,7 @@ def run(seed: int) -> Outcome:
     places = [np.array([config.names.index(name) for name in part.names]) for part in parts]
     for part, bus, place in zip(parts, buses, places, strict=True):
         _leave(part, bus, plan.start[place], plan.old_goal[place])
-    judges = [Judge(*each) for each in zip(parts, ports, buses, strict=True)]
+    judges = [ShaftJudge(*each) for each in zip(parts, ports, buses, strict=True)]
 
     def elapse(time: float) -> None:
         """Lets time pass on every port; one that has been waited on is ahead of the others."""
@@ -249,7 +249,7 @@ def _open(port: JudgedPort, baud: int) -> Bus:
     return Bus(port, baud)
 
 
-def _angles(judges: list[Judge], places: list[NDArray[np.int64]]) -> Array:
+def _angles(judges: list[ShaftJudge], places: list[NDArray[np.int64]]) -> Array:
     """Where the shafts of all ports really are, in the order of the rig file, rad."""
     angles = np.empty(sum(len(place) for place in places))
     for judge, place in zip(judges, places, strict=True):

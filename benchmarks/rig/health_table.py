@@ -1,7 +1,7 @@
-"""How soon a rig of mixed models notices and names each fault of each model, in simulated time.
+"""How soon a rig of mixed models names each fault of each model.
 
-The table has model, fault, s until the incident that names the joint, and what came of it. Where the indirect cells of
-no servo can be arranged (--in-place), health is read in turns.
+In simulated time; the table has model, fault, s until the incident that names the joint, and what came of it. The exit
+code is 1 if a fault was found after more than a second, or not named.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _AT, _UNTIL = 1.0, 4.0  # s
 _FOLLOWS = 0.2  # rad
 
 
-class Found(NamedTuple):
+class Detection(NamedTuple):
     """What came of a fault.
 
     Attributes:
@@ -76,7 +76,7 @@ def mixed_rig(rate: float = 100.0) -> RigConfig:
     return RigConfig("emulated", 1_000_000, rate, joints)
 
 
-def run(model: str, fault: str, in_place: bool = False) -> Found:
+def run(model: str, fault: str, in_place: bool = False) -> Detection:
     """Plays sines on the mixed rig and has one servo suffer a fault after a second."""
     config = mixed_rig()
     port = EmulatedPort(EmulatedBus(config), paced=True)
@@ -104,21 +104,22 @@ def run(model: str, fault: str, in_place: bool = False) -> Found:
     follows = not end and abs(shaft - target) < _FOLLOWS
     rig.close()
     if not named:
-        return Found(float("inf"), "", end, follows)
-    return Found(named[0].time - struck, named[0].what, end, follows)
+        return Detection(float("inf"), "", end, follows)
+    return Detection(named[0].time - struck, named[0].what, end, follows)
 
 
 def main(
-    in_place: Annotated[bool, typer.Option("--in-place", help="Hide the indirect cells of every servo.")] = False,
+    in_place: Annotated[
+        bool, typer.Option("--in-place", help="No servo's indirect cells can be arranged: health is read in turns.")
+    ] = False,
 ) -> None:
-    """Prints the table; exit code 1 if a fault was found after more than a second, or not named."""
     late = 0
     for model in MODELS:
         for fault in FAULTS:
             found = run(model, fault, in_place)
             late += found.after > 1.0
             came = "stopped, named" if model in found.end else "mended" if found.follows else "does not follow"
-            print(f"{model:<12} {fault:<13} {found.after:5.2f} s  {came:<16} {found.incident}", flush=True)
+            print(f"{model:<12} {fault:<13} {found.after:5.2f} s  {came:<16} {found.incident}")
     print(f"found after more than 1 s or not at all: {late}")
     if late:
         raise typer.Exit(1)

@@ -74,7 +74,7 @@ class JudgedPort(EmulatedPort):
         self.closed = True
 
 
-class Judge:
+class ShaftJudge:
     """Judges the joints of one port, tick by tick.
 
     Attributes:

@@ -189,8 +189,8 @@ def test_what_cannot_be_taught_or_played_is_said(rig, tmp_path):
 
 
 def test_a_fault_of_one_model_among_others_ends_the_run_with_its_name_and_exit_code_1(rig, tmp_path, monkeypatch):
-    rig.write_text(RIG.replace('"/dev/elsewhere", model = "XM430-W350"', '"/dev/nowhere", model = "XL330-M288"').replace(
-        'name = "tilt", id = 1', 'name = "tilt", id = 2'))  # fmt: skip
+    one_port = RIG.replace("elsewhere", "nowhere").replace('"XM430-W350"', '"XL330-M288"', 1)
+    rig.write_text(one_port.replace('"tilt", id = 1', '"tilt", id = 2'))
     clip = tmp_path / "sway.clip"
     sway = 0.3 * np.sin(np.linspace(0.0, 12 * np.pi, 500))
     save_taught_clip(taught_clip("sway", ("pan", "tilt"), 50.0, np.stack([sway, -sway], axis=1)), clip)
