@@ -77,7 +77,7 @@ def bow(count=150):
     s = 0.5 - 0.5 * np.cos(np.pi * np.arange(count) / (count - 1))
     legs = swing(1.2 * s, 0), swing(1.2 * s, 0)
     arms = swing(-0.4 + 0 * s, 1), swing(1.5 * s, 0)
-    return hold_end(frames_of(0.8 - 0.4 * s, 0 * s, 0 * s, legs, arms), slice(1, 4))
+    return hold_end(frames_of(0.8 - 0.4 * s, 0 * s, 0 * s, legs, arms), slice(1, 4), RATE)
 
 
 MOTIONS = {"march": march, "wave": wave, "bow": bow}

@@ -21,6 +21,7 @@ from controller.cli import (  # noqa: E402
     evaluate,
     fit,
     gamepad,
+    learn,
     play,
     plot,
     preflight,
@@ -48,6 +49,7 @@ app.command("send")(send.send)
 app.command("gamepad")(gamepad.gamepad)
 app.command("replay")(replay.replay)
 app.command("plot")(plot.plot)
+app.command("learn")(learn.learn)
 app.command("fit")(fit.fit)
 app.command("evaluate")(evaluate.evaluate)
 app.command("preflight")(preflight.preflight)

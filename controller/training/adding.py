@@ -18,6 +18,7 @@ from controller.library.motion_library import MotionLibrary
 from controller.library.network_arrays import AnyNetwork
 from controller.measures.self_test import Judge, MotionVerdict, run_free, self_test
 from controller.mocap.clip import Clip
+from controller.mocap.clip_edits import mirrored, resampled
 from controller.mocap.encodings.normalisation import Normalisation
 from controller.networks.centralized_frames import CentralizedNetwork
 from controller.networks.conceptor import ConceptorNetwork
@@ -62,7 +63,7 @@ def add_motion(library: MotionLibrary, path: Path, clip: Clip, motion: MotionRec
     Args:
         library: as it was trained or added to.
         path: of the library, for error messages.
-        clip: the recording.
+        clip: the recording, of any skeleton and rate.
         motion: what it is called, how it plays and which of its frames to take.
 
     Raises:
@@ -78,9 +79,8 @@ def add_motion(library: MotionLibrary, path: Path, clip: Clip, motion: MotionRec
         raise MotiondeckError(
             f"{path}: its motions were learned as recorded, without loops; such a library is not added to"
         )
-    if abs(clip.rate - info.rate) > 1e-6:
-        raise MotiondeckError(f"{motion.file}: {clip.rate:g} frames a second; the library has {info.rate:g}")
-    frames = to_learn(library.encoding, cut(clip, motion), motion, recipe.loop_keeps)
+    one = resampled(cut(mirrored(clip) if motion.mirrored else clip, motion), info.rate)
+    frames = to_learn(library.encoding, one, motion, recipe.loop_keeps)
     lengths = {known.name: known.frames for known in info.motions}
     with threadpool_limits(1):
         grown, claimed = _learn(library, recipe, lengths, motion, frames)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -19,11 +19,14 @@ from controller.measures.accuracy import nrmse
 from controller.measures.motion_matching import joint_features
 from controller.measures.self_test import Judge, MotionVerdict, self_test
 from controller.measures.trials import with_trials
+from controller.mocap.formats.canonical_body import carried, to_canonical
 from controller.mocap.clip import Clip
+from controller.mocap.clip_edits import mirrored, resampled, span
 from controller.mocap.encodings.encoding import Encoding, encoding_of
+from controller.mocap.encodings.joint_angles import JointBody
 from controller.mocap.encodings.normalisation import Normalisation
-from controller.mocap.formats.canonical_body import carried
-from controller.mocap.formats.reading import read_clip
+from controller.mocap.formats.reading import read_clip, skeleton_of
+from controller.mocap.skeleton import Skeleton
 from controller.networks.centralized_frames import CentralizedNetwork
 from controller.rotations import Array
 from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network
@@ -39,9 +42,11 @@ from controller.training.reservoirs.random_feature_training import RandomFeature
 from controller.training.stress_test import stress_test
 from motiondeck_base.errors import FileFormatError
 
-SHORTEST = 48  # frames of a recording: two windows of the self-test
+SHORTEST_SECONDS = 0.4  # of a recording: two windows of the self-test
+COMMON_RATE = 120.0  # Hz, of a library whose recordings have different rates
 
 Progress = Callable[[str], None]
+Reader = Callable[[MotionRecipe], Clip]
 
 _KINDS: dict[type, Literal["conceptor", "phase-conceptor", "echo-state", "random-feature", "centralized"]] = {
     ConceptorRecipe: "conceptor",
@@ -84,13 +89,16 @@ class TrainingSet:
         ], normalisation
 
 
-def fit(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None) -> MotionLibrary:
+def fit(
+    recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None, read: Reader | None = None
+) -> MotionLibrary:
     """Trains the library of a recipe from the recordings in a folder.
 
     Args:
         recipe: what to train.
         data: the folder that the recipe's files lie in.
         progress: called with each step in a few words; there are `steps(recipe)` of them without retries.
+        read: gives the clip of a motion; None reads its file.
 
     Returns:
         The library of the first seed with which every motion passes the self-test; where none does, that of the seed
@@ -99,7 +107,7 @@ def fit(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None) 
     Raises:
         MotiondeckError: if a recording is missing or damaged.
     """
-    training_set = prepare(recipe, data, progress)
+    training_set = prepare(recipe, data, progress, read)
     for name, frames in training_set.frames.items():
         if len(frames[:: recipe.network.anchor_every]) < FEWEST_ANCHORS:
             raise FileFormatError(
@@ -231,21 +239,33 @@ def steps(recipe: LibraryRecipe) -> int:
     return len(recipe.motions) + 2
 
 
-def prepare(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None) -> TrainingSet:
-    """Reads a recipe's recordings, carries them to one body, and closes their loops or holds their ends.
+def prepare(
+    recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None, read: Reader | None = None
+) -> TrainingSet:
+    """Reads a recipe's recordings, carries them to one body and rate, and closes their loops or holds their ends.
 
     A recipe that wants them as recorded gets them so.
+
+    Args:
+        recipe: what to read.
+        data: the folder that its files lie in.
+        progress: called with each step in a few words.
+        read: gives the clip of a motion; None reads its file.
     """
-    body = read_clip(find_recording(data, recipe.body)).skeleton
-    twist = recipe.encoding == "joint rotations"
-    encoding = encoding_of(body, twist=twist)
-    frames: dict[str, Array] = {}
-    before: dict[str, Array] = {}
-    rates: set[float] = set()
+    clips: dict[str, Clip] = {}
     for motion in recipe.motions:
         progress(f"reading {motion.name}")
-        clip = cut(read_clip(find_recording(data, motion.file)), motion)
-        rates.add(clip.rate)
+        clips[motion.name] = cut(read_motion(data, motion) if read is None else read(motion), motion)
+    rates = sorted({clip.rate for clip in clips.values()})
+    rate = recipe.rate or (rates[0] if len(rates) == 1 else COMMON_RATE)
+    if recipe.as_recorded and rates != [rate]:
+        raise FileFormatError(f"recipe '{recipe.name}' learns as recorded, but its recordings have {rates} Hz")
+    twist = recipe.encoding == "joint rotations"
+    encoding = encoding_of(_body(recipe, data, clips), twist=twist)
+    frames: dict[str, Array] = {}
+    before: dict[str, Array] = {}
+    for motion in recipe.motions:
+        clip = resampled(clips[motion.name], rate)
         if recipe.as_recorded and not isinstance(recipe.network, CenterRecipe):
             channels, washout = encoding_of(clip.skeleton, twist=twist).encode(clip), recipe.network.washout
             if len(channels) < 2 * washout:
@@ -253,18 +273,33 @@ def prepare(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: No
             before[motion.name], frames[motion.name] = channels[:washout], channels[washout:]
             continue
         frames[motion.name] = to_learn(encoding, clip, motion, recipe.loop_keeps)
-    if len(rates) > 1:
-        raise FileFormatError(f"recipe '{recipe.name}' mixes frame rates: {sorted(rates)} Hz")
     loops = {motion.name: motion.plays == "loop" for motion in recipe.motions}
-    return TrainingSet(encoding, rates.pop(), frames, loops, before)
+    return TrainingSet(encoding, rate, frames, loops, before)
+
+
+def read_motion(data: Path, motion: MotionRecipe) -> Clip:
+    """The recording of a motion, all of its frames; left and right exchanged if it is to be mirrored."""
+    path = find_recording(data, motion.file)
+    skeleton = skeleton_of(path, data) if motion.skeleton is None else find_recording(data, motion.skeleton)
+    clip = read_clip(path, skeleton)
+    return mirrored(clip) if motion.mirrored else clip
+
+
+def _body(recipe: LibraryRecipe, data: Path, clips: dict[str, Clip]) -> Skeleton:
+    """The skeleton that a recipe's motions are carried to."""
+    if recipe.body:
+        path = find_recording(data, recipe.body)
+        return read_clip(path, skeleton_of(path, data)).skeleton
+    first = clips[recipe.motions[0].name]
+    return first.skeleton if isinstance(first.skeleton, JointBody) else to_canonical(first).skeleton
 
 
 def to_learn(encoding: Encoding, clip: Clip, motion: MotionRecipe, loop_keeps: float) -> Array:
     """The frames to learn of a clip, carried to the encoding's body: a closed loop, or a motion that holds its end."""
     channels = encoding.encode(carried(clip, encoding.skeleton))
     if motion.plays == "once":
-        return hold_end(channels, encoding.velocities)
-    return close_loop(channels, joint_features(encoding, channels), at_least=loop_keeps)
+        return hold_end(channels, encoding.velocities, clip.rate)
+    return close_loop(channels, joint_features(encoding, channels), clip.rate, at_least=loop_keeps)
 
 
 def find_recording(data: Path, file: str) -> Path:
@@ -288,9 +323,12 @@ def cut(clip: Clip, motion: MotionRecipe) -> Clip:
     first, end = motion.frames or (0, len(clip))
     if not 0 <= first < end <= len(clip):
         raise FileFormatError(f"motion '{motion.name}': frames {first} to {end} are not in a clip of {len(clip)}")
-    if end - first < SHORTEST:
-        raise FileFormatError(f"motion '{motion.name}': {end - first} frames are too few; {SHORTEST} are the least")
-    return replace(clip, root_position=clip.root_position[first:end], rotation=clip.rotation[first:end])
+    shortest = int(np.ceil(SHORTEST_SECONDS * clip.rate))
+    if end - first < shortest:
+        raise FileFormatError(
+            f"motion '{motion.name}': {end - first} frames are too few; {shortest} are the least at {clip.rate:g} Hz"
+        )
+    return span(clip, first, end)
 
 
 def describe_motion(

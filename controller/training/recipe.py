@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -40,12 +40,16 @@ class MotionRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_o
         file: the recording, relative to the data folder.
         plays: "loop" is closed and goes on for ever, "once" ends in a pose and holds it.
         frames: first frame and the one after the last, or the whole recording.
+        skeleton: for an .amc, its .asf, relative to the data folder; without it the one nearby is taken.
+        mirrored: whether left and right are exchanged.
     """
 
     name: str
     file: str
     plays: Literal["loop", "once"] = "loop"
     frames: tuple[int, int] | None = None
+    skeleton: str | None = None
+    mirrored: bool = False
 
 
 class LibraryRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -55,7 +59,10 @@ class LibraryRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_
         name: of the library.
         network: its kind and parameters.
         motions: what it learns.
-        body: the recording whose skeleton all motions are carried to.
+        body: the recording whose own skeleton all motions are carried to; without it, the canonical body with the
+            proportions of the first recording.
+        rate: frames per second that recordings are brought to, Hz; without it that of the recordings, or 120 Hz where
+            they differ.
         encoding: what the channels of the network are; joint rotations keep the twist of bones.
         as_recorded: learn the recordings as they are, each on its own body, no loop closed and no end held; the first
             frames, as many as the washout, only lead in. This is what the thesis does.
@@ -67,12 +74,13 @@ class LibraryRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_
     name: str
     network: NetworkRecipe
     motions: list[MotionRecipe]
-    body: str
+    body: str = ""
+    rate: float | None = None
     encoding: Literal["bone directions", "joint rotations"] = "bone directions"
     as_recorded: bool = False
     loop_keeps: float = 0.6
     seeds: list[int] = msgspec.field(default_factory=lambda: [0, 1, 2, 3, 4])
-    licence: str
+    licence: str = "unknown"
     acknowledgement: str = ""
 
 
@@ -144,36 +152,35 @@ def check_recipe(recipe: LibraryRecipe, path: Path) -> LibraryRecipe:
     """The recipe itself, if its names and numbers make sense.
 
     Raises:
-        FileFormatError: if they do not; it names the path and what is allowed.
+        FileFormatError: if they do not; one line for each problem, with the path and what is allowed.
     """
-    names = [motion.name for motion in recipe.motions]
-    twice = {name for name in names if names.count(name) > 1}
-    if twice:
-        raise FileFormatError(f"{path}: two motions are called '{twice.pop()}'")
-    if not names:
-        raise FileFormatError(f"{path}: there are no [[motions]] in it")
-    for name in names:
-        check_name(name, path)
-    if not recipe.seeds or min(recipe.seeds) < 0:
-        raise FileFormatError(f"{path}: seeds is {recipe.seeds}; give at least one whole number, none below 0")
-    if not 0.1 <= recipe.loop_keeps < 1.0:
-        raise FileFormatError(f"{path}: loop_keeps is {recipe.loop_keeps}; it lies between 0.1 and 1")
-    _check_network(path, recipe.network)
-    if isinstance(recipe.network, CenterRecipe) and recipe.as_recorded:
-        raise FileFormatError(
-            f"{path}: as_recorded is for networks that run by themselves; centers need closed loops and ends that hold"
-        )
-    if isinstance(recipe.network, ConceptorRecipe):
-        for name, aperture in recipe.network.apertures.items():
-            if name not in names:
-                raise FileFormatError(f"{path}: network.apertures names '{name}', which is not one of its motions")
-            if not 0.0 < aperture <= 1e6:
-                raise FileFormatError(f"{path}: the aperture of '{name}' is {aperture}; it lies between 0 and 1e6")
+    problems = [*_motion_problems(recipe), *_network_problems(recipe)]
+    if problems:
+        raise FileFormatError.listing(str(path), problems)
     return recipe
 
 
-def _check_network(path: Path, network: NetworkRecipe) -> None:
-    """Refuses sizes and scales that no network can have."""
+def _motion_problems(recipe: LibraryRecipe) -> Iterator[str]:
+    """What is wrong with a recipe's motions and with how they are prepared."""
+    names = [motion.name for motion in recipe.motions]
+    if not names:
+        yield "there are no [[motions]] in it"
+    for name in sorted({name for name in names if names.count(name) > 1}):
+        yield f"two motions are called '{name}'"
+    for name in dict.fromkeys(names):
+        if not NAME.fullmatch(name):
+            yield f"motion '{name}' cannot be typed; use letters, digits, - and _ (at most 40)"
+    if not recipe.seeds or min(recipe.seeds) < 0:
+        yield f"seeds is {recipe.seeds}; give at least one whole number, none below 0"
+    if not 0.1 <= recipe.loop_keeps < 1.0:
+        yield f"loop_keeps is {recipe.loop_keeps}; it lies between 0.1 and 1"
+    if recipe.rate is not None and not 10.0 <= recipe.rate <= 1000.0:
+        yield f"rate is {recipe.rate}; it lies between 10 and 1000 Hz"
+
+
+def _network_problems(recipe: LibraryRecipe) -> Iterator[str]:
+    """Sizes and scales that no network can have, and settings that its kind does not know."""
+    network = recipe.network
     for field in network.__struct_fields__:
         value = getattr(network, field)
         if isinstance(value, bool) or not isinstance(value, int | float):
@@ -181,16 +188,21 @@ def _check_network(path: Path, network: NetworkRecipe) -> None:
         least = 0 if field.endswith(("noise", "wrong_starts")) else 1 if isinstance(value, int) else 1e-9
         most = 20_000 if field in {"neurons", "features"} else 1.0 if field == "leak" else 1e6
         if not least <= value <= most:
-            raise FileFormatError(f"{path}: network.{field} is {value}; it lies between {least} and {most}")
-    if not isinstance(network, RandomFeatureRecipe):
-        return
-    if network.features_each > network.features:
-        raise FileFormatError(
-            f"{path}: network.features_each is {network.features_each}, but network.features is {network.features}"
-        )
-    # A feature's energy is hardly ever above 1, so a step of the rule in `conceive` shrinks what c is off by.
-    if network.learning_rate * (1.0 + network.aperture**-2) >= 1.0:
-        raise FileFormatError(
-            f"{path}: network.learning_rate = {network.learning_rate} is too large for network.aperture = "
-            f"{network.aperture}: learning_rate * (1 + aperture^-2) has to stay below 1; learn slower or open wider"
-        )
+            yield f"network.{field} is {value}; it lies between {least} and {most}"
+    if isinstance(network, CenterRecipe) and recipe.as_recorded:
+        yield "as_recorded is for networks that run by themselves; centers need closed loops and ends that hold"
+    if isinstance(network, ConceptorRecipe):
+        for name, aperture in network.apertures.items():
+            if all(name != motion.name for motion in recipe.motions):
+                yield f"network.apertures names '{name}', which is not one of its motions"
+            if not 0.0 < aperture <= 1e6:
+                yield f"the aperture of '{name}' is {aperture}; it lies between 0 and 1e6"
+    if isinstance(network, RandomFeatureRecipe):
+        if network.features_each > network.features:
+            yield f"network.features_each is {network.features_each}, but network.features is {network.features}"
+        # A feature's energy is hardly ever above 1, so a step of the rule in `conceive` shrinks what c is off by.
+        if network.aperture > 0.0 and network.learning_rate * (1.0 + network.aperture**-2) >= 1.0:
+            yield (
+                f"network.learning_rate = {network.learning_rate} is too large for network.aperture = "
+                f"{network.aperture}: learning_rate * (1 + aperture^-2) has to stay below 1; learn slower or open wider"
+            )

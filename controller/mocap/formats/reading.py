@@ -14,6 +14,9 @@ from controller.mocap.formats.jaeger_patterns import read_pattern
 from controller.mocap.formats.marker_fit import fit_markers
 from motiondeck_base.errors import FileFormatError
 
+RECORDINGS = frozenset({".amc", ".bvh", ".c3d", ".clip", ".mat"})
+"""The endings of the files that `read_clip` reads, in small letters."""
+
 
 def read_clip(path: str | Path, skeleton: str | Path | None = None) -> Clip:
     """The clip in a recording.

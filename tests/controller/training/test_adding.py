@@ -177,9 +177,12 @@ def test_what_cannot_be_added_is_refused(library, change, said):
         add_motion(library, FILE, clip_of(skip()), msgspec.structs.replace(NEW, **change))
 
 
-def test_another_rate_is_refused(library):
-    with pytest.raises(MotiondeckError, match=r"60 frames a second; the library has 120"):
-        add_motion(library, FILE, replace(clip_of(skip()), rate=60.0), NEW)
+def test_another_rate_is_resampled(library):
+    every_other = skip()[::2]
+    found = add_motion(library, FILE, replace(clip_of(every_other), rate=60.0), NEW)
+    at_once = add_motion(library, FILE, clip_of(skip()), NEW)
+    assert found.verdict.passed
+    assert found.library.info.motions[-1].frames == pytest.approx(at_once.library.info.motions[-1].frames, abs=2)
 
 
 def test_networks_that_cannot_be_added_to_say_so(library):

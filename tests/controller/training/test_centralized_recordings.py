@@ -30,7 +30,8 @@ def loops(recording, encoding):
     channels = encoding.encode(recording)
     places = joint_features(encoding, channels)
     return {
-        name: close_loop(channels[first:end], places[first:end], at_least=0.35) for name, (first, end) in CUTS.items()
+        name: close_loop(channels[first:end], places[first:end], 120.0, at_least=0.35)
+        for name, (first, end) in CUTS.items()
     }
 
 

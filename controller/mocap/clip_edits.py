@@ -1,0 +1,103 @@
+"""Clips at another rate, without their still ends, or with left and right exchanged."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from controller.mocap.canonical_body import CANONICAL_BONES, to_canonical
+from controller.mocap.clip import Clip
+from controller.mocap.encodings.joint_angles import JointBody
+from controller.rotations import (
+    Array,
+    conjugate,
+    continuous,
+    from_rotation_vector,
+    multiply,
+    normalise,
+    to_rotation_vector,
+)
+from motiondeck_base.errors import FileFormatError
+
+# Between the frames of a recording a body moves on; slower than this in every joint it stands still.
+STILL_SPEED = 0.05  # m/s
+STILL_KEPT = 0.1  # s of stillness left before and after the motion
+SMOOTHED = 0.1  # s over which speeds are averaged: marker noise is fast
+
+
+def resampled(clip: Clip, rate: float) -> Clip:
+    """The same motion at another rate, Hz: cubics through four frames (Catmull-Rom), for rotations in tangent space.
+
+    The first frame stays the first; the last one is the last that lies within the recording.
+    """
+    if abs(rate - clip.rate) <= 1e-6 * rate:
+        return clip
+    count = int(np.floor((len(clip) - 1) * rate / clip.rate + 1e-6)) + 1
+    at = np.minimum(np.arange(count) * (clip.rate / rate), len(clip) - 1)
+    low = np.minimum(at.astype(np.int64), max(len(clip) - 2, 0))
+    near = [np.clip(low + step, 0, len(clip) - 1) for step in (-1, 0, 1, 2)]
+    share = at - low
+    position = _cubic([clip.root_position[index] for index in near], share[:, None])
+    start = clip.rotation[low]
+    turns = [to_rotation_vector(multiply(conjugate(start), clip.rotation[index])) for index in near]
+    rotation = normalise(multiply(start, from_rotation_vector(_cubic(turns, share[:, None, None]))))
+    return replace(clip, rate=rate, root_position=position, rotation=continuous(rotation))
+
+
+def _cubic(points: list[Array], share: Array) -> Array:
+    """Between the second and the third of four points, at a share of the way from 0 to 1."""
+    before, start, end, after = points
+    s = share
+    slope, slope_end = 0.5 * (end - before), 0.5 * (after - start)
+    return (
+        (1.0 + 2.0 * s) * (1.0 - s) ** 2 * start
+        + s * (1.0 - s) ** 2 * slope
+        + s**2 * (3.0 - 2.0 * s) * end
+        + s**2 * (s - 1.0) * slope_end
+    )
+
+
+def moving_part(clip: Clip) -> tuple[int, int]:
+    """First frame and the one after the last of what lies between the still ends; (0, 0) if nothing moves."""
+    if len(clip) < 2:
+        return 0, 0
+    width = max(1, round(SMOOTHED * clip.rate))
+    joints = clip.joints()
+    ahead = joints[width:] - joints[:-width] if len(clip) > width else joints[-1:] - joints[:1]
+    speed = np.sqrt(np.square(ahead).sum(-1)).max(axis=1) * clip.rate / min(width, len(clip) - 1)
+    moving = np.flatnonzero(speed > STILL_SPEED)
+    if len(moving) == 0:
+        return 0, 0
+    kept = round(STILL_KEPT * clip.rate)
+    first = max(0, int(moving[0]) + width // 2 - kept)
+    return (0 if first < kept else first), min(len(clip), int(moving[-1]) + width + 1 + kept)
+
+
+def mirrored(clip: Clip) -> Clip:
+    """The motion on the canonical body with left and right exchanged.
+
+    Raises:
+        FileFormatError: if the clip's skeleton has no two legs, or is a rig's.
+    """
+    if isinstance(clip.skeleton, JointBody):
+        raise FileFormatError(f"clip '{clip.name}': a rig's joints have no left and right to exchange")
+    own = to_canonical(clip)
+    swap = {"l": "r", "r": "l"}
+    names = [swap.get(bone[0], "") + bone[1:] if bone[1:] in _SIDED else bone for bone in CANONICAL_BONES]
+    partner = np.array([CANONICAL_BONES.index(name) for name in names])
+    rotation = own.rotation[:, np.concatenate([[0], 1 + partner])] * np.array([1.0, -1.0, 1.0, -1.0])
+    return replace(
+        own,
+        skeleton=replace(own.skeleton, length=own.skeleton.length[partner]),
+        root_position=own.root_position * np.array([1.0, -1.0, 1.0]),
+        rotation=rotation,
+    )
+
+
+_SIDED = {bone[1:] for bone in CANONICAL_BONES if bone[0] == "l"}
+
+
+def span(clip: Clip, first: int, end: int) -> Clip:
+    """The frames of a clip from `first` up to `end`."""
+    return replace(clip, root_position=clip.root_position[first:end], rotation=clip.rotation[first:end])

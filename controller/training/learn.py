@@ -1,0 +1,258 @@
+"""A library of any recordings, with nothing to choose: `learn` finds out what a recipe would have to give.
+
+Still ends are trimmed; whether a motion is a loop is decided by its best seam; recordings are resampled to one rate and
+carried to one body. What was found out is written into the recipe, so that it can be edited and trained again.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from controller.library.motion_library import MotionLibrary
+from controller.measures.motion_matching import joint_features
+from controller.mocap.canonical_body import to_canonical
+from controller.mocap.clip import Clip
+from controller.mocap.clip_edits import moving_part, resampled, span
+from controller.mocap.encodings.encoding import encoding_of
+from controller.mocap.encodings.joint_angles import JointBody
+from controller.mocap.formats.reading import RECORDINGS, read_clip, skeleton_of
+from controller.rotations import dot
+from controller.training.fit import COMMON_RATE, SHORTEST_SECONDS, fit
+from controller.training.preparation.loops import best_seam, with_velocities
+from controller.training.recipe import LibraryRecipe, MotionRecipe, NetworkRecipe, check_recipe
+from controller.training.reservoirs.phase_training import PhaseRecipe
+from motiondeck_base.errors import FileFormatError, MotiondeckError
+
+LONGEST_SECONDS = 120.0
+LOOP_KEEPS = 0.5  # a loop keeps at least this share of its recording
+# A seam is good enough for a loop if joints are this close, mm, and by this share of how far the motion spreads,
+# velocities included.
+SEAM_MM, SEAM_SHARE = 50.0, 0.35
+
+Progress = Callable[[str], None]
+
+
+def default_network() -> NetworkRecipe:
+    """The network that learns motions nobody tuned for."""
+    return PhaseRecipe()
+
+
+@dataclass(frozen=True)
+class LearnedMotion:
+    """One recording and what became of it.
+
+    Attributes:
+        name: of the motion; of the file, if it was not learned.
+        file: the recording.
+        plays: "loop" or "once"; "" if it was not learned.
+        seconds: of what was learned, without still ends.
+        seam_mm, seam_degrees: at the best seam, how far joints are apart on average, and the bone that is most.
+        error_mm: of the free run.
+        passed: whether the motion may be played.
+        remedy: what to do if it may not.
+    """
+
+    name: str
+    file: Path
+    plays: str
+    seconds: float
+    seam_mm: float
+    seam_degrees: float
+    error_mm: float
+    passed: bool
+    remedy: str = ""
+
+
+@dataclass(frozen=True)
+class Learned:
+    """A library, the recipe it was trained by, and a line for each recording."""
+
+    library: MotionLibrary
+    recipe: LibraryRecipe
+    motions: list[LearnedMotion]
+
+    @property
+    def failed(self) -> list[LearnedMotion]:
+        """The recordings that were not read or not learned well enough."""
+        return [motion for motion in self.motions if not motion.passed]
+
+
+@dataclass(frozen=True)
+class _Prepared:
+    """A recording that can be learned: how, and its clip with all frames."""
+
+    motion: MotionRecipe
+    clip: Clip
+    seconds: float
+    seam_mm: float
+    seam_degrees: float
+
+
+def recordings_in(paths: Iterable[Path]) -> list[Path]:
+    """Files, and the recordings in folders and below, in order and once each.
+
+    Raises:
+        MotiondeckError: if a path does not exist, or there is no recording.
+    """
+    found: list[Path] = []
+    for path in paths:
+        if path.is_dir():
+            inside = (p for p in path.rglob("*") if p.suffix.lower() in RECORDINGS and p.is_file())
+            found += sorted(inside)
+        elif path.exists():
+            found.append(path)
+        else:
+            raise MotiondeckError(f"{path}: there is no such file or folder")
+    if not found:
+        raise MotiondeckError(f"no recording found; recordings end in {', '.join(sorted(RECORDINGS))}")
+    return list(dict.fromkeys(found))
+
+
+def learn(
+    paths: Iterable[Path],
+    name: str,
+    *,
+    network: NetworkRecipe | None = None,
+    seeds: Iterable[int] = (0, 1, 2),
+    progress: Progress = lambda _: None,
+) -> Learned:
+    """Learns every recording of some files and folders as one library.
+
+    A recording that cannot be read or used is left out and named with the reason.
+
+    Args:
+        paths: recordings, and folders that hold some.
+        name: of the library.
+        network: its kind and sizes; None takes `default_network`.
+        seeds: tried in turn until every motion passes the self-test.
+        progress: called with each step in a few words.
+
+    Raises:
+        MotiondeckError: if no recording can be used, or bodies and rigs are mixed.
+    """
+    files = recordings_in(paths)
+    names = _names(files)
+    prepared: list[_Prepared] = []
+    left_out: list[LearnedMotion] = []
+    for file in files:
+        progress(f"reading {file.name}")
+        try:
+            prepared.append(_prepare(file, names[file]))
+        except MotiondeckError as error:
+            remedy = str(error).removeprefix(f"{file}: ")
+            left_out.append(LearnedMotion(names[file], file, "", 0.0, np.nan, np.nan, np.nan, False, remedy))
+    if not prepared:
+        raise MotiondeckError(f"none of {len(files)} recordings can be learned. {files[0]}: {left_out[0].remedy}")
+    kinds = {isinstance(one.clip.skeleton, JointBody) for one in prepared}
+    if len(kinds) > 1:
+        raise MotiondeckError("recordings of bodies and clips taught to a rig do not share a library; learn them apart")
+    recipe = check_recipe(
+        LibraryRecipe(
+            name=name,
+            network=network or default_network(),
+            motions=[one.motion for one in prepared],
+            rate=COMMON_RATE if kinds == {False} else None,
+            loop_keeps=LOOP_KEEPS,
+            seeds=list(seeds),
+        ),
+        Path(name),
+    )
+    clips = {one.motion.name: one.clip for one in prepared}
+    library = fit(recipe, Path(), progress, lambda motion: clips[motion.name])
+    rows = [_row(one, library) for one in prepared]
+    return Learned(library, recipe, [*rows, *left_out])
+
+
+def _row(one: _Prepared, library: MotionLibrary) -> LearnedMotion:
+    info = next(info for info in library.info.motions if info.name == one.motion.name)
+    remedy = "" if info.passed else f"{info.reason}. {_remedy(one)}"
+    return LearnedMotion(
+        info.name,
+        Path(one.motion.file),
+        info.plays,
+        one.seconds,
+        one.seam_mm,
+        one.seam_degrees,
+        info.error_mm,
+        info.passed,
+        remedy,
+    )
+
+
+def _remedy(one: _Prepared) -> str:
+    """What to do about a motion that failed its self-test."""
+    if one.motion.plays == "loop":
+        return "Set plays = 'once' in the recipe, or frames to some whole cycles, and train with fit."
+    return "Give it frames without pauses in the recipe, or more neurons, and train with fit."
+
+
+def _prepare(file: Path, name: str) -> _Prepared:
+    """Reads a recording and finds out which of its frames to learn, and how they play.
+
+    Raises:
+        MotiondeckError: if it cannot be read, is too short or too long, or nothing moves in it.
+    """
+    skeleton = skeleton_of(file, file.parent.parent)
+    clip = read_clip(file, skeleton)
+    first, end = moving_part(clip)
+    seconds = (end - first) / clip.rate
+    if end == 0:
+        raise FileFormatError(f"{file}: nothing moves in it. Give a recording with a motion.")
+    if seconds < SHORTEST_SECONDS:
+        raise FileFormatError(f"{file}: {seconds:.2f} s are too short; {SHORTEST_SECONDS:g} s are the least.")
+    if seconds > LONGEST_SECONDS:
+        raise FileFormatError(
+            f"{file}: {seconds:.0f} s are more than one motion ({LONGEST_SECONDS:g} s are the most). "
+            "Cut it with `motiondeck segment`."
+        )
+    loop, seam_mm, seam_degrees = _loops(span(clip, first, end))
+    motion = MotionRecipe(
+        name=name,
+        file=str(file.absolute()),
+        plays="loop" if loop else "once",
+        frames=(first, end),
+        skeleton=None if skeleton is None else str(skeleton.absolute()),
+    )
+    return _Prepared(motion, clip, seconds, seam_mm, seam_degrees)
+
+
+def _loops(clip: Clip) -> tuple[bool, float, float]:
+    """Whether a clip is a loop; at its best seam, how far joints are off, mm, and the bone that is most, degrees."""
+    if isinstance(clip.skeleton, JointBody):
+        return True, 0.0, 0.0
+    one = resampled(to_canonical(clip), COMMON_RATE)
+    encoding = encoding_of(one.skeleton)
+    channels = encoding.encode(one)
+    features = joint_features(encoding, channels)
+    seam = best_seam(features, one.rate, at_least=LOOP_KEEPS)
+    joints = features.shape[1] / 3.0
+    apart = float(np.sqrt(np.square(features[seam.end] - features[seam.start]).sum() / joints))
+    seen = with_velocities(features, one.rate)
+    spread = float(np.sqrt(np.square(seen - seen.mean(0)).sum(1).mean()))
+    bones = encoding.directions(channels[[seam.start, seam.end]])
+    degrees = float(np.degrees(np.arccos(np.clip(dot(bones[0], bones[1]), -1.0, 1.0))).max())
+    return apart < SEAM_MM and seam.mismatch < SEAM_SHARE * spread, apart, degrees
+
+
+def _names(files: list[Path]) -> dict[Path, str]:
+    """A name for each file that can be typed: its stem, with its folder or a number where stems are alike."""
+    names: dict[Path, str] = {}
+    for file in files:
+        plain = _typed(file.stem)
+        same = [other for other in files if _typed(other.stem) == plain]
+        name = plain if len(same) == 1 else _typed(f"{file.parent.name}-{file.stem}")
+        number = 2
+        while name in names.values():
+            name = f"{plain[:36]}-{number}"
+            number += 1
+        names[file] = name
+    return names
+
+
+def _typed(text: str) -> str:
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", text).strip("-_")[-40:].lstrip("-_") or "motion"

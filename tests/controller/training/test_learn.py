@@ -1,0 +1,117 @@
+"""`learn` finds out what a recipe would have to give, and names what it had to leave out."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from controller.cli.main import app
+from controller.library.motion_library import load_library
+from controller.mocap.clip import Clip
+from controller.mocap.formats.writing import bvh_text
+from controller.training.fit import fit
+from controller.training.learn import learn, recordings_in
+from controller.training.recipe import read_recipe
+from controller.training.recipe_text import recipe_text
+from controller.training.reservoirs.echo_state_training import EchoStateRecipe
+from motiondeck_base.errors import MotiondeckError
+from simulated_bodies import human
+
+IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
+QUICK = EchoStateRecipe(neurons=60, washout=60, drives=1)
+
+
+def turned(angle, axis=1):
+    q = np.zeros((len(angle), 4))
+    q[:, 0], q[:, 1 + axis] = np.cos(0.5 * angle), np.sin(0.5 * angle)
+    return q
+
+
+def waving(rate, seconds, hertz=1.0, still=0.0, ends=False):
+    """A standing body that swings arms and legs; with `ends` it bows once; before and after it stands still."""
+    body = human()
+    t = np.arange(round(rate * seconds)) / rate
+    swing = 0.5 * np.sin(2.0 * np.pi * hertz * t) if not ends else 1.2 * (0.5 - 0.5 * np.cos(np.pi * t / t[-1]))
+    pause = np.zeros(round(rate * still))
+    swing = np.concatenate([pause, swing, pause + swing[-1]])
+    rotation = np.tile(IDENTITY, (len(swing), 1 + len(body), 1))
+    for bones, sign in ((("lkne", "lank", "lfoo"), 1.0), (("rkne", "rank", "rfoo"), 1.0 if ends else -1.0)):
+        for bone in bones:
+            rotation[:, 1 + body.index(bone)] = turned(sign * swing)
+    for bone in ("relb", "rwri", "rhan"):
+        rotation[:, 1 + body.index(bone)] = turned(0.8 * swing, axis=2)
+    place = np.zeros((len(swing), 3))
+    place[:, 2] = 0.9
+    return Clip("wave", body, rate, place, rotation)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    inside = tmp_path / "recordings"
+    inside.mkdir()
+    (inside / "swing.bvh").write_text(bvh_text(waving(30.0, 4.0, still=1.0)))
+    (inside / "my bow (1).bvh").write_text(bvh_text(waving(240.0, 1.0, ends=True)))
+    (inside / "stone.bvh").write_text(bvh_text(waving(60.0, 1.0, hertz=0.0)))
+    (inside / "blink.bvh").write_text(bvh_text(waving(60.0, 0.2, hertz=5.0)))
+    (inside / "broken.bvh").write_text("HIERARCHY\n")
+    (inside / "notes.txt").write_text("no recording")
+    return inside
+
+
+def test_a_folder_of_any_rates_is_learned_and_every_recording_has_its_line(folder):
+    learned = learn([folder], "mine", network=QUICK, seeds=[0])
+    rows = {motion.name: motion for motion in learned.motions}
+    assert list(learned.library.network.motions) == ["my-bow-1", "swing"]
+    assert rows["swing"].plays == "loop"
+    assert rows["swing"].seconds == pytest.approx(4.0, abs=0.4)  # without the still ends
+    assert rows["swing"].seam_mm < 5.0
+    assert rows["my-bow-1"].plays == "once"
+    assert rows["my-bow-1"].seam_degrees > 10.0
+    assert "nothing moves" in rows["stone"].remedy
+    assert "too short" in rows["blink"].remedy
+    assert "no MOTION section" in rows["broken"].remedy
+    assert learned.library.info.rate == 120.0
+
+
+def test_the_recipe_trains_the_same_library_again(folder, tmp_path):
+    learned = learn([folder / "swing.bvh"], "mine", network=QUICK, seeds=[0])
+    (tmp_path / "mine.toml").write_text(recipe_text(learned.recipe))
+    recipe = read_recipe(tmp_path / "mine.toml")
+    assert recipe == learned.recipe
+    again = fit(recipe, tmp_path)
+    assert again.info == learned.library.info
+
+
+def test_files_and_folders_are_searched_once_each(folder):
+    files = recordings_in([folder, folder / "swing.bvh"])
+    assert [file.name for file in files] == ["blink.bvh", "broken.bvh", "my bow (1).bvh", "stone.bvh", "swing.bvh"]
+    with pytest.raises(MotiondeckError, match="there is no such file or folder"):
+        recordings_in([folder / "none.bvh"])
+    with pytest.raises(MotiondeckError, match="no recording found; recordings end in"):
+        recordings_in([folder.parent / "empty"] if (folder.parent / "empty").mkdir() is None else [])
+
+
+def test_where_nothing_can_be_learned_the_first_reason_is_given(folder):
+    with pytest.raises(MotiondeckError, match=r"none of 1 recordings can be learned\. .*stone\.bvh: nothing moves"):
+        learn([folder / "stone.bvh"], "mine")
+
+
+def test_files_with_the_same_name_get_names_of_their_own(folder):
+    other = folder / "again"
+    other.mkdir()
+    (other / "swing.bvh").write_text((folder / "swing.bvh").read_text())
+    learned = learn([folder / "swing.bvh", other], "mine", network=QUICK, seeds=[0])
+    assert list(learned.library.network.motions) == ["recordings-swing", "again-swing"]
+
+
+def test_the_command_writes_library_and_recipe_and_prints_what_it_found(folder, tmp_path):
+    out = tmp_path / "mine.safetensors"
+    result = CliRunner().invoke(app, ["learn", str(folder), "--out", str(out), "--json"])
+    assert result.exit_code == 0, result.output
+    told = json.loads(result.stdout)
+    assert {row["name"]: row["plays"] for row in told["motions"]} == {
+        "swing": "loop", "my-bow-1": "once", "stone": None, "blink": None, "broken": None,
+    }  # fmt: skip
+    assert load_library(out).info.name == "mine"
+    assert read_recipe(tmp_path / "mine.toml").name == "mine"
