@@ -61,6 +61,7 @@ def fit(
     from controller.cli.common.library_report import print_table, report
     from controller.cli.common.progress import progress
     from controller.library.motion_library import save_library
+    from controller.mocap.formats.reading import RECORDINGS
     from controller.training import fit as training
     from controller.training.recipe import gesture_recipe, read_recipe
     from motiondeck_base.errors import MotiondeckError
@@ -71,6 +72,10 @@ def fit(
                 f"--data {data} is for the recordings of a recipe: clips are read from where they are"
             )
         plan, data = gesture_recipe(out.stem, what), Path()
+    elif recorded := [path for path in what if path.suffix.lower() in RECORDINGS or path.is_dir()]:
+        raise MotiondeckError(
+            f"{recorded[0]}: a recording, not a recipe. Type: motiondeck learn {' '.join(map(str, what))} --out {out}"
+        )
     elif len(what) > 1:
         raise MotiondeckError(f"give one recipe, or clips taught by hand (.clip) only, not {', '.join(map(str, what))}")
     else:

@@ -6,18 +6,27 @@ seen from the root and turned into the body's heading, do; see docs/recognition.
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Sequence
 from typing import Literal
 
 import msgspec
 import numpy as np
 
+from controller.mocap.canonical_body import to_canonical
 from controller.mocap.clip import Clip
 from controller.rotations import Array, conjugate, multiply, normalise, rotate, to_rotation_vector, yaw
-from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.errors import FileFormatError, MotiondeckError
 
 # Fourteen joints that show what a body does; each name is the bone that ends there.
 JOINTS = tuple(side + bone for bone in ("femur", "tibia", "foot", "humerus", "radius", "wrist") for side in "lr")
 JOINTS = (*JOINTS, "thorax", "head")
+# The same joints of the canonical body, which every recording of a human has.
+_ENDS = {"femur": "kne", "tibia": "ank", "foot": "foo", "humerus": "elb", "radius": "wri", "wrist": "han"}
+CANONICAL = {side + bone: side + end for bone, end in _ENDS.items() for side in "lr"} | {
+    "thorax": "neck",
+    "head": "head",
+}
 ENDS = ("lfoot", "rfoot", "lwrist", "rwrist", "head")
 
 # A step of this much makes 1: an arm's swing and an arm's speed then weigh alike.
@@ -56,8 +65,18 @@ def joints_of(bones: tuple[str, ...]) -> tuple[str, ...]:
     return JOINTS if set(JOINTS) <= set(bones) else bones
 
 
+def common_joints(clips: Sequence[Clip]) -> tuple[str, ...]:
+    """The joints looked at in recordings of several kinds: their own where they share them, else the canonical ones."""
+    bones = [clip.skeleton.bones for clip in clips]
+    if all(set(JOINTS) <= set(own) for own in bones) or all(set(own) == set(bones[0]) for own in bones):
+        return joints_of(bones[0])
+    return tuple(CANONICAL[joint] for joint in JOINTS)
+
+
 def features(clip: Clip, recipe: FeatureRecipe, tempo: float = 1.0) -> Array:
     """The features of a clip, shape (frames at the recipe's rate, channels).
+
+    A clip that lacks the recipe's joints is looked at on the canonical body, which has the same ones.
 
     Args:
         clip: what is looked at.
@@ -68,6 +87,11 @@ def features(clip: Clip, recipe: FeatureRecipe, tempo: float = 1.0) -> Array:
         MotiondeckError: if the skeleton lacks a joint of the recipe; it names both.
     """
     joints = recipe.joints or joints_of(clip.skeleton.bones)
+    if not set(joints) <= set(clip.skeleton.bones):
+        with contextlib.suppress(FileFormatError):
+            own, canonical = to_canonical(clip), tuple(CANONICAL.get(joint, joint) for joint in joints)
+            if set(canonical) <= set(own.skeleton.bones):
+                clip, joints = own, canonical
     missing = [joint for joint in joints if joint not in clip.skeleton.bones]
     if missing:
         raise MotiondeckError(

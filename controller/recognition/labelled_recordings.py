@@ -16,10 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.mocap.clip import Clip
-from controller.mocap.formats.reading import read_clip, skeleton_of
+from controller.mocap.formats.reading import RECORDINGS, read_clip, skeleton_of
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 
-RECORDINGS = (".amc", ".mat")
 SHORTEST = 4
 
 
@@ -104,7 +103,7 @@ def read_dataset(folder: Path, progress: Callable[[int, int], None] = lambda don
     if not examples:
         reason = f" The first problem: {skipped[0]}" if skipped else ""
         raise MotiondeckError(
-            f"{folder}: no usable recording. Expected are folders named after motions with .amc files in them, and "
-            f"the .asf skeletons beside or above them.{reason}"
+            f"{folder}: no usable recording. Expected are folders named after motions with recordings in them, and for "
+            f".amc files the .asf skeletons beside or above them.{reason}"
         )
     return Dataset(examples, skipped)

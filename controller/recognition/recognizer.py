@@ -10,7 +10,7 @@ import numpy as np
 from controller.mocap.clip import Clip
 from controller.recognition.expert_bank import ExpertBank, margins, teach
 from controller.recognition.experts import ExpertRecipe
-from controller.recognition.features import FeatureRecipe, features, joints_of
+from controller.recognition.features import FeatureRecipe, common_joints, features
 from controller.recognition.labelled_recordings import Dataset
 from controller.recognition.protocols import inner_folds
 from controller.rotations import Array
@@ -110,10 +110,9 @@ def train_recognizer(
         raise MotiondeckError(
             f"there is only one class, '{dataset.classes[0]}'; a recognizer needs two folders or more."
         )
-    bones = dataset.examples[0].clip.skeleton.bones
     look = FeatureRecipe(
         kind=look.kind,
-        joints=look.joints or joints_of(bones),
+        joints=look.joints or common_joints([example.clip for example in dataset.examples]),
         heading=look.heading,
         height=look.height,
         velocity=look.velocity,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -27,19 +27,36 @@ SkeletonOption = Annotated[
 ]
 
 
+UnitOption = Annotated[
+    float | None, typer.Option("--unit", metavar="METRES", help="Length of one unit of a .bvh, m; default: guessed.")
+]
+UpOption = Annotated[
+    Literal["y", "z"] | None, typer.Option("--up", help="The axis of a .bvh that is up; default: guessed.")
+]
+RenameOption = Annotated[
+    list[str] | None,
+    typer.Option("--rename", metavar="OLD=NEW", help="Another name for a joint, such as bone12=LeftUpLeg; repeatable."),
+]
+
+
 @app.command("show")
 def show(
     file: FileArgument,
     skeleton: SkeletonOption = None,
+    unit: UnitOption = None,
+    up: UpOption = None,
+    rename: RenameOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
 ) -> None:
     """Show what a recording holds: its body, rate and length, where it goes, and of markers the gaps and the fit.
+
+    It also shows which bone was taken for which part of the body, and what looks wrong about it.
 
     Example:  motiondeck clip show dance.c3d
     """
     from controller.mocap.formats.clip_facts import facts
 
-    known = facts(_read(file, skeleton))
+    known = facts(_read(file, skeleton, unit, up, rename))
     if as_json:
         print(json.dumps(known))
     else:
@@ -51,6 +68,9 @@ def convert(
     file: FileArgument,
     out: Annotated[Path, typer.Argument(metavar="OUT", help="OUT.bvh for other programs, OUT.csv for positions.")],
     skeleton: SkeletonOption = None,
+    unit: UnitOption = None,
+    up: UpOption = None,
+    rename: RenameOption = None,
 ) -> None:
     """Convert a recording to BVH (bones and their rotations; y up, cm) or CSV (time, then x, y, z of every joint, m).
 
@@ -58,9 +78,29 @@ def convert(
     """
     from controller.mocap.formats.writing import write_clip
 
-    clip = _read(file, skeleton).clip
+    clip = _read(file, skeleton, unit, up, rename).clip
     write_clip(clip, out)
     print(f"wrote {out} ({len(clip)} frames of {len(clip.skeleton)} bones)")
+
+
+@app.command("mirror")
+def mirror(
+    file: FileArgument,
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="OUT.bvh or OUT.csv.")],
+    skeleton: SkeletonOption = None,
+) -> None:
+    """Write a recording with left and right exchanged, on the canonical body (19 bones).
+
+    In a recipe `mirrored = true` does the same to a motion.
+
+    Example:  motiondeck clip mirror wave.bvh wave-left.bvh
+    """
+    from controller.mocap.clip_edits import mirrored
+    from controller.mocap.formats.writing import write_clip
+
+    clip = mirrored(_read(file, skeleton).clip)
+    write_clip(clip, out)
+    print(f"wrote {out} ({len(clip)} frames, left and right exchanged)")
 
 
 @app.command("plot")
@@ -121,7 +161,13 @@ def view(
     show_act(act, port)
 
 
-def _read(file: Path, skeleton: Path | None) -> FittedClip:
+def _read(
+    file: Path,
+    skeleton: Path | None,
+    unit: float | None = None,
+    up: Literal["y", "z"] | None = None,
+    rename: list[str] | None = None,
+) -> FittedClip:
     """A recording of a body.
 
     Raises:
@@ -134,7 +180,14 @@ def _read(file: Path, skeleton: Path | None) -> FittedClip:
 
     if file.suffix.lower() == ".amc" and skeleton is None:
         skeleton = skeleton_of(file, file.parent.parent)
-    recording = read_recording(file, skeleton)
+    names = dict(pair.split("=", 1) for pair in rename or [] if "=" in pair)
+    if len(names) < len(rename or []):
+        raise MotiondeckError("--rename takes OLD=NEW, once for each joint")
+    if (unit is not None or up is not None) and file.suffix.lower() != ".bvh":
+        raise MotiondeckError(f"{file}: --unit and --up are for .bvh files; others give their unit and axes")
+    if unit is not None and not 1e-6 < unit < 1e3:
+        raise MotiondeckError(f"--unit {unit:g}: give the length of one unit of the file in m, such as 0.01")
+    recording = read_recording(file, skeleton, unit=unit, up=up, rename=names)
     if isinstance(recording.clip.skeleton, JointBody):
         raise MotiondeckError(
             f"{file}: holds angles of a rig's joints, no body. `motiondeck play` plays it on the rig."
@@ -150,6 +203,7 @@ def _print(known: Facts) -> None:
         "body": f"{known['skeleton']}, {known['bones']} bones, legs {known['leg']:.2f} m"
         + (f"; no {', no '.join(known['lacks'])}" if known["lacks"] else ""),
         "length": f"{known['frames']} frames at {known['rate']:g} Hz, {known['duration']:.2f} s",
+        "taken for": ", ".join(f"{part}: {bone}" for part, bone in known["taken_for"].items()),
         "extent": "   ".join(f"{a} {lo:.2f} to {hi:.2f} m" for a in "xyz" for lo, hi in [known[a]]),
         "root height": "{:.2f} to {:.2f} m".format(*known["root_height"]),
         "path": f"{known['path']:.2f} m along the ground, {known['median_speed']:.2f} m/s in the median",
@@ -164,4 +218,6 @@ def _print(known: Facts) -> None:
             f"markers off by {gaps['residual_rms_mm']:.1f} mm rms, 95 % under {gaps['residual_p95_mm']:.1f} mm, "
             f"at most {gaps['residual_max_mm']:.0f} mm"
         )
-    show_facts(rows)
+    show_facts({name: value for name, value in rows.items() if value})
+    for doubt in known["doubts"]:
+        print(f"doubt: {doubt}")

@@ -9,7 +9,7 @@ any number of bones, missing fingers and toes, and other names make no differenc
 Each bone of the carried clip points where the recorded landmarks lie, in every frame; its length is the median of their
 distance. Its twist is that of the recorded bone that it ends with, counted from the recording's rest pose.
 
-Landmarks that a file lacks (hands, feet, shoulders that are not apart from the neck) are put where the rest pose of the
+Landmarks that a file lacks (hands, feet) are put where the rest pose of the
 carrying bone would have them, and named by `lacking`.
 """
 
@@ -38,6 +38,7 @@ _LIMBS: tuple[tuple[str, Part], ...] = (
     ("wri", "forearm"),
     ("han", "hand"),
 )
+NO_LENGTH = 1e-6  # m
 # Lengths of what a file lacks, over its thigh and shank (Winter 2009, fig. 4.1): foot, hand, head, shoulder.
 _ASSUMED = {"foo": 0.30, "han": 0.20, "head": 0.35, "sho": 0.26}
 
@@ -138,11 +139,8 @@ def to_canonical(clip: Clip) -> Clip:
     place, turned = _landmark_places(clip.skeleton, marks, clip.root_position, clip.rotation)
     line = place[:, 1:] - place[:, np.array(JAEGER_PARENT) + 1]
     length = np.median(np.sqrt(np.square(line).sum(-1)), axis=0)
-    if not (length > 0.0).all():
-        bone = CANONICAL_BONES[int(np.argmin(length))]
-        raise FileFormatError(
-            f"{clip.source or clip.name}: bone '{bone}' has no length. Name its joints with --rename."
-        )
+    # Some skeletons hang their arms from the neck: a shoulder may have no length, and then goes along.
+    length[length < NO_LENGTH] = 0.0
     skeleton = thesis_skeleton(length, clip.skeleton.name)
     across = rest[0, 1 + CANONICAL_BONES.index("lhip")] - rest[0, 0]
     # A rest pose may face a few degrees aside; the canonical root faces at right angles to its hips.
@@ -150,13 +148,17 @@ def to_canonical(clip: Clip) -> Clip:
     start = normalise(rest[0, 1:] - rest[0, np.array(JAEGER_PARENT) + 1])
     rotation = np.empty((len(clip), 1 + len(skeleton), 4))
     rotation[:, 0] = multiply(turned[:, 0], facing)
+    apart = np.sqrt(np.square(line).sum(-1)) >= NO_LENGTH
     direction = normalise(line)
     for bone in range(len(skeleton)):
         target = np.array(JAEGER_REST[bone])
-        from_rest = between(target, start[bone])
-        carried = multiply(turned[:, 1 + bone], from_rest)
-        swing = between(rotate(carried, target), direction[:, bone])
-        rotation[:, 1 + bone] = multiply(swing, carried)
+        if length[bone] == 0.0:
+            rotation[:, 1 + bone] = rotation[:, 1 + JAEGER_PARENT[bone]]
+            continue
+        carried = multiply(turned[:, 1 + bone], between(target, start[bone]))
+        now = rotate(carried, target)
+        goal = np.where(apart[:, bone, None], direction[:, bone], now)
+        rotation[:, 1 + bone] = multiply(between(now, goal), carried)
     return Clip(clip.name, skeleton, clip.rate, place[:, 0], continuous(rotation), clip.source)
 
 

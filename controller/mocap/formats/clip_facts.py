@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import TypedDict
 
 import numpy as np
 
-from controller.mocap.anatomy import Part, Side, anatomy
+from controller.mocap.anatomy import SIDES, Part, Side, anatomy
+from controller.mocap.body_doubts import doubts, taken_for
 from controller.mocap.clip import Clip
 from controller.mocap.formats.c3d import read_c3d
 from controller.mocap.formats.marker_fit import Fit, fit_markers
 from controller.mocap.formats.reading import read_clip
+from controller.mocap.rest_pose import Up
 
 LIMBS: tuple[Part, ...] = ("thigh", "shank", "foot", "upper arm", "forearm", "hand")
 
@@ -37,6 +41,8 @@ class Facts(TypedDict):
     skeleton: str
     bones: int
     lacks: list[str]
+    taken_for: dict[str, str]
+    doubts: list[str]
     leg: float
     frames: int
     rate: float
@@ -60,12 +66,19 @@ class FittedClip:
     fit: Fit | None
 
 
-def read_recording(path: Path, skeleton: Path | None = None) -> FittedClip:
+def read_recording(
+    path: Path,
+    skeleton: Path | None = None,
+    *,
+    unit: float | None = None,
+    up: Up | None = None,
+    rename: Mapping[str, str] = MappingProxyType({}),
+) -> FittedClip:
     """As `reading.read_clip`, which see, but keeps how well a clip explains its markers."""
     if path.suffix.lower() == ".c3d":
         fit = fit_markers(read_c3d(path), path.stem)
         return FittedClip(fit.clip, fit)
-    return FittedClip(read_clip(path, skeleton), None)
+    return FittedClip(read_clip(path, skeleton, unit=unit, up=up, rename=rename), None)
 
 
 def facts(recording: FittedClip) -> Facts:
@@ -77,6 +90,7 @@ def facts(recording: FittedClip) -> Facts:
     speed = np.linalg.norm(np.diff(joints, axis=0), axis=-1) * clip.rate
     fastest = int(speed.max(axis=0).argmax()) if len(clip) > 1 else 0
     parts = anatomy(clip.skeleton)
+    human = all(parts.first("thigh", side) is not None for side in SIDES)
     sides: tuple[Side, ...] = ("left", "right")
     missing = [f"{side} {part}" for part in LIMBS for side in sides if parts.first(part, side) is None]
     return Facts(
@@ -85,6 +99,8 @@ def facts(recording: FittedClip) -> Facts:
         skeleton=clip.skeleton.name,
         bones=len(clip.skeleton),
         lacks=missing + ([] if parts.first("head") is not None else ["head"]),
+        taken_for=taken_for(clip) if human else {},
+        doubts=doubts(clip),
         leg=clip.skeleton.leg_length,
         frames=len(clip),
         rate=clip.rate,

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 
 from controller.mocap.clip import Clip
 from controller.mocap.encodings.joint_angles import read_taught_clip
@@ -12,19 +15,30 @@ from controller.mocap.formats.bvh import read_bvh
 from controller.mocap.formats.c3d import read_c3d
 from controller.mocap.formats.jaeger_patterns import read_pattern
 from controller.mocap.formats.marker_fit import fit_markers
+from controller.mocap.rest_pose import Up
 from motiondeck_base.errors import FileFormatError
 
 RECORDINGS = frozenset({".amc", ".bvh", ".c3d", ".clip", ".mat"})
 """The endings of the files that `read_clip` reads, in small letters."""
 
 
-def read_clip(path: str | Path, skeleton: str | Path | None = None) -> Clip:
+def read_clip(
+    path: str | Path,
+    skeleton: str | Path | None = None,
+    *,
+    unit: float | None = None,
+    up: Up | None = None,
+    rename: Mapping[str, str] = MappingProxyType({}),
+) -> Clip:
     """The clip in a recording.
 
     Args:
         path: an Acclaim recording (.amc), a Biovision one (.bvh), markers on a body (.c3d), what a rig was taught by
             hand (.clip) or one of Jaeger's MATLAB patterns (.mat); capitals do not matter.
         skeleton: for .amc, the .asf file it belongs to; None takes the only one in the same folder.
+        unit: for .bvh, what one of its lengths is, m; None finds out.
+        up: for .bvh, its axis that is up; None finds out.
+        rename: for .amc and .bvh, other names for bones or joints, by the names in the file.
 
     Raises:
         FileFormatError: if the file is of another kind, its skeleton is not clear, or reading fails.
@@ -33,15 +47,22 @@ def read_clip(path: str | Path, skeleton: str | Path | None = None) -> Clip:
         case ".mat":
             return read_pattern(path)
         case ".bvh":
-            return read_bvh(path)
+            return read_bvh(path, unit, up, rename)
         case ".c3d":
             return fit_markers(read_c3d(path), Path(path).stem).clip
         case ".amc":
-            return read_amc(path, read_asf(skeleton or _only_skeleton_beside(path)))
+            clip = read_amc(path, read_asf(skeleton or _only_skeleton_beside(path)))
+            bones = tuple(rename.get(bone, bone) for bone in clip.skeleton.bones)
+            return replace(clip, skeleton=replace(clip.skeleton, bones=bones)) if rename else clip
         case ".clip":
             return read_taught_clip(path)
         case ".asf":
             raise FileFormatError(f"{path}: a skeleton, not a motion. Give a recording that belongs to it (.amc).")
+        case ".fbx":
+            raise FileFormatError(
+                f"{path}: .fbx is a closed format that is not read. Export it from Blender (File > Export > Motion "
+                "Capture) as .bvh, and read that."
+            )
         case suffix:
             raise FileFormatError(
                 f"{path}: no reader for '{suffix}' files. Supported are .amc (Acclaim, with its .asf), .bvh "

@@ -6,7 +6,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.recognition.reduction import by_conditional_entropy, by_principal_axes, by_variance
-from controller.recognition.features import FeatureRecipe, features, resampled, with_velocity
+from controller.mocap.canonical_body import to_canonical
+from controller.mocap.formats.reading import read_clip
+from controller.recognition.features import (
+    CANONICAL,
+    JOINTS,
+    FeatureRecipe,
+    common_joints,
+    features,
+    resampled,
+    with_velocity,
+)
 from controller.rotations import multiply, rotate, yaw
 from motiondeck_base.errors import MotiondeckError
 from recognition_examples import clip
@@ -96,3 +106,19 @@ def test_variance_keeps_what_varies_and_principal_axes_are_orthonormal():
     axes = by_principal_axes(frames, 3)
     assert np.allclose(axes.T @ axes, np.eye(3))
     assert (frames @ axes).var(0)[0] > 20.0
+
+
+def test_a_recognizer_of_acclaim_joints_reads_other_bodies_by_the_canonical_ones(mocap_data):
+    """Trained on CMU's names, it looks at the same joints of a BVH and of markers."""
+    recipe = FeatureRecipe(joints=JOINTS)
+    for file in ("bvh/bandai/walk_normal_001.bvh", "c3d/0803_walk.c3d"):
+        clip = read_clip(mocap_data / file)
+        by_name = features(to_canonical(clip), FeatureRecipe(joints=tuple(CANONICAL[joint] for joint in JOINTS)))
+        assert np.array_equal(features(clip, recipe), by_name)
+
+
+def test_recordings_of_several_kinds_share_the_canonical_joints(mocap_data):
+    one = read_clip(mocap_data / "bvh/bandai/walk_normal_001.bvh")
+    other = read_clip(mocap_data / "c3d/0803_walk.c3d")
+    assert common_joints([one, one]) == one.skeleton.bones
+    assert set(common_joints([one, other])) <= set(to_canonical(one).skeleton.bones)

@@ -1,6 +1,7 @@
 """The BVH reader puts every joint where the file has it, whatever its exporter's zero pose, axes and units."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -119,6 +120,84 @@ def test_a_mistake_is_named_with_its_line(tmp_path, change, problem):
     with pytest.raises(FileFormatError, match=re.escape(problem)) as caught:
         read_bvh(write(tmp_path, BVH.replace(*change, 1)))
     assert "bow.bvh" in str(caught.value)
+
+
+def test_position_channels_on_every_joint_move_it(tmp_path):
+    """A file whose hips carry the path below a still root, with channels of position everywhere."""
+    clip = read_bvh(write(tmp_path, BVH))
+    moving = clip.root_position + np.linspace(0.0, 2.0, len(clip))[:, None] * np.array([1.0, 0.5, 0.0])
+    text = bvh_text(replace(clip, root_position=moving))
+    text = text.replace("ROOT root", "ROOT floor\n{\n OFFSET 0 0 0\n CHANNELS 0\nJOINT Hips").replace(
+        "MOTION", "}\nMOTION"
+    )
+    found = read_bvh(write(tmp_path, text))
+    np.testing.assert_allclose(found.root_position, moving, atol=1e-6)
+    order = [0, *(1 + found.skeleton.index(bone) for bone in clip.skeleton.bones)]
+    still = clip.joints() - clip.root_position[:, None]
+    np.testing.assert_allclose(found.joints()[:, order] - moving[:, None], still, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        (lambda t: t.replace("MOTION", "ROOT Other { OFFSET 0 0 0 CHANNELS 0 }\nMOTION"), "one ROOT"),  # two roots
+        (lambda t: re.sub(r"(Frame Time.*\n)(.*\n)*", r"\1", t).replace("Frames: 2", "Frames: 0"), "0 frames"),
+        (lambda t: re.sub(r"\n(\S+)( \S+){30,}\n", r"\nnan\2\n", t, count=1), "number"),
+        (lambda t: re.sub(r"(?m)^(-?\d+)\.(\d)", r"\1,\2", t), "expected a number, found"),  # comma decimals
+        (lambda t: t.replace("Frames: 2", "Frames: 7"), "announced"),  # a wrong frame count
+    ],
+)
+def test_odd_files_are_refused_in_one_line(tmp_path, change, complaint):
+    text = bvh_text(read_bvh(write(tmp_path, BVH)))
+    assert change(text) != text
+    with pytest.raises(FileFormatError, match=complaint) as caught:
+        read_bvh(write(tmp_path, change(text), "odd.bvh"))
+    assert "\n" not in str(caught.value)
+    assert "odd.bvh" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda t: t.replace("\n", "\r\n"),
+        lambda t: t.replace("  ", "\t"),
+        lambda t: t + "\n\n",
+        lambda t: t.replace("rotation", "ROTATION"),
+    ],
+)
+def test_odd_files_are_read_right(tmp_path, change):
+    text = bvh_text(read_bvh(write(tmp_path, BVH)))
+    plain, odd = read_bvh(write(tmp_path, text)), read_bvh(write(tmp_path, change(text), "odd.bvh"))
+    np.testing.assert_array_equal(plain.joints(), odd.joints())
+
+
+def test_one_frame_duplicate_names_and_missing_end_sites_are_read(tmp_path):
+    text = bvh_text(read_bvh(write(tmp_path, BVH)))
+    head, frames = text.split("Frames: 2\n")
+    lines = frames.splitlines()
+    one = read_bvh(write(tmp_path, f"{head}Frames: 1\n{lines[0]}\n{lines[1]}\n", "one.bvh"))
+    assert len(one) == 1
+    twice = read_bvh(write(tmp_path, text.replace("JOINT LeftForeArm", "JOINT LeftArm"), "twice.bvh"))
+    assert len(twice.skeleton) == len(one.skeleton)
+    assert len(set(twice.skeleton.bones)) == len(twice.skeleton)
+    endless = re.sub(r"End Site\s*{[^}]*}", "", text)
+    assert read_bvh(write(tmp_path, endless, "endless.bvh")).skeleton.leg_length > 0.5
+
+
+def test_more_frames_than_memory_holds_are_refused_before_they_are_read(tmp_path, monkeypatch):
+    monkeypatch.setattr("controller.mocap.formats.bvh.MOST_NUMBERS", 50)
+    with pytest.raises(FileFormatError, match=r"more than fit into memory\. Cut the recording into pieces"):
+        read_bvh(write(tmp_path, BVH))
+
+
+def test_names_and_axis_can_be_given(tmp_path):
+    names = {"LeftUpLeg": "bone1", "RightUpLeg": "bone2", "LeftLeg": "bone3", "RightLeg": "bone4"}
+    text = BVH
+    for name, other in names.items():
+        text = re.sub(rf"\b{name}\b", other, text)
+    given = read_bvh(write(tmp_path, text), rename={other: name for name, other in names.items()})
+    assert given.skeleton.bones == read_bvh(write(tmp_path, BVH)).skeleton.bones
+    assert read_bvh(write(tmp_path, BVH), up="z").root_position[0, 2] != pytest.approx(given.root_position[0, 2])
 
 
 @pytest.mark.parametrize("unit", [1.0, 0.01, 0.001, 0.0254, 0.0254 / 0.45])

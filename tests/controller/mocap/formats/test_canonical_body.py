@@ -182,3 +182,17 @@ def test_a_body_without_legs_is_refused_with_the_remedy():
     clip = random_clip(np.random.default_rng(1), random_body(np.random.default_rng(1), 9), 3)
     with pytest.raises(FileFormatError, match=r"no (left|right) leg was found .* Name its joints with --rename"):
         to_canonical(clip)
+
+
+def test_arms_that_hang_from_the_neck_point_as_recorded():
+    """The shoulder then has no length."""
+    body = human()
+    length = body.length.copy()
+    length[[body.index(bone) for bone in ("lsho", "rsho")]] = 0.0
+    clip = renamed(moving(replace(body, length=length)), "usual", 0)
+    own = to_canonical(clip)
+    assert own.skeleton.length[own.skeleton.index("lsho")] == 0.0
+    bones = [clip.skeleton.index(bone) for bone in ("LeftArm", "RightForeArm")]
+    theirs = rotate(clip.rotation[:, 1:][:, bones], clip.skeleton.rest_direction[bones])
+    ours = [own.skeleton.index(bone) for bone in ("lelb", "rwri")]
+    assert np.allclose(rotate(own.rotation[:, 1:][:, ours], own.skeleton.rest_direction[ours]), theirs, atol=1e-9)

@@ -1,0 +1,62 @@
+"""What looks wrong about a body is named with bone, reason and remedy; a sound one raises no doubt."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from controller.mocap.body_doubts import doubts, taken_for
+from controller.mocap.clip import Clip
+from simulated_bodies import human
+
+
+def standing(skeleton, height=0.9):
+    rotation = np.zeros((30, 1 + len(skeleton), 4))
+    rotation[..., 0] = 1.0
+    place = np.zeros((30, 3))
+    place[:, 2] = height
+    return Clip("stand", skeleton, 60.0, place, rotation)
+
+
+def renamed(names):
+    body = human()
+    return replace(body, bones=tuple(names.get(bone, bone) for bone in body.bones))
+
+
+def test_a_sound_body_raises_no_doubt():
+    clip = standing(human())
+    assert doubts(clip) == []
+    assert taken_for(clip)["left thigh"] == "lkne"
+    assert taken_for(clip)["chest"] == "neck"
+
+
+def longer(bone, factor):
+    body = human()
+    length = body.length.copy()
+    length[body.index(bone)] *= factor
+    return replace(body, length=length)
+
+
+@pytest.mark.parametrize(
+    ("clip", "doubt"),
+    [
+        (standing(replace(human(), length=0.1 * human().length)), r"the left leg is 0\.\d\d m long: the unit .*--unit"),
+        (standing(human(), height=2.3), r"the root is 2\.30 m high: the unit \(--unit\) or the up axis \(--up\)"),
+        (standing(longer("lkne", 2.5)), r"bone 'lkne', taken for the left thigh, is .*--rename"),
+        (standing(longer("relb", 1.5)), r"bones 'lelb' and 'relb', taken for both upper arms, are .*--rename"),
+        (standing(renamed({"lkne": "bone1", "rkne": "bone2"})), r"no names of legs were understood.*--rename"),
+    ],
+)
+def test_each_doubt_names_bone_reason_and_remedy(clip, doubt):
+    found = doubts(clip)
+    assert any(re.search(doubt, line) for line in found), found
+
+
+def test_a_body_on_its_head_and_one_with_sides_exchanged_are_doubted():
+    upside_down = standing(human())
+    flipped = upside_down.rotation * 0.0
+    flipped[..., 1] = 1.0  # half a turn about x
+    assert any("--up" in line for line in doubts(replace(upside_down, rotation=flipped)))
+    sides = {bone: {"l": "r", "r": "l"}[bone[0]] + bone[1:] for bone in human().bones if bone[0] in "lr"}
+    assert any("toes point backwards" in line for line in doubts(standing(renamed(sides))))
