@@ -35,7 +35,7 @@ def outside(network: CentralizedNetwork, motion: str, minutes: float = 10.0) -> 
     worst = 0.0
     for _ in range(round(60.0 * minutes / DT)):
         voice.advance(DT)
-        voice.speak(out)
+        voice.read(out)
         worst = max(worst, float(((out - high) / room).max()), float(((low - out) / room).max()))
     return worst
 

@@ -93,13 +93,15 @@ def fit(
         check_picture(plot / "motion.png")
     with progress("", training.steps(plan)) as tick:
         library = training.fit(plan, data, tick)
-    closeness = told(library, training.prepare(plan, data), plan.network.anchor_every, plot)
+    closeness = compare(library, training.prepare(plan, data), plan.network.anchor_every, plot)
     failing = [motion.name for motion in library.info.motions if not motion.passed]
     written = not failing or allow_failing
     if written:
         save_library(library, out)
     if as_json:
-        print(json.dumps(report(library) | {"told": closeness, "written": str(out) if written else None}))
+        print(
+            json.dumps(report(library) | {"beside_the_recording": closeness, "written": str(out) if written else None})
+        )
     else:
         print_table(library)
         print_closeness(library, closeness)
@@ -135,8 +137,8 @@ def sized(plan: LibraryRecipe, centers: str | None, satellites: str | None) -> L
     return msgspec.structs.replace(plan, network=msgspec.structs.replace(plan.network, **sizes))
 
 
-def told(library: MotionLibrary, syllabus: TrainingSet, every: int, plot: Path | None) -> list[dict[str, Any]]:
-    """How well each motion is said where its anchors are, in mm (eqs 20 to 27), and what a centralized network took."""
+def compare(library: MotionLibrary, training_set: TrainingSet, every: int, plot: Path | None) -> list[dict[str, Any]]:
+    """How far each motion is from its recording at its anchors, mm (eqs 20 to 27), and a centralized network's size."""
     from controller.cli.pictures.curve_plots import draw_coordinates
     from controller.measures.motion_matching import joint_features
     from controller.networks.centralized_frames import CentralizedNetwork
@@ -148,11 +150,11 @@ def told(library: MotionLibrary, syllabus: TrainingSet, every: int, plot: Path |
     )
 
     network, rows = library.network, []
-    for name, frames in syllabus.frames.items():
-        said = network.recall(name)
+    for name, frames in training_set.frames.items():
+        read = network.recall(name)
         places = [
             joint_features(library.encoding, channels)[:, :-1].reshape(len(channels), -1, 3)
-            for channels in (frames[::every], said)
+            for channels in (frames[::every], read)
         ]
         recorded, played = (p[: min(map(len, places))] for p in places)
         row: dict[str, Any] = {"motion": name, "mean_mm": mean_absolute(played, recorded)}

@@ -28,7 +28,7 @@ VELOCITY_FRAMES = 4
 
 
 class Anticipator:
-    """Says what the joints will do in the next half second.
+    """Predicts the joints for the next half second.
 
     Args:
         library: whose motions are expected; its network must be a centralized one.
@@ -92,7 +92,7 @@ class Foresight:
 
 
 def foresight(anticipator: Anticipator, channels: Array, rate: float, every_s: float = 0.1) -> list[Foresight]:
-    """Predicts a recording (T, C) again and again from its own past, and says how well, for 0.1 to 0.5 s ahead.
+    """Predicts a recording (T, C) again and again from its own past, and measures how well, for 0.1 to 0.5 s ahead.
 
     Raises:
         MotiondeckError: if it is too short or its rate does not fit.
@@ -110,8 +110,8 @@ def foresight(anticipator: Anticipator, channels: Array, rate: float, every_s: f
     missed = np.zeros((3, AHEAD_FRAMES))
     for start in starts:
         past, came = features[start - PAST_FRAMES : start], features[start : start + AHEAD_FRAMES]
-        for row, said in enumerate((anticipator(past), past[-1], past[-1] + _velocity(past) * time)):
-            missed[row] += np.abs(said - came).mean(1)
+        for row, predicted in enumerate((anticipator(past), past[-1], past[-1] + _velocity(past) * time)):
+            missed[row] += np.abs(predicted - came).mean(1)
     missed /= len(starts)
     at = [round(ahead * RATE) - 1 for ahead in (0.1, 0.2, 0.3, 0.4, 0.5)]
     return [Foresight((k + 1) / RATE, *(float(value) for value in missed[:, k])) for k in at]

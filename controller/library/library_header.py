@@ -73,7 +73,7 @@ class LibraryInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
         skeleton: whose motions they are.
         recipe: the training recipe, as it was read.
         licence: terms under which the library may be passed on.
-        acknowledgement: what the owners of the data ask to be said.
+        acknowledgement: what the owners of the data ask to be stated.
         leak: of an echo-state network, else 1.
         clipped: whether an echo-state network keeps its state and output in the range of training.
         scales: what the weights that the motions of a phase-driven network share are drawn with, from the seed.

@@ -24,7 +24,7 @@ KIND = Kind("motion index", "motiondeck-index", 1, "`motiondeck library index`")
 
 
 class IndexHeader(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """What an index file says of its rows."""
+    """What the rows of an index file are."""
 
     version: int
     names: list[str]

@@ -1,6 +1,6 @@
 """What a motion is known by: how fast and how far legs, arms and trunk move.
 
-Three numbers a part of the body: the frequency of the one center that says most of it, the mean frequency of its
+Three numbers a part of the body: the frequency of the one center that explains most of it, the mean frequency of its
 movement, and how far it moves. All are positive and compared by their logarithms (`motion_index`).
 """
 
@@ -53,7 +53,7 @@ def signature(encoding: Encoding, channels: Array, rate: float) -> Array:
 
 
 def part_weights(weights: dict[str, float]) -> Array:
-    """The weights of a signature's numbers, shape (9,), where parts count 1 unless told otherwise.
+    """The weights of a signature's numbers, shape (9,), where parts count 1 by default.
 
     Raises:
         MotiondeckError: if there is no such part.

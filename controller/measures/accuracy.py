@@ -1,4 +1,4 @@
-"""How well a readout says what it was taught: Jaeger's normalised root mean square error."""
+"""How well a readout reproduces what it learned: Jaeger's normalised root mean square error."""
 
 from __future__ import annotations
 

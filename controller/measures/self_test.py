@@ -71,7 +71,7 @@ def run_free(network: FrameNetwork, motion: str, frames: int) -> Array:
 
 
 def self_test(network: FrameNetwork, judge: Judge, motions: Iterable[str] | None = None) -> dict[str, MotionVerdict]:
-    """Runs motions of a network free, all of them unless told which, and judges them: one verdict a motion."""
+    """Runs motions of a network free, all of them by default, and judges them: one verdict a motion."""
     return {name: _tested(network, judge, name) for name in (judge.loops if motions is None else motions)}
 
 
@@ -97,7 +97,7 @@ def after_disturbance(network: object, judge: Judge, motion: str, run: Array) ->
 
 
 class Judge:
-    """Knows every motion and says whether a run is the one that was meant.
+    """Judges by all motions whether a run is the one that was meant.
 
     Args:
         encoding: of the channels.

@@ -44,15 +44,15 @@ class FrameNetwork(Protocol):
 
 @runtime_checkable
 class CrossingNetwork(FrameNetwork, Protocol):
-    """A frame network that can go over from one motion to another by itself."""
+    """A frame network that can cross from one motion to another, by a switching module of its own."""
 
     @property
     def crossing(self) -> bool:
-        """Whether it is on its way."""
+        """Whether it is crossing."""
         ...
 
     def cross(self, motion: str, entries: int) -> int:
-        """Sets out for the one of the first anchors of a motion that suits best, and says which."""
+        """Begins to cross to the one of the first anchors of a motion that suits best; returns which."""
         ...
 
 

@@ -2,8 +2,8 @@
 
     x(t) = rest + W Phi(q(t)),   q_i(t) = (cos, sin)(omega_i t + phi_i)            (eqs 1, 2)
 
-Each motion has its own frequencies, satellites and weights; the switching module's z says which one plays. In the paper
-z drives omega(z) and W(z) directly (eqs 12, 13), which passes through whatever motions lie between source and target
+Each motion has its own frequencies, satellites and weights; the switching module's z selects which one plays. In the
+paper z drives omega(z) and W(z) directly (eqs 12, 13), which passes through whatever motions lie between source and target
 and is many times rougher than the recordings. Here z goes slowly, only source and target are mixed, by how far z has
 come from the one to the other, and the target is entered where it is most like what the source is about to do.
 """
@@ -146,7 +146,7 @@ class Voice:
         np.abs(self.centers, out=self._amplitude)
         self.centers /= self._amplitude
 
-    def speak(self, out: Channels) -> None:
+    def read(self, out: Channels) -> None:
         """Writes the channels into out, shape (D,)."""
         response = self._response
         np.dot(self._exponent, self._coordinates, out=response)
@@ -161,7 +161,7 @@ class Voice:
 
 
 class Passage:
-    """The switching module on its way from one motion to another.
+    """The switching module while it crosses from one motion to another.
 
     Args:
         motions: how many there are.
@@ -175,7 +175,7 @@ class Passage:
         self._origin = self._goal = 0.0
 
     def begin(self, target: int) -> None:
-        """Sets out for a motion, by a clamp current."""
+        """Begins to cross to a motion, by a clamp current."""
         self._goal = float(self.module.design.targets[target])
         if abs(self.module.z - self._goal) < 0.1:
             # The same state again: z comes from beside it, so that its way has a length.
@@ -295,7 +295,7 @@ class CentralizedGenerator:
     def step(self, dt: float) -> Channels:
         """Goes dt >= 0 seconds on and gives the channels there, shape (D,); the array is reused by the next step."""
         self._voice.advance(dt * self.tempo)
-        self._voice.speak(self._out)
+        self._voice.read(self._out)
         if self._source is not None:
             self._mix(dt)
         elif self._noise:
@@ -338,5 +338,5 @@ class CentralizedGenerator:
                 self.switch(waiting)
             return
         self._source.advance(dt * self.tempo)
-        self._source.speak(self._mixed)
+        self._source.read(self._mixed)
         mix(self._passage.share, self._mixed, self._out)

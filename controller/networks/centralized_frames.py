@@ -106,7 +106,7 @@ class CentralizedNetwork:
         return np.arange(0, frames, ANCHOR_EVERY) / self.rate
 
     def recall(self, motion: str) -> Channels:
-        """What the network says at its anchors: the same, for it has no state that could stray."""
+        """What the readout gives at the anchors: the same, for there is no state that could stray."""
         return self.anchors(motion)
 
     def cue(self, motion: str, anchor: int) -> None:
@@ -129,21 +129,21 @@ class CentralizedNetwork:
 
     @property
     def crossing(self) -> bool:
-        """Whether it is on its way to another motion."""
+        """Whether it is crossing to another motion."""
         return self._source is not None
 
     def advance(self, out: Channels) -> None:
         """Steps one frame on and writes it into out, shape (channels,)."""
         dt = 1.0 / self.rate
         self._voice.advance(dt)
-        self._voice.speak(out)
+        self._voice.read(out)
         if self._source is None:
             return
         if not self._passage.advance(dt):
             self._source = None
             return
         self._source.advance(dt)
-        self._source.speak(self._mixed)
+        self._source.read(self._mixed)
         mix(self._passage.share, self._mixed, out)
 
     def snapshot(self) -> tuple[Voice, Voice | None, tuple[object, float, float]]:

@@ -1,4 +1,4 @@
-"""A reservoir that goes on by itself as several signals drove it, and the conceptor of each (Jaeger 2014, chapter 3).
+"""A reservoir that goes on without input as signals drove it, and the conceptor of each (Jaeger 2014, chapter 3).
 
     x(n+1) = C tanh(W x(n) + b),      y(n) = W_out x(n)        (Jaeger 2014, eqs 9, 10; Deliallisi 2017, eqs 3.14, 3.15)
 

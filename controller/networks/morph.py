@@ -28,7 +28,7 @@ ReservoirNetwork = ConceptorNetwork | EchoStateNetwork | RandomFeatureNetwork
 
 
 class Morph(Protocol):
-    """A network on its way from one motion to another."""
+    """A network that goes over from one motion to another."""
 
     def advance(self, mu: float, out: Channels) -> None:
         """Steps one frame on with the share mu of the target and writes it into out, shape (channels,)."""

@@ -54,7 +54,7 @@ class _Knot:
 
 
 class PhaseMorph:
-    """A phase-driven network on its way from one loop to another; fits `morph.Morph`.
+    """A phase-driven network that goes over from one loop to another; fits `morph.Morph`.
 
     Preparing it settles the mixture at every knot, which takes some ten ms each: not for a tick.
 

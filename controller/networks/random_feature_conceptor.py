@@ -1,4 +1,4 @@
-"""Random feature conceptors: a motion is told by one number a feature, not by a matrix (Jaeger 2014, section 3.15).
+"""Random feature conceptors: a motion is one number a feature and not a matrix (Jaeger 2014, section 3.15).
 
 The state r of N neurons is seen through M random features f_i, and each motion j lets so much of each of them through:
 

@@ -51,7 +51,7 @@ def add(
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE", help="Where the longer library goes; by itself into LIBRARY."),
+        typer.Option("--out", metavar="FILE", help="Where the longer library goes; by default into LIBRARY."),
     ] = None,
     allow_failing: Annotated[
         bool, typer.Option("--allow-failing", help="Write the library even if the motion fails its self-test.")
@@ -60,8 +60,8 @@ def add(
 ) -> None:
     """Add a motion to a library without training it again: what is stored stays as it is, bit by bit.
 
-    A conceptor network loads the motion into what is left of its reservoir and says how much that is; other networks
-    get one more readout or one more motion. The new motion has to pass the self-test.
+    A conceptor network that runs by itself loads the motion into what is left of its reservoir, which is printed;
+    other networks get one more readout or one more motion. The new motion has to pass the self-test.
 
     Example:  motiondeck library add my.safetensors skip.bvh --name skip
     """

@@ -169,7 +169,7 @@ def restyle(
     """Carry the frequencies of one motion to another: a library with one more motion, MOTION-like-OTHER.
 
     Satellites and weights stay, centers turn as in OTHER: the tempo is another, and so is the rhythm. How far joints
-    leave the places they had in MOTION is said, for a network may be driven to where it has not been taught.
+    leave the places they had in MOTION is printed, for a network may be driven to where it has not been trained.
 
     Example:  motiondeck library restyle cmu86 walk --like run --out styled.safetensors
     """
@@ -197,7 +197,7 @@ def _weight(given: str) -> tuple[str, float]:
 
 
 def _recordings(source: Path) -> list[Path]:
-    """The recordings below a folder, or one by itself."""
+    """The recordings below a folder, or a single one."""
     if source.is_dir():
         return sorted(path for path in source.rglob("*") if path.suffix.lower() in RECORDINGS)
     return [source] if source.suffix.lower() in RECORDINGS else []

@@ -35,7 +35,7 @@ class CentralizedRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True,
 
 
 def train_centralized_network(
-    lessons: list[TrainingMotion], normalisation: Normalisation, recipe: CentralizedRecipe, rate: float, seed: int
+    to_learn: list[TrainingMotion], normalisation: Normalisation, recipe: CentralizedRecipe, rate: float, seed: int
 ) -> CentralizedNetwork:
     """The network of several motions, each learned for itself.
 
@@ -43,15 +43,15 @@ def train_centralized_network(
         SwitchingModuleError: before anything is trained, if there are more motions than can be switched between.
         MotiondeckError: see `train_centralized`.
     """
-    design_module(len(lessons))
+    design_module(len(to_learn))
     motions = {}
-    for lesson in lessons:
-        channels = normalisation.invert(lesson.frames)
-        centers, satellites = _sizes(recipe, channels, rate, loop=lesson.loop, seed=seed)
-        motions[lesson.name] = train_centralized(
+    for motion in to_learn:
+        channels = normalisation.invert(motion.frames)
+        centers, satellites = _sizes(recipe, channels, rate, loop=motion.loop, seed=seed)
+        motions[motion.name] = train_centralized(
             channels,
             rate,
-            loop=lesson.loop,
+            loop=motion.loop,
             centers=centers,
             satellites=satellites,
             iterations=recipe.iterations,

@@ -1,4 +1,4 @@
-"""How well a centralized network says a motion, and how many satellites are worth their price (Vakulenko 2017)."""
+"""How well a centralized network reproduces a motion, and how many satellites are worth it (Vakulenko 2017)."""
 
 from __future__ import annotations
 

@@ -152,8 +152,8 @@ def _fill_group(markers: Array, filled: Array, group: list[Gap], rate: float) ->
         path = _turned(part[:, gap.marker] - base, turn)
         way, expected = _choose(scores, path, hole, gap.frames)
         inside = slice(gap.first - begin, gap.end - begin)
-        said = _fill(scores, path, hole, way)[inside]
-        filled[gap.first : gap.end, gap.marker] = _turned(said, np.swapaxes(turn[inside], 1, 2)) + base[inside]
+        predicted = _fill(scores, path, hole, way)[inside]
+        filled[gap.first : gap.end, gap.marker] = _turned(predicted, np.swapaxes(turn[inside], 1, 2)) + base[inside]
         done.append(Gap(gap.marker, gap.first, gap.end, expected, filled=True))
     return done
 
@@ -184,12 +184,12 @@ def _scores(flat: Array, rate: float) -> Array:
     """
     target = flat - flat.mean(0)
     pieces = np.array_split(target, max(1, int(np.ceil(len(flat) / (PIECE_S * rate)))))
-    said = np.concatenate([_said(piece, rate) for piece in pieces])
-    left, size, _ = np.linalg.svd(said, full_matrices=False)
+    predicted = np.concatenate([_predicted(piece, rate) for piece in pieces])
+    left, size, _ = np.linalg.svd(predicted, full_matrices=False)
     return left[:, :SCORES] * size[:SCORES] / max(size[0], 1e-300)
 
 
-def _said(target: Array, rate: float) -> Array:
+def _predicted(target: Array, rate: float) -> Array:
     """What a network makes of coordinates (K, F)."""
     middle = target.mean(0)
     time = np.arange(len(target)) / rate
@@ -225,12 +225,12 @@ def _fill(scores: Array, path: Array, missing: Flags, way: FillMethod) -> Array:
     """A path (K, 3) without gaps: what the scores say of it, and over each gap what they were off on both sides."""
     there = path[~missing]
     weights = ridge(scores[~missing], there - there.mean(0), way.ridge_share * len(there))
-    said = scores @ weights.T + there.mean(0)
-    out = np.where(missing[:, None], said, path)
+    predicted = scores @ weights.T + there.mean(0)
+    out = np.where(missing[:, None], predicted, path)
     for first, end in _runs(missing):
         edges = (first - EDGE, first - 1, end, end + EDGE - 1) if way.cubic else (first - 1, end)
         near = [k for k in edges if 0 <= k < len(path) and not missing[k]]
-        inside, off = np.arange(first, end), path[near] - said[near]
+        inside, off = np.arange(first, end), path[near] - predicted[near]
         if len(near) == 4:
             out[first:end] += CubicSpline(near, off)(inside)
         elif near:

@@ -81,13 +81,13 @@ def choose_satellites(states: Array, target: Array, count: int) -> tuple[Gaussia
     candidates = GaussianSatellites(places, sharpness)
     response = candidates.respond(states)
     response /= np.linalg.norm(response, axis=0)
-    gram, told = response.T @ response, response.T @ target
+    gram, explained = response.T @ response, response.T @ target
     new = np.ones(len(places))
     basis = np.zeros((len(places), count))
     left = size = float(np.square(target).sum())
     chosen: list[int] = []
     for k in range(count):
-        gain = np.where(new > LEAST_NEW, np.square(told).sum(1) / np.maximum(new, LEAST_NEW), -1.0)
+        gain = np.where(new > LEAST_NEW, np.square(explained).sum(1) / np.maximum(new, LEAST_NEW), -1.0)
         gain[chosen] = -1.0
         best = int(gain.argmax())
         if gain[best] < 0.0:
@@ -95,7 +95,7 @@ def choose_satellites(states: Array, target: Array, count: int) -> tuple[Gaussia
         chosen.append(best)
         left -= float(gain[best])
         column = (gram[best] - basis[:, :k] @ basis[best, :k]) / np.sqrt(new[best])
-        told = told - np.multiply.outer(column, told[best] / np.sqrt(new[best]))
+        explained = explained - np.multiply.outer(column, explained[best] / np.sqrt(new[best]))
         new = new - np.square(column)
         basis[:, k] = column
     for spare in range(count - len(chosen)):

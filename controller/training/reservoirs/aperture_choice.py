@@ -6,7 +6,7 @@ x = m + C (h - m). The attenuation
 
     E|h - x|^2 / E|h - m|^2
 
-of the network running by itself is least in between (Jaeger 2014, section 3.8.5). It says where a motion loses little,
+of the network running free is least in between (Jaeger 2014, section 3.8.5). It shows where a motion loses little,
 not whether it survives a disturbance, so every choice is tried: run free, started from noise, and disturbed.
 """
 
@@ -36,13 +36,13 @@ APERTURES = (5.0, 7.0, 10.0, 14.0, 20.0, 30.0, 50.0, 80.0)
 # How long each is run for its attenuation, and from when on it counts.
 STEPS, SETTLED = 400, 60
 
-# What a loop has to survive. A motion that happens once may be anywhere on its way after a disturbance.
+# What a loop has to survive. A motion that happens once may be anywhere along its course after a disturbance.
 LOOP: tuple[Kind, ...] = ("robustness", "stability")
 
 
 def settled_network(
     loaded: LoadedReservoir,
-    lessons: list[TrainingMotion],
+    to_learn: list[TrainingMotion],
     normalisation: Normalisation,
     recipe: ConceptorRecipe,
     judge: Judge,
@@ -54,33 +54,33 @@ def settled_network(
     failures. Then all are cut to the rank that the recipe's tolerance allows, if it has one, and tried once more.
 
     Args:
-        loaded, lessons, normalisation, recipe: as for `conceptor_network`.
+        loaded, to_learn, normalisation, recipe: as for `conceptor_network`.
         judge: of the motions.
         seed: of the noise in the trials.
     """
-    network, failed = conceptor_network(loaded, lessons, normalisation, recipe), {}
+    network, failed = conceptor_network(loaded, to_learn, normalisation, recipe), {}
     if recipe.choose_apertures:
-        network, failed = _tried(network, loaded, lessons, normalisation, recipe, judge, seed)
+        network, failed = _tried(network, loaded, to_learn, normalisation, recipe, judge, seed)
     if recipe.rank_tolerance_mm is not None:
         network = cut_to_tolerance(network, judge.encoding, recipe.rank_tolerance_mm)
         if failed:
             # What was tried were the whole conceptors; what counts is how the cut ones hold.
             weights = loaded.weights.astype(np.float32)
             failed = {
-                lesson.name: failures(network, lesson.name, _survives(lesson), judge, seed, weights)
-                for lesson in lessons
+                motion.name: failures(network, motion.name, _survives(motion), judge, seed, weights)
+                for motion in to_learn
             }
     return network, failed
 
 
-def _survives(lesson: TrainingMotion) -> tuple[Kind, ...]:
-    return LOOP if lesson.loop else ()
+def _survives(motion: TrainingMotion) -> tuple[Kind, ...]:
+    return LOOP if motion.loop else ()
 
 
 def _tried(
     network: ConceptorNetwork,
     loaded: LoadedReservoir,
-    lessons: list[TrainingMotion],
+    to_learn: list[TrainingMotion],
     normalisation: Normalisation,
     recipe: ConceptorRecipe,
     judge: Judge,
@@ -90,18 +90,18 @@ def _tried(
     weights = loaded.weights.astype(np.float32)
     motions = {name: network[name] for name in network.motions}
     left: dict[str, int] = {}
-    for lesson, states in zip(lessons, loaded.states, strict=True):
-        kinds = _survives(lesson)
-        fewest = failures(network, lesson.name, kinds, judge, seed, weights)
-        named = lesson.name in recipe.apertures
+    for motion, states in zip(to_learn, loaded.states, strict=True):
+        kinds = _survives(motion)
+        fewest = failures(network, motion.name, kinds, judge, seed, weights)
+        named = motion.name in recipe.apertures
         for aperture in [] if named or fewest == 0 else by_attenuation(states, loaded, recipe):
             part = conceptor_motion(states, loaded, normalisation, recipe, aperture)
-            failed = failures(ConceptorNetwork({lesson.name: part}), lesson.name, kinds, judge, seed, weights)
+            failed = failures(ConceptorNetwork({motion.name: part}), motion.name, kinds, judge, seed, weights)
             if failed < fewest:
-                fewest, motions[lesson.name] = failed, part
+                fewest, motions[motion.name] = failed, part
             if fewest == 0:
                 break
-        left[lesson.name] = fewest
+        left[motion.name] = fewest
     return ConceptorNetwork(motions, network.memory), left
 
 

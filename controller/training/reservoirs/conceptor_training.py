@@ -62,13 +62,13 @@ class ConceptorRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, k
 
 @dataclass(frozen=True)
 class LoadedReservoir:
-    """A reservoir that goes on by itself as its lessons drove it.
+    """A reservoir that goes on by itself as its motions drove it.
 
     Attributes:
         reservoir: as it was drawn, with W*, W_in and b.
         weights: W, shape (N, N).
         readout: W_out, shape (C, N).
-        before, states: of each lesson, shape (T_j, N): the state before and after each frame.
+        before, states: of each motion, shape (T_j, N): the state before and after each frame.
         estimate: V, shape (C, N), or None where all of W was learned.
     """
 
@@ -81,17 +81,17 @@ class LoadedReservoir:
 
 
 def train_conceptors(
-    lessons: list[TrainingMotion], normalisation: Normalisation, recipe: ConceptorRecipe, seed: int
+    to_learn: list[TrainingMotion], normalisation: Normalisation, recipe: ConceptorRecipe, seed: int
 ) -> ConceptorNetwork:
-    """One network that holds all lessons.
+    """One network that holds all motions.
 
     Args:
-        lessons: what to learn.
-        normalisation: between the lessons' channels and the encoding's units; it goes into the readout.
+        to_learn: the motions.
+        normalisation: between their channels and the encoding's units; it goes into the readout.
         recipe: sizes and scales.
         seed: of everything random.
     """
-    return conceptor_network(load_reservoir(lessons, recipe, seed), lessons, normalisation, recipe)
+    return conceptor_network(load_reservoir(to_learn, recipe, seed), to_learn, normalisation, recipe)
 
 
 def draw_reservoir(recipe: ConceptorRecipe, channels: int, seed: int) -> Reservoir:
@@ -106,13 +106,13 @@ def draw_reservoir(recipe: ConceptorRecipe, channels: int, seed: int) -> Reservo
     )
 
 
-def load_reservoir(lessons: list[TrainingMotion], recipe: ConceptorRecipe, seed: int) -> LoadedReservoir:
-    """Drives a random reservoir with all lessons and learns W and W_out (eqs 3.8 and 3.11 - 3.13)."""
-    reservoir = draw_reservoir(recipe, lessons[0].frames.shape[1], seed)
-    driven = drive(reservoir, [np.concatenate([lesson.lead_in(recipe.washout), lesson.frames]) for lesson in lessons])
-    states = [x[len(x) - len(lesson.frames) :] for lesson, x in zip(lessons, driven, strict=True)]
-    before = [x[len(x) - len(lesson.frames) - 1 : -1] for lesson, x in zip(lessons, driven, strict=True)]
-    was, inputs = np.concatenate(before), np.concatenate([lesson.frames for lesson in lessons])
+def load_reservoir(to_learn: list[TrainingMotion], recipe: ConceptorRecipe, seed: int) -> LoadedReservoir:
+    """Drives a random reservoir with all motions and learns W and W_out (eqs 3.8 and 3.11 - 3.13)."""
+    reservoir = draw_reservoir(recipe, to_learn[0].frames.shape[1], seed)
+    driven = drive(reservoir, [np.concatenate([motion.lead_in(recipe.washout), motion.frames]) for motion in to_learn])
+    states = [x[len(x) - len(motion.frames) :] for motion, x in zip(to_learn, driven, strict=True)]
+    before = [x[len(x) - len(motion.frames) - 1 : -1] for motion, x in zip(to_learn, driven, strict=True)]
+    was, inputs = np.concatenate(before), np.concatenate([motion.frames for motion in to_learn])
     readout = ridge(np.concatenate(states), inputs, recipe.ridge)
     if recipe.learns == "weights":
         weights = ridge(was, what_drove(reservoir, was, inputs), recipe.ridge)
@@ -128,14 +128,14 @@ def what_drove(reservoir: Reservoir, before: Array, inputs: Array) -> Array:
 
 
 def conceptor_network(
-    loaded: LoadedReservoir, lessons: list[TrainingMotion], normalisation: Normalisation, recipe: ConceptorRecipe
+    loaded: LoadedReservoir, to_learn: list[TrainingMotion], normalisation: Normalisation, recipe: ConceptorRecipe
 ) -> ConceptorNetwork:
-    """The conceptors of all lessons of a loaded reservoir, as a network that plays."""
+    """The conceptors of all motions of a loaded reservoir, as a network that plays."""
     motions = {
-        lesson.name: conceptor_motion(
-            states, loaded, normalisation, recipe, recipe.apertures.get(lesson.name, recipe.aperture)
+        motion.name: conceptor_motion(
+            states, loaded, normalisation, recipe, recipe.apertures.get(motion.name, recipe.aperture)
         )
-        for lesson, states in zip(lessons, loaded.states, strict=True)
+        for motion, states in zip(to_learn, loaded.states, strict=True)
     }
     if loaded.estimate is None:
         return ConceptorNetwork(motions)

@@ -56,27 +56,27 @@ class EchoStateRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, k
 
 
 def train_echo_state(
-    lessons: list[TrainingMotion], normalisation: Normalisation, recipe: EchoStateRecipe, seed: int
+    to_learn: list[TrainingMotion], normalisation: Normalisation, recipe: EchoStateRecipe, seed: int
 ) -> EchoStateNetwork:
-    """One network that holds all lessons.
+    """One network that holds all motions.
 
     Args:
-        lessons: what to learn.
-        normalisation: between the lessons' channels and the encoding's units.
+        to_learn: the motions.
+        normalisation: between their channels and the encoding's units.
         recipe: sizes and scales.
         seed: of everything random.
     """
     rng = np.random.default_rng(seed)
     reservoir = random_reservoir(
         recipe.neurons,
-        lessons[0].frames.shape[1],
+        to_learn[0].frames.shape[1],
         spectral_radius=recipe.spectral_radius,
         input_scale=recipe.feedback_scale,
         bias_scale=recipe.bias_scale,
         rng=rng,
         leak=recipe.leak,
     )
-    motions = learn_readouts(reservoir, lessons, recipe, rng)
+    motions = learn_readouts(reservoir, to_learn, recipe, rng)
     return EchoStateNetwork(
         reservoir.weights.astype(np.float32),
         reservoir.input_weights.astype(np.float32),
@@ -89,21 +89,21 @@ def train_echo_state(
 
 
 def learn_readouts(
-    reservoir: Reservoir, lessons: list[TrainingMotion], recipe: EchoStateRecipe, rng: np.random.Generator
+    reservoir: Reservoir, to_learn: list[TrainingMotion], recipe: EchoStateRecipe, rng: np.random.Generator
 ) -> dict[str, EchoStateMotion]:
-    """A readout for each lesson; none of them depends on the others (eq. 2.4)."""
-    targets = [np.concatenate([lesson.lead_in(recipe.washout), lesson.frames]) for lesson in lessons]
+    """A readout for each motion; none of them depends on the others (eq. 2.4)."""
+    targets = [np.concatenate([motion.lead_in(recipe.washout), motion.frames]) for motion in to_learn]
     # The state after step n has been fed the output of frame n - 1 and is to give frame n.
     forced = [np.concatenate([target[:1], target[:-1]]) for target in targets]
     driven = reservoir.single()
     quiet = drive(driven, forced)
-    first = [len(target) - len(lesson.frames) for target, lesson in zip(targets, lessons, strict=True)]
-    runs = _noisy_runs(driven, lessons, forced, quiet, recipe, rng)
+    first = [len(target) - len(motion.frames) for target, motion in zip(targets, to_learn, strict=True)]
+    runs = _noisy_runs(driven, to_learn, forced, quiet, recipe, rng)
     motions = {}
-    for j, lesson in enumerate(lessons):
-        learned, wanted = zip(*(runs[j] or [(quiet[j][first[j] :], lesson.frames)]), strict=True)
+    for j, motion in enumerate(to_learn):
+        learned, wanted = zip(*(runs[j] or [(quiet[j][first[j] :], motion.frames)]), strict=True)
         anchors = slice(first[j], None, recipe.anchor_every)
-        motions[lesson.name] = EchoStateMotion(
+        motions[motion.name] = EchoStateMotion(
             ridge(np.concatenate(learned, dtype=np.float64), np.concatenate(wanted), recipe.ridge).astype(np.float32),
             quiet[j][anchors].copy(),
             targets[j][anchors].astype(np.float32),
@@ -113,31 +113,31 @@ def learn_readouts(
 
 def _noisy_runs(
     driven: Reservoir,
-    lessons: list[TrainingMotion],
+    to_learn: list[TrainingMotion],
     forced: list[Array],
     quiet: list[Floats],
     recipe: EchoStateRecipe,
     rng: np.random.Generator,
 ) -> list[list[tuple[Floats, Array]]]:
-    """The states and the frames to be learned from them, of the noisy runs of each lesson; none without noise."""
+    """The states and the frames to be learned from them, of the noisy runs of each motion; none without noise."""
     if recipe.state_noise == recipe.teacher_noise == 0.0:
-        return [[] for _ in lessons]
+        return [[] for _ in to_learn]
     signals: list[Array] = []
     starts: list[Floats] = []
     wanted: list[tuple[int, Array]] = []
-    for j, lesson in enumerate(lessons):
-        first = len(forced[j]) - len(lesson.frames)
+    for j, motion in enumerate(to_learn):
+        first = len(forced[j]) - len(motion.frames)
         for _ in range(recipe.drives):
             signals.append(forced[j][first:])
             starts.append(quiet[j][first - 1])
-            wanted.append((j, lesson.frames))
-        for _ in range(0 if lesson.loop else recipe.wrong_starts):
+            wanted.append((j, motion.frames))
+        for _ in range(0 if motion.loop else recipe.wrong_starts):
             signals.append(forced[j][first:][:LOST_FOR])
             starts.append(rng.uniform(-1.0, 1.0, len(driven)))
-            wanted.append((j, lesson.frames[:LOST_FOR]))
+            wanted.append((j, motion.frames[:LOST_FOR]))
     noisy = [signal + recipe.teacher_noise * rng.standard_normal(signal.shape) for signal in signals]
     states = drive(driven, noisy, state_noise=recipe.state_noise, starts=np.stack(starts), rng=rng)
-    runs: list[list[tuple[Floats, Array]]] = [[] for _ in lessons]
+    runs: list[list[tuple[Floats, Array]]] = [[] for _ in to_learn]
     for (j, frames), run in zip(wanted, states, strict=True):
         runs[j].append((run, frames))
     return runs

@@ -39,14 +39,14 @@ REDRAWN = 1e-2
 
 
 def load_one_more(
-    network: ConceptorNetwork, lengths: dict[str, int], lesson: TrainingMotion, recipe: ConceptorRecipe, seed: int
+    network: ConceptorNetwork, lengths: dict[str, int], motion: TrainingMotion, recipe: ConceptorRecipe, seed: int
 ) -> ConceptorNetwork:
     """The network with one more motion.
 
     Args:
         network: as it was trained or added to.
         lengths: how many frames each of its motions was learned from.
-        lesson: the new motion, normalised by the network's memory.
+        motion: the new motion, normalised by the network's memory.
         recipe, seed: of the network.
 
     Raises:
@@ -60,16 +60,16 @@ def load_one_more(
     reservoir = draw_reservoir(recipe, network.channels, seed)
     estimate, readout = memory.estimate.astype(np.float64), memory.readout.astype(np.float64)
     _check_redrawn(network, reservoir, estimate)
-    (states,) = drive(reservoir, [np.concatenate([lesson.lead_in(recipe.washout), lesson.frames])])
-    before, states = states[-len(lesson.frames) - 1 : -1], states[-len(lesson.frames) :]
+    (states,) = drive(reservoir, [np.concatenate([motion.lead_in(recipe.washout), motion.frames])])
+    before, states = states[-len(motion.frames) - 1 : -1], states[-len(motion.frames) :]
     known = used_directions(network, lengths, recipe)
     stored = len(reservoir) * (known @ known.T)
     stored[np.diag_indices(len(stored))] += recipe.ridge
-    estimate = estimate + _correction(stored, before, lesson.frames - before @ estimate.T)
-    readout = readout + _correction(stored, states, lesson.frames - states @ readout.T)
+    estimate = estimate + _correction(stored, before, motion.frames - before @ estimate.T)
+    readout = readout + _correction(stored, states, motion.frames - states @ readout.T)
     weights = reservoir.weights + reservoir.input_weights @ estimate
     loaded = LoadedReservoir(reservoir, weights, readout, [before], [states])
-    motion = conceptor_motion(states, loaded, memory.normalisation, recipe, recipe.aperture)
+    part = conceptor_motion(states, loaded, memory.normalisation, recipe, recipe.aperture)
     mean = mean_state(states, recipe)
     grown = replace(
         memory,
@@ -77,7 +77,7 @@ def load_one_more(
         readout=readout.astype(np.float32),
         means=np.vstack([memory.means, mean]).astype(np.float32),
     )
-    return ConceptorNetwork({name: network[name] for name in network.motions} | {lesson.name: motion}, grown)
+    return ConceptorNetwork({name: network[name] for name in network.motions} | {motion.name: part}, grown)
 
 
 def quota(network: ConceptorNetwork, lengths: dict[str, int], recipe: ConceptorRecipe) -> float:

@@ -2,7 +2,7 @@
 
 A little noise on the state teaches a readout the way back from small errors. How much is best depends on the motion and
 on the random weights, and the draw itself decides where a motion is near to freezing; so a motion that does not hold is
-taught again, by itself, since no readout depends on another.
+taught again alone, since no readout depends on another.
 """
 
 from __future__ import annotations
@@ -29,31 +29,31 @@ ONCE: tuple[Kind, ...] = ("robustness",)
 
 
 def settled_echo_state(
-    lessons: list[TrainingMotion], normalisation: Normalisation, recipe: EchoStateRecipe, judge: Judge, seed: int
+    to_learn: list[TrainingMotion], normalisation: Normalisation, recipe: EchoStateRecipe, judge: Judge, seed: int
 ) -> tuple[EchoStateNetwork, dict[str, int]]:
     """The network of a recipe and how many runs of each motion fail.
 
     A motion that fails a trial gets the first noise with which it does not; where there is none, what failed least.
 
     Args:
-        lessons, normalisation, recipe: as for `train_echo_state`.
+        to_learn, normalisation, recipe: as for `train_echo_state`.
         judge: of the motions.
         seed: of everything random.
     """
-    network = train_echo_state(lessons, normalisation, recipe, seed)
+    network = train_echo_state(to_learn, normalisation, recipe, seed)
     left: dict[str, int] = {}
     reservoir = Reservoir(network.weights, network.feedback, network.bias, network.leak)
-    for lesson in lessons:
-        kinds = LOOP if lesson.loop else ONCE
-        fewest = failures(network, lesson.name, kinds, judge, seed)
+    for motion in to_learn:
+        kinds = LOOP if motion.loop else ONCE
+        fewest = failures(network, motion.name, kinds, judge, seed)
         for attempt, factor in enumerate(FACTORS):
             if fewest == 0:
                 break
             other = msgspec.structs.replace(recipe, state_noise=factor * recipe.state_noise)
-            rng = np.random.default_rng([seed, *lesson.name.encode(), attempt])
-            taught_again = network.with_motions(learn_readouts(reservoir, [lesson], other, rng))
-            failed = failures(taught_again, lesson.name, kinds, judge, seed)
+            rng = np.random.default_rng([seed, *motion.name.encode(), attempt])
+            taught_again = network.with_motions(learn_readouts(reservoir, [motion], other, rng))
+            failed = failures(taught_again, motion.name, kinds, judge, seed)
             if failed < fewest:
                 fewest, network = failed, taught_again
-        left[lesson.name] = fewest
+        left[motion.name] = fewest
     return network, left

@@ -83,7 +83,7 @@ class Drawn:
         features, feedback: F' and G', shape (M, N).
         inputs: W_in, shape (N, C).
         bias: b, shape (N,).
-        uses: the features of each lesson, each of shape (k,).
+        uses: the features of each motion, each of shape (k,).
     """
 
     features: Float32
@@ -94,30 +94,30 @@ class Drawn:
 
 
 def train_random_features(
-    lessons: list[TrainingMotion], normalisation: Normalisation, recipe: RandomFeatureRecipe, seed: int
+    to_learn: list[TrainingMotion], normalisation: Normalisation, recipe: RandomFeatureRecipe, seed: int
 ) -> RandomFeatureNetwork:
-    """One network that holds all lessons.
+    """One network that holds all motions.
 
     Args:
-        lessons: what to learn.
-        normalisation: between the lessons' channels and the encoding's units; it goes into the readout.
+        to_learn: the motions.
+        normalisation: between their channels and the encoding's units; it goes into the readout.
         recipe: sizes and scales.
         seed: of everything random.
     """
     rng = np.random.default_rng(seed)
-    drawn = draw(recipe, lessons[0].frames.shape[1], len(lessons), rng)
-    regressions = [_Regression(recipe.features, lessons[0].frames.shape[1]) for _ in range(2)]
+    drawn = draw(recipe, to_learn[0].frames.shape[1], len(to_learn), rng)
+    regressions = [_Regression(recipe.features, to_learn[0].frames.shape[1]) for _ in range(2)]
     motions = {}
-    for lesson, uses in zip(lessons, drawn.uses, strict=True):
-        signal = (lesson.frames @ drawn.inputs.T + drawn.bias).astype(np.float32)
+    for motion, uses in zip(to_learn, drawn.uses, strict=True):
+        signal = (motion.frames @ drawn.inputs.T + drawn.bias).astype(np.float32)
         features, feedback = drawn.features[uses], drawn.feedback[uses]
         conception, mean = conceive(signal, features, feedback, recipe)
         offset = (1.0 - conception) * mean
-        before, after = _harvest(lesson, drawn, features, feedback, conception, offset, recipe, rng)
+        before, after = _harvest(motion, drawn, features, feedback, conception, offset, recipe, rng)
         for regression, states in zip(regressions, (before, after), strict=True):
-            regression.learn(uses, states.reshape(-1, len(uses)), np.repeat(lesson.frames, states.shape[1], axis=0))
+            regression.learn(uses, states.reshape(-1, len(uses)), np.repeat(motion.frames, states.shape[1], axis=0))
         quiet = np.ascontiguousarray(after[:: recipe.anchor_every, 0])
-        motions[lesson.name] = FeatureMotion(uses, conception, offset, quiet)
+        motions[motion.name] = FeatureMotion(uses, conception, offset, quiet)
     estimate, readout = (regression.solved(recipe.ridge) for regression in regressions)
     # Going back to the encoding's units is affine, so it can be part of the readout.
     zero = normalisation.invert(np.zeros(readout.shape[1]))
@@ -179,7 +179,7 @@ def conceive(
 
 
 def _harvest(
-    lesson: TrainingMotion,
+    motion: TrainingMotion,
     drawn: Drawn,
     features: Float32,
     feedback: Float32,
@@ -188,13 +188,13 @@ def _harvest(
     recipe: RandomFeatureRecipe,
     rng: np.random.Generator,
 ) -> tuple[Float32, Float32]:
-    """z before and after each frame of a lesson, each of shape (T, 1 + drives, k); the first run is quiet."""
-    lead_in = lesson.lead_in(recipe.washout)
-    signal = (np.concatenate([lead_in, lesson.frames]) @ drawn.inputs.T + drawn.bias).astype(np.float32)
+    """z before and after each frame of a motion, each of shape (T, 1 + drives, k); the first run is quiet."""
+    lead_in = motion.lead_in(recipe.washout)
+    signal = (np.concatenate([lead_in, motion.frames]) @ drawn.inputs.T + drawn.bias).astype(np.float32)
     noise = np.ones((1 + recipe.drives, 1), dtype=np.float32)
     noise[0] = 0.0
     z = np.repeat(offset[None], len(noise), axis=0)
-    before = np.empty((len(lesson.frames), *z.shape), dtype=np.float32)
+    before = np.empty((len(motion.frames), *z.shape), dtype=np.float32)
     after = np.empty_like(before)
     for n, heard in enumerate(signal):
         hidden = z @ feedback + heard
