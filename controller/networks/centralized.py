@@ -3,9 +3,9 @@
     x(t) = rest + W Phi(q(t)),   q_i(t) = (cos, sin)(omega_i t + phi_i)            (eqs 1, 2)
 
 Each motion has its own frequencies, satellites and weights; the switching module's z selects which one plays. In the
-paper z drives omega(z) and W(z) directly (eqs 12, 13), which passes through whatever motions lie between source and target
-and is many times rougher than the recordings. Here z goes slowly, only source and target are mixed, by how far z has
-come from the one to the other, and the target is entered where it is most like what the source is about to do.
+paper z drives omega(z) and W(z) directly (eqs 12, 13), which passes through whatever motions lie between source and
+target and is many times rougher than the recordings. Here z goes slowly, only source and target are mixed, by how far z
+has come from the one to the other, and the target is entered where it is most like what the source is about to do.
 """
 
 from __future__ import annotations

@@ -219,8 +219,8 @@ class PhaseMotion:
     def _settled(self, rank: int) -> Float32:
         """The states that the motion is led to from wherever it starts."""
         states = np.zeros((len(self), rank), dtype=np.float32)
-        voice = PhaseVoice(self, 0, states[0])
-        for _ in range(len(self) if self.course.loop else SETTLING_STEPS):
+        voice = PhaseVoice(self, -SETTLING_STEPS % len(self) if self.course.loop else 0, states[0])
+        for _ in range(SETTLING_STEPS):
             voice.step(voice.next if self.course.loop else 0)
         states[0] = voice.z
         for frame in range(1, len(self)):
