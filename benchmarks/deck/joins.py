@@ -26,7 +26,7 @@ from controller.deck.joining import JOININGS, Joining  # noqa: E402
 from controller.deck.motions import read_motions  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
 from controller.rotations import Array  # noqa: E402
-from motiondeck_base.shipped import find  # noqa: E402
+from motiondeck_base.shipped import find_library  # noqa: E402
 
 RATE = 200.0
 DT = 1.0 / RATE
@@ -199,7 +199,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1, help="of the random switches")
     parser.add_argument("--json", action="store_true", help="one JSON object")
     options = parser.parse_args()
-    library = load_library(find("library", options.library, ".safetensors"))
+    library = load_library(find_library(options.library))
     if options.chain:
         joins = chain(library, options.joining, options.chain, direct=options.direct, seed=options.seed)
     else:

@@ -16,7 +16,7 @@ def motion(name, start, end, *, loop):
     places = np.zeros((10, 4))
     places[:, 3] = np.linspace(start, end, 10)
     exits = places if loop else places[-1:]
-    return Motion(name, loop, places[:1], np.zeros((1, 4)), exits, 0.1, 1.0, 1.0)
+    return Motion(name, loop, places[:1], np.zeros((1, 4)), exits, 0.1, 1.0, 1.0, 1.0)
 
 
 def repertoire(*motions):
