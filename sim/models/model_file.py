@@ -9,6 +9,7 @@ as the joint, and none of the file's own floor, sky and lamps: the stage brings 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import mujoco
@@ -18,19 +19,28 @@ from numpy.polynomial import Polynomial
 from motiondeck_base.errors import FileFormatError
 from sim.models.kinematic_tree import path_to
 from sim.models.surface import Surface
+from sim.models.urdf_packages import with_resolved_packages
 
 ROOT_JOINT = "(root)"
 LAST_SHOWN_GROUP = 2
+
+# What a body weighs at least, kg, and its least moment of inertia, kg m^2, where a file has less.
+LEAST_MASS, LEAST_INERTIA = 1e-4, 1e-7
 
 # A joint without a position servo of its own gets one of this bandwidth, rad/s, critically damped.
 SERVO_BANDWIDTH = 30.0
 
 
-def read_model(path: Path) -> mujoco.MjSpec:
+def read_model(path: Path, packages: Mapping[str, Path] | None = None) -> mujoco.MjSpec:
     """The robot in an MJCF or URDF file, in the void, its root free and its joints driven by position servos.
 
     Played are the hinges that have an actuator, or all of them where the file has no actuators; a joint that an
-    equality constraint couples to another follows that one instead.
+    equality constraint couples to another follows that one instead. Bodies whose masses or inertias cannot be are given
+    some that can; `spec.compiler.balanceinertia` then is set.
+
+    Args:
+        path: the file.
+        packages: the folder of each package that a URDF names; others are looked for beside and above the file.
 
     Raises:
         FileFormatError: if MuJoCo refuses the file, there is no body or no solid in it, or its base turns on a joint.
@@ -38,12 +48,14 @@ def read_model(path: Path) -> mujoco.MjSpec:
     if not path.is_file():
         raise FileFormatError(f"{path}: there is no such model file")
     try:
-        spec = mujoco.MjSpec.from_file(str(path))
+        text = with_resolved_packages(path, packages or {}) if path.suffix.lower() == ".urdf" else None
+        spec = mujoco.MjSpec.from_file(str(path)) if text is None else mujoco.MjSpec.from_string(text)
         _clear_stage(spec)
         spec.compiler.fusestatic = False
         # The model may be saved elsewhere; its meshes stay where they are.
         folder = path.resolve().parent
         spec.meshdir, spec.texturedir = str(folder / spec.meshdir), str(folder / spec.texturedir)
+        _mend_inertias(spec)
         _free_root(path, spec)
         model = spec.compile()
         if not len(Surface.of(model).body):
@@ -95,6 +107,19 @@ def _clear_stage(spec: mujoco.MjSpec) -> None:
     # Keyframes, sensors and pairs of solids may be about what is taken away; nothing here looks at them.
     for thing in [*spec.keys, *spec.sensors, *spec.pairs]:
         spec.delete(thing)
+
+
+def _mend_inertias(spec: mujoco.MjSpec) -> None:
+    """Gives bodies masses and inertias that can be, where the file's own are zero or break the triangle inequality."""
+    for body in spec.bodies[1:]:
+        xx, yy, zz, xy, xz, yz = body.fullinertia.tolist()
+        matrix = np.diag(body.inertia) if np.isnan(xx) else np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        a, b, c = np.linalg.eigvalsh(matrix).tolist()
+        given = bool(body.explicitinertial)
+        if given and (body.mass < LEAST_MASS or a < LEAST_INERTIA or a + b < c * (1.0 - 1e-6)):
+            spec.compiler.balanceinertia = True
+            spec.compiler.boundmass = max(spec.compiler.boundmass, LEAST_MASS)
+            spec.compiler.boundinertia = max(spec.compiler.boundinertia, LEAST_INERTIA)
 
 
 def _free_root(path: Path, spec: mujoco.MjSpec) -> None:

@@ -60,6 +60,7 @@ class RobotFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         kind: a mannequin is built from the skeleton, a humanoid is loaded from its model.
         limits: what its joints may do at most.
         model: the humanoid's MJCF or URDF file, from this file's folder.
+        packages: the folder of each package that a URDF's meshes are named by, from this file's folder.
         solver: how poses are carried onto it: by angles of limbs, or by inverse kinematics.
         root_height: of its root above the floor when it stands straight, m; none plays paths at their own scale.
         root_rotation: quaternion of its root body while it stands upright and faces x.
@@ -73,6 +74,7 @@ class RobotFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     kind: Literal["mannequin", "humanoid"]
     limits: LimitTable
     model: str | None = None
+    packages: dict[str, str] = {}
     solver: Solver = "angles"
     root_height: float | None = None
     root_rotation: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)

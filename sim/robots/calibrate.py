@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -65,6 +66,8 @@ class Calibration:
         open_chains: how many constraints close a chain of bodies; they hold in physics only.
         angles: the angle solver's joints, where they fit.
         missed: how far its limbs point from those of a standing human at best, rad, by limb.
+        packages: the folder of each package that was given for it.
+        mended: whether masses or inertias of the model could not be and were balanced.
         segments: what its limbs measure, beside a human's.
         doubts: what does not fit.
     """
@@ -82,6 +85,8 @@ class Calibration:
     open_chains: int
     angles: dict[str, Angle]
     missed: dict[str, float]
+    packages: dict[str, Path]
+    mended: bool
     segments: tuple[Segment, ...]
     doubts: tuple[Doubt, ...]
 
@@ -101,6 +106,7 @@ class Calibration:
             f"name = {_quoted(self.name)}",
             'kind = "humanoid"',
             f"model = {_quoted(str(model))}",
+            *(f"packages.{_key(name)} = {_quoted(str(folder.resolve()))}" for name, folder in self.packages.items()),
             "",
             "# How poses are carried onto it: ik (inverse kinematics), or angles where there is a table [angles].",
             'solver = "ik"',
@@ -143,13 +149,18 @@ class Calibration:
         return "\n".join(lines) + "\n"
 
 
-def calibrate(path: Path) -> Calibration:
+def calibrate(path: Path, packages: Mapping[str, Path] | None = None) -> Calibration:
     """Calibrates the robot in a model file.
+
+    Args:
+        path: an MJCF or URDF file.
+        packages: the folder of each package that a URDF names and that is not beside or above it.
 
     Raises:
         FileFormatError: if the model cannot be used or its legs are not found.
     """
-    model = read_model(path).compile()
+    spec = read_model(path, packages)
+    model = spec.compile()
     layout = JointLayout.of(model)
     found = match(path, model)
     limbs = RobotLimbs(path, model, found.parts, found.root_rotation, layout.joints)
@@ -199,6 +210,8 @@ def calibrate(path: Path) -> Calibration:
         open_chains=int(np.isin(model.eq_type[model.eq_active0 != 0], _CLOSING).sum()),
         angles=fitting_angles(limbs, layout.joints, rest, lower, upper),
         missed=missed,
+        packages=dict(packages or {}),
+        mended=bool(spec.compiler.balanceinertia),
         segments=tuple(segments),
         doubts=tuple(unsure),
     )

@@ -151,7 +151,8 @@ def _retargeter(
 
 def _load_spec(path: Path, file: RobotFile) -> mujoco.MjSpec:
     model_path = path.parent / Path(str(file.model)).expanduser()
-    spec = read_model(model_path)
+    packages = {name: path.parent / Path(folder).expanduser() for name, folder in file.packages.items()}
+    spec = read_model(model_path, packages)
     root = next(body for body in spec.worldbody.bodies if body.joints)
     height = file.root_height or max(float(root.pos[2]), 0.05)
     root.pos = [0.0, 0.0, height]

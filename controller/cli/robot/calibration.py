@@ -83,6 +83,7 @@ def report_of(found: Calibration, file: Path, off: Directions) -> dict[str, Any]
         "joints_without_range": list(found.unlimited),
         "joints_without_speed": [joint for joint in found.joints if joint not in found.speeds],
         "joints_not_played": list(found.unplayed),
+        "inertias_balanced": found.mended,
         "open_chains": found.open_chains,
         "off_when_standing_rad": found.missed,
     }
@@ -119,6 +120,8 @@ def print_report(found: Calibration, file: Path, off: Directions) -> None:
     if beyond_limits(off):
         print(f"warning: limbs point elsewhere than the human's: {'; '.join(beyond_limits(off))}")
         print(f"`robot check` fails beyond {MEAN_LIMIT:.0f} degrees on average or {WORST_LIMIT:.0f} at worst")
+    if found.mended:
+        print("some masses or inertias of the model are zero or cannot be: they are balanced (MuJoCo's balanceinertia)")
     if found.unlimited:
         print(f"{len(found.unlimited)} joints have no range in the model: half a turn either way is a guess; edit it")
     unknown = len(found.joints) - len(found.speeds)

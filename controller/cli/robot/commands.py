@@ -116,6 +116,10 @@ def calibrate(
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="The robot file; by default NAME.toml.")
     ] = None,
+    package: Annotated[
+        list[str] | None,
+        typer.Option("--package", metavar="NAME=DIR", help="Where a package is that a URDF's meshes are in."),
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a robot file that is there.")] = False,
     picture: Annotated[
         Path | None, typer.Option("--picture", metavar="FILE", help="Draw robot and human side by side (.png).")
@@ -149,7 +153,7 @@ def calibrate(
     )
     from sim.robots.calibrate import calibrate as find_out
 
-    found = find_out(_model_file(model))
+    found = find_out(_model_file(model), _packages(package or []))
     file = out or Path(f"{found.name}.toml")
     write_robot_file(found, file, force)
     off = directions_of(file)
@@ -260,6 +264,17 @@ def _degrees(limbs: dict[str, dict[str, float]], segment: str) -> str:
     """Mean and worst angle of a segment, of the side where it is worse: "4/12"."""
     both = [limbs[name] for name in (f"r_{segment}", f"l_{segment}") if name in limbs]
     return f"{max(one['mean'] for one in both):.0f}/{max(one['worst'] for one in both):.0f}" if both else ""
+
+
+def _packages(pairs: list[str]) -> dict[str, Path]:
+    """The folders of packages given as NAME=DIR."""
+    found: dict[str, Path] = {}
+    for pair in pairs:
+        name, _, folder = pair.partition("=")
+        if not name or not Path(folder).is_dir() or not folder:
+            raise MotiondeckError(f"--package {pair}: it must be NAME=DIR, and DIR a folder that exists")
+        found[name] = Path(folder)
+    return found
 
 
 def _model_file(model: str) -> Path:

@@ -1,0 +1,88 @@
+"""Tests of robot models as other tools write them."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from motiondeck_base.errors import FileFormatError
+from sim.models.model_file import read_model
+from sim.robots.calibrate import calibrate
+from sim.robots.robot import load_robot
+from simulated_bodies import human
+from small_robots import humanoid, urdf
+
+
+def with_meshes(folder, uri="package://legs_description/meshes/sole.obj"):
+    """The URDF of two legs whose soles are meshes of a package, and the folder of that package."""
+    package = folder / "legs_description"
+    (package / "meshes").mkdir(parents=True)
+    (package / "urdf").mkdir()
+    corners = [(x, y, z) for x in (-0.03, 0.11) for y in (-0.03, 0.03) for z in (-0.04, -0.02)]
+    faces = ["1 2 3", "2 4 3", "5 7 6", "6 7 8", "1 5 2", "2 5 6", "3 4 7", "4 8 7", "1 3 5", "3 7 5", "2 6 4", "4 6 8"]
+    lines = [f"v {x} {y} {z}" for x, y, z in corners] + [f"f {face}" for face in faces]
+    (package / "meshes" / "sole.obj").write_text("\n".join(lines))
+    box = '<geometry><box size="0.14 0.06 0.02"/></geometry><origin xyz="0.04 0 -0.03"/>'
+    text = urdf()
+    assert box in text
+    path = package / "urdf" / "legs.urdf"
+    path.write_text(text.replace(box, f'<geometry><mesh filename="{uri}"/></geometry>'))
+    return path, package
+
+
+def test_a_package_is_found_above_the_file(tmp_path):
+    path, _ = with_meshes(tmp_path)
+    model = read_model(path).compile()
+    assert model.nmesh == 1
+    assert calibrate(path).root_height == pytest.approx(0.44, abs=0.01)
+
+
+def test_a_package_elsewhere_is_named_and_kept_in_the_robot_file(tmp_path):
+    path, package = with_meshes(tmp_path)
+    away = tmp_path / "away" / "legs.urdf"
+    away.parent.mkdir()
+    path.rename(away)
+    moved = package.rename(tmp_path / "elsewhere")
+    with pytest.raises(FileFormatError, match=r"package://legs_desc.*--package legs_description=FOLDER"):
+        read_model(away)
+    found = calibrate(away, {"legs_description": moved})
+    file = tmp_path / "legs.toml"
+    file.write_text(found.to_toml(tmp_path))
+    assert load_robot(file, human()).model.nmesh == 1
+
+
+@pytest.mark.parametrize(
+    ("was", "becomes"),
+    [
+        ('ixx="0.01" iyy="0.01" izz="0.01"', 'ixx="0" iyy="0" izz="0"'),
+        ('ixx="0.01" iyy="0.01" izz="0.01"', 'ixx="0.01" iyy="0.01" izz="0.9"'),
+        ('<mass value="1"/>', '<mass value="0"/>'),
+    ],
+    ids=["zero", "unphysical", "no mass"],
+)
+def test_masses_and_inertias_that_cannot_be_are_balanced_and_said(tmp_path, was, becomes):
+    path = tmp_path / "legs.urdf"
+    path.write_text(urdf().replace(was, becomes))
+    found = calibrate(path)
+    assert found.mended
+    model = read_model(path).compile()
+    assert np.all(model.body_inertia[1:] > 0.0)
+    assert np.all(model.body_inertia[1:].sum(axis=1) - 2.0 * model.body_inertia[1:].max(axis=1) >= -1e-9)
+
+
+def test_inertias_that_can_be_stay(tmp_path):
+    path = tmp_path / "legs.urdf"
+    path.write_text(urdf())
+    assert not calibrate(path).mended
+
+
+def test_a_model_with_names_of_the_stage_and_an_include_loads(tmp_path):
+    (tmp_path / "looks.xml").write_text(
+        '<mujocoinclude><asset><material name="floor"/><material name="sky"/></asset></mujocoinclude>'
+    )
+    text = humanoid().replace("<worldbody>", '<include file="looks.xml"/><worldbody>', 1)
+    (tmp_path / "small.xml").write_text(text)
+    file = tmp_path / "small.toml"
+    file.write_text(calibrate(tmp_path / "small.xml").to_toml(tmp_path))
+    model = load_robot(file, human()).model
+    assert {"floor", "(floor)"} <= {model.material(k).name for k in range(model.nmat)}
+    assert sum(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) == 1  # the file's own floor is left out
