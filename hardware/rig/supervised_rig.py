@@ -41,7 +41,7 @@ _CATCHING_UP = 0.25  # of the speed limit
 _CAUGHT_UP = 0.02  # rad
 _EASED_TO = 2.0  # degC below the servo's limit: least speed; full speed at EASED_FROM
 _LEAST = 0.25  # of the speed limit
-_LONGEST_STEP = 0.1  # s
+_LONGEST_STEP = 2.0  # ticks' worth of way, however long the loop has stalled: the servo would take it at full speed
 
 
 class _Mended(NamedTuple):
@@ -300,7 +300,7 @@ class SupervisedRig:
     def _eased(self, targets: Array) -> Array:
         """The targets, held back where a joint is hot or has to catch up."""
         now = self._rig.now()
-        step = self._speed * min(_LONGEST_STEP, max(0.0, now - self._last_write))
+        step = self._speed * min(_LONGEST_STEP / self.config.rate_hz, max(0.0, now - self._last_write))
         self._last_write = now
         strain = self._strain
         if strain.yielding.any():

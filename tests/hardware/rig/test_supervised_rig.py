@@ -86,6 +86,20 @@ def test_a_stalled_loop_starts_again_from_where_the_joints_stand_and_slowly(buil
     assert (rig.easing == 1.0).all()
 
 
+def test_a_short_stall_while_catching_up_is_no_reason_for_a_large_step(build):
+    """0.12 s is too short for the watchdogs; a servo would take the whole step at its own speed limit."""
+    rig, port = build()
+    play(rig, port, [0.0] * 4, 0.5)
+    port.elapse(0.5)
+    play(rig, port, [1.4] * 4, 0.2)
+    assert (rig.easing == 0.25).all()
+    before = rig._rig.goals.copy()
+    port.elapse(0.12)
+    play(rig, port, [1.4] * 4, TICK)
+    # Two ticks at a quarter of 4 rad/s.
+    assert (rig._rig.goals - before).max() <= 0.25 * 4.0 * 2 * TICK + 1e-9
+
+
 def test_a_target_beyond_a_limit_does_not_keep_a_joint_slow_after_a_recovery(build):
     rig, port = build()
     play(rig, port, [1.5] * 4, 1.0)
