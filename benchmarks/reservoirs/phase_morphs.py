@@ -30,7 +30,7 @@ from controller.networks.phase_conceptor import PhaseConceptorNetwork
 from controller.networks.phase_morph import PhaseMorph, channels_at
 from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
-from motiondeck_base.shipped import find
+from motiondeck_base.shipped import find_library
 
 SETTLED_ROUNDS = 2
 
@@ -74,7 +74,7 @@ def main() -> int:
     parser.add_argument("--mu", type=float, nargs="+", default=[-0.3, 0.25, 0.5, 0.75, 1.3])
     parser.add_argument("--json", action="store_true", help="one JSON object")
     options = parser.parse_args()
-    library = load_library(find("library", options.library, ".safetensors"))
+    library = load_library(find_library(options.library))
     network = library.network
     if not isinstance(network, PhaseConceptorNetwork):
         raise MotiondeckError(f"library '{options.library}' is not driven by its phase")

@@ -44,6 +44,7 @@ from controller.measures.motion_matching import joint_features
 from controller.measures.run_batch import batch_of
 from controller.measures.self_test import Judge, after_disturbance, self_test
 from controller.mocap.encodings.encoding import encoding_of
+from controller.mocap.formats.canonical_body import carried
 from controller.mocap.formats.reading import read_clip, skeleton_of
 from controller.networks.base import Channels
 from controller.rotations import Array
@@ -130,7 +131,7 @@ def training_set(data: Path, source: str) -> TrainingSet:
         try:
             clip = read_clip(file, skeleton_of(file, file.parent.parent))
             encoding = encoding or encoding_of(clip.skeleton)
-            channels = at_rate(encoding.encode(clip.carried_to(encoding.skeleton)), clip.rate)
+            channels = at_rate(encoding.encode(carried(clip, encoding.skeleton)), clip.rate)
             frames[file.stem] = (
                 hold_end(channels, encoding.velocities)
                 if plays == "once"

@@ -1,0 +1,49 @@
+"""The table of phase-driven networks, on the synthetic motions."""
+
+import msgspec
+import numpy as np
+import pytest
+
+import synthetic
+from benchmarks.reservoirs.phase_morphs import mixtures
+from benchmarks.reservoirs.phase_networks import ABLATION, ClipPlayer, at_rate, channels_mb, clip_row, line, measured
+from controller.measures.self_test import run_free
+from controller.training.fit import TrainingSet
+from controller.training.reservoirs.phase_training import PhaseRecipe
+
+LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}
+KNOWN = TrainingSet(synthetic.small_encoding(), synthetic.RATE, synthetic.references(), LOOPS, {})
+
+
+def test_a_row_has_what_was_measured():
+    row = measured("small", "phase", PhaseRecipe(**synthetic.SMALL_PHASE), KNOWN, [1])
+    assert (row.motions, row.passed, row.lost, row.failing) == (3, 1.0, 0.0, ())
+    assert 0.0 < row.error_mm <= row.largest_error_mm < 10.0
+    assert row.channels_mb == pytest.approx(4e-6 * sum(frames.size for frames in KNOWN.frames.values()))
+    assert line(row).count("|") == 10
+
+
+def test_without_phase_motions_fail():
+    recipe = msgspec.structs.replace(ABLATION["no phase (W_phi = 0)"], **synthetic.SMALL_PHASE)
+    assert measured("small", "no phase", recipe, KNOWN, [1]).passed < 1.0
+
+
+def test_a_clip_player_is_exact():
+    row = clip_row("small", KNOWN)
+    assert row.largest_error_mm < 1e-3
+    assert row.file_mb == channels_mb(KNOWN)
+    player = ClipPlayer(KNOWN.frames, LOOPS)
+    assert np.abs(run_free(player, "march", 96) - np.roll(synthetic.march(), -1, axis=0)).max() < 1e-6
+
+
+def test_channels_at_another_rate_keep_their_shape():
+    time = np.arange(60) / 30.0
+    seen = at_rate(np.sin(3.0 * time)[:, None], 30.0)
+    assert np.abs(seen[:, 0] - np.sin(3.0 * np.arange(len(seen)) / 120.0)).max() < 1e-3
+    assert at_rate(seen, 120.0) is seen
+
+
+def test_a_mixture_is_measured_at_each_mu():
+    found = mixtures(synthetic.small_phase_network(), synthetic.small_encoding(), ("march", "wave"), [0.0, 0.5])
+    assert found.shape == (2, 3)
+    assert found[0, 0] == pytest.approx(1.0, abs=0.05)
