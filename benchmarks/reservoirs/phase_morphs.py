@@ -1,4 +1,4 @@
-"""Mixtures of two loops inside a phase-driven network, all pairs: do they move, how much, and how smoothly?
+"""Mixtures of two loops inside a phase-driven network, of all pairs.
 
     python -m benchmarks phase_morphs [--library thesis15] [--mu -0.3 0.25 0.5 0.75 1.3] [--json]
 
