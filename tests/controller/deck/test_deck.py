@@ -422,3 +422,19 @@ def test_however_motions_are_joined_the_target_is_played_in_the_end(library, joi
     if to == "bow":
         held = joints(library, deck, 0.5)
         assert np.ptp(held, axis=0).max() < 0.02
+
+
+def test_a_motion_is_entered_where_it_moves_as_the_body_does(library):
+    """Arms that swing pass each place twice; the place alone would not tell which way they go."""
+    opposite = []
+    for seconds in (0.34, 0.4, 0.46, 0.74, 0.8, 0.86):  # in the middle of a swing
+        deck = new_deck(library)
+        joints(library, deck, seconds)
+        show = deck._show
+        velocities = show.motions["march"].velocities
+        forwards, backwards = (
+            show._best_anchor("march", *postures)
+            for postures in ((show._before, show.posture), (show.posture, show._before))
+        )
+        opposite.append(velocities[forwards] @ velocities[backwards] < 0.0)
+    assert all(opposite)
