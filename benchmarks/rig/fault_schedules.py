@@ -94,6 +94,11 @@ def schedule(seed: int) -> Schedule:
     faults = [_passing(rng, [joint.id for joint in joints]) for _ in range(rng.randint(2, 6))]
     alone = {part.joints[0].id for part in config.parts if len(part.joints) == 1}
     faults = [fault for fault in faults if not (fault.kind == "duplicate" and fault.id in alone)]
+    doubles = [fault for fault in faults if fault.kind == "duplicate"]
+    # A jam meanwhile would hit both servos with the ID, and the judge knows of one.
+    faults = [
+        fault for fault in faults if fault.kind != "jam" or not any(_overlap(fault, double) for double in doubles)
+    ]
     if end == "lasting":
         kind, id = rng.choice(_LASTING), rng.choice(joints).id
         at = rng.uniform(SECONDS - _QUIET, SECONDS - 3.0)
@@ -123,6 +128,10 @@ def _joint(rng: random.Random, id: int, port: str) -> RigJoint:
     velocity = rng.choice((0.8, 1.5, 2.5))
     model, direction = rng.choice(_MODELS), rng.choice((-1, 1))
     return RigJoint(f"joint_{id}", id, model, direction, zero, lower, upper, velocity, acceleration, port=port)
+
+
+def _overlap(one: Fault, other: Fault) -> bool:
+    return one.at <= other.at + other.lasts and other.at <= one.at + one.lasts
 
 
 def _passing(rng: random.Random, ids: list[int]) -> Fault:

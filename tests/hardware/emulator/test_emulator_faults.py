@@ -160,7 +160,7 @@ def test_the_command_line_emulates_scans_and_stops(servo20_file, tmp_path):
         assert scanned.stdout.count("XM430-W350") == 20, scanned.stderr
         sick = run("doctor", str(servo20_file), "--port", str(link))
         assert sick.returncode == 1
-        assert "waits 500 us" in sick.stdout
+        assert "return_delay_time is 250" in sick.stdout
         stopped = run("stop", str(servo20_file), "--port", str(link))
         assert stopped.stdout == "torque off: 20 of 20 servos\n"
         refused = run("emulate", str(servo20_file), "--fault", "explode")
