@@ -1,4 +1,6 @@
-"""The worst joins of a library: every pair of motions, at phases all over the first, in world speed and acceleration.
+"""How fast the worst joins of a library are, over a grid of phases.
+
+Every pair of motions is joined at phases all over the first; measured are speed and acceleration in the world.
 
 python -m benchmarks joins [--library thesis15] [--joining WAY] [--phases 24] [--direct] [--chain 200] [--json]
 

@@ -12,8 +12,8 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from benchmarks.command import run
-from controller.training.learn import Learned, learn, recordings_in
+from benchmarks import command
+from controller.training.learn import LearnedLibrary, learn, recordings_in
 from motiondeck_base.errors import MotiondeckError
 
 LARGEST = 16
@@ -31,7 +31,7 @@ def main(folder: Annotated[Path, typer.Argument(metavar="DIR", help="The folder 
         sources[file.parent].append(file)
     print(f"{'source':36} files   learned   passed   error, mm   seconds")
     for source, files in sources.items():
-        begin, found = time.monotonic(), list[Learned]()
+        begin, found = time.monotonic(), list[LearnedLibrary]()
         for part in libraries_of(files):
             try:
                 found.append(learn(part, "zoo", seeds=[0]))
@@ -50,4 +50,4 @@ def main(folder: Annotated[Path, typer.Argument(metavar="DIR", help="The folder 
 
 
 if __name__ == "__main__":
-    run("zoo", main)
+    command.run("zoo", main)

@@ -1,4 +1,6 @@
-"""Random fault schedules against rigs of mixed models, in simulated time; judged is what the shafts really do.
+"""Random fault schedules against rigs of mixed models.
+
+Time is simulated; judged is what the shafts really do.
 
 Each schedule is a rig of three or four servos on one or two ports, each left somewhere with an old goal; targets that
 reach beyond the ends of range and speed; faults that overlap; and one of several ends. See `schedule_judge`.

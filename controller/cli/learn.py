@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from controller.training.learn import Learned
+    from controller.training.learn import LearnedLibrary
 
 
 def learn(
@@ -77,7 +77,7 @@ def learn(
         os.execv(sys.executable, [*command, *([] if robot is None else ["--robot", robot])])
 
 
-def _rows(learned: Learned) -> list[dict[str, Any]]:
+def _rows(learned: LearnedLibrary) -> list[dict[str, Any]]:
     """One entry a recording; numbers that there are none of are null."""
     rows: list[dict[str, Any]] = []
     for motion in learned.motions:
@@ -98,7 +98,7 @@ def _rows(learned: Learned) -> list[dict[str, Any]]:
     return rows
 
 
-def _print(learned: Learned) -> None:
+def _print(learned: LearnedLibrary) -> None:
     """One row a recording, then what to do about those that failed."""
     from controller.cli.common.tables import show_table
 

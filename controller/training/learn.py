@@ -69,7 +69,7 @@ class LearnedMotion:
 
 
 @dataclass(frozen=True)
-class Learned:
+class LearnedLibrary:
     """A library, the recipe it was trained by, and a line for each recording."""
 
     library: MotionLibrary
@@ -120,7 +120,7 @@ def learn(
     network: NetworkRecipe | None = None,
     seeds: Iterable[int] = (0, 1, 2),
     progress: Progress = lambda _: None,
-) -> Learned:
+) -> LearnedLibrary:
     """Learns every recording of some files and folders as one library.
 
     A recording that cannot be read or used is left out and named with the reason.
@@ -165,7 +165,7 @@ def learn(
     clips = {one.motion.name: one.clip for one in prepared}
     library = fit(recipe, Path(), progress, lambda motion: clips[motion.name])
     rows = [_row(one, library) for one in prepared]
-    return Learned(library, recipe, [*rows, *left_out])
+    return LearnedLibrary(library, recipe, [*rows, *left_out])
 
 
 def _row(one: _Prepared, library: MotionLibrary) -> LearnedMotion:

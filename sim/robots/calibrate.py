@@ -34,7 +34,7 @@ from sim.retargeting.retarget import SERVO_HUMANOID_JOINTS, LimbAngles
 from sim.retargeting.robot_limbs import SIDES, RobotLimbs
 from sim.robots.body_matching import match
 from sim.robots.limb_directions import LimbDirections
-from sim.robots.proportions import Doubt, Segment, doubts, segments_of
+from sim.robots.proportions import Doubt, SegmentPair, doubts, segments_of
 
 # What a model does not say: rad/s, rad/s^2, rad/s^3. A robot half as tall moves its limbs 1.4 times as fast.
 VELOCITY, ACCELERATION, JERK = 10.0, 300.0, 15000.0
@@ -87,7 +87,7 @@ class Calibration:
     missed: dict[str, float]
     packages: dict[str, Path]
     mended: bool
-    segments: tuple[Segment, ...]
+    segments: tuple[SegmentPair, ...]
     doubts: tuple[Doubt, ...]
 
     @property

@@ -34,7 +34,7 @@ CLAVICLE = 0.03
 
 
 @dataclass(frozen=True)
-class Segment:
+class LimbSegment:
     """One rigid part of a limb.
 
     Attributes:
@@ -74,7 +74,7 @@ class LimbDirections:
         self._at_rest = self._data.xmat.reshape(-1, 3, 3).copy()
         pelvis = model.body(parts["pelvis"]).id
         trunks = {"leg": pelvis, "arm": model.body(parts["chest"]).id if "chest" in parts else pelvis}
-        self.segments: list[Segment] = []
+        self.segments: list[LimbSegment] = []
         for side in "rl":
             for limb, names in SEGMENTS.items():
                 if f"{side}_{names[0]}" in parts:
@@ -97,7 +97,7 @@ class LimbDirections:
             limbs: the human's limbs in the same frames, shape (T, 14, 3).
 
         Returns:
-            Segment, such as "r_thigh", to the mean and the worst angle over the frames, degrees.
+            LimbSegment, such as "r_thigh", to the mean and the worst angle over the frames, degrees.
         """
         there = np.array([self(q) for q in qpos])
         rows = [LIMBS.index(segment.name) for segment in self.segments]
@@ -108,7 +108,7 @@ class LimbDirections:
             for k, segment in enumerate(self.segments)
         }
 
-    def _found(self, side: str, names: tuple[str, str], body: int, trunk: int) -> list[Segment]:
+    def _found(self, side: str, names: tuple[str, str], body: int, trunk: int) -> list[LimbSegment]:
         model, data = self._model, self._data
         ends = [b for b in below(model, body) if hinges_at(model, b)] or [body]
         end = max(ends, key=lambda b: len(hinges_between(model, trunk, b)))
@@ -133,7 +133,7 @@ class LimbDirections:
             length = float(np.linalg.norm(way))
             if length > 1e-6:
                 direction = data.xmat[on].reshape(3, 3).T @ way / length
-                found.append(Segment(f"{side}_{part}", name, axis, on, direction, length, trunk))
+                found.append(LimbSegment(f"{side}_{part}", name, axis, on, direction, length, trunk))
         return found
 
     def _fold(self, joint: int, first: int, end: int, tip: Array) -> float:

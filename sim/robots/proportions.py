@@ -27,7 +27,7 @@ ODD_FOREARM = 2.8
 
 
 @dataclass(frozen=True)
-class Segment:
+class SegmentPair:
     """One segment of both limbs.
 
     Attributes:
@@ -62,7 +62,7 @@ class Doubt:
     fatal: bool
 
 
-def segments_of(model: mujoco.MjModel, parts: dict[str, str], limbs: RobotLimbs, height: float) -> list[Segment]:
+def segments_of(model: mujoco.MjModel, parts: dict[str, str], limbs: RobotLimbs, height: float) -> list[SegmentPair]:
     """The segments that both limbs of a pair have, for a robot of a height, m."""
     found = []
     for part, share in HUMAN.items():
@@ -70,7 +70,7 @@ def segments_of(model: mujoco.MjModel, parts: dict[str, str], limbs: RobotLimbs,
         if all(name in limbs.segments for name in pair):
             measured = [limbs.segments[name] for name in pair]
             found.append(
-                Segment(
+                SegmentPair(
                     part,
                     (parts[pair[0]], parts[pair[1]]),
                     (model.joint(measured[0].joint).name, model.joint(measured[1].joint).name),
@@ -82,7 +82,7 @@ def segments_of(model: mujoco.MjModel, parts: dict[str, str], limbs: RobotLimbs,
     return found
 
 
-def doubts(parts: dict[str, str], segments: list[Segment], directions: LimbDirections) -> list[Doubt]:
+def doubts(parts: dict[str, str], segments: list[SegmentPair], directions: LimbDirections) -> list[Doubt]:
     """What does not fit a human's body, or the knees and elbows that another way of finding them gives."""
     found = []
     for name in ("r_upper_arm", "l_upper_arm"):

@@ -41,7 +41,7 @@ def principal_scores(target: Array, keep: int = 40) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Learned:
+class LearnedSatellites:
     """Centers and satellites for one motion.
 
     Attributes:
@@ -105,8 +105,8 @@ def choose_satellites(states: Array, target: Array, count: int) -> tuple[Gaussia
 
 
 def learn_jointly(
-    start: Learned, target: Array, time: Array, iterations: int, *, move_frequencies: bool = True
-) -> Learned:
+    start: LearnedSatellites, target: Array, time: Array, iterations: int, *, move_frequencies: bool = True
+) -> LearnedSatellites:
     """Variable projection from a start; the result is never worse than the start.
 
     Args:
@@ -160,7 +160,7 @@ def learn(
     keep: int = 2,
     iterations: int = 200,
     move_frequencies: bool = True,
-) -> Learned:
+) -> LearnedSatellites:
     """The whole recipe: ranks frequency vectors, then chooses and moves satellites for the best few.
 
     Args:
@@ -186,12 +186,12 @@ def learn(
 
 def _learn(
     scores: Array, time: Array, count: int, starts: list[Array], keep: int, iterations: int, move_frequencies: bool
-) -> Learned:
+) -> LearnedSatellites:
     """`learn` for the principal scores of a motion."""
     if not scores.any():
         # Nothing moves: any satellites do, with weights of 0. The logarithm of the error would have no gradient.
         phase = np.zeros(len(starts[0]))
-        return Learned(starts[0], phase, *choose_satellites(pairs_at(starts[0], phase, time), scores, count))
+        return LearnedSatellites(starts[0], phase, *choose_satellites(pairs_at(starts[0], phase, time), scores, count))
     few = min(count, 25)
     thin = max(1, len(scores) // max(150, 3 * few))
     ranked = sorted(
@@ -203,7 +203,7 @@ def _learn(
     for frequency in ranked[:keep]:
         phase = np.zeros(len(frequency))
         satellites, error = choose_satellites(pairs_at(frequency, phase, time[::thin]), scores[::thin], count)
-        start = Learned(frequency, phase, satellites, error)
+        start = LearnedSatellites(frequency, phase, satellites, error)
         found.append(learn_jointly(start, scores, time, iterations, move_frequencies=move_frequencies))
     return min(found, key=lambda learned: learned.error)
 
@@ -211,14 +211,14 @@ def _learn(
 class _Projection:
     """log J over (log frequency, phase, places, log sharpness), with its gradient."""
 
-    def __init__(self, start: Learned, target: Array, time: Array, move: bool) -> None:
+    def __init__(self, start: LearnedSatellites, target: Array, time: Array, move: bool) -> None:
         self.frequency, self.phase = start.frequency, start.phase
         self.shape = start.satellites.places.shape
         self.target, self.time, self.move = target, time, move
         self.size = float(np.square(target).sum())
         self.states = pairs_at(start.frequency, start.phase, time)
 
-    def pack(self, learned: Learned) -> Array:
+    def pack(self, learned: LearnedSatellites) -> Array:
         """The parameters as one vector."""
         parts = [learned.satellites.places.ravel(), np.log(learned.satellites.sharpness)]
         if self.move:
@@ -243,13 +243,13 @@ class _Projection:
             bounds += [(-20.0, 20.0)] * (d // 2)
         return bounds
 
-    def unpack(self, x: Array) -> Learned:
+    def unpack(self, x: Array) -> LearnedSatellites:
         """The result, with the error its weights leave."""
         satellites, frequency, phase = self.split(x)
-        learned = Learned(frequency, phase, satellites, 0.0)
+        learned = LearnedSatellites(frequency, phase, satellites, 0.0)
         response = learned.respond(self.time)
         left = self.target - response @ ridge_readout(response, self.target).T
-        return Learned(frequency, phase, satellites, float(np.square(left).sum()) / self.size)
+        return LearnedSatellites(frequency, phase, satellites, float(np.square(left).sum()) / self.size)
 
     def loss(self, x: Array) -> tuple[float, Array]:
         """log J and its gradient."""

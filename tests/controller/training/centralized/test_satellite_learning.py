@@ -9,7 +9,7 @@ from controller.networks.centers import pairs_at
 from controller.networks.satellites import GaussianSatellites
 from controller.training.centralized.satellite_learning import (
     WIDTHS,
-    Learned,
+    LearnedSatellites,
     _Projection,
     choose_satellites,
     learn,
@@ -68,8 +68,10 @@ def test_the_error_it_reports_is_what_the_best_weights_leave(count, seed):
 def test_the_gradient_is_that_of_the_loss(seed, move):
     rng = np.random.default_rng(seed)
     satellites = GaussianSatellites(rng.normal(size=(7, 4)), rng.uniform(0.5, 2.0, 7))
-    problem = _Projection(Learned(FREQUENCY, np.array([0.2, -0.4]), satellites, 1.0), wiggle(seed), TIME, move)
-    x = problem.pack(Learned(FREQUENCY, np.array([0.2, -0.4]), satellites, 1.0))
+    problem = _Projection(
+        LearnedSatellites(FREQUENCY, np.array([0.2, -0.4]), satellites, 1.0), wiggle(seed), TIME, move
+    )
+    x = problem.pack(LearnedSatellites(FREQUENCY, np.array([0.2, -0.4]), satellites, 1.0))
     _, gradient = problem.loss(x)
     for i in range(len(x)):
         step = np.zeros(len(x))
@@ -82,7 +84,7 @@ def test_moving_satellites_and_frequencies_helps():
     target = wiggle(3)
     states = pairs_at(FREQUENCY, np.zeros(2), TIME)
     satellites, error = choose_satellites(states, target, 12)
-    start = Learned(FREQUENCY, np.zeros(2), satellites, error)
+    start = LearnedSatellites(FREQUENCY, np.zeros(2), satellites, error)
     placed = learn_jointly(start, target, TIME, 60, move_frequencies=False)
     moved = learn_jointly(placed, target, TIME, 60)
     assert placed.error < 0.7 * error
