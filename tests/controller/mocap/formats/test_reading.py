@@ -50,7 +50,7 @@ def test_a_recording_without_a_skeleton_is_refused(folder):
     [
         ("gone.amc", "no such file"),
         ("gone.mat", "No such file"),
-        ("walk.fbx", r"no reader for '\.fbx' files\. Supported are \.amc .* \.bvh .* and \.mat"),
+        ("walk.fbx", r"\.fbx is a closed format that is not read\. Export it from Blender .* as \.bvh"),
         ("walk", "no reader for '' files"),
         ("mannequin.asf", "a skeleton, not a motion"),
         ("zero\0byte.amc", "no such file"),
