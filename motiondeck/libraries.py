@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -16,14 +16,11 @@ from controller.library.motion_library import load_library as load_library_file
 from controller.mocap.clip import Clip
 from controller.mocap.skeleton import Skeleton
 from controller.training.fit import fit
-from controller.training.recipe import LibraryRecipe, MotionRecipe, NetworkRecipe, check_recipe, read_recipe
-from controller.training.reservoirs.conceptor_training import ConceptorRecipe
-from motiondeck_base.errors import MotiondeckError
+from controller.training.learn import learn as learn_recordings
+from controller.training.recipe import NetworkRecipe, read_recipe
 from motiondeck_base.shipped import find_library
 
 __all__ = ["Library", "MotionGenerator", "learn", "learn_recipe", "load_library"]
-
-Recordings = Mapping[str, str | Path] | Sequence[str | Path]
 
 
 @dataclass(frozen=True)
@@ -32,9 +29,11 @@ class Library:
 
     Attributes:
         model: all that is in the file: networks, skeleton, provenance, results of the self-test.
+        left_out: the recordings that `learn` could not use, and why.
     """
 
     model: MotionLibrary
+    left_out: dict[str, str] = field(default_factory=dict[str, str])
 
     def __repr__(self) -> str:
         return f"Library({self.name!r}, motions={list(self.motions)})"
@@ -119,56 +118,33 @@ def load_library(name: str | Path) -> Library:
 
 
 def learn(
-    recordings: Recordings,
+    recordings: str | Path | Sequence[str | Path],
     *,
     name: str,
     network: NetworkRecipe | None = None,
-    one_shots: Collection[str] = (),
-    seeds: Sequence[int] = (0, 1, 2, 3, 4),
-    licence: str = "",
+    seeds: Sequence[int] = (0, 1, 2),
     progress: Callable[[str], None] = lambda _: None,
 ) -> Library:
-    """Learns a library from recordings, all of one frame rate and one kind of skeleton.
+    """Learns a library from recordings of any format, rate and skeleton, as `motiondeck learn` does.
+
+    Still ends are trimmed, and each recording becomes a loop or a one-shot, whichever it is. A recording that cannot be
+    used is left out; see `Library.left_out`. Where that has to be decided by hand, use `learn_recipe`.
 
     Args:
-        recordings: the file of each motion by the motion's name, or files that are named like their motions. The
-            skeleton of the first is the body that all are carried to.
+        recordings: files and folders that hold some; each motion bears its file's name.
         name: of the library.
-        network: its kind and sizes: a `ConceptorRecipe` (also the default), `EchoStateRecipe`, `RandomFeatureRecipe`,
-            `PhaseRecipe` or `CentralizedRecipe` of `motiondeck.networks`.
-        one_shots: the motions that end in a pose and hold it; all others become loops.
+        network: its kind and sizes: a `PhaseRecipe`, `ConceptorRecipe`, `EchoStateRecipe`, `RandomFeatureRecipe` or
+            `CentralizedRecipe` of `motiondeck.networks`; None for what suits any motion.
         seeds: tried in turn until every motion passes the self-test; see `Library.failed`.
-        licence: terms of the recordings, kept in the file.
         progress: called with each step in a few words.
 
     Raises:
-        MotiondeckError: if there is no recording, one cannot be read, or they do not fit each other.
+        MotiondeckError: if there is no recording, or none can be used.
     """
-    if isinstance(recordings, str | Path):
-        raise MotiondeckError(f"learn takes several recordings, as in learn(['{recordings}'], name='...')")
-    files = (
-        {Path(file).stem: Path(file) for file in recordings}
-        if isinstance(recordings, Sequence)
-        else {motion: Path(file) for motion, file in recordings.items()}
-    )
-    for motion in one_shots:
-        if motion not in files:
-            raise MotiondeckError(f"one_shots names '{motion}', which is not among the motions {', '.join(files)}")
-    if not files:
-        raise MotiondeckError("there are no recordings to learn from")
-    motions = [
-        MotionRecipe(name=motion, file=str(file.absolute()), plays="once" if motion in one_shots else "loop")
-        for motion, file in files.items()
-    ]
-    recipe = LibraryRecipe(
-        name=name,
-        network=network or ConceptorRecipe(),
-        motions=motions,
-        body=motions[0].file,
-        seeds=list(seeds),
-        licence=licence,
-    )
-    return Library(fit(check_recipe(recipe, Path(name)), Path(), progress))
+    paths = [recordings] if isinstance(recordings, str | Path) else recordings
+    learned = learn_recordings([Path(path) for path in paths], name, network=network, seeds=seeds, progress=progress)
+    left_out = {str(motion.file): motion.remedy for motion in learned.failed if not motion.plays}
+    return Library(learned.library, left_out)
 
 
 def learn_recipe(recipe: str | Path, data: str | Path, progress: Callable[[str], None] = lambda _: None) -> Library:

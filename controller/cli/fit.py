@@ -74,7 +74,8 @@ def fit(
         plan, data = gesture_recipe(out.stem, what), Path()
     elif recorded := [path for path in what if path.suffix.lower() in RECORDINGS or path.is_dir()]:
         raise MotiondeckError(
-            f"{recorded[0]}: a recording, not a recipe. Type: motiondeck learn {' '.join(map(str, what))} --out {out}"
+            f"{recorded[0]}: a recording, not a recipe. "
+            f"Type: motiondeck learn {' '.join(map(str, recorded))} --out {out}"
         )
     elif len(what) > 1:
         raise MotiondeckError(f"give one recipe, or clips taught by hand (.clip) only, not {', '.join(map(str, what))}")

@@ -3,13 +3,14 @@
 import json
 import sys
 
+import numpy as np
 import pytest
 import typer
 from typer.testing import CliRunner
 
 from benchmarks.recognition.recognition import main
 from motiondeck_base.errors import MotiondeckError
-from recognition_examples import write_folder
+from recognition_examples import ASF, amc, write_folder
 
 APP = typer.Typer()
 APP.command()(main)
@@ -65,3 +66,22 @@ def test_names_that_do_not_exist_are_answered_with_those_that_do(folder):
         invoke(folder, "--protocol", "actor-in")
     with pytest.raises(MotiondeckError, match="no method has 'magic'"):
         invoke(folder, "--method", "magic")
+
+
+def test_joints_that_never_move_leave_every_method_finite(tmp_path):
+    (tmp_path / "P1.asf").write_text(ASF.format(name="P1"))
+    for motion in ("leg", "nothing"):
+        (tmp_path / motion).mkdir()
+        for take in (1, 2):
+            (tmp_path / motion / f"P1_{take}.amc").write_text(amc(motion, 60))
+    names = ("experts (ours)", "linear", "Gaussian", "Eros", "conceptor")
+    shown = invoke(tmp_path, "--protocol", "half", *(word for name in names for word in ("--method", name)), "--json")
+    assert np.isfinite([one["accuracy"] for one in json.loads(shown.stdout)["results"]]).all()
+
+
+def test_a_folder_with_a_faulty_recording_ends_with_a_code_of_its_own(tmp_path):
+    folder = write_folder(tmp_path)
+    (folder / "arm" / "P1_gap.amc").write_text(amc("arm", 30).replace("leg 2.0000", "leg nan", 1))
+    result = invoke(folder, "--method", "mean pose", "--protocol", "half")
+    assert result.exit_code == 3
+    assert "P1_gap.amc line" in result.stderr

@@ -111,26 +111,27 @@ def test_what_was_generated_is_learned_again(library, tmp_path):
     for name in ("march", "wave"):
         files.append(tmp_path / f"{name}.bvh")
         motiondeck.save_recording(library.generate_clip(name, seconds=2.0), str(files[-1]))
+    files.append(tmp_path / "broken.bvh")
+    files[-1].write_text("HIERARCHY")
     learned = motiondeck.learn([str(file) for file in files], name="two", network=TINY, seeds=[0])
     assert learned.motions == ("march", "wave")
     assert learned.failed == {}
+    assert list(learned.left_out) == [str(files[-1])]
     learned.save(str(tmp_path / "two.safetensors"))
     assert motiondeck.load_library(tmp_path / "two.safetensors").name == "two"
 
 
 @pytest.mark.parametrize(
-    ("recordings", "one_shots", "says"),
+    ("recordings", "says"),
     [
-        ("walk.bvh", (), "takes several recordings"),
-        ([], (), "no recordings"),
-        (["none.bvh"], (), "none.bvh: there is no such file"),
-        ({"step": "none.bvh"}, ("stop",), "one_shots names 'stop'"),
-        ({"one step": "none.bvh"}, (), "cannot be typed"),
+        ([], "no recording found"),
+        ("none.bvh", "none.bvh: there is no such file"),
+        (["none.bvh"], "none.bvh: there is no such file"),
     ],
 )
-def test_what_cannot_be_learned_is_refused(recordings, one_shots, says):
+def test_what_cannot_be_learned_is_refused(recordings, says):
     with pytest.raises(MotiondeckError, match=says):
-        motiondeck.learn(recordings, name="mine", one_shots=one_shots)
+        motiondeck.learn(recordings, name="mine")
 
 
 def test_a_clip_is_carried_onto_a_robot_and_saved(tmp_path):

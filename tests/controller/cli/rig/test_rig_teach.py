@@ -178,7 +178,10 @@ def test_what_cannot_be_taught_or_played_is_said(rig, tmp_path):
         (("rig", "play", rig, other), "'grip'"),
         (("rig", "play", rig, other, "wave"), "no motion 'wave' to choose"),
         (("rig", "play", rig, "thesis15", "wlak"), "unknown motion 'wlak'"),
-        (("fit", other, rig, "--out", tmp_path / "x.safetensors"), "give one recipe, or clips"),
+        (
+            ("fit", other, rig, "--out", tmp_path / "x.safetensors"),
+            "other.clip: a recording, not a recipe",
+        ),
         (("fit", rig, "--out", tmp_path / "x.safetensors"), "arm.toml"),
         (("fit", other, "--data", tmp_path, "--out", tmp_path / "x.safetensors"), "--data .* is for the recordings"),
         (("rig", "emulate", rig, "--root", "free"), "--root free is about a body"),
