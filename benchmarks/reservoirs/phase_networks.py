@@ -43,8 +43,8 @@ from controller.measures.intervals import wilson
 from controller.measures.motion_matching import joint_features
 from controller.measures.run_batch import batch_of
 from controller.measures.self_test import Judge, after_disturbance, self_test
+from controller.mocap.canonical.canonical_body import carried
 from controller.mocap.encodings.encoding import encoding_of
-from controller.mocap.formats.canonical_body import carried
 from controller.mocap.formats.reading import read_clip, skeleton_of
 from controller.networks.base import Channels
 from controller.rotations import Array

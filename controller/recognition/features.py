@@ -13,8 +13,8 @@ from typing import Literal
 import msgspec
 import numpy as np
 
+from controller.mocap.canonical.canonical_body import to_canonical
 from controller.mocap.clip import Clip
-from controller.mocap.formats.canonical_body import to_canonical
 from controller.rotations import Array, conjugate, multiply, normalise, rotate, to_rotation_vector, yaw
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 

@@ -17,9 +17,9 @@ from threadpoolctl import threadpool_limits
 from controller.library.motion_library import MotionLibrary
 from controller.library.network_arrays import AnyNetwork
 from controller.measures.self_test import Judge, MotionVerdict, run_free, self_test
+from controller.mocap.canonical.clip_edits import mirrored, resampled
 from controller.mocap.clip import Clip
 from controller.mocap.encodings.normalisation import Normalisation
-from controller.mocap.formats.clip_edits import mirrored, resampled
 from controller.networks.centralized_frames import CentralizedNetwork
 from controller.networks.conceptor import ConceptorNetwork
 from controller.networks.echo_state import EchoStateNetwork

@@ -19,12 +19,12 @@ from controller.measures.accuracy import nrmse
 from controller.measures.motion_matching import joint_features
 from controller.measures.self_test import Judge, MotionVerdict, self_test
 from controller.measures.trials import with_trials
+from controller.mocap.canonical.canonical_body import carried, to_canonical
+from controller.mocap.canonical.clip_edits import mirrored, resampled, span
 from controller.mocap.clip import Clip
 from controller.mocap.encodings.encoding import Encoding, encoding_of
 from controller.mocap.encodings.joint_angles import JointBody
 from controller.mocap.encodings.normalisation import Normalisation
-from controller.mocap.formats.canonical_body import carried, to_canonical
-from controller.mocap.formats.clip_edits import mirrored, resampled, span
 from controller.mocap.formats.reading import read_clip, skeleton_of
 from controller.mocap.skeleton import Skeleton
 from controller.networks.centralized_frames import CentralizedNetwork

@@ -15,11 +15,11 @@ import numpy as np
 
 from controller.library.motion_library import MotionLibrary
 from controller.measures.motion_matching import joint_features
+from controller.mocap.canonical.canonical_body import to_canonical
+from controller.mocap.canonical.clip_edits import moving_part, resampled, span
 from controller.mocap.clip import Clip
 from controller.mocap.encodings.encoding import encoding_of
 from controller.mocap.encodings.joint_angles import JointBody
-from controller.mocap.formats.canonical_body import to_canonical
-from controller.mocap.formats.clip_edits import moving_part, resampled, span
 from controller.mocap.formats.reading import RECORDINGS, read_clip, skeleton_of
 from controller.rotations import dot
 from controller.training.fit import COMMON_RATE, SHORTEST_SECONDS, fit

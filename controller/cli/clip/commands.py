@@ -95,7 +95,7 @@ def mirror(
 
     Example:  motiondeck clip mirror wave.bvh wave-left.bvh
     """
-    from controller.mocap.formats.clip_edits import mirrored
+    from controller.mocap.canonical.clip_edits import mirrored
     from controller.mocap.formats.writing import write_clip
 
     clip = mirrored(_read(file, skeleton).clip)

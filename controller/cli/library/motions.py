@@ -137,7 +137,7 @@ def anticipate(
     from controller.cli.pictures.figures import check_picture
     from controller.library.anticipation import Anticipator, foresight
     from controller.library.motion_library import load_library
-    from controller.mocap.formats.canonical_body import carried
+    from controller.mocap.canonical.canonical_body import carried
     from motiondeck_base.shipped import find_library
 
     if plot is not None:

@@ -11,8 +11,8 @@ from typing import TypedDict
 import numpy as np
 
 from controller.mocap.anatomy import SIDES, Part, Side, anatomy
+from controller.mocap.canonical.body_doubts import doubts, taken_for
 from controller.mocap.clip import Clip
-from controller.mocap.formats.body_doubts import doubts, taken_for
 from controller.mocap.formats.c3d import read_c3d
 from controller.mocap.formats.marker_fit import Fit, fit_markers
 from controller.mocap.formats.reading import read_clip

@@ -14,45 +14,13 @@ import numpy as np
 from controller.mocap.clip import Clip
 from controller.mocap.encodings.bone_directions import FIRST_BONE, FORWARD, HEIGHT, LEFT, TURN_RATE, BoneDirections
 from controller.mocap.formats.mat5 import read_mat
-from controller.mocap.skeleton import ROOT, Skeleton
+from controller.mocap.thesis_body import JAEGER_BONES, thesis_skeleton
 from controller.rotations import Array
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import listed
 
 RATE = 120.0  # Hz, from the scripts that made the patterns; the files do not say
 MILLIMETRE = 0.001  # m
-
-# Bone, the bone it hangs from, and where it points with arms out sideways, legs down and feet forward. Order and tree
-# are those of Jaeger's patterns; the rest pose is ours, because they have none.
-_TREE: tuple[tuple[str, str, tuple[float, float, float]], ...] = (
-    ("rhip", "root", (0.0, -1.0, 0.0)),
-    ("rkne", "rhip", (0.0, 0.0, -1.0)),
-    ("rank", "rkne", (0.0, 0.0, -1.0)),
-    ("rfoo", "rank", (1.0, 0.0, 0.0)),
-    ("lhip", "root", (0.0, 1.0, 0.0)),
-    ("lkne", "lhip", (0.0, 0.0, -1.0)),
-    ("lank", "lkne", (0.0, 0.0, -1.0)),
-    ("lfoo", "lank", (1.0, 0.0, 0.0)),
-    ("back", "root", (0.0, 0.0, 1.0)),
-    ("neck", "back", (0.0, 0.0, 1.0)),
-    ("head", "neck", (0.0, 0.0, 1.0)),
-    ("rsho", "neck", (0.0, -1.0, 0.0)),
-    ("relb", "rsho", (0.0, -1.0, 0.0)),
-    ("rwri", "relb", (0.0, -1.0, 0.0)),
-    ("rhan", "rwri", (0.0, -1.0, 0.0)),
-    ("lsho", "neck", (0.0, 1.0, 0.0)),
-    ("lelb", "lsho", (0.0, 1.0, 0.0)),
-    ("lwri", "lelb", (0.0, 1.0, 0.0)),
-    ("lhan", "lwri", (0.0, 1.0, 0.0)),
-)
-JAEGER_BONES = tuple(bone for bone, _, _ in _TREE)
-JAEGER_PARENT = tuple(ROOT if parent == "root" else JAEGER_BONES.index(parent) for _, parent, _ in _TREE)
-JAEGER_REST = tuple(rest for _, _, rest in _TREE)
-
-
-def thesis_skeleton(lengths: Array, name: str = "jaeger") -> Skeleton:
-    """The skeleton of the thesis with the given lengths of its 19 bones, shape (19,), m."""
-    return Skeleton(name, JAEGER_BONES, np.array(JAEGER_PARENT), np.array(JAEGER_REST), np.asarray(lengths, np.float64))
 
 
 def read_pattern(path: str | Path) -> Clip:
@@ -96,7 +64,10 @@ def _fields(path: str | Path) -> tuple[str, Array, Array]:
     data_fields = (name for name in there if name.startswith("nnRawData") and name.isascii() and name.isidentifier())
     pattern = next(data_fields, "").removeprefix("nnRawData")
     found: list[Array] = []
-    for name, columns in ((f"nnRawData{pattern}", FIRST_BONE + 3 * len(_TREE)), (f"segLengths{pattern}", len(_TREE))):
+    for name, columns in (
+        (f"nnRawData{pattern}", FIRST_BONE + 3 * len(JAEGER_BONES)),
+        (f"segLengths{pattern}", len(JAEGER_BONES)),
+    ):
         if name not in there:
             raise FileFormatError(
                 f"{path}: there is no field '{name}' (there are: {listed(there) or 'none'}). "

@@ -20,10 +20,10 @@ import numpy as np
 
 from controller.mocap.clip import Clip
 from controller.mocap.formats.c3d import Markers
-from controller.mocap.formats.jaeger_patterns import JAEGER_BONES, JAEGER_PARENT, thesis_skeleton
 from controller.mocap.orientation import orient
 from controller.mocap.rest_pose import TO_OURS
 from controller.mocap.skeleton import ROOT, Skeleton
+from controller.mocap.thesis_body import JAEGER_BONES, JAEGER_PARENT, thesis_skeleton
 from controller.rotations import (
     Array,
     conjugate,

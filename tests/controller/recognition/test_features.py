@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.recognition.reduction import by_conditional_entropy, by_principal_axes, by_variance
-from controller.mocap.formats.canonical_body import to_canonical
+from controller.mocap.canonical.canonical_body import to_canonical
 from controller.mocap.formats.reading import read_clip
 from controller.recognition.features import (
     CANONICAL,

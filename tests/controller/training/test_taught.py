@@ -6,6 +6,7 @@ import pytest
 from controller.deck.deck import Deck
 from controller.evaluation.transitions import all_crossings
 from controller.library.motion_library import load_library, save_library
+from controller.mocap.canonical.canonical_body import carried
 from controller.mocap.encodings.joint_angles import (
     JointRetargeter,
     angles_of,
@@ -13,7 +14,6 @@ from controller.mocap.encodings.joint_angles import (
     save_taught_clip,
     taught_clip,
 )
-from controller.mocap.formats.canonical_body import carried
 from controller.training.fit import TrainingSet, fit
 from controller.training.recipe import gesture_recipe
 from motiondeck_base.errors import FileFormatError, MotiondeckError

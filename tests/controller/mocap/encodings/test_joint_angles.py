@@ -8,6 +8,7 @@ from hypothesis.extra import numpy as hnp
 
 from controller.deck.transition import difference
 from controller.measures.motion_matching import joint_features
+from controller.mocap.canonical.canonical_body import carried
 from controller.mocap.encodings.encoding import encoding_of
 from controller.mocap.encodings.joint_angles import (
     JointAngles,
@@ -18,7 +19,6 @@ from controller.mocap.encodings.joint_angles import (
     save_taught_clip,
     taught_clip,
 )
-from controller.mocap.formats.canonical_body import carried
 from controller.mocap.formats.reading import read_clip
 from controller.mocap.posture import walk_path
 from motiondeck_base.errors import FileFormatError, UnknownNameError

@@ -6,13 +6,8 @@ import pytest
 
 from controller.mocap.encodings.bone_directions import BoneDirections
 from controller.mocap.formats import mat5
-from controller.mocap.formats.jaeger_patterns import (
-    JAEGER_BONES,
-    JAEGER_PARENT,
-    JAEGER_REST,
-    read_pattern,
-    thesis_skeleton,
-)
+from controller.mocap.formats.jaeger_patterns import read_pattern
+from controller.mocap.thesis_body import JAEGER_BONES, JAEGER_PARENT, JAEGER_REST, thesis_skeleton
 from motiondeck_base.errors import FileFormatError
 from recordings import mat_bytes, pattern_fields
 

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from controller.mocap.canonical.canonical_body import to_canonical
+from controller.mocap.canonical.clip_edits import mirrored, moving_part, resampled
 from controller.mocap.clip import Clip
 from controller.mocap.encodings.joint_angles import taught_clip
-from controller.mocap.formats.canonical_body import to_canonical
-from controller.mocap.formats.clip_edits import mirrored, moving_part, resampled
 from motiondeck_base.errors import FileFormatError
 from simulated_bodies import human
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from controller.mocap.anatomy import SIDES, Anatomy, Part, anatomy, named_anatomy
+from controller.mocap.canonical.canonical_body import CANONICAL_BONES, landmarks_of, to_canonical
 from controller.mocap.clip import Clip
-from controller.mocap.formats.canonical_body import CANONICAL_BONES, landmarks_of, to_canonical
 from controller.rotations import normalise, rotate
 from motiondeck_base.errors import FileFormatError
 

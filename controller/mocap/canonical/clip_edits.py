@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from controller.mocap.canonical.canonical_body import CANONICAL_BONES, to_canonical
 from controller.mocap.clip import Clip
 from controller.mocap.encodings.joint_angles import JointBody
-from controller.mocap.formats.canonical_body import CANONICAL_BONES, to_canonical
 from controller.rotations import (
     Array,
     conjugate,

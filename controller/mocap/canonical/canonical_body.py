@@ -22,8 +22,8 @@ import numpy as np
 from controller.mocap.anatomy import SIDES, Anatomy, Part, Side, anatomy
 from controller.mocap.clip import Clip
 from controller.mocap.encodings.joint_angles import JointBody
-from controller.mocap.formats.jaeger_patterns import JAEGER_BONES, JAEGER_PARENT, JAEGER_REST, thesis_skeleton
 from controller.mocap.skeleton import Skeleton
+from controller.mocap.thesis_body import JAEGER_BONES, JAEGER_PARENT, JAEGER_REST, thesis_skeleton
 from controller.rotations import Array, between, continuous, multiply, normalise, rotate, yaw
 from motiondeck_base.errors import FileFormatError
 

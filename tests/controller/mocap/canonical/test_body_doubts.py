@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from controller.mocap.canonical.body_doubts import doubts, taken_for
 from controller.mocap.clip import Clip
-from controller.mocap.formats.body_doubts import doubts, taken_for
 from simulated_bodies import human
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bodies import random_body, random_clip, small_body
-from controller.mocap.formats.canonical_body import CANONICAL_BONES, carried, is_canonical, landmarks_of, to_canonical
+from controller.mocap.canonical.canonical_body import CANONICAL_BONES, carried, is_canonical, landmarks_of, to_canonical
 from controller.mocap.formats.reading import read_clip, skeleton_of
 from controller.mocap.skeleton import Skeleton
 from controller.rotations import conjugate, multiply, normalise, rotate
