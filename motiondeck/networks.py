@@ -9,7 +9,7 @@ from __future__ import annotations
 from controller.library.network_arrays import AnyNetwork
 from controller.measures.accuracy import nrmse
 from controller.networks.base import FrameNetwork, Generator
-from controller.networks.centers import (
+from controller.networks.centralized.centers import (
     Duffing,
     FrequencyError,
     HarmonicCenters,
@@ -18,9 +18,30 @@ from controller.networks.centers import (
     Spring,
     control_for,
 )
-from controller.networks.centralized import CentralizedGenerator, CentralizedMotion
-from controller.networks.conceptor import ConceptorNetwork
-from controller.networks.conceptor_algebra import (
+from controller.networks.centralized.centralized import CentralizedGenerator, CentralizedMotion
+from controller.networks.centralized.satellite_network import SatelliteNetwork, learn_weights
+from controller.networks.centralized.satellites import (
+    GaussianSatellites,
+    HarmonicSatellites,
+    PolynomialSatellites,
+    SatelliteError,
+    Satellites,
+    grid_places,
+    lowest_orders,
+    spacing,
+)
+from controller.networks.centralized.switching_module import (
+    Command,
+    ModuleDesign,
+    SwitchingModule,
+    SwitchingModuleError,
+    clamp,
+    collapse_and_kick,
+    design_module,
+    excite,
+)
+from controller.networks.reservoirs.conceptor import ConceptorNetwork
+from controller.networks.reservoirs.conceptor_algebra import (
     adapt_aperture,
     attenuation,
     conceptor,
@@ -31,33 +52,12 @@ from controller.networks.conceptor_algebra import (
     quota,
     similarity,
 )
-from controller.networks.echo_state import EchoStateNetwork
-from controller.networks.loaded_signals import LoadedSignals
-from controller.networks.morph import Morph, morph
-from controller.networks.phase_conceptor import PhaseConceptorNetwork
-from controller.networks.random_feature_conceptor import RandomFeatureNetwork
-from controller.networks.reservoir import Reservoir, drive, random_reservoir
-from controller.networks.satellite_network import SatelliteNetwork, learn_weights
-from controller.networks.satellites import (
-    GaussianSatellites,
-    HarmonicSatellites,
-    PolynomialSatellites,
-    SatelliteError,
-    Satellites,
-    grid_places,
-    lowest_orders,
-    spacing,
-)
-from controller.networks.switching_module import (
-    Command,
-    ModuleDesign,
-    SwitchingModule,
-    SwitchingModuleError,
-    clamp,
-    collapse_and_kick,
-    design_module,
-    excite,
-)
+from controller.networks.reservoirs.echo_state import EchoStateNetwork
+from controller.networks.reservoirs.loaded_signals import LoadedSignals
+from controller.networks.reservoirs.morph import Morph, morph
+from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork
+from controller.networks.reservoirs.random_feature_conceptor import RandomFeatureNetwork
+from controller.networks.reservoirs.reservoir import Reservoir, drive, random_reservoir
 from controller.ridge import ridge
 from controller.training.centralized.centralized_training import CentralizedRecipe
 from controller.training.centralized.motion_training import train_centralized

@@ -25,9 +25,9 @@ from benchmarks import command
 from benchmarks.centralized.centralized_step import motion
 from benchmarks.papers.frequency_search import FrequencySearch
 from controller.cli.pictures.figures import check_picture, new_figure, save
-from controller.networks.centers import pairs_at
-from controller.networks.centralized import CentralizedGenerator
-from controller.networks.satellites import GaussianSatellites, grid_places, spacing
+from controller.networks.centralized.centers import pairs_at
+from controller.networks.centralized.centralized import CentralizedGenerator
+from controller.networks.centralized.satellites import GaussianSatellites, grid_places, spacing
 from controller.training.centralized.satellite_learning import learn, ridge_readout, slow_and_fast
 
 RATE = 120.0

@@ -16,8 +16,8 @@ import typer
 from benchmarks import command
 from controller.deck.deck import Deck
 from controller.library.motion_library import MotionLibrary, load_library
-from controller.networks.centralized import Voice
-from controller.networks.centralized_frames import CentralizedNetwork
+from controller.networks.centralized.centralized import Voice
+from controller.networks.centralized.centralized_frames import CentralizedNetwork
 from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 

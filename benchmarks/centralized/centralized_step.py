@@ -20,8 +20,8 @@ import numpy as np
 from benchmarks import command
 from benchmarks.papers.frequency_search import FrequencySearch, frequency_grid
 from controller.library.motion_index import MotionIndex
-from controller.networks.centralized import CentralizedGenerator, CentralizedMotion
-from controller.networks.satellites import GaussianSatellites, grid_places, spacing
+from controller.networks.centralized.centralized import CentralizedGenerator, CentralizedMotion
+from controller.networks.centralized.satellites import GaussianSatellites, grid_places, spacing
 
 OUTPUTS = 62
 

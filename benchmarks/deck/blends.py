@@ -20,13 +20,13 @@ for _library in ("OPENBLAS", "OMP", "MKL"):
 
 import numpy as np  # noqa: E402
 
-from controller.deck.blend_check import STILL, TURNS_OVER  # noqa: E402
-from controller.deck.mixture import Mixture  # noqa: E402
-from controller.deck.motions import read_motions  # noqa: E402
+from controller.deck.joins.blend_check import STILL, TURNS_OVER  # noqa: E402
+from controller.deck.joins.motions import read_motions  # noqa: E402
 from controller.deck.routes import Routes  # noqa: E402
+from controller.deck.tracks.mixture import Mixture  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
 from controller.measures.motion_matching import joint_features  # noqa: E402
-from controller.networks.centralized_frames import CentralizedNetwork  # noqa: E402
+from controller.networks.centralized.centralized_frames import CentralizedNetwork  # noqa: E402
 from controller.rotations import Array  # noqa: E402
 from motiondeck_base.shipped import find_library  # noqa: E402
 

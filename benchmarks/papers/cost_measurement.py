@@ -12,8 +12,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from controller.library.network_arrays import AnyNetwork
-from controller.networks.echo_state import EchoStateNetwork
-from controller.networks.random_feature_conceptor import RandomFeatureNetwork
+from controller.networks.reservoirs.echo_state import EchoStateNetwork
+from controller.networks.reservoirs.random_feature_conceptor import RandomFeatureNetwork
 from controller.training.centralized.centralized_training import CentralizedRecipe
 from controller.training.fit import TrainingSet, train
 from controller.training.recipe import LibraryRecipe

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import blas, lapack
 from scipy.optimize import minimize
 
-from controller.networks.centers import require_frequencies
+from controller.networks.centralized.centers import require_frequencies
 from controller.rotations import Array
 from controller.training.centralized.satellite_learning import principal_scores
 from motiondeck_base.errors import MotiondeckError

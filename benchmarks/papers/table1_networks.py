@@ -21,7 +21,7 @@ from benchmarks.papers.frequency_search import (
     sines_at,
 )
 from controller.mocap.clip import Clip
-from controller.networks.satellites import grid_places, spacing
+from controller.networks.centralized.satellites import grid_places, spacing
 from controller.rotations import Array
 from controller.training.centralized.model_choice import mean_absolute, relative_accuracy
 from controller.training.centralized.satellite_learning import learn, ridge_readout, slow_and_fast

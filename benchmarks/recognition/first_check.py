@@ -10,7 +10,7 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
-from controller.networks.reservoir import Reservoir, random_reservoir
+from controller.networks.reservoirs.reservoir import Reservoir, random_reservoir
 from controller.recognition.experts import force
 from controller.rotations import Array
 

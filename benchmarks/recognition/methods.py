@@ -13,7 +13,7 @@ from typing import TypeAlias
 import numpy as np
 
 from benchmarks.recognition.recorded_angles import recorded_angles
-from controller.networks.reservoir import random_reservoir
+from controller.networks.reservoirs.reservoir import random_reservoir
 from controller.recognition.experts import (
     SMALLEST_ERROR,
     ExpertRecipe,

@@ -26,8 +26,8 @@ import numpy as np
 from controller.library.motion_library import load_library
 from controller.measures.motion_matching import joint_features
 from controller.mocap.encodings.encoding import Encoding
-from controller.networks.phase_conceptor import PhaseConceptorNetwork
-from controller.networks.phase_morph import PhaseMorph, channels_at
+from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork
+from controller.networks.reservoirs.phase_morph import PhaseMorph, channels_at
 from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library

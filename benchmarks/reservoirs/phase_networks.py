@@ -36,7 +36,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from threadpoolctl import threadpool_limits
 
-from controller.deck.frame_player import FramePlayer
+from controller.deck.tracks.frame_player import FramePlayer
 from controller.library.network_arrays import AnyNetwork, arrays_of
 from controller.measures.disturbance import disturbed
 from controller.measures.intervals import wilson

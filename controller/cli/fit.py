@@ -142,7 +142,7 @@ def compare(library: MotionLibrary, training_set: TrainingSet, every: int, plot:
     """How far each motion is from its recording at its anchors, mm (eqs 20 to 27), and a centralized network's size."""
     from controller.cli.pictures.curve_plots import draw_coordinates
     from controller.measures.motion_matching import joint_features
-    from controller.networks.centralized_frames import CentralizedNetwork
+    from controller.networks.centralized.centralized_frames import CentralizedNetwork
     from controller.training.centralized.model_choice import (
         hands_and_feet,
         mean_absolute,

@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Iterable
 
 from controller.deck.interfaces import Retargeter
-from controller.deck.joining import Joining
+from controller.deck.joins.joining import Joining
 from controller.deck.performance import Performance
 from controller.deck.routes import Routes
 from controller.deck.switch import CommandedSwitch

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from controller.deck.frame_player import FramePlayer
+from controller.deck.tracks.frame_player import FramePlayer
 from controller.library.motion_library import MotionLibrary
 from controller.mocap.clip import Clip
 from controller.mocap.posture import walk_path

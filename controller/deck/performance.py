@@ -9,20 +9,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from controller.deck.blend_check import BlendCheck
-from controller.deck.join_limits import JoinLimits
-from controller.deck.joining import Joining
-from controller.deck.motions import Motion, read_motions
-from controller.deck.posture_blend import PostureBlend
+from controller.deck.joins.blend_check import BlendCheck
+from controller.deck.joins.join_limits import JoinLimits
+from controller.deck.joins.joining import Joining
+from controller.deck.joins.motions import Motion, read_motions
+from controller.deck.joins.posture_blend import PostureBlend
+from controller.deck.joins.transition import Fade, best_anchor, difference, extrapolated
+from controller.deck.joins.weight import ModuleWeight, Ramp, Weight
 from controller.deck.root_path import advance, at_origin
-from controller.deck.track import Track
-from controller.deck.transition import Fade, best_anchor, difference, extrapolated
-from controller.deck.weight import ModuleWeight, Ramp, Weight
+from controller.deck.tracks.track import Track
 from controller.library.motion_library import MotionLibrary
 from controller.mocap.encodings.bone_directions import BoneDirections
 from controller.mocap.posture import Pose, Posture
-from controller.networks.centralized_frames import CentralizedNetwork
-from controller.networks.morph import ReservoirNetwork
+from controller.networks.centralized.centralized_frames import CentralizedNetwork
+from controller.networks.reservoirs.morph import ReservoirNetwork
 from controller.rotations import Array
 
 # A difference in joint velocity counts as much as the distance it covers in this time (8 frames at 120 Hz), s.

@@ -11,8 +11,8 @@ import numpy as np
 from controller.library.network_arrays import AnyNetwork
 from controller.measures.accuracy import mabs, nrmse
 from controller.measures.self_test import Judge
-from controller.networks.centralized_frames import CentralizedNetwork
-from controller.networks.phase_conceptor import PhaseConceptorNetwork
+from controller.networks.centralized.centralized_frames import CentralizedNetwork
+from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork
 from controller.ridge import ridge
 from controller.rotations import Array
 from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network

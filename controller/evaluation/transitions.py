@@ -19,14 +19,14 @@ from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 
 from controller.deck.deck import Deck
-from controller.deck.joining import Joining
+from controller.deck.joins.joining import Joining
 from controller.library.motion_library import MotionLibrary
 from controller.measures.motion_matching import LOST_MM, joint_features
 from controller.measures.self_test import Judge
 from controller.mocap.encodings.bone_directions import FIRST_BONE, HEIGHT, TURN_RATE
 from controller.mocap.encodings.joint_angles import JointBody
 from controller.mocap.posture import Pose, Posture
-from controller.networks.morph import ReservoirNetwork, morph
+from controller.networks.reservoirs.morph import ReservoirNetwork, morph
 from controller.rotations import Array, rotate, yaw
 from controller.training.fit import TrainingSet
 from motiondeck_base.errors import MotiondeckError

@@ -12,7 +12,7 @@ import numpy as np
 
 from controller.library.motion_library import MotionLibrary
 from controller.measures.motion_matching import joint_features
-from controller.networks.centralized_frames import CentralizedNetwork
+from controller.networks.centralized.centralized_frames import CentralizedNetwork
 from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 

@@ -13,7 +13,7 @@ from controller.mocap.encodings.encoding import Encoding
 from controller.mocap.encodings.joint_angles import JointAngles, JointBody
 from controller.mocap.encodings.joint_rotations import JointRotations
 from controller.mocap.skeleton import Skeleton
-from controller.networks.phase_conceptor import PhaseScales
+from controller.networks.reservoirs.phase_conceptor import PhaseScales
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.toml_file import shaped
 

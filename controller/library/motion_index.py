@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from controller.arrays_file import Kind, read_arrays, write_arrays
-from controller.networks.centers import require_frequencies
+from controller.networks.centralized.centers import require_frequencies
 from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.toml_file import shaped

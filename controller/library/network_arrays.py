@@ -11,17 +11,21 @@ from numpy.typing import NDArray
 from controller.arrays_file import StoredArrays
 from controller.library.library_header import FEWEST_ANCHORS, LibraryInfo
 from controller.mocap.encodings.normalisation import Normalisation
-from controller.networks.centralized_frames import CentralizedNetwork, StoredMotion
-from controller.networks.conceptor import ConceptorMotion, ConceptorNetwork, Memory
-from controller.networks.echo_state import EchoStateMotion, EchoStateNetwork
-from controller.networks.phase_conceptor import (
+from controller.networks.centralized.centralized_frames import CentralizedNetwork, StoredMotion
+from controller.networks.reservoirs.conceptor import ConceptorMotion, ConceptorNetwork, Memory
+from controller.networks.reservoirs.echo_state import EchoStateMotion, EchoStateNetwork
+from controller.networks.reservoirs.phase_conceptor import (
     PhaseConceptorNetwork,
     PhaseCourse,
     PhaseMotion,
     PhaseReservoir,
     StoredPieces,
 )
-from controller.networks.random_feature_conceptor import FeatureMotion, FeatureReservoir, RandomFeatureNetwork
+from controller.networks.reservoirs.random_feature_conceptor import (
+    FeatureMotion,
+    FeatureReservoir,
+    RandomFeatureNetwork,
+)
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 
 Network = ConceptorNetwork | EchoStateNetwork | RandomFeatureNetwork

@@ -9,7 +9,7 @@ import numpy as np
 
 from controller.library.motion_library import MotionLibrary
 from controller.measures.motion_matching import joint_features
-from controller.networks.centralized_frames import CentralizedNetwork
+from controller.networks.centralized.centralized_frames import CentralizedNetwork
 from motiondeck_base.errors import MotiondeckError
 
 UNTAUGHT = "nobody has taught it: there is nothing to test it by"

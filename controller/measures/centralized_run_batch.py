@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.networks.centralized_frames import ANCHOR_EVERY, CentralizedNetwork
+from controller.networks.centralized.centralized_frames import ANCHOR_EVERY, CentralizedNetwork
 
 Float32 = NDArray[np.float32]
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.networks.phase_conceptor import ANCHOR_EVERY, PhaseConceptorNetwork, PhaseReservoir
+from controller.networks.reservoirs.phase_conceptor import ANCHOR_EVERY, PhaseConceptorNetwork, PhaseReservoir
 
 Float32 = NDArray[np.float32]
 

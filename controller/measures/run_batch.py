@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from controller.measures.centralized_run_batch import CentralizedBatch
 from controller.measures.phase_run_batch import PhaseBatch
-from controller.networks.centralized_frames import CentralizedNetwork
-from controller.networks.conceptor import ConceptorNetwork
-from controller.networks.echo_state import EchoStateNetwork
-from controller.networks.morph import ReservoirNetwork
-from controller.networks.phase_conceptor import PhaseConceptorNetwork
-from controller.networks.random_feature_conceptor import RandomFeatureNetwork
+from controller.networks.centralized.centralized_frames import CentralizedNetwork
+from controller.networks.reservoirs.conceptor import ConceptorNetwork
+from controller.networks.reservoirs.echo_state import EchoStateNetwork
+from controller.networks.reservoirs.morph import ReservoirNetwork
+from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork
+from controller.networks.reservoirs.random_feature_conceptor import RandomFeatureNetwork
 
 Float32 = NDArray[np.float32]
 Rows = NDArray[Any]

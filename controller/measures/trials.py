@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from controller.measures.disturbance import Kind, disturbed
 from controller.measures.run_batch import batch_of
 from controller.measures.self_test import Judge, MotionVerdict, self_test
-from controller.networks.conceptor import ConceptorNetwork
-from controller.networks.echo_state import EchoStateNetwork
+from controller.networks.reservoirs.conceptor import ConceptorNetwork
+from controller.networks.reservoirs.echo_state import EchoStateNetwork
 
 RUNS: dict[Kind, int] = {"robustness": 8, "stability": 16}
 """How many disturbed runs of each kind are tried."""

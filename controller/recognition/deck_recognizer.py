@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.deck.frame_player import FramePlayer
 from controller.deck.interfaces import Retargeter
+from controller.deck.tracks.frame_player import FramePlayer
 from controller.library.motion_library import MotionLibrary
 from controller.mocap.posture import Pose, walk_path
 from controller.recognition.expert_bank import ExpertBank, teach

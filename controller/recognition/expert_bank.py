@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from controller.networks.reservoir import Reservoir
+from controller.networks.reservoirs.reservoir import Reservoir
 from controller.recognition.experts import (
     ExpertRecipe,
     Forced,

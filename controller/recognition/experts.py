@@ -24,7 +24,7 @@ import msgspec
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from controller.networks.reservoir import Reservoir, drive, random_reservoir
+from controller.networks.reservoirs.reservoir import Reservoir, drive, random_reservoir
 from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 

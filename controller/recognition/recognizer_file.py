@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from controller.arrays_file import Kind, read_arrays, write_arrays
-from controller.networks.reservoir import Reservoir
+from controller.networks.reservoirs.reservoir import Reservoir
 from controller.recognition.expert_bank import ExpertBank
 from controller.recognition.experts import ExpertRecipe, Moments
 from controller.recognition.features import FeatureRecipe

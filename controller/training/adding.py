@@ -20,12 +20,12 @@ from controller.measures.self_test import Judge, MotionVerdict, run_free, self_t
 from controller.mocap.canonical.clip_edits import mirrored, resampled
 from controller.mocap.clip import Clip
 from controller.mocap.encodings.normalisation import Normalisation
-from controller.networks.centralized_frames import CentralizedNetwork
-from controller.networks.conceptor import ConceptorNetwork
-from controller.networks.echo_state import EchoStateNetwork
-from controller.networks.phase_conceptor import PhaseConceptorNetwork, PhaseReservoir
-from controller.networks.random_feature_conceptor import RandomFeatureNetwork
-from controller.networks.reservoir import Reservoir
+from controller.networks.centralized.centralized_frames import CentralizedNetwork
+from controller.networks.reservoirs.conceptor import ConceptorNetwork
+from controller.networks.reservoirs.echo_state import EchoStateNetwork
+from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork, PhaseReservoir
+from controller.networks.reservoirs.random_feature_conceptor import RandomFeatureNetwork
+from controller.networks.reservoirs.reservoir import Reservoir
 from controller.rotations import Array
 from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network
 from controller.training.fit import cut, describe_motion, to_learn

@@ -27,7 +27,7 @@ from controller.mocap.encodings.joint_angles import JointBody
 from controller.mocap.encodings.normalisation import Normalisation
 from controller.mocap.formats.reading import read_clip, skeleton_of
 from controller.mocap.skeleton import Skeleton
-from controller.networks.centralized_frames import CentralizedNetwork
+from controller.networks.centralized.centralized_frames import CentralizedNetwork
 from controller.rotations import Array
 from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network
 from controller.training.preparation.loops import close_loop, hold_end

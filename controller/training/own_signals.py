@@ -14,8 +14,8 @@ import numpy as np
 from controller.library.network_arrays import AnyNetwork
 from controller.mocap.encodings.normalisation import Normalisation
 from controller.networks.base import FrameNetwork
-from controller.networks.loaded_signals import LoadedSignals
-from controller.networks.reservoir import Reservoir, drive
+from controller.networks.reservoirs.loaded_signals import LoadedSignals
+from controller.networks.reservoirs.reservoir import Reservoir, drive
 from controller.ridge import ridge
 from controller.rotations import Array
 from controller.training.fit import train

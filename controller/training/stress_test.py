@@ -15,7 +15,7 @@ from controller.library.network_arrays import Network
 from controller.measures.disturbance import Kind, disturbed
 from controller.measures.run_batch import batch_of
 from controller.measures.self_test import Judge, MotionVerdict, after_disturbance
-from controller.networks.phase_conceptor import PhaseConceptorNetwork
+from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork
 
 RUNS = 5
 FORGIVEN = 1

@@ -13,7 +13,7 @@ from benchmarks.papers.frequency_search import (
     readout,
     sines_at,
 )
-from controller.networks.satellites import GaussianSatellites, grid_places, spacing
+from controller.networks.centralized.satellites import GaussianSatellites, grid_places, spacing
 from motiondeck_base.errors import MotiondeckError
 
 TIME = np.arange(600) / 120.0

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.networks.centralized import CentralizedMotion
+from controller.networks.centralized.centralized import CentralizedMotion
 from controller.rotations import Array
 from controller.training.centralized.model_choice import aicc
 from controller.training.centralized.motion_training import train_centralized

@@ -11,7 +11,7 @@ from itertools import combinations
 
 import numpy as np
 
-from controller.networks.centralized import CentralizedMotion
+from controller.networks.centralized.centralized import CentralizedMotion
 from controller.rotations import Array
 from controller.training.centralized.satellite_learning import learn, ridge_readout, slow_and_fast
 from motiondeck_base.errors import MotiondeckError

@@ -16,8 +16,8 @@ import numpy as np
 from scipy.optimize import minimize
 from threadpoolctl import threadpool_limits
 
-from controller.networks.centers import pairs_at, require_frequencies
-from controller.networks.satellites import GaussianSatellites
+from controller.networks.centralized.centers import pairs_at, require_frequencies
+from controller.networks.centralized.satellites import GaussianSatellites
 from controller.ridge import ridge
 from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError

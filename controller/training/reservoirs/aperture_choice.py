@@ -18,7 +18,7 @@ from controller.measures.disturbance import Kind
 from controller.measures.self_test import Judge
 from controller.measures.trials import failures
 from controller.mocap.encodings.normalisation import Normalisation
-from controller.networks.conceptor import ConceptorNetwork
+from controller.networks.reservoirs.conceptor import ConceptorNetwork
 from controller.rotations import Array
 from controller.training.preparation.training_motion import TrainingMotion
 from controller.training.reservoirs.conceptor_training import (

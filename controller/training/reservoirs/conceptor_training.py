@@ -17,8 +17,8 @@ import numpy as np
 from scipy.linalg import eigh
 
 from controller.mocap.encodings.normalisation import Normalisation
-from controller.networks.conceptor import ConceptorMotion, ConceptorNetwork, Memory
-from controller.networks.reservoir import Reservoir, drive, random_reservoir
+from controller.networks.reservoirs.conceptor import ConceptorMotion, ConceptorNetwork, Memory
+from controller.networks.reservoirs.reservoir import Reservoir, drive, random_reservoir
 from controller.ridge import ridge
 from controller.rotations import Array
 from controller.training.preparation.training_motion import TrainingMotion

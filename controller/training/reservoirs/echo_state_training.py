@@ -11,8 +11,8 @@ import msgspec
 import numpy as np
 
 from controller.mocap.encodings.normalisation import Normalisation
-from controller.networks.echo_state import EchoStateMotion, EchoStateNetwork
-from controller.networks.reservoir import Floats, Reservoir, drive, random_reservoir
+from controller.networks.reservoirs.echo_state import EchoStateMotion, EchoStateNetwork
+from controller.networks.reservoirs.reservoir import Floats, Reservoir, drive, random_reservoir
 from controller.ridge import ridge
 from controller.rotations import Array
 from controller.training.preparation.training_motion import TrainingMotion

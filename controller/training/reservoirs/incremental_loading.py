@@ -17,8 +17,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from controller.networks.conceptor import ConceptorMotion, ConceptorNetwork, Memory
-from controller.networks.reservoir import Reservoir, drive
+from controller.networks.reservoirs.conceptor import ConceptorMotion, ConceptorNetwork, Memory
+from controller.networks.reservoirs.reservoir import Reservoir, drive
 from controller.rotations import Array
 from controller.training.preparation.training_motion import TrainingMotion
 from controller.training.reservoirs.aperture_choice import APERTURES

@@ -14,8 +14,8 @@ from controller.measures.disturbance import Kind
 from controller.measures.self_test import Judge
 from controller.measures.trials import failures
 from controller.mocap.encodings.normalisation import Normalisation
-from controller.networks.echo_state import EchoStateNetwork
-from controller.networks.reservoir import Reservoir
+from controller.networks.reservoirs.echo_state import EchoStateNetwork
+from controller.networks.reservoirs.reservoir import Reservoir
 from controller.training.preparation.training_motion import TrainingMotion
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe, learn_readouts, train_echo_state
 

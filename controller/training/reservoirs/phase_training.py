@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.mocap.encodings.normalisation import Normalisation
-from controller.networks.phase_conceptor import (
+from controller.networks.reservoirs.phase_conceptor import (
     ANCHOR_EVERY,
     Float32,
     PhaseConceptorNetwork,
@@ -30,7 +30,7 @@ from controller.networks.phase_conceptor import (
     PhaseScales,
     StoredPieces,
 )
-from controller.networks.reservoir import Reservoir, drive
+from controller.networks.reservoirs.reservoir import Reservoir, drive
 from controller.ridge import ridge
 from controller.rotations import Array
 from controller.training.preparation.training_motion import TrainingMotion

@@ -21,13 +21,13 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from controller.mocap.encodings.normalisation import Normalisation
-from controller.networks.random_feature_conceptor import (
+from controller.networks.reservoirs.random_feature_conceptor import (
     FeatureMotion,
     FeatureReservoir,
     Float32,
     RandomFeatureNetwork,
 )
-from controller.networks.reservoir import largest_eigenvalue
+from controller.networks.reservoirs.reservoir import largest_eigenvalue
 from controller.rotations import Array
 from controller.training.preparation.training_motion import TrainingMotion
 from motiondeck_base.errors import MotiondeckError

@@ -13,7 +13,7 @@ import numpy as np
 
 from controller.measures.motion_matching import joint_features
 from controller.mocap.encodings.encoding import Encoding
-from controller.networks.conceptor import ConceptorMotion, ConceptorNetwork
+from controller.networks.reservoirs.conceptor import ConceptorMotion, ConceptorNetwork
 from controller.rotations import Array
 
 

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 import synthetic
 from controller.deck.deck import MOST_QUEUED, Deck
-from controller.deck.joining import JOININGS
+from controller.deck.joins.joining import JOININGS
 from controller.library.motion_library import load_library
 from controller.wire.command_table import TEMPO
 from motiondeck_base.errors import MotiondeckError, UnknownNameError

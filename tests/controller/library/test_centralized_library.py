@@ -7,11 +7,11 @@ from safetensors.numpy import save_file
 
 import synthetic
 from controller.deck.deck import Deck
-from controller.deck.frame_player import FramePlayer
+from controller.deck.tracks.frame_player import FramePlayer
 from controller.library.motion_library import MotionLibrary, load_library, save_library
 from controller.measures.motion_matching import joint_features
 from controller.measures.self_test import Judge, self_test
-from controller.networks.centralized_frames import CentralizedNetwork
+from controller.networks.centralized.centralized_frames import CentralizedNetwork
 from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network
 from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
 from motiondeck_base.shipped import find_library

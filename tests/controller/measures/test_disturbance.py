@@ -11,7 +11,7 @@ from controller.measures.intervals import wilson
 from controller.measures.run_batch import batch_of
 from controller.measures.self_test import Judge, after_disturbance, self_test
 from controller.networks.guard import Guard, beat, spread
-from controller.networks.phase_conceptor import PhaseReservoir
+from controller.networks.reservoirs.phase_conceptor import PhaseReservoir
 from controller.training.fit import TrainingSet
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
 from controller.training.stress_test import stress_test

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import synthetic
-from controller.networks.centralized import CentralizedGenerator
+from controller.networks.centralized.centralized import CentralizedGenerator
 from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
 from controller.training.reservoirs.random_feature_training import RandomFeatureRecipe, train_random_features

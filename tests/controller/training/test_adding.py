@@ -11,7 +11,7 @@ import synthetic
 from controller.library.motion_library import MotionLibrary, load_library, save_library
 from controller.measures.self_test import run_free
 from controller.mocap.clip import Clip
-from controller.networks.conceptor import ConceptorNetwork
+from controller.networks.reservoirs.conceptor import ConceptorNetwork
 from controller.rotations import multiply
 from controller.training.adding import add_motion
 from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network

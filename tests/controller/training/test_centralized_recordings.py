@@ -8,7 +8,7 @@ import pytest
 from controller.measures.motion_matching import joint_features
 from controller.mocap.encodings.bone_directions import BoneDirections
 from controller.mocap.formats.reading import read_clip
-from controller.networks.centralized import CentralizedGenerator
+from controller.networks.centralized.centralized import CentralizedGenerator
 from controller.training.centralized.motion_training import train_centralized
 from controller.training.preparation.loops import close_loop
 

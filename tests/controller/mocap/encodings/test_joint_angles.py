@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from controller.deck.transition import difference
+from controller.deck.joins.transition import difference
 from controller.measures.motion_matching import joint_features
 from controller.mocap.canonical.canonical_body import carried
 from controller.mocap.encodings.encoding import encoding_of

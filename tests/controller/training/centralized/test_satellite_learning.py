@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controller.networks.centers import pairs_at
-from controller.networks.satellites import GaussianSatellites
+from controller.networks.centralized.centers import pairs_at
+from controller.networks.centralized.satellites import GaussianSatellites
 from controller.training.centralized.satellite_learning import (
     WIDTHS,
     LearnedSatellites,

@@ -5,7 +5,7 @@ import pytest
 import synthetic
 from controller.measures.motion_matching import joint_features
 from controller.measures.self_test import Judge, run_free, self_test
-from controller.networks.conceptor import ConceptorNetwork
+from controller.networks.reservoirs.conceptor import ConceptorNetwork
 from controller.training.fit import settle
 from controller.training.recipe import read_recipe
 from controller.training.reservoirs.rank_choice import cut, cut_to_tolerance, off_mm, rank_within

@@ -1,0 +1,74 @@
+"""The blend weight of the second of two motions over time: along a quintic, or as a switching module gives it."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from controller.networks.centralized.centralized import Passage
+from controller.quintic import rise
+
+
+class Weight(Protocol):
+    """A weight in [0, 1] that changes until it has reached its goal."""
+
+    @property
+    def value(self) -> float:
+        """The present weight."""
+        ...
+
+    @property
+    def changing(self) -> bool:
+        """Whether it is still on its way."""
+        ...
+
+    def advance(self, dt: float) -> float:
+        """The weight dt seconds later."""
+        ...
+
+
+class Ramp:
+    """A weight that rises or falls smoothly within some seconds.
+
+    Args:
+        start, goal: the weights at both ends.
+        seconds: how long it takes.
+    """
+
+    def __init__(self, start: float, goal: float, seconds: float) -> None:
+        self._start, self._goal, self._seconds = start, goal, max(seconds, 1e-9)
+        self._elapsed = 0.0
+
+    @property
+    def value(self) -> float:
+        """The present weight."""
+        return self._start + (self._goal - self._start) * rise(min(1.0, self._elapsed / self._seconds))
+
+    @property
+    def changing(self) -> bool:
+        """Whether it is still on its way."""
+        return self._elapsed < self._seconds
+
+    def advance(self, dt: float) -> float:
+        """The weight dt seconds later."""
+        self._elapsed += dt
+        return self.value
+
+
+class ModuleWeight:
+    """The weight that a switching module gives on its way to a motion (Vakulenko et al. 2017)."""
+
+    def __init__(self, motions: int, source: int, target: int) -> None:
+        self._passage = Passage(motions)
+        self._passage.module.reset(source)
+        self._passage.begin(target)
+        self.changing = True
+
+    @property
+    def value(self) -> float:
+        """The present weight."""
+        return self._passage.share if self.changing else 1.0
+
+    def advance(self, dt: float) -> float:
+        """The weight dt seconds later."""
+        self.changing = self.changing and self._passage.advance(dt)
+        return self.value

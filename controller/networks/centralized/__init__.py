@@ -1,0 +1,1 @@
+"""Centralized networks: centers, satellites, the switching module."""

@@ -1,0 +1,342 @@
+"""A centralized network plays motions in continuous time (Vakulenko et al. 2017).
+
+    x(t) = rest + W Phi(q(t)),   q_i(t) = (cos, sin)(omega_i t + phi_i)            (eqs 1, 2)
+
+Each motion has its own frequencies, satellites and weights; the switching module's z selects which one plays. In the
+paper z drives omega(z) and W(z) directly (eqs 12, 13), which passes through whatever motions lie between source and
+target and is many times rougher than the recordings. Here z goes slowly, only source and target are mixed, by how far z
+has come from the one to the other, and the target is entered where it is most like what the source is about to do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.networks.base import Channels
+from controller.networks.centralized.centers import pairs_at, require_frequencies
+from controller.networks.centralized.satellites import GaussianSatellites
+from controller.networks.centralized.switching_module import SwitchingModule, clamp, design_module
+from controller.networks.entry_points import Entries
+from controller.quintic import rise
+from controller.rotations import Array
+from motiondeck_base.errors import MotiondeckError, UnknownNameError
+
+# How long z takes for all but 1/e of its way, s, and the gain of the current that pulls it there.
+TIME_CONSTANT = 0.2
+GAIN = 5.0
+
+# Entry points of a loop that are compared.
+ENTRIES = 50
+
+
+@dataclass(frozen=True, eq=False)
+class CentralizedMotion:
+    """One motion with n centers, m satellites and D channels.
+
+    Attributes:
+        frequency, phase: of the centers at the beginning, shape (n,), rad/s and rad.
+        satellites: in the 2 n coordinates of the centers.
+        weights: W, shape (D, m).
+        rest: shape (D,).
+        seconds: how long the motion is, or how long one round of it.
+        loop: whether its centers return after that time, so that it goes on for ever; otherwise it holds its end.
+
+    Raises:
+        MotiondeckError: if the shapes disagree, or a loop does not close: after its seconds every center must have made
+            a whole number of turns.
+    """
+
+    frequency: Array
+    phase: Array
+    satellites: GaussianSatellites
+    weights: Array
+    rest: Array
+    seconds: float
+    loop: bool
+
+    def __post_init__(self) -> None:
+        n, m = len(self.frequency), len(self.satellites)
+        if self.phase.shape != (n,) or self.satellites.places.shape[1] != 2 * n:
+            raise MotiondeckError(
+                f"{n} centers do not fit satellites at places of shape {self.satellites.places.shape}"
+            )
+        if self.weights.shape != (len(self.rest), m):
+            raise MotiondeckError(f"{m} satellites and {len(self.rest)} channels do not fit W of {self.weights.shape}")
+        require_frequencies(self.frequency)
+        turns = self.frequency * self.seconds / (2.0 * np.pi)
+        if self.loop and np.abs(turns - np.round(turns)).max() > 1e-6:
+            raise MotiondeckError(f"a loop whose centers make {turns} turns does not close; they must be whole numbers")
+
+    @property
+    def largest_weight(self) -> float:
+        """max |W|: a network that would explode where it has not been trained shows it here."""
+        return float(np.abs(self.weights).max())
+
+    def at(self, time: Array) -> Channels:
+        """The channels at times (T,) since the beginning, shape (T, D)."""
+        if not self.loop:
+            time = np.clip(time, 0.0, self.seconds)
+        return self.satellites.respond(pairs_at(self.frequency, self.phase, time)) @ self.weights.T + self.rest
+
+    def with_frequencies(self, frequency: Array) -> CentralizedMotion:
+        """The same satellites driven by other frequencies, those of another clip: its style on this motion.
+
+        Raises:
+            MotiondeckError: if there are not as many as centers, or a loop would no longer close.
+        """
+        if frequency.shape != self.frequency.shape:
+            raise MotiondeckError(f"{len(frequency)} frequencies for {len(self.frequency)} centers")
+        require_frequencies(frequency)
+        slowest = int(self.frequency.argmin())
+        seconds = self.seconds * float(self.frequency[slowest] / frequency[slowest])
+        return replace(self, frequency=frequency, seconds=seconds)
+
+    @cached_property
+    def linear_form(self) -> tuple[Array, Array]:
+        """-b^2 |q - q_j|^2 / 2 as a product with (q, 1), and x as one with (Phi, 1), shape (m, 2 n + 1) and (D, m + 1).
+
+        For centers of unit amplitude |q|^2 = n.
+        """
+        square = np.square(self.satellites.sharpness)
+        reach = np.square(self.satellites.places).sum(1) + len(self.frequency)
+        exponent = np.column_stack([square[:, None] * self.satellites.places, -0.5 * square * reach])
+        return exponent, np.column_stack([self.weights, self.rest])
+
+
+class Voice:
+    """A motion while it plays: its centers, and how far it is.
+
+    What rounding, or anything else, does to the amplitude of a center is undone in the next step; what it does to a
+    phase is at the end of the round, where every center begins anew.
+    """
+
+    def __init__(self, motion: CentralizedMotion, time: float) -> None:
+        self.motion = motion
+        self._exponent, self._weights = motion.linear_form
+        self._turn, self._start = 1j * motion.frequency, 1j * motion.phase
+        self._coordinates = np.ones(self._exponent.shape[1])
+        self.centers: NDArray[np.complex128] = self._coordinates[:-1].view(np.complex128)
+        self._amplitude = np.ones(len(self._turn))
+        self._response_and_one = np.ones(self._weights.shape[1])
+        self._response = self._response_and_one[:-1]
+        self._step, self._rotation = 0.0, np.ones(len(self._turn), dtype=np.complex128)
+        self._begin(time)
+
+    def _begin(self, time: float) -> None:
+        """Puts every center to where it is at a time."""
+        self.time = time
+        np.exp(self._turn * time + self._start, out=self.centers)
+
+    def advance(self, dt: float) -> None:
+        """Goes dt seconds on; a motion that happens once stops at its end."""
+        time, seconds = self.time + dt, self.motion.seconds
+        if time >= seconds:
+            self._begin(time % seconds if self.motion.loop else seconds)
+            return
+        self.time = time
+        if dt != self._step:
+            self._step, self._rotation = dt, np.exp(self._turn * dt)
+        self.centers *= self._rotation
+        np.abs(self.centers, out=self._amplitude)
+        self.centers /= self._amplitude
+
+    def read(self, out: Channels) -> None:
+        """Writes the channels into out, shape (D,)."""
+        response = self._response
+        np.dot(self._exponent, self._coordinates, out=response)
+        np.exp(response, out=response)
+        np.dot(self._weights, self._response_and_one, out=out)
+
+    def copy(self) -> Voice:
+        """An independent voice in the same state."""
+        twin = Voice(self.motion, self.time)
+        twin.centers[:] = self.centers
+        return twin
+
+
+class Passage:
+    """The switching module while it crosses from one motion to another.
+
+    Args:
+        motions: how many there are.
+
+    Attributes:
+        module: state k is the k-th motion.
+    """
+
+    def __init__(self, motions: int) -> None:
+        self.module = SwitchingModule(design_module(motions), time_scale=GAIN * TIME_CONSTANT)
+        self._origin = self._goal = 0.0
+
+    def begin(self, target: int) -> None:
+        """Begins to cross to a motion, by a clamp current."""
+        self._goal = float(self.module.design.targets[target])
+        if abs(self.module.z - self._goal) < 0.1:
+            # The same state again: z comes from beside it, so that its way has a length.
+            self.module.place(self._goal - 1.0)
+        self._origin = self.module.z
+        self.module.command(clamp(self.module.design, target, GAIN))
+
+    def advance(self, dt: float) -> bool:
+        """Goes dt seconds on; whether the way still lasts."""
+        self.module.advance(dt)
+        return self.module.commanded
+
+    @property
+    def share(self) -> float:
+        """How much of the target is in the mixture."""
+        return rise(min(1.0, max(0.0, (self.module.z - self._origin) / (self._goal - self._origin))))
+
+    def snapshot(self) -> tuple[object, float, float]:
+        """A copy of the state."""
+        return self.module.snapshot(), self._origin, self._goal
+
+    def restore(self, snapshot: tuple[Any, float, float]) -> None:
+        """Puts the state back to a snapshot."""
+        module, self._origin, self._goal = snapshot
+        self.module.restore(module)
+
+
+def mix(share: float, source: Channels, out: Channels) -> None:
+    """Leaves a share of what is in out and takes the rest from the source, shapes (D,)."""
+    np.subtract(out, source, out=out)
+    np.multiply(out, share, out=out)
+    np.add(out, source, out=out)
+
+
+@dataclass(frozen=True, eq=False)
+class Score:
+    """A copy of a generator's whole state."""
+
+    motion: str
+    voice: Voice
+    source: Voice | None
+    waiting: str | None
+    passage: tuple[object, float, float]
+    noise: Mapping[str, Any]
+
+
+class CentralizedGenerator:
+    """Plays centralized motions and switches between them; fits `base.Generator`.
+
+    Args:
+        motions: what it plays, all with the same channels.
+        noise: on z at rest, its standard deviation after one second. While z stays in its state nothing of it is heard;
+            where it drives z into another, the generator goes over to that motion.
+        seed: of the noise.
+
+    Attributes:
+        motions: their names.
+        motion: the one that plays or is being switched to.
+        tempo: multiplies all frequencies.
+        module: the switching module; state k is the k-th motion.
+    """
+
+    def __init__(self, motions: dict[str, CentralizedMotion], noise: float = 0.0, seed: int = 0) -> None:
+        if len({len(motion.rest) for motion in motions.values()}) != 1:
+            raise MotiondeckError("a centralized network needs motions, all with the same number of channels")
+        if not 0.0 <= noise < np.inf:
+            raise MotiondeckError(f"noise of {noise} on z; it is not negative")
+        self._of = motions
+        self.motions = tuple(motions)
+        self.channels = len(next(iter(motions.values())).rest)
+        self.tempo = 1.0
+        self._passage = Passage(len(motions))
+        self.module = self._passage.module
+        self._noise, self._random = noise, np.random.default_rng(seed)
+        self._out, self._mixed = np.zeros(self.channels), np.zeros(self.channels)
+        self._waiting: str | None = None
+        self._source: Voice | None = None
+        starts = {k: np.arange(ENTRIES if m.loop else 1) / ENTRIES * m.seconds for k, m in motions.items()}
+        self._entries = Entries(motions, starts)
+        self.cue(self.motions[0])
+
+    def __getitem__(self, motion: str) -> CentralizedMotion:
+        if motion not in self._of:
+            raise UnknownNameError.among("motion", motion, self.motions)
+        return self._of[motion]
+
+    @property
+    def settled(self) -> bool:
+        """Whether no switch is under way."""
+        return self._source is None and self._waiting is None
+
+    def cue(self, motion: str, phase: float = 0.0) -> None:
+        """Starts a motion at a phase in [0, 1), without a transition."""
+        part = self[motion]
+        self.motion = motion
+        self._voice = Voice(part, phase * part.seconds)
+        self._source = self._waiting = None
+        self.module.reset(self.motions.index(motion))
+
+    def switch(self, to: str) -> None:
+        """Goes over to a motion; while a switch is under way, the latest other wish waits for its end.
+
+        Raises:
+            UnknownNameError: if there is no such motion; it names the nearest.
+        """
+        part = self[to]
+        if self._source is not None:
+            self._waiting = to if to != self.motion else None
+            return
+        if to == self.motion and part.loop:
+            return
+        entry = self._entries.best(self._voice.motion, self._voice.time, to)
+        self._source, self._voice = self._voice, Voice(part, entry / ENTRIES * part.seconds)
+        self.motion = to
+        self._passage.begin(self.motions.index(to))
+
+    def step(self, dt: float) -> Channels:
+        """Goes dt >= 0 seconds on and gives the channels there, shape (D,); the array is reused by the next step."""
+        self._voice.advance(dt * self.tempo)
+        self._voice.read(self._out)
+        if self._source is not None:
+            self._mix(dt)
+        elif self._noise:
+            self.module.advance(dt, self._noise * dt**0.5 * self._random.standard_normal())
+            if self.module.state != self.motions.index(self.motion):
+                self.switch(self.motions[self.module.state])
+        return self._out
+
+    def frequency_at(self, z: float) -> Array:
+        """omega(z) of eq. 12, shape (n,), for motions with equally many centers: exact where the module rests."""
+        return self.module.design.memberships(z) @ np.stack([part.frequency for part in self._of.values()])
+
+    def weights_at(self, z: float) -> Array:
+        """W(z) of eq. 13 over the satellites of all motions side by side, shape (D, sum of m)."""
+        shares = self.module.design.memberships(z)
+        return np.concatenate([s * part.weights for s, part in zip(shares, self._of.values(), strict=True)], axis=1)
+
+    def snapshot(self) -> Score:
+        """A copy of the state: two runs from one snapshot are identical."""
+        source = self._source.copy() if self._source is not None else None
+        noise = self._random.bit_generator.state
+        return Score(self.motion, self._voice.copy(), source, self._waiting, self._passage.snapshot(), noise)
+
+    def restore(self, score: Score) -> None:
+        """Puts the state back to a snapshot."""
+        self.motion, self._voice = score.motion, score.voice.copy()
+        self._source = score.source.copy() if score.source is not None else None
+        self._waiting = score.waiting
+        self._passage.restore(score.passage)
+        self._random.bit_generator.state = score.noise
+
+    def _mix(self, dt: float) -> None:
+        """Moves z on and mixes what is left of the source into the output."""
+        assert self._source is not None
+        if not self._passage.advance(dt):
+            self._source = None
+            self.module.reset(self.motions.index(self.motion))
+            if self._waiting is not None:
+                waiting, self._waiting = self._waiting, None
+                self.switch(waiting)
+            return
+        self._source.advance(dt * self.tempo)
+        self._source.read(self._mixed)
+        mix(self._passage.share, self._mixed, self._out)

@@ -1,0 +1,81 @@
+"""Centers that drive satellites of any kind: a signal in continuous time (Vakulenko et al. 2017, eqs 1 - 6).
+
+    x(t) = rest + W Phi(q(t))                                                                                   (eq. 2)
+
+Phi may be Gaussian, harmonic or polynomial, q the coordinates of harmonic, Duffing or pendulum centers. The motions
+of a library are `centralized.CentralizedMotion`: harmonic centers and Gaussian satellites that learning has placed.
+"""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller.networks.centralized.centers import HarmonicCenters, NonlinearCenters
+from controller.networks.centralized.satellites import Satellites
+from controller.ridge import ridge
+from controller.rotations import Array
+from motiondeck_base.errors import MotiondeckError
+
+Centers = HarmonicCenters | NonlinearCenters
+
+
+@dataclass(eq=False)
+class SatelliteNetwork:
+    """A signal of D channels from m satellites.
+
+    Attributes:
+        centers: where they are now; change their frequency or control parameter to change the tempo.
+        satellites: functions of the centers' coordinates.
+        weights: W, shape (D, m).
+        rest: shape (D,).
+    """
+
+    centers: Centers
+    satellites: Satellites
+    weights: Array
+    rest: Array
+
+    @property
+    def now(self) -> Array:
+        """The signal where the centers are, shape (D,)."""
+        return self.weights @ self.satellites.respond(self.centers.coordinates) + self.rest
+
+    def step(self, dt: float) -> Array:
+        """Goes dt seconds on; the signal there, shape (D,)."""
+        self.centers.advance(dt)
+        return self.now
+
+    def run(self, steps: int, dt: float) -> Array:
+        """The signal now and at the following steps of dt seconds, shape (steps, D)."""
+        return np.array([self.now] + [self.step(dt) for _ in range(steps - 1)])
+
+
+def learn_weights(
+    signal: Array, rate: float, centers: Centers, satellites: Satellites, regulariser: float = 1e-6
+) -> SatelliteNetwork:
+    """The network whose satellites, driven by the centers from where they are, follow a signal best.
+
+    Args:
+        signal: shape (T, D).
+        rate: frames per second, Hz.
+        centers, satellites: what is given; only W and the rest are learned. The centers are not moved.
+        regulariser: of the ridge regression, as a share of the number of frames.
+
+    Raises:
+        MotiondeckError: if the signal is not of shape (T, D), or holds a number that is not finite.
+    """
+    if signal.ndim != 2 or len(signal) == 0 or not np.isfinite(signal).all():
+        raise MotiondeckError(
+            f"a signal of shape {signal.shape} with finite numbers only: (frames, channels) is needed"
+        )
+    driven = deepcopy(centers)
+    states = []
+    for _ in range(len(signal)):
+        states.append(driven.coordinates.copy())
+        driven.advance(1.0 / rate)
+    response, rest = satellites.respond(np.array(states)), signal.mean(0)
+    weights = ridge(response, signal - rest, regulariser * len(signal))
+    return SatelliteNetwork(deepcopy(centers), satellites, weights, rest)

@@ -1,0 +1,1 @@
+"""Reservoir networks: conceptors of several kinds, echo-state networks, morphing."""

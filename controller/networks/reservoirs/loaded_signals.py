@@ -1,0 +1,104 @@
+"""A reservoir that goes on without input as signals drove it, and the conceptor of each (Jaeger 2014, chapter 3).
+
+    x(n+1) = C tanh(W x(n) + b),      y(n) = W_out x(n)        (Jaeger 2014, eqs 9, 10; Deliallisi 2017, eqs 3.14, 3.15)
+
+Here conceptors are dense matrices of shape (N, N), to be computed with as in `conceptor_algebra`: the reservoir plays
+whatever C it is given. `conceptor.ConceptorNetwork` is the fast form in which motions are played.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller.mocap.encodings.normalisation import Normalisation
+from controller.networks.reservoirs.conceptor_algebra import conceptor
+from controller.networks.reservoirs.reservoir import Reservoir
+from controller.rotations import Array
+from motiondeck_base.errors import MotiondeckError, UnknownNameError
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedSignals:
+    """N neurons that have learned signals of D channels.
+
+    Attributes:
+        reservoir: as it was drawn: W*, W_in and b.
+        weights: W, shape (N, N): W* with the signals loaded into it.
+        readout: W_out, shape (D, N), to normalised channels.
+        normalisation: between the signals' units and [-1, 1].
+        states: of each signal by its name, after the washout, shape (T, N).
+    """
+
+    reservoir: Reservoir
+    weights: Array
+    readout: Array
+    normalisation: Normalisation
+    states: Mapping[str, Array]
+
+    def correlation(self, signal: str) -> Array:
+        """R = X' X / T of the states of a signal, shape (N, N) (Jaeger 2014, section 3.4).
+
+        Raises:
+            UnknownNameError: if there is no such signal; it names the nearest.
+        """
+        if signal not in self.states:
+            raise UnknownNameError.among("signal", signal, self.states)
+        states = self.states[signal]
+        return states.T @ states / len(states)
+
+    def conceptor(self, signal: str, aperture: float) -> Array:
+        """C of a signal, shape (N, N).
+
+        Raises:
+            UnknownNameError: if there is no such signal; it names the nearest.
+            MotiondeckError: if the aperture is not a positive number.
+        """
+        return conceptor(self.correlation(signal), aperture)
+
+    def run(self, c: Array, steps: int, start: Array | None = None) -> Array:
+        """Runs free with a conceptor.
+
+        Args:
+            c: shape (N, N), of a signal or computed from others.
+            steps: how many.
+            start: the state before the first step, shape (N,); by default the first of the first signal. Where there
+                are several attractors it decides between them: `states[signal][0]` begins in a signal's own.
+
+        Returns:
+            The signal, shape (steps, D), in its own units.
+
+        Raises:
+            MotiondeckError: if a shape is wrong.
+        """
+        return self.morph(c, c, np.zeros(steps), start)
+
+    def morph(self, first: Array, second: Array, shares: Array, start: Array | None = None) -> Array:
+        """Runs free with the conceptor (1 - mu) C_1 + mu C_2 (Jaeger 2014, section 3.7; Deliallisi 2017, eq. 3.17).
+
+        Args:
+            first, second: shape (N, N).
+            shares: mu of each step, shape (steps,); beyond [0, 1] it extrapolates.
+            start: as for `run`.
+
+        Returns:
+            The signal, shape (steps, D), in its own units.
+
+        Raises:
+            MotiondeckError: if a shape is wrong.
+        """
+        x = next(iter(self.states.values()))[0] if start is None else start
+        expected = (len(x), len(x))
+        if not first.shape == second.shape == expected or x.shape != (len(self.reservoir),):
+            raise MotiondeckError(
+                f"conceptors of shape {first.shape} and {second.shape} and a state of shape {x.shape} "
+                f"do not fit a reservoir of {len(self.reservoir)} neurons"
+            )
+        out = np.empty((len(shares), len(self.readout)))
+        for step, mu in enumerate(shares):
+            hidden = np.tanh(self.weights @ x + self.reservoir.bias)
+            x = (1.0 - mu) * (first @ hidden) + mu * (second @ hidden)
+            out[step] = self.readout @ x
+        return self.normalisation.invert(out)

@@ -1,0 +1,98 @@
+"""Joins of motions: no bone flips, whatever the way of joining and the phase, and the limits of a join hold."""
+
+import numpy as np
+import pytest
+
+from benchmarks.deck.joins import FASTEST, HARDEST, chain, measure, own_peaks
+from controller.deck.joins.join_limits import JoinLimits
+from controller.deck.joins.joining import JOININGS
+from controller.deck.joins.motions import read_motions
+from controller.deck.joins.transition import extrapolated
+from controller.library.motion_library import load_library
+from controller.mocap.posture import Pose, Posture
+from controller.rotations import from_rotation_vector, multiply, normalise, to_rotation_vector, yaw
+from motiondeck_base.shipped import shipped_configs
+
+
+@pytest.fixture(scope="module")
+def cmu86():
+    library = load_library(shipped_configs() / "libraries" / "cmu86.safetensors")
+    return library, own_peaks(library)
+
+
+@pytest.mark.parametrize("joining", [joining for joining in JOININGS if joining != "cut"])
+@pytest.mark.parametrize("frame", [100, 109])
+def test_from_kick_to_run_at_frame_109_no_shin_turns_over(cmu86, joining, frame):
+    """Mixed as directions, a shin turned by 155 degrees in one tick there."""
+    library, own = cmu86
+    join = measure(library, own, "kick", "run", frame / 301, joining, direct=True)
+    assert join.speed <= FASTEST
+    assert join.acceleration <= HARDEST
+
+
+@pytest.mark.parametrize("phase", [0.67, 0.71, 0.75])
+def test_from_jump_to_punch_no_fist_is_thrown(cmu86, phase):
+    """Mixed as directions, it reached eight times the speed of either motion."""
+    library, own = cmu86
+    join = measure(library, own, "jump", "punch", phase, None, direct=True)
+    assert join.passes, join
+
+
+def test_switches_during_switches_stay_in_the_limits(cmu86):
+    library, _ = cmu86
+    joins = chain(library, None, 12, direct=True, seed=3)
+    assert all(join.passes for join in joins), max(joins, key=lambda join: join.speed)
+
+
+BONES = 3
+
+
+class Rod:
+    """A skeleton whose only joint is a point one metre ahead of the root."""
+
+    @staticmethod
+    def joints(root_position, rotation):
+        return np.asarray(root_position)[..., None, :] + np.array([[1.0, 0.0, 0.0]])
+
+
+def at(x):
+    return Pose(np.array([x, 0.0, 1.0]), np.array(0.0), np.tile([1.0, 0.0, 0.0, 0.0], (1 + BONES, 1)))
+
+
+@pytest.fixture(scope="module")
+def walk(cmu86):
+    return read_motions(cmu86[0])["walk"]
+
+
+def test_the_limits_of_a_join_are_one_and_a_half_speeds_and_two_accelerations(walk):
+    dt = 0.005
+    fast = 1.5 * walk.speed * dt
+    steady = JoinLimits(Rod(), at(-0.99 * fast), at(0.0))
+    steady.allow(walk)
+    assert steady.use(at(0.99 * fast), dt) == pytest.approx(0.99)
+    assert steady.use(at(1.01 * fast), dt) == pytest.approx(1.01)
+    hard = 2.0 * walk.acceleration * dt**2
+    resting = JoinLimits(Rod(), at(0.0), at(0.0))
+    resting.allow(walk)
+    assert resting.use(at(0.99 * hard), dt) == pytest.approx(0.99)
+    assert resting.use(at(-1.01 * hard), dt) == pytest.approx(1.01)
+    resting.accept(at(0.5 * hard))
+    assert resting.use(at(2.0 * hard), dt) == pytest.approx(1.0)
+
+
+def test_what_turns_and_moves_steadily_is_extrapolated_exactly():
+    rng, dt, spin, turn_rate = np.random.default_rng(3), 0.01, np.array([0.4, -3.0, 2.0]), 1.5
+    rest = normalise(rng.standard_normal((1 + BONES, 4)))
+
+    def body(t):
+        in_the_world = multiply(from_rotation_vector(np.tile(spin * t, (1 + BONES, 1))), rest)
+        straight_on = np.array([np.cos(-turn_rate * t), np.sin(-turn_rate * t)])  # in the world along x
+        return Posture(
+            np.array(1.0 + 0.2 * t), straight_on, np.array(turn_rate), multiply(yaw(-turn_rate * t), in_the_world)
+        )
+
+    found, expected = extrapolated(body(-dt), body(0.0), dt), body(dt)
+    apart = to_rotation_vector(multiply(found.rotation, expected.rotation * [1, -1, -1, -1]))
+    assert np.abs(apart).max() < 1e-9
+    assert found.velocity == pytest.approx(expected.velocity)
+    assert float(found.height) == pytest.approx(float(expected.height))

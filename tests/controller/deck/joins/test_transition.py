@@ -1,0 +1,138 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from controller.deck.joins.transition import LONGEST, SHORTEST, best_anchor, difference
+from controller.mocap.posture import Posture
+from controller.rotations import conjugate, from_rotation_vector, multiply, normalise, rotate, to_rotation_vector, yaw
+
+BONES = 5
+
+
+def smooth_posture(seed, t):
+    """A made-up body whose bones swing smoothly in time."""
+    rng = np.random.default_rng(seed)
+    axis, size = rng.standard_normal((BONES, 3)), rng.uniform(0.2, 1.0, (BONES, 1))
+    offset, phase = rng.standard_normal((BONES, 3)), rng.uniform(0, 6, (BONES, 1))
+    turn = multiply(from_rotation_vector(offset), from_rotation_vector(size * np.sin(3 * t + phase) * normalise(axis)))
+    drift = rng.standard_normal(4) + 0.1 * np.sin(2 * t + rng.uniform(0, 6, 4))
+    return Posture(np.array(drift[0]), drift[1:3], np.array(drift[3]), turn)
+
+
+def limbs(rotation):
+    """Where the ends of bones of 30 cm are that all hang from the root."""
+    return rotate(rotation, np.array([0.3, 0.0, 0.0]))
+
+
+def angle_between(a, b):
+    return np.linalg.norm(to_rotation_vector(multiply(a.rotation, b.rotation * [1, -1, -1, -1])), axis=-1).max()
+
+
+def fade_of(seed, bound, dt=0.005):
+    shown = smooth_posture(seed, -dt), smooth_posture(seed, 0.0)
+    target = smooth_posture(seed + 1, 1.0 - dt), smooth_posture(seed + 1, 1.0)
+    return difference(shown, target, dt, limbs, bound), shown, seed + 1
+
+
+@given(st.integers(0, 200), st.floats(5.0, 500.0))
+def test_it_starts_where_the_body_is_and_ends_on_the_target(seed, bound):
+    fade, shown, other = fade_of(seed, bound)
+    start = fade.apply(smooth_posture(other, 1.0), 0.0, 0.0)
+    assert angle_between(start, shown[1]) < 1e-6
+    assert start.height == pytest.approx(shown[1].height)
+    end = smooth_posture(other, 1.0 + fade.duration)
+    assert angle_between(fade.apply(end, fade.duration, 0.0), end) < 1e-9
+
+
+@given(st.integers(0, 200))
+def test_velocity_in_the_world_is_continuous_at_the_switch(seed):
+    dt = 1e-4
+    fade, shown, other = fade_of(seed, 50.0, dt)
+    target = smooth_posture(other, 1.0 + dt)
+    after = fade.apply(target, dt, float(target.turn_rate) * dt)
+    before = multiply(yaw(-float(shown[1].turn_rate) * dt), shown[0].rotation)
+    before_step = to_rotation_vector(multiply(shown[1].rotation, conjugate(before))) / dt
+    then = multiply(yaw(float(after.turn_rate) * dt), after.rotation)
+    after_step = to_rotation_vector(multiply(then, conjugate(shown[1].rotation))) / dt
+    assert np.abs(after_step - before_step).max() < 0.15
+
+
+def accelerations(fade, target, dt=1e-3):
+    """Of the joints, m/s^2, while a difference to a target at rest fades."""
+    places = []
+    for t in np.arange(0.0, fade.duration + 3 * dt, dt):
+        shown = fade.apply(target, t, 0.0)
+        places.append(limbs(shown.rotation) + np.array([0.0, 0.0, float(shown.height)]))
+    return np.linalg.norm(np.diff(places, n=2, axis=0), axis=-1) / dt**2
+
+
+@given(st.integers(0, 200), st.floats(20.0, 500.0))
+def test_no_joint_is_accelerated_beyond_the_bound(seed, bound):
+    rng = np.random.default_rng(seed)
+    dt, still = 1e-3, Posture(np.array(1.0), np.zeros(2), np.array(0.0), normalise(rng.standard_normal((BONES, 4))))
+    turned = normalise(rng.standard_normal((BONES, 4)))  # any two rotations: some are nearly half a turn apart
+    rate = rng.uniform(0.0, 12.0) * normalise(rng.standard_normal((BONES, 3)))
+    before = replace(still, rotation=multiply(from_rotation_vector(-dt * rate), turned))
+    shown = before, replace(still, height=np.array(1.0 + rng.uniform(-0.5, 0.5)), rotation=turned)
+    shown = replace(before, height=shown[1].height), shown[1]
+    fade = difference(shown, (still, still), dt, limbs, bound)
+    assert SHORTEST <= fade.duration <= LONGEST
+    if fade.duration < LONGEST:
+        assert accelerations(fade, still).max() <= bound
+
+
+def test_a_target_that_turns_takes_longer():
+    """Centripetal and Coriolis: what is turned away from a bone that turns itself is accelerated by both."""
+    dt, bound = 1e-3, 40.0
+    turned = from_rotation_vector(np.tile([0.0, 1.5, 0.0], (BONES, 1)))
+    target = Posture(np.array(1.0), np.zeros(2), np.array(0.0), np.tile([1.0, 0.0, 0.0, 0.0], (BONES, 1)))
+    shown = replace(target, rotation=turned)
+    spin = np.tile([0.0, 0.0, 8.0], (BONES, 1))
+    before = [replace(p, rotation=multiply(from_rotation_vector(-dt * spin), p.rotation)) for p in (shown, target)]
+    turning = difference((before[0], shown), (before[1], target), dt, limbs, bound)
+    assert turning.duration > difference((shown, shown), (target, target), dt, limbs, bound).duration
+
+
+def test_a_larger_bound_makes_a_shorter_fade():
+    lengths = [fade_of(3, bound)[0].duration for bound in (5.0, 20.0, 80.0)]
+    assert lengths == sorted(lengths, reverse=True)
+    assert lengths[0] > lengths[2]
+
+
+def test_a_heading_that_flies_round_under_a_body_at_rest_does_not_move_it():
+    """The heading is that of the hips: it may turn by any angle while the body hardly moves."""
+    dt, spin = 0.005, 12.0
+    rest = normalise(np.random.default_rng(4).standard_normal((BONES, 4)))
+
+    def body(t):
+        return Posture(np.array(1.0), np.zeros(2), np.array(spin), multiply(yaw(-spin * t), rest))
+
+    still = Posture(np.array(1.0), np.zeros(2), np.array(0.0), from_rotation_vector(np.full((BONES, 3), 0.3)))
+    fade = difference((body(-dt), body(0.0)), (still, still), dt, limbs, 50.0)
+    assert np.abs(fade.turn_rate).max() < 1e-6
+    # And the other way round: what is left of the difference stays where it was in the world.
+    fade = difference((still, still), (body(-dt), body(0.0)), dt, limbs, 50.0)
+    half = 0.5 * fade.duration
+    shown = fade.apply(body(half), half, spin * half)
+    left = multiply(multiply(yaw(spin * half), shown.rotation), conjugate(rest))
+    assert to_rotation_vector(left) == pytest.approx(0.5 * fade.turn, abs=1e-6)
+
+
+def test_a_difference_near_half_a_turn_does_not_spin_round():
+    dt = 0.005
+    half = [from_rotation_vector(np.array([[np.pi + e, 0.0, 0.0]])) for e in (-0.01, 0.01)]
+    still = np.array([[1.0, 0.0, 0.0, 0.0]])
+    zero = np.zeros(2)
+    shown = tuple(Posture(np.array(1.0), zero, np.array(0.0), h) for h in half)
+    target = Posture(np.array(1.0), zero, np.array(0.0), still)
+    fade = difference(shown, (target, target), dt, limbs, 50.0)
+    assert np.linalg.norm(fade.turn_rate) == pytest.approx(0.02 / dt, rel=0.01)
+
+
+def test_the_anchor_that_moves_the_same_way_is_chosen():
+    places = np.array([[0.0], [0.0], [1.0]])
+    velocities = np.array([[-1.0], [1.0], [1.0]])
+    assert best_anchor(np.array([0.05]), np.array([0.9]), places, velocities, reach=0.1) == 1

@@ -1,0 +1,95 @@
+import numpy as np
+import pytest
+
+import synthetic
+from controller.deck.tracks.frame_player import FramePlayer
+
+
+@pytest.fixture(scope="module")
+def network():
+    return synthetic.small_network()
+
+
+def play(player, dt, count):
+    return np.array([player.step(dt).copy() for _ in range(count)])
+
+
+def test_at_the_rate_of_the_network_its_own_frames_are_played(network):
+    player = FramePlayer(network, 120.0)
+    player.cue("march")
+    played = play(player, 1 / 120, 40)
+    network.cue("march", 0)
+    frames = np.empty((42, network.channels))
+    for frame in frames:
+        network.advance(frame)
+    np.testing.assert_allclose(played[:38], frames[1:39], atol=1e-6)
+
+
+def test_a_finer_step_passes_through_the_same_motion(network):
+    player = FramePlayer(network, 120.0)
+    player.cue("march")
+    coarse = play(player, 1 / 120, 40)
+    player.cue("march")
+    fine = play(player, 1 / 480, 160)
+    np.testing.assert_allclose(fine[3::4], coarse, atol=1e-6)
+
+
+def test_nothing_jumps_between_frames(network):
+    player = FramePlayer(network, 120.0)
+    player.cue("wave")
+    steps = np.abs(np.diff(play(player, 1 / 1000, 2000), axis=0)).max(1)
+    assert steps.max() < 4.0 * np.median(steps) + 1e-3
+
+
+def test_a_step_of_no_time_stays_where_it_is(network):
+    player = FramePlayer(network, 120.0)
+    player.cue("march")
+    play(player, 0.003, 9)
+    assert np.array_equal(player.step(0.0).copy(), player.step(0.0).copy())
+
+
+def test_two_runs_from_one_snapshot_are_identical(network):
+    player = FramePlayer(network, 120.0)
+    player.cue("bow", 0.1)
+    play(player, 0.004, 11)
+    kept = player.snapshot()
+    first = play(player, 0.004, 50)
+    player.cue("wave")
+    player.restore(kept)
+    assert np.array_equal(first, play(player, 0.004, 50))
+    assert player.motion == "bow"
+
+
+class Polynomial:
+    """A network whose frames lie on a given curve of the frame's number."""
+
+    motions = ("curve",)
+    channels = 1
+
+    def __init__(self, curve):
+        self.curve, self.frame = curve, 0
+
+    def anchors(self, motion):
+        return np.array([[self.curve(0.0)]])
+
+    def cue(self, motion, anchor):
+        self.frame = 0
+
+    def advance(self, out):
+        self.frame += 1
+        out[:] = self.curve(float(self.frame))
+
+
+@pytest.mark.parametrize("curve", [lambda t: 3.0 - 2.0 * t, lambda t: 1.0 + t - 0.7 * t * t])
+def test_a_line_and_a_parabola_are_played_exactly_between_frames(curve):
+    """Catmull-Rom reproduces polynomials up to the second degree."""
+    player = FramePlayer(Polynomial(curve), rate=1.0)
+    played = play(player, 0.2, 40)[:, 0]
+    np.testing.assert_allclose(played, [curve(1.0 + 0.2 * k) for k in range(1, 41)], rtol=1e-9)
+
+
+def test_halfway_between_frames_the_outer_ones_count_a_sixteenth():
+    """Catmull and Rom 1974: the weights at u = 1/2 are (-1, 9, 9, -1) / 16."""
+    for spike, weight in enumerate((-1 / 16, 9 / 16, 9 / 16, -1 / 16)):
+        player = FramePlayer(Polynomial(lambda t, spike=spike: float(t == spike)), rate=1.0)
+        assert player.step(0.5)[0] == pytest.approx(weight)

@@ -1,0 +1,186 @@
+"""Phase-driven conceptors: they play in phase, stop at an end, find back, and are sent to any phase."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import synthetic
+from controller.networks.base import PhaseNetwork
+from controller.networks.reservoirs.phase_conceptor import ANCHOR_EVERY, PhaseCourse, PhaseReservoir, PhaseScales
+from motiondeck_base.errors import UnknownNameError
+
+SCALES = PhaseScales(5, 2, 1.6, 1.0, 3.0, 0.8)
+
+
+@pytest.fixture(scope="module")
+def network():
+    return synthetic.small_phase_network()
+
+
+def run(network, frames):
+    out = np.empty((frames, network.channels))
+    for frame in out:
+        network.advance(frame)
+    return out
+
+
+def test_it_knows_its_phase(network):
+    assert isinstance(network, PhaseNetwork)
+    assert not isinstance(synthetic.small_network(), PhaseNetwork)
+
+
+@pytest.mark.parametrize("name", ["march", "wave"])
+def test_a_loop_stays_in_phase_with_what_it_learned(network, name):
+    taught = synthetic.MOTIONS[name]()
+    network.cue(name, 0)
+    played = run(network, 5 * len(taught))[-len(taught) :]
+    assert np.abs(np.roll(taught, -1, axis=0) - played).max() < 0.02
+
+
+def test_a_one_shot_ends_where_it_was_learned_to_and_holds(network):
+    network.cue("bow", 0)
+    taught = synthetic.bow()
+    played = run(network, len(taught) + 600)
+    assert np.abs(played[: len(taught) - 1] - taught[1:]).max() < 0.02
+    assert np.abs(played[-1] - taught[-1]).max() < 0.01
+    assert np.abs(played[-1] - played[-2]).max() < 1e-5
+    assert network.phase == 1.0
+
+
+@pytest.mark.parametrize("name", list(synthetic.MOTIONS))
+def test_any_state_leads_back_to_the_motion(network, name):
+    network.cue(name, 0)
+    motion, frame, z = network.snapshot()
+    expected = run(network, 300)[-1]
+    network.restore((motion, frame, np.random.default_rng(1).uniform(-50.0, 50.0, z.shape).astype(np.float32)))
+    assert np.abs(run(network, 300)[-1] - expected).max() < 1e-3
+
+
+def test_a_chain_of_pieces_goes_on_smoothly():
+    chained = synthetic.small_phase_network(piece_seconds=0.5)
+    for name, pieces in (("wave", 2), ("bow", 3)):
+        taught = synthetic.MOTIONS[name]()
+        assert len(chained[name].stored.mean) == pieces
+        chained.cue(name, 0)
+        played = run(chained, len(taught) - 1)
+        assert np.abs(played - taught[1:]).max() < 0.02
+        bend, own = (np.abs(np.diff(frames, n=2, axis=0)).max(1) for frames in (played, taught[1:]))
+        for seam in np.flatnonzero(np.diff(chained[name].course.piece)):
+            assert bend[seam - 2 : seam + 1].max() < 1.5 * own.max()
+
+
+def test_the_next_piece_begins_in_the_state_that_it_is_handed():
+    motion = synthetic.small_phase_network(piece_seconds=0.5)["bow"]
+    z = np.random.default_rng(0).standard_normal(motion.states.shape[1])
+    first, second = (motion.stored.directions[piece].astype(np.float64) for piece in (0, 1))
+    state = motion.stored.mean[0] + first @ z
+    assert np.allclose(motion.hand_on[1] @ z + motion.shift[1], (state - motion.stored.mean[1]) @ second, atol=1e-4)
+
+
+def test_anchors_are_the_frames_it_learned(network):
+    for name, make in synthetic.MOTIONS.items():
+        assert np.abs(network.anchors(name) - make()[::ANCHOR_EVERY]).max() < 0.02
+
+
+@pytest.mark.parametrize(("phase", "frame"), [(0.0, 0), (0.25, 24), (0.999, 0), (0.5, 48)])
+def test_a_loop_is_sent_to_a_phase(network, phase, frame):
+    network.cue("wave", 0)
+    network.seek("march", phase)
+    assert network.phase == pytest.approx(frame / 96)
+    after = run(network, 1)[0]
+    assert np.abs(after - synthetic.march()[frame + 1]).max() < 0.02
+
+
+def test_the_phase_of_a_one_shot_rises_to_one_and_stays(network):
+    network.cue("bow", 0)
+    frame, phases = np.empty(network.channels), [network.phase]
+    for _ in range(len(synthetic.bow())):
+        network.advance(frame)
+        phases.append(network.phase)
+    assert phases[0] == 0.0
+    assert phases[-1] == phases[-50] == 1.0
+    assert (np.diff(phases) >= 0.0).all()
+    network.seek("bow", 0.5)
+    assert network.phase == pytest.approx(0.5, abs=0.01)
+
+
+@pytest.mark.parametrize("name", list(synthetic.MOTIONS))
+def test_backwards_it_plays_the_frames_in_the_other_order(network, name):
+    network.cue(name, 20)
+    there = run(network, 30)
+    back = np.empty_like(there)
+    for frame in back:
+        network.retreat(frame)
+    assert np.abs(back[:-1] - there[-2::-1]).max() < 1e-3
+
+
+def test_a_one_shot_goes_back_to_its_beginning_and_no_further(network):
+    network.cue("bow", 1)
+    frame = np.empty(network.channels)
+    for _ in range(5):
+        network.retreat(frame)
+    assert network.phase == 0.0
+
+
+def test_two_runs_from_one_snapshot_are_identical(network):
+    network.cue("wave", 7)
+    run(network, 30)
+    kept = network.snapshot()
+    first = run(network, 50)
+    network.cue("march", 0)
+    network.restore(kept)
+    assert np.array_equal(first, run(network, 50))
+
+
+def test_a_twin_has_a_state_of_its_own(network):
+    network.cue("march", 0)
+    twin = network.twin()
+    twin.cue("wave", 3)
+    run(twin, 10)
+    assert network.phase == 0.0
+
+
+def test_an_unknown_motion_is_refused_with_the_nearest_name(network):
+    with pytest.raises(UnknownNameError, match="march"):
+        network.cue("mrach", 0)
+
+
+def test_the_shared_weights_are_the_same_everywhere():
+    # Stored libraries depend on these numbers: only U, V and R are in the file.
+    reservoir = PhaseReservoir.draw(SCALES, 3, seed=7)
+    assert reservoir.weights[0, :3] == pytest.approx([0.3100753, 0.98457754, 0.6833447], abs=1e-6)
+    assert reservoir.bias[-1] == pytest.approx(-0.09549845, abs=1e-6)
+
+
+@given(st.integers(0, 2**32))
+@settings(max_examples=20)
+def test_weights_lie_within_their_scales(seed):
+    reservoir = PhaseReservoir.draw(SCALES, 3, seed)
+    assert reservoir.weights.shape == (5, 5)
+    assert reservoir.phase_weights.shape == (5, 4)
+    assert np.abs(reservoir.weights).max() <= 1.6 * np.sqrt(3.0 / 5.0)
+    assert np.abs(reservoir.phase_weights).max() <= 3.0 / np.sqrt(2.0)
+
+
+def test_the_spectral_radius_is_as_asked_for():
+    reservoir = PhaseReservoir.draw(PhaseScales(400, 1, 1.5, 1.0, 1.0, 1.0), 3, 0)
+    assert np.abs(np.linalg.eigvals(reservoir.weights)).max() == pytest.approx(1.5, rel=0.1)
+
+
+@given(st.integers(4, 400), st.integers(1, 6), st.booleans(), st.integers(0, 3))
+def test_a_course_turns_once_round_or_half_a_turn_a_piece(frames, pieces, loop, held):
+    pieces = 2 * (pieces // 2) or 1 if loop else pieces
+    course = PhaseCourse.of(frames, pieces, loop=loop, held=0 if loop else min(held, frames - 2))
+    step = np.diff(course.phase)
+    turned = course.phase[-1] + (step[0] if loop else 0.0)
+    assert turned == pytest.approx(np.pi * (2 if loop and pieces == 1 else pieces))
+    assert (step >= 0.0).all()
+    assert course.held == (0 if loop else min(held, frames - 2))
+    assert course.piece[0] == 0
+    assert (np.diff(course.piece) >= 0).all()
+    assert course.piece[-1] == min(pieces, course.piece.max() + 1) - 1
+    for share in (0.0, 0.3, 0.9):
+        found = course.share_at(course.frame_at(share))
+        off = abs(found - share)
+        assert min(off, 1.0 - off) <= 1.0 / (frames - 1 - course.held)
