@@ -193,6 +193,13 @@ def test_impossible_limits_are_refused_by_name(wrong, said):
         SafetyEnvelope(limits(2, **wrong), DT)
 
 
+def test_a_joint_may_be_as_slow_as_its_limits_say():
+    envelope = SafetyEnvelope(limits(velocity=0.01, acceleration=0.02, jerk=0.05), 0.005)
+    envelope.start(np.zeros(1))
+    emitted = np.array([envelope(np.array([1.0])).copy() for _ in range(1000)])
+    assert 0.0 < np.diff(emitted[:, 0]).max() <= 0.01 * 0.005 + 1e-12
+
+
 def test_limits_of_different_lengths_are_refused():
     one, two = limits(1), limits(2)
     with pytest.raises(LimitError, match="each of the 2 joints"):
