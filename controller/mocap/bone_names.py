@@ -86,7 +86,9 @@ _THESIS: dict[str, NamedPart] = {
     "neck": NamedPart("trunk", "middle"),
     "head": NamedPart("head", "middle"),
 }
-_LIMBS: tuple[tuple[str, Part], ...] = (
+LimbPart = Literal["hip", "thigh", "shank", "foot", "clavicle", "upper arm", "forearm", "hand"]
+# How the thesis's bones of either side end, and which parts they are.
+THESIS_LIMBS: tuple[tuple[str, LimbPart], ...] = (
     ("hip", "hip"),
     ("kne", "thigh"),
     ("ank", "shank"),
@@ -98,7 +100,7 @@ _LIMBS: tuple[tuple[str, Part], ...] = (
 )
 _SIDES: tuple[tuple[str, Side], ...] = (("l", "left"), ("r", "right"))
 for _letter, _side in _SIDES:
-    _THESIS |= {_letter + end: NamedPart(part, _side) for end, part in _LIMBS}
+    _THESIS |= {_letter + end: NamedPart(part, _side) for end, part in THESIS_LIMBS}
 
 
 def named_parts(names: Iterable[str]) -> list[NamedPart | None]:

@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from controller.mocap.anatomy import SIDES, Anatomy, Part, Side, anatomy
+from controller.mocap.bone_names import THESIS_LIMBS
 from controller.mocap.clip import Clip
 from controller.mocap.encodings.joint_angles import JointBody
 from controller.mocap.skeleton import Skeleton
@@ -28,16 +29,6 @@ from controller.rotations import Array, between, continuous, multiply, normalise
 from motiondeck_base.errors import FileFormatError
 
 CANONICAL_BONES = JAEGER_BONES
-_LIMBS: tuple[tuple[str, Part], ...] = (
-    ("hip", "hip"),
-    ("kne", "thigh"),
-    ("ank", "shank"),
-    ("foo", "foot"),
-    ("sho", "clavicle"),
-    ("elb", "upper arm"),
-    ("wri", "forearm"),
-    ("han", "hand"),
-)
 NO_LENGTH = 1e-6  # m
 # Lengths of what a file lacks, over its thigh and shank (Winter 2009, fig. 4.1): foot, hand, head, shoulder.
 _ASSUMED = {"foo": 0.30, "han": 0.20, "head": 0.35, "sho": 0.26}
@@ -82,7 +73,7 @@ def landmarks_of(skeleton: Skeleton) -> Landmarks:
     joint: dict[str, int] = {}
     bone: dict[str, int] = {}
     for side in SIDES:
-        for end, part in _LIMBS:
+        for end, part in THESIS_LIMBS:
             own = _main(skeleton, parts, part, side)
             if not own:
                 continue
@@ -212,7 +203,7 @@ def _from_canonical(clip: Clip, skeleton: Skeleton) -> Clip:
     leads: dict[int, str] = dict.fromkeys(trunk[:low], "back") | dict.fromkeys(trunk[low:], "neck")
     leads |= dict.fromkeys([*parts.all("neck"), *parts.all("head")], "head")
     for side in SIDES:
-        for end, part in _LIMBS:
+        for end, part in THESIS_LIMBS:
             leads |= dict.fromkeys(parts.all(part, side), side[0] + end)
     rotation = np.empty((len(clip), 1 + len(skeleton), 4))
     rotation[:, 0] = clip.rotation[:, 0]
