@@ -14,7 +14,7 @@ from controller.mocap.clip import Clip
 from controller.recognition.experts import ExpertRecipe
 from controller.recognition.features import FeatureRecipe
 from controller.recognition.labelled_recordings import Dataset, Example, read_dataset
-from controller.recognition.online import OnlineRecognizer
+from controller.recognition.online_recognizer import OnlineRecognizer
 from controller.recognition.recognizer import RecognitionVerdict, train_recognizer
 from controller.recognition.recognizer import Recognizer as TrainedRecognizer
 from controller.recognition.recognizer_file import load_recognizer as load_recognizer_file

@@ -21,7 +21,7 @@ for _library in ("OPENBLAS", "OMP", "MKL"):
 import numpy as np  # noqa: E402
 
 from controller.deck.joins.blend_check import STILL, TURNS_OVER  # noqa: E402
-from controller.deck.joins.motions import read_motions  # noqa: E402
+from controller.deck.joins.deck_motions import read_motions  # noqa: E402
 from controller.deck.routes import Routes  # noqa: E402
 from controller.deck.tracks.mixture import Mixture  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402

@@ -24,8 +24,8 @@ for _library in ("OPENBLAS", "OMP", "MKL"):
 import numpy as np  # noqa: E402
 
 from controller.deck.deck import Deck  # noqa: E402
+from controller.deck.joins.deck_motions import read_motions  # noqa: E402
 from controller.deck.joins.joining import JOININGS, Joining  # noqa: E402
-from controller.deck.joins.motions import read_motions  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
 from controller.rotations import Array  # noqa: E402
 from motiondeck_base.shipped import find_library  # noqa: E402

@@ -36,7 +36,7 @@ for _library in ("OPENBLAS", "OMP", "MKL"):
 import msgspec  # noqa: E402
 import numpy as np  # noqa: E402
 
-from benchmarks.deck._beside import hog, stolen_ms  # noqa: E402
+from benchmarks.deck._machine_load import hog, stolen_ms  # noqa: E402
 from benchmarks.deck._peer_clock import PeerClock, RateLimiter  # noqa: E402
 from controller.cli.session.robot_on_deck import RobotSetup, open_robots  # noqa: E402
 from controller.cli.session.script import Timed  # noqa: E402
@@ -44,9 +44,9 @@ from controller.cli.session.session import RunSettings, Session  # noqa: E402
 from controller.deck.deck import Deck  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
 from controller.loop.clock import Clock, Ticker  # noqa: E402
+from controller.loop.gc_and_blas import undisturbed  # noqa: E402
 from controller.loop.histogram import DurationHistogram  # noqa: E402
 from controller.loop.permissions import handed_back, request_core, request_realtime  # noqa: E402
-from controller.loop.quiet import undisturbed  # noqa: E402
 from controller.wire.messages import Switch  # noqa: E402
 from motiondeck_base.shipped import find_library, find_rig, find_robot  # noqa: E402
 

@@ -22,7 +22,7 @@ import numpy as np  # noqa: E402
 
 from controller.deck.deck import Deck  # noqa: E402
 from controller.library.motion_library import load_library  # noqa: E402
-from controller.loop.quiet import undisturbed  # noqa: E402
+from controller.loop.gc_and_blas import undisturbed  # noqa: E402
 from controller.loop.safety_envelope import SafetyEnvelope  # noqa: E402
 from controller.mocap.posture import Pose  # noqa: E402
 from controller.rotations import Array  # noqa: E402

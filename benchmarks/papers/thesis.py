@@ -16,7 +16,7 @@ from controller.cli.common.tables import deliver
 from controller.cli.pictures.figures import check_picture
 from controller.cli.pictures.table_plots import draw_bars
 from controller.evaluation.evaluation import Evaluation, read_evaluation
-from controller.evaluation.sweep import sweep
+from controller.evaluation.failure_rates import sweep
 from controller.evaluation.tables import Table, Value, failure_table, training_table
 from controller.measures.disturbance import Kind
 from controller.rotations import Array

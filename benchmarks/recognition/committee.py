@@ -24,7 +24,7 @@ from controller.recognition.experts import (
     readout,
     total,
 )
-from controller.recognition.protocols import Indices
+from controller.recognition.splits import Indices
 from controller.rotations import Array
 
 NEURONS, GROUPS = 200, 8

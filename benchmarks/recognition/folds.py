@@ -13,7 +13,7 @@ from benchmarks.recognition.reduction import REDUCTIONS, Reduce
 from controller.recognition.experts import ExpertRecipe
 from controller.recognition.features import FeatureRecipe, features, with_velocity
 from controller.recognition.labelled_recordings import Dataset
-from controller.recognition.protocols import Fold, Indices, Protocol, folds, inner_folds
+from controller.recognition.splits import Fold, Indices, Protocol, folds, inner_folds
 from controller.rotations import Array
 
 WARPS = (0.5, 0.7, 0.85, 1.0, 1.2, 1.4, 2.0)

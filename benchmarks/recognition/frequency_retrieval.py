@@ -15,7 +15,7 @@ from benchmarks.recognition.methods import Prepare, Scorer
 from controller.library.motion_signature import NUMBERS_A_PART, PARTS, signature
 from controller.mocap.encodings.encoding import encoding_of
 from controller.recognition.labelled_recordings import Example
-from controller.recognition.protocols import Indices
+from controller.recognition.splits import Indices
 from controller.rotations import Array
 
 # Of the numbers of each part: the best center and the mean frequency; the third says how far it moves.

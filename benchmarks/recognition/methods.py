@@ -27,7 +27,7 @@ from controller.recognition.experts import (
 )
 from controller.recognition.features import FeatureRecipe, features, resampled
 from controller.recognition.labelled_recordings import Example
-from controller.recognition.protocols import Indices
+from controller.recognition.splits import Indices
 from controller.rotations import Array
 
 # (learn, ask) -> the cost of each class for each asked example, shape (len(ask), classes); least is nearest.

@@ -16,7 +16,7 @@ from benchmarks.recognition.alignment import warped, warping_path
 from benchmarks.recognition.methods import Scorer, learned_by_class
 from controller.recognition.features import heading_of, resampled
 from controller.recognition.labelled_recordings import Example
-from controller.recognition.protocols import Indices
+from controller.recognition.splits import Indices
 from controller.rotations import Array, conjugate, rotate, yaw
 from motiondeck_base.errors import MotiondeckError
 

@@ -32,7 +32,7 @@ from controller.cli.pictures.figures import need_matplotlib
 from controller.cli.recognition_data import AsJson, DataArgument, leave, read
 from controller.recognition.experts import ExpertRecipe
 from controller.recognition.labelled_recordings import Dataset
-from controller.recognition.protocols import PROTOCOLS, Protocol
+from controller.recognition.splits import PROTOCOLS, Protocol
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 

@@ -14,7 +14,7 @@ from controller.recognition.expert_bank import ExpertBank, teach
 from controller.recognition.experts import ExpertRecipe
 from controller.recognition.features import FeatureRecipe, features
 from controller.recognition.labelled_recordings import Dataset
-from controller.recognition.online import OnlineRecognizer
+from controller.recognition.online_recognizer import OnlineRecognizer
 from controller.rotations import Array
 
 REPEATS = 7

@@ -25,7 +25,7 @@ from benchmarks.recognition.folds import measure
 from benchmarks.recognition.methods import Method, Prepare, looking_at
 from controller.recognition.features import features, resampled
 from controller.recognition.labelled_recordings import Example, read_dataset
-from controller.recognition.protocols import PROTOCOLS
+from controller.recognition.splits import PROTOCOLS
 
 FRAMES, KERNELS = 96, 4000
 SEEDS = (1, 2, 3)

@@ -12,7 +12,7 @@ from scipy.spatial.distance import cdist
 
 from benchmarks.recognition.alignment import locally_aligned
 from benchmarks.recognition.methods import Prepare, Scorer
-from controller.recognition.protocols import Indices
+from controller.recognition.splits import Indices
 from controller.rotations import Array
 
 ROUNDS = 15

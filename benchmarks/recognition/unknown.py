@@ -15,7 +15,7 @@ from scipy.stats import rankdata
 
 from benchmarks.recognition.methods import Scorer
 from controller.recognition.expert_bank import margins
-from controller.recognition.protocols import Fold, Indices, Protocol, folds
+from controller.recognition.splits import Fold, Indices, Protocol, folds
 from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 

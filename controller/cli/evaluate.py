@@ -109,7 +109,7 @@ def accuracy(evaluation: Evaluation, seeds: range) -> Table:
 
 def failures(evaluation: Evaluation, kind: Kind, seeds: range, runs: int, jobs: int) -> Table:
     """How often motions fail after a disturbance, without and with a guard."""
-    from controller.evaluation.sweep import sweep
+    from controller.evaluation.failure_rates import sweep
     from controller.evaluation.tables import failure_table
     from controller.training.reservoirs.conceptor_training import ConceptorRecipe
 

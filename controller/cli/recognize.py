@@ -150,7 +150,7 @@ def _streamed(recognizer: Recognizer, clip: Any) -> dict[str, Any]:
 
     import numpy as np
 
-    from controller.recognition.online import OnlineRecognizer
+    from controller.recognition.online_recognizer import OnlineRecognizer
 
     online = OnlineRecognizer(recognizer.bank, recognizer.threshold, recognizer.recipe.rate)
     spans: list[dict[str, Any]] = []

@@ -10,12 +10,12 @@ from __future__ import annotations
 import numpy as np
 
 from controller.deck.joins.blend_check import BlendCheck
+from controller.deck.joins.blend_weight import ModuleWeight, Ramp, Weight
+from controller.deck.joins.deck_motions import Motion, read_motions
 from controller.deck.joins.join_limits import JoinLimits
 from controller.deck.joins.joining import Joining
-from controller.deck.joins.motions import Motion, read_motions
 from controller.deck.joins.posture_blend import PostureBlend
 from controller.deck.joins.transition import Fade, best_anchor, difference, extrapolated
-from controller.deck.joins.weight import ModuleWeight, Ramp, Weight
 from controller.deck.root_path import advance, at_origin
 from controller.deck.tracks.track import Track
 from controller.library.motion_library import MotionLibrary

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.deck.joins.motions import Motion
+from controller.deck.joins.deck_motions import Motion
 from controller.rotations import Array
 
 LEAP_M = 0.2

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from controller.evaluation.sweep import Subject, train_subjects
+from controller.evaluation.failure_rates import Subject, train_subjects
 from controller.evaluation.training_error import TrainingError, training_error
 from controller.library.motion_library import load_library
 from controller.measures.self_test import Judge, MotionVerdict, self_test

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
-from controller.evaluation.sweep import Count
+from controller.evaluation.failure_rates import Count
 from controller.evaluation.training_error import TrainingError
 from controller.evaluation.transitions import MeasuredTransition
 from controller.measures.intervals import wilson

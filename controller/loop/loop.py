@@ -17,10 +17,10 @@ import msgspec
 
 from controller.loop.clock import Clock
 from controller.loop.fault_counter import FaultCounter
+from controller.loop.gc_and_blas import undisturbed
 from controller.loop.histogram import DurationHistogram, Percentiles
 from controller.loop.output_channel import Channel
 from controller.loop.pace import Pace
-from controller.loop.quiet import undisturbed
 from controller.loop.run_phases import Player, Source, safe_targets
 from controller.loop.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest, stop_on_signals

@@ -16,7 +16,7 @@ from controller.mocap.posture import Pose, walk_path
 from controller.recognition.expert_bank import ExpertBank, teach
 from controller.recognition.experts import ExpertRecipe
 from controller.recognition.features import ANGLE_UNIT
-from controller.recognition.online import OnlineRecognizer
+from controller.recognition.online_recognizer import OnlineRecognizer
 from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from controller.recognition.deck_recognizer import JointWatcher
 from controller.recognition.expert_bank import ExpertBank
-from controller.recognition.following import FollowingWatch
-from controller.recognition.online import MismatchWatch
+from controller.recognition.joint_following import FollowingWatch
+from controller.recognition.online_recognizer import MismatchWatch
 from controller.rotations import Array
 
 PATIENCE = 0.5  # s

@@ -12,7 +12,7 @@ from controller.recognition.expert_bank import ExpertBank, margins, teach
 from controller.recognition.experts import ExpertRecipe
 from controller.recognition.features import FeatureRecipe, common_joints, features
 from controller.recognition.labelled_recordings import Dataset
-from controller.recognition.protocols import inner_folds
+from controller.recognition.splits import inner_folds
 from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 

@@ -18,8 +18,8 @@ import numpy as np
 
 from hardware.bus.servo_bus import Bus
 from hardware.errors import MotiondeckError, SerialPortError, with_torque
-from hardware.rig.arranging import arrange_state
 from hardware.rig.faults import RigFaults
+from hardware.rig.indirect_cells import arrange_state
 from hardware.rig.readings import Readings
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array, RigScale

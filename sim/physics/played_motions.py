@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from controller.deck.deck import Deck
-from controller.deck.joins.motions import read_motions
+from controller.deck.joins.deck_motions import read_motions
 from controller.deck.routes import Routes
 from controller.library.motion_library import MotionLibrary
 from controller.mocap.clip import Clip

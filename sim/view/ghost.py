@@ -16,7 +16,7 @@ import numpy as np
 from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array, conjugate, multiply
 from sim.models.mannequin import ROOT_BODY, build_mannequin
-from sim.view.puppet import Puppet
+from sim.view.drawn_model import DrawnModel
 
 OPACITY = 0.4
 WAYS = ("off", "over the robot", "beside it")
@@ -35,17 +35,17 @@ def draw_ghost(skeleton: Skeleton, scale: float, file: Path) -> dict[str, Any]:
 class Ghost:
     """Turns published poses into the coordinates of that model, and shows them."""
 
-    def __init__(self, puppet: Puppet, model: mujoco.MjModel, about: Mapping[str, Any], aside: float) -> None:
+    def __init__(self, drawn: DrawnModel, model: mujoco.MjModel, about: Mapping[str, Any], aside: float) -> None:
         """Looks at what `draw_ghost` has said.
 
         Args:
-            puppet: on the page.
+            drawn: the model on the page.
             model: of the human.
             about: what was said.
             aside: how far to the left of the robot it is beside it, m.
         """
         bones: Sequence[str] = about["bones"]
-        self._puppet, self._scale, self._aside = puppet, float(about["scale"]), aside
+        self._drawn, self._scale, self._aside = drawn, float(about["scale"]), aside
         self._parent = np.array(about["parent"]) + 1
         joints = [int(model.body(bone).jntadr[0]) for bone in bones]
         self._turns = model.jnt_qposadr[joints][:, None] + np.arange(4)
@@ -63,7 +63,7 @@ class Ghost:
             centre: from where it is seen, shape (2,), m.
         """
         if way == WAYS[0]:
-            self._puppet.hide()
+            self._drawn.hide()
             return
         turns = turn.reshape(-1, 4)
         aside = np.array([0.0, self._aside if way == WAYS[2] else 0.0])
@@ -71,4 +71,4 @@ class Ghost:
         self._qpos[self._root + 2] = self._scale * root[2]
         self._qpos[self._root + 3 : self._root + 7] = turns[0]
         self._qpos[self._turns] = multiply(conjugate(turns[self._parent]), turns[1:])
-        self._puppet.show(self._qpos, centre)
+        self._drawn.show(self._qpos, centre)

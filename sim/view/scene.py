@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from controller.rotations import Array
 from sim.models.scenery import body_height
+from sim.view.drawn_model import DrawnModel
 from sim.view.private_page import PrivatePage
-from sim.view.puppet import Puppet
 
 ZENITH, HORIZON = (214, 225, 238), (242, 245, 248)
 # On its way through the lights of the scene this comes out as the colour of the horizon.
@@ -66,7 +66,7 @@ class Scene:
         self._floor = scene.add_frame("/floor", show_axes=False)
         for parity, colour in enumerate(FLOOR):
             scene.add_mesh_simple(f"/floor/{parity}", *_tiles(self._cell, parity), color=colour, flat_shading=True)
-        self._robot = Puppet(page, model, height)
+        self._robot = DrawnModel(page, model, height)
         page.initial_camera.position = (1.75 * height, -1.05 * height, 0.80 * height)
         page.initial_camera.look_at = (0.0, 0.0, 0.46 * height)
         page.initial_camera.fov = np.radians(42.0)

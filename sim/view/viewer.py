@@ -26,11 +26,11 @@ import numpy as np
 from controller.wire.command_socket import CommandClient
 from controller.wire.telemetry import StateReader
 from motiondeck_base.errors import FileFormatError, MotiondeckError
+from sim.view.drawn_model import DrawnModel
 from sim.view.ghost import Ghost
 from sim.view.live_footprints import LiveSteps
 from sim.view.panel import Panel
 from sim.view.private_page import PrivatePage
-from sim.view.puppet import Puppet
 from sim.view.scene import Follower, Scene
 
 PICTURES_PER_SECOND = 30.0
@@ -58,13 +58,13 @@ def view(state: Path, command_port: int, port: int) -> None:
     page = PrivatePage(port, label=f"Motiondeck · {description['robot']}")
     scene = Scene(page, model)
     files = [str(file) for file in description.get("followers", ())]
-    followers = [Puppet(page, _model(file), scene.height, f" {k}") for k, file in enumerate(files)]
+    followers = [DrawnModel(page, _model(file), scene.height, f" {k}") for k, file in enumerate(files)]
     ghost = None
     if about := description.get("human"):
         human = _model(str(about["file"]))
         # Followers stand to the right of the robot, on the side that the panel does not cover.
         aside = (BESIDE if followers else -BESIDE) * scene.height
-        ghost = Ghost(Puppet(page, human, scene.height, " human"), human, about, aside)
+        ghost = Ghost(DrawnModel(page, human, scene.height, " human"), human, about, aside)
     steps = LiveSteps(page, model, np.array(description.get("rest", model.qpos0)), scene.height)
     panel = Panel(page, motions, joints, CommandClient(command_port), has_human=ghost is not None)
     follower = Follower()

@@ -6,7 +6,7 @@ import pytest
 from benchmarks.papers.thesis import accuracy, with_failure_figures, with_training_figures
 from benchmarks.papers.thesis_figures import NOISE_CHANNELS, THESIS, noisy_targets
 from controller.evaluation.evaluation import read_evaluation
-from controller.evaluation.sweep import Count
+from controller.evaluation.failure_rates import Count
 from controller.evaluation.tables import Table, failure_table
 from controller.training.fit import prepare
 from controller.training.recipe import read_recipe

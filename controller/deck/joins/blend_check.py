@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from controller.deck.joins.motions import Motion
+from controller.deck.joins.deck_motions import Motion
 from controller.rotations import Array
 
 STILL, TURNS_OVER = 0.1, 2.5

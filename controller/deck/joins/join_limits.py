@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from controller.deck.joins.motions import Motion
+from controller.deck.joins.deck_motions import Motion
 from controller.mocap.encodings.joint_angles import JointBody
 from controller.mocap.posture import Pose
 from controller.mocap.skeleton import Skeleton

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from controller.deck.joins.motions import Motion
+from controller.deck.joins.deck_motions import Motion
 from controller.deck.tracks.frame_player import FramePlayer
 from controller.deck.tracks.mixture import Mixture
 from controller.library.motion_library import MotionLibrary

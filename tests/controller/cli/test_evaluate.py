@@ -12,7 +12,7 @@ import synthetic
 from controller.cli.common.tables import print_measurements, write_csv
 from controller.cli.main import app
 from controller.cli.pictures.figures import check_picture
-from controller.evaluation.sweep import Count
+from controller.evaluation.failure_rates import Count
 from controller.evaluation.tables import Table, failure_table
 from controller.library.motion_library import save_library
 from motiondeck_base.errors import FileFormatError, MotiondeckError

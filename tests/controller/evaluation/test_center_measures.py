@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import synthetic
-from controller.evaluation.sweep import sweep, train_subjects
+from controller.evaluation.failure_rates import sweep, train_subjects
 from controller.evaluation.training_error import training_error
 from controller.measures.run_batch import batch_of
 from controller.training.centralized.centralized_training import CentralizedRecipe

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import synthetic
-from controller.evaluation.sweep import Subject, sweep
+from controller.evaluation.failure_rates import Subject, sweep
 from controller.evaluation.tables import failure_table
 from controller.measures.disturbance import STEPS, GuardKnowledge, disturbed
 from controller.measures.intervals import wilson

@@ -12,14 +12,14 @@ import pytest
 
 from controller.mocap.posture import Pose
 from sim.robots.robot import load_robot
+from sim.view.drawn_model import DrawnModel
 from sim.view.ghost import OPACITY, WAYS, Ghost, draw_ghost
 from sim.view.live_footprints import LiveSteps
-from sim.view.puppet import Puppet
 from simulated_bodies import ROBOTS, bent_pose, human
 
 
 class Drawn:
-    """A puppet that remembers where it was put."""
+    """Stands in for a drawn model and remembers where it was put."""
 
     def __init__(self):
         self.qpos = None
@@ -96,18 +96,18 @@ def test_a_foot_that_stands_is_marked_and_one_that_has_stood_leaves_a_print():
     assert not any(mark.visible for mark in steps._marks)
 
 
-def test_a_puppet_is_drawn_where_it_is_with_its_shadow_and_can_be_hidden():
+def test_a_model_is_drawn_where_it_is_with_its_shadow_and_can_be_hidden():
     model = mujoco.MjModel.from_xml_string(
         '<mujoco><worldbody><body><freejoint/><geom type="box" size=".1 .2 .3"/></body></worldbody></mujoco>'
     )
     page: Any = Floor()
-    puppet = Puppet(page, model, 1.0)
+    drawn = DrawnModel(page, model, 1.0)
     assert len(page.solids) == 2
     robot, shadow = (next(solid for name, solid in page.solids.items() if look in name) for look in ("robot", "shadow"))
     assert shadow.scale[2] < 0.01 * robot.scale[2]
-    puppet.hide()
+    drawn.hide()
     assert not any(solid.visible for solid in (robot, shadow))
-    puppet.show(np.array([3.0, 2.0, 1.0, 0.0, 0.0, 0.0, 1.0]), np.array([1.0, 1.0]))
+    drawn.show(np.array([3.0, 2.0, 1.0, 0.0, 0.0, 0.0, 1.0]), np.array([1.0, 1.0]))
     for solid in (robot, shadow):
         assert solid.visible
         assert solid.batched_positions == pytest.approx(np.array([[2.0, 1.0, 1.0]]))

@@ -8,7 +8,7 @@ import pytest
 import synthetic
 from controller.deck.deck import Deck
 from controller.deck.joins.blend_check import BlendCheck
-from controller.deck.joins.motions import read_motions
+from controller.deck.joins.deck_motions import read_motions
 from controller.library.motion_library import load_library
 from motiondeck_base.shipped import shipped_configs
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from benchmarks.deck.joins import FASTEST, HARDEST, chain, measure, own_peaks
+from controller.deck.joins.deck_motions import read_motions
 from controller.deck.joins.join_limits import JoinLimits
 from controller.deck.joins.joining import JOININGS
-from controller.deck.joins.motions import read_motions
 from controller.deck.joins.transition import extrapolated
 from controller.library.motion_library import load_library
 from controller.mocap.posture import Pose, Posture

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from controller.deck.joins.blend_weight import Ramp
 from controller.deck.joins.posture_blend import PostureBlend, SmoothHeading
-from controller.deck.joins.weight import Ramp
 from controller.mocap.posture import Posture
 from controller.rotations import conjugate, from_rotation_vector, multiply, normalise, rotate, to_rotation_vector, yaw
 

@@ -1,4 +1,4 @@
-"""A puppet: the solids of one model on a page, with their shadow on the floor."""
+"""A drawn model: the solids of one robot or human on a page, with their shadow on the floor."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's names come from compiled modules, which have no type stubs.)
@@ -16,7 +16,7 @@ from sim.view.solids import batches, poses
 SHADOW = (58, 66, 78)
 
 
-class Puppet:
+class DrawnModel:
     """One robot or one human on a page.
 
     Attributes:

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.recognition.protocols import PROTOCOLS, folds, inner_folds
+from controller.recognition.splits import PROTOCOLS, folds, inner_folds
 from motiondeck_base.errors import MotiondeckError
 
 LABELS = np.repeat([0, 1, 2], 8)

@@ -1,4 +1,4 @@
-"""Quiet: no garbage collector and no second BLAS thread while the loop runs."""
+"""No garbage collector and one BLAS thread while the loop runs."""
 
 from __future__ import annotations
 

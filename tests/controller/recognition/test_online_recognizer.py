@@ -7,8 +7,8 @@ from controller.recognition.deck_recognizer import JointWatcher, joint_motions, 
 from controller.recognition.expert_bank import teach
 from controller.recognition.experts import ExpertRecipe
 from controller.recognition.features import ANGLE_UNIT, FeatureRecipe, features
-from controller.recognition.following import FollowingWatch
-from controller.recognition.online import MismatchWatch, OnlineRecognizer
+from controller.recognition.joint_following import FollowingWatch
+from controller.recognition.online_recognizer import MismatchWatch, OnlineRecognizer
 from motiondeck_base.errors import MotiondeckError
 from recognition_examples import CLASSES, clip
 from synthetic import small_library
