@@ -3,27 +3,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Literal
 
 from controller.mocap.clip import Clip
 from controller.mocap.formats.reading import read_clip
 from controller.mocap.formats.writing import write_clip
+from controller.mocap.reading_options import ReadingOptions
 from controller.mocap.skeleton import Skeleton
 
 __all__ = ["Clip", "Skeleton", "read_recording", "save_recording"]
 
 
-def read_recording(path: str | Path, skeleton: str | Path | None = None) -> Clip:
+def read_recording(
+    path: str | Path,
+    skeleton: str | Path | None = None,
+    *,
+    unit: float | None = None,
+    up: Literal["y", "z"] | None = None,
+    rename: Mapping[str, str] | None = None,
+) -> Clip:
     """The clip in a recording: .amc, .bvh, .c3d, .clip (taught by hand) or .mat (Jaeger's patterns).
 
     Args:
         path: the file.
-        skeleton: for .amc, the .asf file it belongs to; None takes the only one in the same folder.
+        skeleton: for .amc, the .asf file it belongs to; None looks for it in the same folder and the one above.
+        unit: what one length of the file is, m, such as 0.01; None finds out.
+        up: the file's axis that is up; None finds out.
+        rename: other names for joints, bones or markers, by the names in the file.
 
     Raises:
         MotiondeckError: if the file cannot be read; one line that names the file, the place and the remedy.
     """
-    return read_clip(path, skeleton)
+    return read_clip(path, ReadingOptions(None if skeleton is None else Path(skeleton), unit, up, rename or {}))
 
 
 def save_recording(clip: Clip, path: str | Path) -> None:

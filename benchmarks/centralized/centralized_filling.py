@@ -17,8 +17,8 @@ import typer
 
 from benchmarks import command
 from benchmarks.papers.hidden_joints import Missed, fill_hidden
-from controller.mocap.formats.c3d import read_c3d
-from controller.mocap.formats.reading import read_clip, skeleton_of
+from controller.mocap.formats.markers.c3d import read_c3d
+from controller.mocap.formats.reading import read_clip
 
 GAPS_S = (0.25, 0.5, 1.0)
 TRIES = 2
@@ -30,7 +30,7 @@ def places_of(path: Path) -> tuple[np.ndarray, float]:
     if path.suffix.lower() == ".c3d":
         markers = read_c3d(path)
         return 1e3 * markers.position, markers.rate
-    clip = read_clip(path, skeleton_of(path, path.parent.parent))
+    clip = read_clip(path)
     return 1e3 * clip.joints(), clip.rate
 
 

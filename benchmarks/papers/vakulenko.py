@@ -21,7 +21,7 @@ from controller.cli.pictures.curve_plots import draw_coordinates, draw_lines
 from controller.cli.pictures.figures import check_picture
 from controller.evaluation.tables import Table, Value
 from controller.mocap.clip import Clip
-from controller.mocap.formats.reading import read_clip, skeleton_of
+from controller.mocap.formats.reading import read_clip
 from controller.mocap.segmentation import body_features, find_segments
 from controller.training.centralized.model_choice import (
     hands_and_feet,
@@ -69,7 +69,7 @@ def main(
     if not recording.is_file():
         raise MotiondeckError(f"{recording}: there is no such file")
     measures = {"segments": segments, "models": models, "coordinates": coordinates, "reconstruction": reconstruction}
-    result, draw = measures[measure](read_clip(recording, skeleton_of(recording, recording.parent.parent)))
+    result, draw = measures[measure](read_clip(recording))
     deliver(result, csv_file=table, plot=plot, draw=draw, as_json=as_json)
 
 

@@ -25,8 +25,8 @@ import scipy.io
 import typer
 
 from benchmarks import command
-from controller.mocap.formats.amc import read_amc
-from controller.mocap.formats.asf import read_asf
+from controller.mocap.formats.acclaim.amc import read_amc
+from controller.mocap.formats.acclaim.asf import read_asf
 from controller.recognition.experts import ExpertRecipe
 from controller.recognition.features import ANGLE_UNIT, FeatureRecipe, features, resampled, with_velocity
 from controller.recognition.segmentation.border_score import score_borders

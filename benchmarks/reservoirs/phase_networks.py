@@ -45,7 +45,7 @@ from controller.measures.run_batch import batch_of
 from controller.measures.self_test import Judge, after_disturbance, self_test
 from controller.mocap.canonical.canonical_body import carried
 from controller.mocap.encodings.encoding import encoding_of
-from controller.mocap.formats.reading import read_clip, skeleton_of
+from controller.mocap.formats.reading import read_clip
 from controller.networks.base import Channels
 from controller.rotations import Array
 from controller.training.fit import TrainingSet, prepare, to_learn, train
@@ -129,7 +129,7 @@ def training_set(data: Path, source: str) -> TrainingSet:
     for file in recordings(data, source):
         plays = "once" if any(word in file.name for word in ONCE) else "loop"
         try:
-            clip = read_clip(file, skeleton_of(file, file.parent.parent))
+            clip = read_clip(file)
             encoding = encoding or encoding_of(clip.skeleton)
             channels = at_rate(encoding.encode(carried(clip, encoding.skeleton)), clip.rate)
             frames[file.stem] = (

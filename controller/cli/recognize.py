@@ -99,7 +99,8 @@ def run(
 
     Example:  motiondeck recognize run hdm05.safetensors squat.amc --skeleton HDM_bd.asf
     """
-    from controller.mocap.formats.reading import read_clip, skeleton_of
+    from controller.mocap.formats.reading import read_clip
+    from controller.mocap.reading_options import ReadingOptions
     from controller.recognition.recognizer_file import load_recognizer
     from motiondeck_base.errors import MotiondeckError
 
@@ -110,7 +111,7 @@ def run(
         try:
             if not path.is_file():
                 raise MotiondeckError(f"{path}: there is no such file")
-            clip = read_clip(path, skeleton or skeleton_of(path, path.parent.parent))
+            clip = read_clip(path, ReadingOptions(skeleton))
             if stream:
                 out.append({"file": str(path)} | _streamed(loaded, clip))
             else:

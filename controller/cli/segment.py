@@ -56,7 +56,8 @@ def segment(
 
       motiondeck segment 86_01.amc --method planes --segments 7 --plot cuts.png
     """
-    from controller.mocap.formats.reading import read_clip, skeleton_of
+    from controller.mocap.formats.reading import read_clip
+    from controller.mocap.reading_options import ReadingOptions
     from controller.recognition.segmentation.border_score import score_borders
     from controller.recognition.segmentation.labels import read_labels
     from motiondeck_base.errors import MotiondeckError
@@ -71,7 +72,7 @@ def segment(
         from controller.cli.pictures.figures import check_picture
 
         check_picture(plot)
-    clip = read_clip(file, skeleton or skeleton_of(file, file.parent.parent))
+    clip = read_clip(file, ReadingOptions(skeleton))
     marked = read_labels(labels) if labels else None
     if marked is not None and abs(marked.frames - len(clip)) > 0.05 * len(clip):
         raise MotiondeckError(f"{labels}: speaks of {marked.frames} frames, but {file} has {len(clip)}. Wrong trial?")

@@ -11,13 +11,14 @@ recorded, the bone rests along K v and moves by P R K^-1, so that every joint st
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from controller.mocap.anatomy import SIDES, Anatomy, anatomy, named_anatomy
+from controller.mocap.clip import Clip
 from controller.mocap.skeleton import ROOT, Skeleton
 from controller.rotations import IDENTITY, Array, between, conjugate, multiply, normalise, rotate, yaw
 
@@ -64,6 +65,13 @@ class _Stance:
     turn: Array
     upright: float
     parts: Anatomy | None
+
+
+def turned_up(clip: Clip, was: Up, up: Up) -> Clip:
+    """A clip that was read with one axis of its file taken for up, as if with another."""
+    turn = multiply(TO_OURS[up], conjugate(TO_OURS[was]))
+    rotation = multiply(np.broadcast_to(turn, clip.rotation.shape), clip.rotation)
+    return replace(clip, root_position=rotate(turn, clip.root_position), rotation=rotation)
 
 
 def stand(

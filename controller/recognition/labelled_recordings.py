@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from controller.mocap.clip import Clip
 from controller.mocap.formats.reading import RECORDINGS, read_clip, skeleton_of
+from controller.mocap.reading_options import ReadingOptions
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 
 SHORTEST = 4
@@ -91,7 +92,7 @@ def read_dataset(folder: Path, progress: Callable[[int, int], None] = lambda don
             if path.parent == folder:
                 raise FileFormatError(f"{path}: lies beside the class folders; move it into the folder of its class.")
             skeleton = skeleton_of(path, folder)
-            clip = read_clip(path, skeleton)
+            clip = read_clip(path, ReadingOptions(skeleton))
             if len(clip) < SHORTEST:
                 raise FileFormatError(f"{path}: {len(clip)} frames are too few to learn from (at least {SHORTEST}).")
         except MotiondeckError as error:

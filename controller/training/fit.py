@@ -26,6 +26,7 @@ from controller.mocap.encodings.encoding import Encoding, encoding_of
 from controller.mocap.encodings.joint_angles import JointBody
 from controller.mocap.encodings.normalisation import Normalisation
 from controller.mocap.formats.reading import read_clip, skeleton_of
+from controller.mocap.reading_options import ReadingOptions
 from controller.mocap.skeleton import Skeleton
 from controller.networks.centralized.centralized_frames import CentralizedNetwork
 from controller.rotations import Array
@@ -281,7 +282,7 @@ def read_motion(data: Path, motion: MotionRecipe) -> Clip:
     """The recording of a motion, all of its frames; left and right exchanged if it is to be mirrored."""
     path = find_recording(data, motion.file)
     skeleton = skeleton_of(path, data) if motion.skeleton is None else find_recording(data, motion.skeleton)
-    clip = read_clip(path, skeleton)
+    clip = read_clip(path, ReadingOptions(skeleton))
     return mirrored(clip) if motion.mirrored else clip
 
 
@@ -289,7 +290,7 @@ def _body(recipe: LibraryRecipe, data: Path, clips: dict[str, Clip]) -> Skeleton
     """The skeleton that a recipe's motions are carried to."""
     if recipe.body:
         path = find_recording(data, recipe.body)
-        return read_clip(path, skeleton_of(path, data)).skeleton
+        return read_clip(path, ReadingOptions(skeleton_of(path, data))).skeleton
     first = clips[recipe.motions[0].name]
     return first.skeleton if isinstance(first.skeleton, JointBody) else to_canonical(first).skeleton
 

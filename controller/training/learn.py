@@ -21,6 +21,7 @@ from controller.mocap.clip import Clip
 from controller.mocap.encodings.encoding import encoding_of
 from controller.mocap.encodings.joint_angles import JointBody
 from controller.mocap.formats.reading import RECORDINGS, read_clip, skeleton_of
+from controller.mocap.reading_options import ReadingOptions
 from controller.rotations import dot
 from controller.training.fit import COMMON_RATE, SHORTEST_SECONDS, fit
 from controller.training.preparation.loops import best_seam, with_velocities
@@ -198,7 +199,7 @@ def _prepare(file: Path, name: str) -> _Prepared:
         MotiondeckError: if it cannot be read, is too short or too long, or nothing moves in it.
     """
     skeleton = skeleton_of(file, file.parent.parent)
-    clip = read_clip(file, skeleton)
+    clip = read_clip(file, ReadingOptions(skeleton))
     first, end = moving_part(clip)
     seconds = (end - first) / clip.rate
     if end == 0:

@@ -28,10 +28,11 @@ SkeletonOption = Annotated[
 
 
 UnitOption = Annotated[
-    float | None, typer.Option("--unit", metavar="METRES", help="Length of one unit of a .bvh, m; default: guessed.")
+    float | None,
+    typer.Option("--unit", metavar="METRES", help="Length of one unit of the file, m; default: found out."),
 ]
 UpOption = Annotated[
-    Literal["y", "z"] | None, typer.Option("--up", help="The axis of a .bvh that is up; default: guessed.")
+    Literal["y", "z"] | None, typer.Option("--up", help="The axis of the file that is up; default: found out.")
 ]
 RenameOption = Annotated[
     list[str] | None,
@@ -175,19 +176,13 @@ def _read(
     """
     from controller.mocap.encodings.joint_angles import JointBody
     from controller.mocap.formats.clip_facts import read_recording
-    from controller.mocap.formats.reading import skeleton_of
+    from controller.mocap.reading_options import ReadingOptions
     from motiondeck_base.errors import MotiondeckError
 
-    if file.suffix.lower() == ".amc" and skeleton is None:
-        skeleton = skeleton_of(file, file.parent.parent)
     names = dict(pair.split("=", 1) for pair in rename or [] if "=" in pair)
     if len(names) < len(rename or []):
         raise MotiondeckError("--rename takes OLD=NEW, once for each joint")
-    if (unit is not None or up is not None) and file.suffix.lower() != ".bvh":
-        raise MotiondeckError(f"{file}: --unit and --up are for .bvh files; others give their unit and axes")
-    if unit is not None and not 1e-6 < unit < 1e3:
-        raise MotiondeckError(f"--unit {unit:g}: give the length of one unit of the file in m, such as 0.01")
-    recording = read_recording(file, skeleton, unit=unit, up=up, rename=names)
+    recording = read_recording(file, ReadingOptions(skeleton, unit, up, names))
     if isinstance(recording.clip.skeleton, JointBody):
         raise MotiondeckError(
             f"{file}: holds angles of a rig's joints, no body. `motiondeck play` plays it on the rig."

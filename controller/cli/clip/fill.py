@@ -11,7 +11,7 @@ import typer
 from controller.cli.clip.commands import app
 
 if TYPE_CHECKING:
-    from controller.mocap.formats.c3d import Markers
+    from controller.mocap.formats.markers.c3d import Markers
     from controller.training.centralized.reconstruction import Gap
 
 
@@ -37,8 +37,8 @@ def fill(
     Example:  motiondeck clip fill dance.c3d --out filled.c3d
     """
     from controller.cli.common.progress import progress
-    from controller.mocap.formats.c3d import read_c3d
-    from controller.mocap.formats.c3d_writing import with_points
+    from controller.mocap.formats.markers.c3d import read_c3d
+    from controller.mocap.formats.markers.c3d_writing import with_points
     from controller.mocap.formats.writing import markers_csv, write_file
     from controller.training.centralized.reconstruction import fill_missing, gaps_of
     from motiondeck_base.errors import MotiondeckError

@@ -207,12 +207,13 @@ def _cut(file: Path, frames: tuple[int, int] | None, skeleton: Path | None) -> C
     """A recording, or some frames of it."""
     from dataclasses import replace
 
-    from controller.mocap.formats.reading import read_clip, skeleton_of
+    from controller.mocap.formats.reading import read_clip
+    from controller.mocap.reading_options import ReadingOptions
     from motiondeck_base.errors import MotiondeckError
 
     if not file.is_file():
         raise MotiondeckError(f"{file}: there is no such file")
-    clip = read_clip(file, skeleton or skeleton_of(file, file.parent.parent))
+    clip = read_clip(file, ReadingOptions(skeleton))
     if frames is None:
         return clip
     first, end = frames

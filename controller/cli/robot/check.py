@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from controller.mocap.clip import Clip
-from controller.mocap.formats.reading import read_clip, skeleton_of
+from controller.mocap.formats.reading import read_clip
 from motiondeck_base.errors import MotiondeckError
 from sim.models.robot_file import Solver, read_robot_file
 from sim.retargeting.robot_limbs import SIDES, RobotLimbs
@@ -46,7 +46,7 @@ def check(robot: Path, files: Sequence[Path], solver: Solver | None, seconds: fl
     """
     for file in files:
         try:
-            clip = _shortened(read_clip(file, skeleton_of(file, file.parent.parent)), seconds)
+            clip = _shortened(read_clip(file), seconds)
         except MotiondeckError as error:
             yield {"clip": str(file), "unread": str(error)}
             continue

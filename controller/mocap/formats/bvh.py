@@ -9,17 +9,17 @@ does not give its up axis nor its unit, and a body may be unable to stand in its
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
 from controller.mocap.clip import Clip
-from controller.mocap.joint_tree import JointTree, body_of
-from controller.mocap.rest_pose import Up, stand
-from controller.rotations import Array, about, continuous, multiply, rotate
+from controller.mocap.formats.tree_clip import clip_of
+from controller.mocap.joint_tree import JointTree
+from controller.mocap.reading_options import AS_FOUND, ReadingOptions
+from controller.rotations import Array, about, multiply, rotate
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import Line, as_float, read_lines, shortened
 
@@ -39,19 +39,8 @@ class Joint:
     channels: tuple[str, ...] = ()
 
 
-def read_bvh(
-    path: str | Path,
-    unit: float | None = None,
-    up: Up | None = None,
-    rename: Mapping[str, str] = MappingProxyType({}),
-) -> Clip:
+def read_bvh(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     """The motion in a BVH file.
-
-    Args:
-        path: of the file.
-        unit: length of one of its units, m; None takes the usual unit that makes the body most like a person's size.
-        up: its axis that is up; None finds out.
-        rename: other names for joints, by the names in the file.
 
     Raises:
         FileFormatError: naming file and line, if it cannot be read or does not follow the format.
@@ -63,9 +52,7 @@ def read_bvh(
         raise FileFormatError(f"{path}: there is no MOTION section. The file is cut short: fetch it again.")
     joints = _hierarchy(path, lines[:motion])
     rate, values = _motion(path, lines[motion:], sum(len(joint.channels) for joint in joints))
-    tree = _tree([replace(joint, name=rename.get(joint.name, joint.name)) for joint in joints], values)
-    skeleton, position, rotation = stand(Path(path).stem, body_of(tree, path), unit, up)
-    return Clip(Path(path).stem, skeleton, rate, position, continuous(rotation), Path(path).name)
+    return clip_of(_tree(joints, values), rate, path, options)
 
 
 def _hierarchy(path: str | Path, lines: list[Line]) -> list[Joint]:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 from typing import TypedDict
 
 import numpy as np
@@ -13,10 +11,10 @@ import numpy as np
 from controller.mocap.anatomy import SIDES, Part, Side, anatomy
 from controller.mocap.canonical.body_doubts import doubts, taken_for
 from controller.mocap.clip import Clip
-from controller.mocap.formats.c3d import read_c3d
-from controller.mocap.formats.marker_fit import Fit, fit_markers
+from controller.mocap.formats.markers.c3d import read_c3d
+from controller.mocap.formats.markers.marker_fit import Fit, fit_markers
 from controller.mocap.formats.reading import read_clip
-from controller.mocap.rest_pose import Up
+from controller.mocap.reading_options import AS_FOUND, ReadingOptions
 
 LIMBS: tuple[Part, ...] = ("thigh", "shank", "foot", "upper arm", "forearm", "hand")
 
@@ -66,19 +64,12 @@ class FittedClip:
     fit: Fit | None
 
 
-def read_recording(
-    path: Path,
-    skeleton: Path | None = None,
-    *,
-    unit: float | None = None,
-    up: Up | None = None,
-    rename: Mapping[str, str] = MappingProxyType({}),
-) -> FittedClip:
+def read_recording(path: Path, options: ReadingOptions = AS_FOUND) -> FittedClip:
     """As `reading.read_clip`, which see, but keeps how well a clip explains its markers."""
     if path.suffix.lower() == ".c3d":
-        fit = fit_markers(read_c3d(path), path.stem)
+        fit = fit_markers(read_c3d(path, options), path.stem)
         return FittedClip(fit.clip, fit)
-    return FittedClip(read_clip(path, skeleton, unit=unit, up=up, rename=rename), None)
+    return FittedClip(read_clip(path, options), None)
 
 
 def facts(recording: FittedClip) -> Facts:

@@ -8,6 +8,7 @@ from controller.mocap.anatomy import anatomy
 from controller.mocap.formats.jaeger_patterns import read_pattern
 from controller.mocap.formats.reading import read_clip
 from controller.mocap.posture import Pose
+from controller.mocap.reading_options import ReadingOptions
 from sim.models.joint_layout import JointLayout
 from sim.models.mannequin import build_mannequin
 from sim.models.mannequin_solids import stature
@@ -71,7 +72,7 @@ def test_every_skeleton_there_is_plays_back_exactly(mocap_data, file):
             path.parent.glob("*.amc") if file.startswith("cmu") else path.parent.glob(f"squat1Reps/{path.stem}_*.amc")
         )
         path = min(near, key=lambda recording: recording.stat().st_size)
-    clip = read_clip(path, skeleton)
+    clip = read_clip(path, ReadingOptions(skeleton))
     model = build_mannequin(clip.skeleton).compile()
     poses = [
         Pose(clip.root_position[frame], np.zeros(()), clip.rotation[frame])

@@ -11,7 +11,7 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from controller.cli.clip.fill import app
-from controller.mocap.formats.c3d import read_c3d
+from controller.mocap.formats.markers.c3d import read_c3d
 from motiondeck_base.errors import MotiondeckError
 from recordings import BVH, MARKER_RATE, c3d_bytes, markers
 

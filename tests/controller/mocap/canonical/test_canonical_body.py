@@ -8,6 +8,7 @@ import pytest
 from bodies import random_body, random_clip, small_body
 from controller.mocap.canonical.canonical_body import CANONICAL_BONES, carried, is_canonical, landmarks_of, to_canonical
 from controller.mocap.formats.reading import read_clip, skeleton_of
+from controller.mocap.reading_options import ReadingOptions
 from controller.mocap.skeleton import Skeleton
 from controller.rotations import conjugate, multiply, normalise, rotate
 from independent_readings import amc_joints, bvh_joints
@@ -106,7 +107,7 @@ def test_bones_of_acclaim_files_point_as_recorded(mocap_data, file):
     path = path if path.is_file() else sorted(path.rglob("*.[aA][mM][cC]"))[40]
     skeleton = skeleton_of(path, mocap_data)
     seen = landmarks(amc_joints(skeleton.read_text("latin-1"), path.read_text("latin-1"), EVERY), ACCLAIM)
-    assert worst_degrees(to_canonical(read_clip(path, skeleton)), seen) < 1.0
+    assert worst_degrees(to_canonical(read_clip(path, ReadingOptions(skeleton))), seen) < 1.0
 
 
 def moving(skeleton, frames=20):

@@ -11,6 +11,7 @@ from controller.mocap.anatomy import anatomy
 from controller.mocap.formats.bvh import read_bvh
 from controller.mocap.formats.reading import read_clip
 from controller.mocap.formats.writing import bvh_text
+from controller.mocap.reading_options import ReadingOptions
 from independent_readings import bvh_joints
 from motiondeck_base.errors import FileFormatError
 from recordings import BVH
@@ -44,7 +45,7 @@ def test_what_a_file_says_and_what_it_leaves_open(tmp_path):
     clip = read_clip(write(tmp_path, BVH))
     assert (clip.name, clip.rate, len(clip)) == ("bow", 120.0, 2)
     assert clip.skeleton.leg_length == pytest.approx(0.88)  # its centimetres were found out
-    assert read_bvh(tmp_path / "bow.bvh", unit=0.02).skeleton.leg_length == pytest.approx(1.76)
+    assert read_bvh(tmp_path / "bow.bvh", ReadingOptions(unit=0.02)).skeleton.leg_length == pytest.approx(1.76)
     parts = anatomy(clip.skeleton)
     assert clip.skeleton.bones[parts.first("shank", "right")] == "RightLeg"
     assert clip.skeleton.bones[parts.first("upper arm", "left")] == "LeftArm"
@@ -195,9 +196,11 @@ def test_names_and_axis_can_be_given(tmp_path):
     text = BVH
     for name, other in names.items():
         text = re.sub(rf"\b{name}\b", other, text)
-    given = read_bvh(write(tmp_path, text), rename={other: name for name, other in names.items()})
+    given = read_bvh(write(tmp_path, text), ReadingOptions(rename={other: name for name, other in names.items()}))
     assert given.skeleton.bones == read_bvh(write(tmp_path, BVH)).skeleton.bones
-    assert read_bvh(write(tmp_path, BVH), up="z").root_position[0, 2] != pytest.approx(given.root_position[0, 2])
+    assert read_bvh(write(tmp_path, BVH), ReadingOptions(up="z")).root_position[0, 2] != pytest.approx(
+        given.root_position[0, 2]
+    )
 
 
 @pytest.mark.parametrize("unit", [1.0, 0.01, 0.001, 0.0254, 0.0254 / 0.45])

@@ -7,7 +7,7 @@ import pytest
 
 from controller.mocap.clip import Clip
 from controller.mocap.formats.clip_facts import FittedClip, facts, gaps, read_recording
-from controller.mocap.formats.marker_fit import Fit
+from controller.mocap.formats.markers.marker_fit import Fit
 from recordings import BVH
 from simulated_bodies import human
 

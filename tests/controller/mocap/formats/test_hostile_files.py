@@ -5,11 +5,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from controller.mocap.formats.amc import read_amc
-from controller.mocap.formats.asf import read_asf
+from controller.mocap.formats.acclaim.amc import read_amc
+from controller.mocap.formats.acclaim.asf import read_asf
 from controller.mocap.formats.bvh import read_bvh
-from controller.mocap.formats.c3d import read_c3d
 from controller.mocap.formats.jaeger_patterns import read_pattern
+from controller.mocap.formats.markers.c3d import read_c3d
 from motiondeck_base.errors import MotiondeckError
 from recordings import AMC, ASF, BVH, c3d_bytes, mat_bytes, pattern_fields
 

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from controller.mocap.formats.reading import read_clip
+from controller.mocap.reading_options import ReadingOptions
 from motiondeck_base.errors import FileFormatError
 from recordings import AMC, ASF, mat_bytes, pattern_fields
 
@@ -28,7 +29,10 @@ def test_capitals_in_the_suffix_do_not_matter(folder):
 def test_the_skeleton_may_be_given(folder):
     (folder / "elsewhere").mkdir()
     (folder / "elsewhere" / "inches.asf").write_text(ASF.replace("length 0.45", "length 1.0"))
-    ours, given = read_clip(folder / "bow.amc"), read_clip(folder / "bow.amc", folder / "elsewhere" / "inches.asf")
+    ours, given = (
+        read_clip(folder / "bow.amc"),
+        read_clip(folder / "bow.amc", ReadingOptions(folder / "elsewhere" / "inches.asf")),
+    )
     assert given.skeleton.name == "inches"
     assert np.allclose(given.joints() / 0.45, ours.joints())
 

@@ -6,10 +6,11 @@ import scipy.io
 
 from controller.mocap.encodings.bone_directions import BoneDirections
 from controller.mocap.encodings.normalisation import Normalisation
-from controller.mocap.formats.amc import read_amc
-from controller.mocap.formats.asf import read_asf
+from controller.mocap.formats.acclaim.amc import read_amc
+from controller.mocap.formats.acclaim.asf import read_asf
 from controller.mocap.formats.jaeger_patterns import read_pattern
 from controller.mocap.formats.reading import read_clip
+from controller.mocap.reading_options import ReadingOptions
 
 CMU = ["02", "07", "08", "09", "10", "16", "35", "86"]
 HDM05 = ["bd", "bk", "dg", "mm", "tr"]
@@ -91,7 +92,7 @@ def test_forward_kinematics_agrees_with_matrices_from_the_definition(mocap_data,
 def test_people_stand_on_the_ground_and_keep_their_bones(mocap_data, subject):
     asf, recordings = pairs(mocap_data, subject)
     for amc in recordings:
-        clip = read_clip(amc, asf)
+        clip = read_clip(amc, ReadingOptions(asf))
         joints = clip.joints()
         lengths = np.linalg.norm(joints[:, 1:] - joints[:, clip.skeleton.parent + 1], axis=-1)
         assert np.allclose(lengths, clip.skeleton.length, atol=1e-9)

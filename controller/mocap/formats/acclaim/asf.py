@@ -13,7 +13,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from controller.mocap.formats.acclaim import AcclaimSkeleton, from_acclaim, turned
+from controller.mocap.formats.acclaim.axes import AcclaimSkeleton, from_acclaim, turned
 from controller.mocap.skeleton import ROOT, Skeleton
 from controller.rotations import IDENTITY, Array
 from motiondeck_base.errors import FileFormatError
@@ -28,8 +28,12 @@ TRANSLATIONS = ("tx", "ty", "tz")
 Fields: TypeAlias = dict[str, Line]
 
 
-def read_asf(path: str | Path) -> AcclaimSkeleton:
+def read_asf(path: str | Path, unit: float | None = None) -> AcclaimSkeleton:
     """The skeleton in an ASF file.
+
+    Args:
+        path: of the file.
+        unit: what one of its lengths is, m; None takes what the file says.
 
     Raises:
         FileFormatError: naming file and line, if it cannot be read or does not follow the format.
@@ -39,6 +43,7 @@ def read_asf(path: str | Path) -> AcclaimSkeleton:
         if section not in sections:
             raise FileFormatError(f"{path}: there is no :{section} section. Give a complete ASF file.")
     length_unit, angle_unit = _units(sections.get("units", []))
+    length_unit = unit or length_unit
     root = _fields(sections["root"])
     bones = _bones(path, sections["bonedata"])
     parent = _parents(sections["hierarchy"], bones)

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.mocap.clip import Clip
-from controller.mocap.formats.c3d import Markers
+from controller.mocap.formats.markers.c3d import Markers
 from controller.mocap.orientation import orient
 from controller.mocap.rest_pose import TO_OURS
 from controller.mocap.skeleton import ROOT, Skeleton

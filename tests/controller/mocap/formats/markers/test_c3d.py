@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from controller.mocap.formats.c3d import read_c3d
+from controller.mocap.formats.markers.c3d import read_c3d
 from motiondeck_base.errors import FileFormatError
 from recordings import c3d_bytes
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.mocap.formats.c3d import DEC, read_c3d, read_layout
+from controller.mocap.formats.markers.c3d import DEC, read_c3d, read_layout
 from controller.rotations import Array
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import read_bytes

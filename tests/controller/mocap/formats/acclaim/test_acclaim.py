@@ -4,8 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from controller.mocap.formats.amc import read_amc
-from controller.mocap.formats.asf import read_asf
+from controller.mocap.formats.acclaim.amc import read_amc
+from controller.mocap.formats.acclaim.asf import read_asf
 from controller.rotations import dot
 from motiondeck_base.errors import FileFormatError
 from recordings import AMC, ASF

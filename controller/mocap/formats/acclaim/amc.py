@@ -13,7 +13,7 @@ from typing import TypeAlias
 import numpy as np
 
 from controller.mocap.clip import Clip
-from controller.mocap.formats.acclaim import AcclaimSkeleton, from_acclaim, turned
+from controller.mocap.formats.acclaim.axes import AcclaimSkeleton, from_acclaim, turned
 from controller.rotations import Array, conjugate, continuous, multiply
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import Line, listed, read_lines, shortened

@@ -16,6 +16,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.mocap.reading_options import AS_FOUND, ReadingOptions
 from controller.rotations import Array
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import read_bytes, shortened
@@ -130,7 +131,7 @@ def read_layout(path: str | Path, content: bytes) -> C3dLayout:
     return C3dLayout(processor, parameters, at, frames, points, width, scale, rate, unit)
 
 
-def read_c3d(path: str | Path) -> Markers:
+def read_c3d(path: str | Path, options: ReadingOptions = AS_FOUND) -> Markers:
     """The points in a C3D file.
 
     Raises:
@@ -142,7 +143,7 @@ def read_c3d(path: str | Path) -> Markers:
     words = _floats(raw, form.processor) if form.scale < 0.0 else np.frombuffer(raw, form.number).astype(np.float64)
     place = words.reshape(form.frames, form.width)[:, : 4 * form.points].reshape(form.frames, form.points, 4).copy()
     with np.errstate(all="ignore"):  # a broken number is a point not seen
-        position = place[..., :3] * form.metres
+        position = place[..., :3] * (form.metres if options.unit is None else form.metres / form.unit * options.unit)
         unseen = ~(place[..., 3] >= 0.0) | ~(np.abs(position).max(axis=-1) < FARTHEST)
     unseen |= (position == 0.0).all(axis=-1)
     position[unseen] = np.nan
@@ -150,7 +151,13 @@ def read_c3d(path: str | Path) -> Markers:
         raise FileFormatError(f"{path}: no point was ever seen in this file. Give another recording.")
     up = _text(form.parameters, "POINT:Y_SCREEN").lower().lstrip("+")
     labels = _labels(form.parameters, form.points)
-    return Markers(labels, form.rate, position, up if up in ("x", "y", "z") else None, Path(path).name)
+    return Markers(
+        options.renamed(labels, path) if options.rename else labels,
+        form.rate,
+        position,
+        options.up or (up if up in ("x", "y", "z") else None),
+        Path(path).name,
+    )
 
 
 def _parameters(path: str | Path, content: bytes, at: int, processor: int) -> Parameters:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from controller.mocap.formats.c3d import read_c3d
-from controller.mocap.formats.c3d_writing import with_points
+from controller.mocap.formats.markers.c3d import read_c3d
+from controller.mocap.formats.markers.c3d_writing import with_points
 from controller.mocap.formats.writing import markers_csv, write_file
 from motiondeck_base.errors import FileFormatError
 from recordings import c3d_bytes

@@ -1,0 +1,1 @@
+"""Acclaim: skeletons (.asf) and the recordings that belong to them (.amc)."""

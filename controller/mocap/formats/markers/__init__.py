@@ -1,0 +1,1 @@
+"""Recordings of markers: their files, and the body that wore them."""
