@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -23,9 +24,18 @@ def test_it_leads_from_rest_to_rest_within_the_limits(start, goal, slowness):
         assert (np.abs(rate).max(0) <= 1.001 * most / slowness**order + 1e-5).all()
 
 
-def test_unhurried_it_takes_as_long_as_the_slowest_joint_needs():
-    approach = Approach.within(LIMITS, np.zeros(2), np.array([0.1, 2.0]), slowness=1.0)
-    assert np.isclose(approach.duration, 15.0 / 8.0 * 2.0 / 1.0)
+@pytest.mark.parametrize("tight", [0, 1, 2])
+def test_unhurried_it_reaches_the_tightest_limit_of_its_slowest_joint(tight):
+    rates = [30.0, 600.0, 20_000.0]
+    rates[tight] /= 100.0
+    limits = JointLimits(*(np.array([4.0 * value, value]) for value in (-3.0, 3.0, *rates)))
+    approach = Approach.within(limits, np.zeros(2), np.array([0.1, 2.0]), slowness=1.0)
+    step = approach.duration / 4000
+    rate, used = np.array([approach.at(step * k) for k in range(4001)]), []
+    for most in (limits.velocity, limits.acceleration, limits.jerk):
+        rate = np.diff(rate, axis=0) / step
+        used.append((np.abs(rate).max(0) / most).max())
+    assert max(used) == pytest.approx(1.0, rel=3e-3) == used[tight]
 
 
 def test_where_nothing_is_to_be_done_it_takes_no_time():
