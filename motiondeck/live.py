@@ -32,7 +32,7 @@ from controller.wire.command_socket import (
     Refused,
     Reset,
     Resume,
-    SetSpeed,
+    SetTempo,
     SocketError,
     Stop,
     Switch,
@@ -162,7 +162,7 @@ class LiveDeck:
 
     def set_tempo(self, factor: float, over: float = 0.0) -> None:
         """Plays at 0.1 to 3 times the recorded tempo; the change takes `over` seconds, or as few as are smooth."""
-        self._request(SetSpeed(factor, over=over))
+        self._request(SetTempo(factor, over=over))
 
     def pause(self) -> None:
         """Comes to a standstill."""

@@ -21,7 +21,7 @@ from controller.wire.command_socket import (
     Refused,
     Reset,
     Resume,
-    SetSpeed,
+    SetTempo,
     State,
     Stop,
     Switch,
@@ -80,7 +80,7 @@ class Pad:
         if abs(tempo - self._tempo) < 0.5 * STEP:
             return None
         self._tempo = tempo
-        return SetSpeed(tempo)
+        return SetTempo(tempo)
 
 
 def tempo_of(value: float) -> float:
@@ -108,7 +108,7 @@ def drive(device: EventDevice, client: CommandClient) -> None:
             if message is None:
                 continue
             reply = client.request(message)
-            if isinstance(reply, Refused) or not isinstance(message, SetSpeed):
+            if isinstance(reply, Refused) or not isinstance(message, SetTempo):
                 print(f"{_typed(message)}: {describe(reply)}", flush=True)
             if isinstance(message, Stop):
                 return

@@ -121,7 +121,7 @@ def play(
     """Play learned motions live and switch them on command.
 
     Opens a page on 127.0.0.1 with the robot and a button for each motion, and a prompt here: type a motion's name (Tab
-    completes), `speed 1.5`, `pause`, `resume`, `quit`. From another terminal: `motiondeck send switch waltz`.
+    completes), `tempo 1.5`, `pause`, `resume`, `quit`. From another terminal: `motiondeck send switch waltz`.
 
     [bold]Examples[/]
 

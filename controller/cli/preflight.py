@@ -31,12 +31,12 @@ def preflight(
     balance: Annotated[
         bool, typer.Option("--balance", help="A free robot keeps its feet in place and its weight above them.")
     ] = False,
-    speed: Annotated[float, typer.Option("--speed", help="The tempo to judge at, 0.1 to 3.")] = 1.0,
+    tempo: Annotated[float, typer.Option("--tempo", help="The tempo to judge at, 0.1 to 3.")] = 1.0,
     motions_only: Annotated[bool, typer.Option("--motions-only", help="Leave the switches out.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw it (.png, .svg, .pdf).")] = None,
 ) -> None:
-    """Find out what would go wrong before a robot plays a library, and at what speed it goes well.
+    """Find out what would go wrong before a robot plays a library, and at what tempo it goes well.
 
     Every motion and every switch is checked against limits of position and speed, torque, heat and collisions with
     itself; motions are also played in physics. With `--root free` it counts whether the robot stands. The exit code
@@ -46,7 +46,7 @@ def preflight(
 
       motiondeck preflight thesis15 --robot servo20
 
-      motiondeck preflight thesis15 --robot servo20 --speed 0.46 --motions-only
+      motiondeck preflight thesis15 --robot servo20 --tempo 0.46 --motions-only
 
       motiondeck preflight cmu86 --robot mannequin --root free --balance --json
     """
@@ -64,8 +64,8 @@ def preflight(
     )
     from sim.physics.preflight import Preflight
 
-    if not TEMPO.lowest <= speed <= TEMPO.highest:
-        raise MotiondeckError(f"--speed {speed:g} is not between {TEMPO.lowest:g} and {TEMPO.highest:g}")
+    if not TEMPO.lowest <= tempo <= TEMPO.highest:
+        raise MotiondeckError(f"--tempo {tempo:g} is not between {TEMPO.lowest:g} and {TEMPO.highest:g}")
     if balance and root != "free":
         raise MotiondeckError(f"a robot whose root is {root} need not balance: give --root free with --balance")
     if plot is not None:
@@ -80,16 +80,16 @@ def preflight(
     verdicts: list[PreflightVerdict] = []
     with progress("motions", len(loaded.network.motions)) as tick:
         for take in motion_takes(loaded, body):
-            verdicts.append(judge.judge(take, simulate=True, tempo=speed))
+            verdicts.append(judge.judge(take, simulate=True, tempo=tempo))
             tick()
     motions = len(verdicts)
     if not motions_only:
         with progress("switches", count_switches(loaded)) as tick:
             for take in switch_takes(loaded, body):
-                verdicts.append(judge.judge(take, simulate=False, tempo=speed))
+                verdicts.append(judge.judge(take, simulate=False, tempo=tempo))
                 tick()
         verdicts += _by_their_parts({v.name: v for v in verdicts}, switches_by_way_of(loaded))
-    report = _report(verdicts, motions, loaded.info.name, body.name, root, balance, speed)
+    report = _report(verdicts, motions, loaded.info.name, body.name, root, balance, tempo)
     if as_json:
         print(json.dumps(report, allow_nan=False))
     else:
@@ -149,7 +149,7 @@ def _by_their_parts(
 
 
 def _report(
-    verdicts: list[PreflightVerdict], motions: int, library: str, robot: str, root: str, balance: bool, speed: float
+    verdicts: list[PreflightVerdict], motions: int, library: str, robot: str, root: str, balance: bool, tempo: float
 ) -> dict[str, Any]:
     def said(verdict: PreflightVerdict) -> dict[str, Any]:
         # Of a switch by way of others its parts say the numbers.
@@ -168,7 +168,7 @@ def _report(
         "robot": robot,
         "root": root,
         "balance": balance,
-        "speed": speed,
+        "tempo": tempo,
         "ok": all(verdict.ok for verdict in verdicts),
         "motions": [said(verdict) for verdict in verdicts[:motions]],
         "switches": [said(verdict) for verdict in verdicts[motions:]],
@@ -184,7 +184,7 @@ def _print(verdicts: list[PreflightVerdict], motions: int, report: dict[str, Any
     held = {"gantry": "on a gantry", "fixed": "fixed"}.get(report["root"], "free" + ", balancing" * report["balance"])
     every = [finding for verdict in verdicts[:motions] for finding in verdict.findings]
     judged = {finding.check for finding in every if finding.limit is not None or finding.check == "speed"}
-    title = f"{report['library']} on {report['robot']}, {held}, at tempo {report['speed']:g}"
+    title = f"{report['library']} on {report['robot']}, {held}, at tempo {report['tempo']:g}"
     for words, among in ((title, judged), ("for information", {finding.check for finding in every} - judged)):
         units = {finding.check: finding.unit for finding in every if finding.check in among}
         tempo = ("passes at",) if among is judged else ()
@@ -211,7 +211,7 @@ def _print(verdicts: list[PreflightVerdict], motions: int, report: dict[str, Any
         console.print("Switches by way of other motions are judged by their parts.", style="dim")
     console.print("Where each number comes from: --json. What it means: docs/physics.md", style="dim")
     if not report["ok"]:
-        console.print("A number in red is beyond its limit; slower: `speed FACTOR` at the prompt or with `send`.")
+        console.print("A number in red is beyond its limit; slower: `tempo TEMPO` at the prompt or with `send`.")
 
 
 def _cell(value: float, limit: float | None, ok: bool) -> str:

@@ -40,7 +40,7 @@ def replay(
 ) -> None:
     """Replay a recorded run: the same targets, through the same limits.
 
-    Commands for speed, pause, home and the emergency stop work as in `play`.
+    Commands for tempo, pause, home and the emergency stop work as in `play`.
 
     With --scrub the targets are shown on a page where one can drag a bar through time and step from frame to frame.
 

@@ -38,7 +38,7 @@ def send(
 ) -> None:
     """Send a command to the running deck and print its reply; the exit code is 1 if it was refused.
 
-    Examples:  motiondeck send switch waltz      motiondeck send speed 0.5      motiondeck send status --json
+    Examples:  motiondeck send switch waltz      motiondeck send tempo 0.5      motiondeck send status --json
     """
     import msgspec
 

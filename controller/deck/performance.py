@@ -71,7 +71,7 @@ class Performance:
         self._fade_elapsed = self._turned = 0.0  # s, and rad by which the heading has turned since the fade began
         self._limits: JoinLimits | None = None
         self._corrections = 0
-        self._dt, self._speed = 1.0 / library.info.rate, 1.0
+        self._dt, self._tempo = 1.0 / library.info.rate, 1.0
         self._first.cue_phase(motion, phase)
         self._first.step(0.0, 1.0)
         self._before = self.posture = self._shown = self._target = self._first.posture
@@ -122,14 +122,14 @@ class Performance:
         """Sets the end of a loop that has gone round to the end of its present round."""
         self._leading.finish_round()
 
-    def step(self, dt: float, speed: float) -> bool:
+    def step(self, dt: float, tempo: float) -> bool:
         """Advances by dt seconds at a tempo; whether a switch has been completed with it."""
-        self._dt, self._speed = dt, speed
-        self._target = self._play(dt, speed)
+        self._dt, self._tempo = dt, tempo
+        self._target = self._play(dt, tempo)
         shown, completed = self._faded(dt)
         self.blend_problem = ""
         if self._check is not None and self.other:
-            self.blend_problem = self._check.problem(self._joints(self._target), dt * speed)
+            self.blend_problem = self._check.problem(self._joints(self._target), dt * tempo)
         self._take(shown)
         use = self._limits.use(self._next, dt) if self._limits is not None else 0.0
         if self.other and use > BLEND_TURNS_OVER:
@@ -183,7 +183,7 @@ class Performance:
         if self._blend is None:
             self._check = BlendCheck(self.here, self.motions[other])
             self._second.cue(other, self._best_anchor(other, self._before, self.posture))
-            self._second.step(0.0, self._speed)
+            self._second.step(0.0, self._tempo)
             self._blend = PostureBlend(self._first.posture, self._second.posture, self._rest_direction)
             self._weight = Ramp(0.0, 0.0, 0.0)
         self._limit(self.here, self.motions[other])
@@ -201,13 +201,13 @@ class Performance:
     def _leading(self) -> Track:
         return self._second if self._switching and self._blend is not None else self._first
 
-    def _play(self, dt: float, speed: float) -> Posture:
+    def _play(self, dt: float, tempo: float) -> Posture:
         """The posture of the motion, or of both, dt seconds later."""
         if self._blend is None:
             starting = self._fade is not None and not self.here.loop
             onset = self._fade.onset(self._fade_elapsed) if self._fade is not None and starting else 1.0
-            return self._first.step(dt, speed * onset)
-        first, second = self._first.step(dt, speed), self._second.step(dt, speed)
+            return self._first.step(dt, tempo * onset)
+        first, second = self._first.step(dt, tempo), self._second.step(dt, tempo)
         return self._blend.advance(first, second, self._weight.advance(dt), dt)
 
     def _faded(self, dt: float) -> tuple[Posture, bool]:
@@ -243,8 +243,8 @@ class Performance:
         """Enters a motion on the second track, and mixes both until it is left alone."""
         leaving, entering = self.here, self.motions[motion]
         self._second.cue(motion, anchor)
-        before = self._second.step(0.0, self._speed)
-        now = self._second.step(self._dt, self._speed)
+        before = self._second.step(0.0, self._tempo)
+        now = self._second.step(self._dt, self._tempo)
         self._blend = PostureBlend(self._first.posture, now, self._rest_direction)
         if self._by_module and self._joining == "morph":
             self._weight = ModuleWeight(len(self._names), *map(self._names.index, (leaving.name, motion)))
@@ -254,7 +254,7 @@ class Performance:
 
     def _fade_to_first(self, bound: float, at_least: float = 0.0) -> None:
         """Fades from what is shown to the motion of the first track, which has just been cued."""
-        tempo = self._speed if self.here.loop else 0.0
+        tempo = self._tempo if self.here.loop else 0.0
         before = self._first.step(0.0, tempo)
         self._begin_fade(before, self._first.step(self._dt, tempo), bound, at_least)
 
@@ -268,8 +268,8 @@ class Performance:
             self._blend = None
         elif track.morphing:
             track.cue(track.motion.name, self._best_anchor(track.motion.name, self.posture, self._shown))
-            track.step(0.0, self._speed)
-            track.step(self._dt, self._speed)
+            track.step(0.0, self._tempo)
+            track.step(self._dt, self._tempo)
         self._switching = False
         self._begin_fade(track.posture_before, track.posture, track.motion.acceleration, longer)
 

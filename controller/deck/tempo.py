@@ -12,13 +12,13 @@ class Tempo:
     """A tempo, 1 as recorded.
 
     Attributes:
-        speed: the present tempo; it follows the commanded one smoothly.
+        present: the present tempo; it follows the commanded one smoothly.
         commanded: the commanded tempo.
         paused: whether a pause was commanded.
     """
 
     def __init__(self) -> None:
-        self.speed = self.commanded = 1.0
+        self.present = self.commanded = 1.0
         self.paused = False
         self._rate = TEMPO_RATE  # of the change to the commanded tempo, 1/s
 
@@ -35,7 +35,7 @@ class Tempo:
         TEMPO.check(factor)
         TEMPO_SECONDS.check(over)
         self.commanded = factor
-        begins = 0.0 if self.paused else self.speed
+        begins = 0.0 if self.paused else self.present
         self._rate = min(TEMPO_RATE, abs(factor - begins) / over) if over > 0.0 else TEMPO_RATE
 
     def pause(self) -> None:
@@ -51,8 +51,8 @@ class Tempo:
         """The tempo after dt more seconds."""
         goal, rate = (0.0, TEMPO_RATE) if self.paused else (self.commanded, self._rate)
         most = rate * dt
-        self.speed += min(max(goal - self.speed, -most), most)
-        return self.speed
+        self.present += min(max(goal - self.present, -most), most)
+        return self.present
 
 
 class Paced:
@@ -62,12 +62,12 @@ class Paced:
         self._tempo = Tempo()
 
     @property
-    def speed(self) -> float:
+    def tempo(self) -> float:
         """The present tempo; it follows the commanded one smoothly."""
-        return self._tempo.speed
+        return self._tempo.present
 
     @property
-    def commanded_speed(self) -> float:
+    def commanded_tempo(self) -> float:
         """The commanded tempo."""
         return self._tempo.commanded
 
@@ -76,7 +76,7 @@ class Paced:
         """Whether it is paused."""
         return self._tempo.paused
 
-    def set_speed(self, factor: float, over: float = 0.0) -> None:
+    def set_tempo(self, factor: float, over: float = 0.0) -> None:
         """Plays at another tempo, reached within `over` seconds; see `Tempo.command`."""
         self._tempo.command(factor, over)
 

@@ -21,7 +21,7 @@ from controller.wire.command_socket import (
     Reply,
     Reset,
     Resume,
-    SetSpeed,
+    SetTempo,
     Settled,
     State,
     Stop,
@@ -56,7 +56,7 @@ class Commandable(Protocol):
         ...
 
     @property
-    def speed(self) -> float:
+    def tempo(self) -> float:
         """The tempo."""
         ...
 
@@ -102,7 +102,7 @@ class Commandable(Protocol):
         """Plays a blend of two motions."""
         ...
 
-    def set_speed(self, factor: float, over: float = 0.0) -> None:
+    def set_tempo(self, factor: float, over: float = 0.0) -> None:
         """Plays at another tempo."""
         ...
 
@@ -205,8 +205,8 @@ class CommandDesk:
                 progress = deck.enqueue(to)
             case Blend(first=first, second=second, weight=weight):
                 progress = deck.blend_in(first, second, weight)
-            case SetSpeed(factor=factor, over=over):
-                return deck.set_speed(factor, over)
+            case SetTempo(factor=factor, over=over):
+                return deck.set_tempo(factor, over)
             case _:
                 return deck.pause()
         if stop.mode != "playing":
@@ -219,7 +219,7 @@ class CommandDesk:
         return State(
             motion=deck.motion,
             motions=list(deck.motions),
-            speed=deck.speed,
+            tempo=deck.tempo,
             paused=deck.paused,
             switching=not deck.settled,
             id=message.id,

@@ -25,7 +25,7 @@ from controller.wire.messages import (
     Queue,
     Reset,
     Resume,
-    SetSpeed,
+    SetTempo,
     Stop,
     Switch,
 )
@@ -127,7 +127,7 @@ class DeckCommand:
 
     @property
     def usage(self) -> str:
-        """The command with its arguments, as in "speed TEMPO [SECONDS]"."""
+        """The command with its arguments, as in "tempo TEMPO [SECONDS]"."""
         names = [f"[{a.name}]" if a.optional else a.name for a in self.arguments]
         return " ".join([self.word, *names])
 
@@ -160,8 +160,8 @@ COMMANDS = (
         "play a blend of two loops; WEIGHT (0 to 1) is that of B",
     ),
     DeckCommand(
-        "speed",
-        SetSpeed,
+        "tempo",
+        SetTempo,
         (TEMPO, TEMPO_SECONDS),
         "play at 0.1 to 3 times the recorded tempo, reached smoothly or within 0 to 60 s",
     ),

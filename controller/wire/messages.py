@@ -60,7 +60,7 @@ class Blend(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="blend"
     id: Number = 0
 
 
-class SetSpeed(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="speed"):
+class SetTempo(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="tempo"):
     """Play at another tempo.
 
     Attributes:
@@ -150,7 +150,7 @@ class State(msgspec.Struct, frozen=True, tag="state"):
     Attributes:
         motion: the motion that is played or being switched to.
         motions: all motions of the library.
-        speed: the tempo.
+        tempo: 1 as recorded.
         paused: whether it is paused.
         switching: whether a switch is under way.
         id: that of the command.
@@ -163,7 +163,7 @@ class State(msgspec.Struct, frozen=True, tag="state"):
 
     motion: str
     motions: list[str]
-    speed: float
+    tempo: float
     paused: bool
     switching: bool
     id: Number
@@ -174,7 +174,7 @@ class State(msgspec.Struct, frozen=True, tag="state"):
     seen: tuple[str, float] | None = None
 
 
-Message = Switch | Queue | Blend | SetSpeed | Pause | Resume | Home | EmergencyStop | Reset | Stop | GetStatus
+Message = Switch | Queue | Blend | SetTempo | Pause | Resume | Home | EmergencyStop | Reset | Stop | GetStatus
 Reply = Accepted | Refused | Settled | State
 
 encode = msgspec.json.Encoder().encode

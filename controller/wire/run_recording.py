@@ -27,7 +27,7 @@ from motiondeck_base.errors import FileFormatError
 VERSION = 2
 READABLE = (1, 2)
 """Version 1 lacks `robot_root`, `seen` and `confidence`."""
-COMMANDS = ("switch", "queue", "speed", "pause", "resume", "home", "estop", "reset", "stop", "blend")
+COMMANDS = ("switch", "queue", "tempo", "pause", "resume", "home", "estop", "reset", "stop", "blend")
 """The field `command` is an index into these, counted from 1; 0 is a tick without a command."""
 MODES = ("playing", "home", "held", "emergency stop")
 """The field `mode` is an index into these."""

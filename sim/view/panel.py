@@ -20,7 +20,7 @@ from controller.wire.command_socket import (
     Refused,
     Reset,
     Resume,
-    SetSpeed,
+    SetTempo,
     Stop,
     Switch,
 )
@@ -32,7 +32,7 @@ from sim.view.private_page import PrivatePage
 from sim.view.recognition_text import what_is_seen
 
 ANSWER_WITHIN = 1.0
-# A hand on the slider keeps it for so long before the deck's own speed is shown again, s.
+# A hand on the slider keeps it for so long before the deck's own tempo is shown again, s.
 HAND_ON = 1.0
 
 CURRENT = (38, 110, 200)
@@ -79,8 +79,8 @@ class Panel:
             self._weight.on_update(self._weight_moved)
         self._motions = motions
         gui.add_divider()
-        self._speed = gui.add_slider("tempo", min=TEMPO.lowest, max=TEMPO.highest, step=0.05, initial_value=1.0)
-        self._speed.on_update(self._speed_moved)
+        self._tempo = gui.add_slider("tempo", min=TEMPO.lowest, max=TEMPO.highest, step=0.05, initial_value=1.0)
+        self._tempo.on_update(self._tempo_moved)
         self._pause = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE, color="gray", hint=BY_WORD["pause"].help)
         self._pause.on_click(lambda _: self._send(Resume() if self._paused else Pause()))
         self._home = gui.add_button("Home", icon=viser.Icon.HOME, color="gray", hint=BY_WORD["home"].help)
@@ -94,7 +94,7 @@ class Panel:
         self._controls = [
             *((button, BY_WORD["switch"]) for button in self._buttons),
             (self._weight, BY_WORD["blend"]),
-            (self._speed, BY_WORD["speed"]),
+            (self._tempo, BY_WORD["tempo"]),
             (self._pause, BY_WORD["pause"]),
             (self._home, BY_WORD["home"]),
         ]
@@ -139,18 +139,18 @@ class Panel:
             self._estop.label = "Reset" if self._stopped else "Emergency stop"
             for control, command in self._controls:
                 control.disabled = mode not in command.modes
-        speed = round(_number(state, "speed", 1.0), 2)
-        if abs(speed - self._speed.value) > 0.024 and time.monotonic() - self._moved > HAND_ON:
-            self._speed.value = min(max(speed, TEMPO.lowest), TEMPO.highest)
+        tempo = round(_number(state, "tempo", 1.0), 2)
+        if abs(tempo - self._tempo.value) > 0.024 and time.monotonic() - self._moved > HAND_ON:
+            self._tempo.value = min(max(tempo, TEMPO.lowest), TEMPO.highest)
         self._health.content = _health(state)
         if "seen" in state:
             self._seen.content = what_is_seen(state, self._motions, self._joints)
 
-    def _speed_moved(self, event: viser.GuiEvent) -> None:
+    def _tempo_moved(self, event: viser.GuiEvent) -> None:
         # A slider set by this program, not by a hand, reports no client.
         if event.client is not None:
             self._moved = time.monotonic()
-            self._send(SetSpeed(factor=float(self._speed.value)))
+            self._send(SetTempo(factor=float(self._tempo.value)))
 
     def _weight_moved(self, event: viser.GuiEvent) -> None:
         if event.client is not None and 0 <= self._current < len(self._motions):

@@ -13,14 +13,14 @@ class Playhead:
         frames: T, at least 1.
         rate: frames per second, Hz.
         place: in frames, 0 to T - 1, between two of them while it plays.
-        speed: 1 is as recorded.
+        tempo: 1 is as recorded.
         playing: whether time passes.
     """
 
     frames: int
     rate: float
     place: float = 0.0
-    speed: float = 1.0
+    tempo: float = 1.0
     playing: bool = True
 
     @property
@@ -36,7 +36,7 @@ class Playhead:
     def advance(self, dt: float) -> None:
         """Lets dt seconds pass; after the last frame comes the first."""
         if self.playing:
-            self.place = (self.place + dt * self.rate * self.speed) % self.frames
+            self.place = (self.place + dt * self.rate * self.tempo) % self.frames
 
     def step(self, frames: int) -> None:
         """Stops and goes some whole frames on, or back if negative; it holds at both ends."""

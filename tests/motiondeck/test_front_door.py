@@ -67,7 +67,7 @@ def test_steps_give_what_the_array_holds(library, motion):
     assert np.array_equal([generator.step(dt) for dt in [0.0] + [1.0 / 90.0] * 44], frames)
 
 
-def test_tempo_is_time_and_speed(library):
+def test_a_tempo_changes_how_long_a_motion_takes(library):
     usual = library.generate("march", seconds=1.0, rate=100.0)
     fast = library.generate("march", seconds=0.5, rate=200.0, tempo=2.0)
     turn, forward = 1, 2

@@ -31,7 +31,7 @@ def test_ten_lines_play_switch_on_a_condition_and_end(library, tmp_path):
     with motiondeck.play(library, "march", physics=False, rate=100.0, record=tmp_path / "show.rec") as deck:
         assert deck.motions == ("march", "wave", "bow")
         assert deck.status().motion == "march"
-        if deck.status().speed > 0.5:
+        if deck.status().tempo > 0.5:
             settled = deck.switch("wave").wait()
         assert 0.0 < settled < 5.0
         assert (deck.status().motion, deck.status().switching, deck.running) == ("wave", False, True)

@@ -45,7 +45,7 @@ def play(
     No robot is simulated and there is no page. The approach to the first pose is slow; every target keeps to the rig
     file's limits. A clip ends at its last frame, even if limits have held it back.
 
-    `motiondeck send switch nod` (or pause, speed 0.5, home, estop) commands it.
+    `motiondeck send switch nod` (or pause, tempo 0.5, home, estop) commands it.
 
     [bold]Examples[/]
 

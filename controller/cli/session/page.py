@@ -33,7 +33,7 @@ _NUMBERS = (
     "tick",
     "time_s",
     "motion",
-    "speed",
+    "tempo",
     "paused",
     "mode",
     "rate_hz",
@@ -67,7 +67,7 @@ class Showable(Protocol):
     time: float
 
     @property
-    def commanded_speed(self) -> float:
+    def commanded_tempo(self) -> float:
         """The tempo that was commanded."""
         ...
 
@@ -160,7 +160,7 @@ class Page:
         fields["tick"][0] = state.tick
         fields["time_s"][0] = deck.time
         fields["motion"][0] = deck.motions.index(deck.motion)
-        fields["speed"][0] = deck.commanded_speed
+        fields["tempo"][0] = deck.commanded_tempo
         fields["paused"][0] = deck.paused
         fields["mode"][0] = MODES.index(stop.mode)
         fields["rate_hz"][0] = state.rate

@@ -86,7 +86,7 @@ class PlayableDeck(Player, Commandable, Protocol):
     time: float
 
     @property
-    def commanded_speed(self) -> float:
+    def commanded_tempo(self) -> float:
         """The tempo that was commanded."""
         ...
 
@@ -337,7 +337,7 @@ class Session:
             simulation.stage.placed,
             time_s=deck.time,
             motion=deck.motions.index(deck.playing),
-            speed=deck.speed,
+            tempo=deck.tempo,
             switching=not deck.settled,
             seen=deck.motions.index(seen[0]) if seen is not None else -1.0,
             confidence=seen[1] if seen is not None else 0.0,

@@ -51,7 +51,7 @@ def describe(reply: Reply) -> str:
         case Settled(to=to, seconds=seconds):
             return f"settled on {to} after {seconds:.2f} s"
         case State():
-            how = "paused" if reply.paused else f"at speed {reply.speed:.2f}"
+            how = "paused" if reply.paused else f"at tempo {reply.tempo:.2f}"
             doing = "switching to" if reply.switching else "playing"
             mode = "" if reply.mode == "playing" else f"{reply.mode}; "
             queue = f"; next: {', '.join(reply.queue)}" if reply.queue else ""

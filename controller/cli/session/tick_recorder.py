@@ -15,7 +15,7 @@ from controller.cli.session.child_process import child_process
 from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
 from controller.rotations import Array
-from controller.wire.command_socket import Blend, GetStatus, Message, Queue, Refused, Reply, SetSpeed, Switch
+from controller.wire.command_socket import Blend, GetStatus, Message, Queue, Refused, Reply, SetTempo, Switch
 from controller.wire.run_recording import COMMANDS, MODES
 from controller.wire.telemetry import StateWriter
 from motiondeck_base.errors import FileFormatError
@@ -25,7 +25,7 @@ KEPT_SECONDS = 8.0
 
 _NUMBERS = (
     *("tick", "time_s", "late_us", "work_us", "overruns"),
-    *("motion", "speed", "switching", "mode"),
+    *("motion", "tempo", "switching", "mode"),
     *("command", "argument", "refused"),
     *("seen", "confidence"),
 )
@@ -53,7 +53,7 @@ class TickRecorder:
         match message:
             case Switch(to=to) | Queue(to=to):
                 argument = self._motions.index(to) if to in self._motions else math.nan
-            case SetSpeed(factor=factor):
+            case SetTempo(factor=factor):
                 argument = factor
             case Blend(weight=weight):
                 argument = weight
@@ -71,7 +71,7 @@ class TickRecorder:
             stop: knows in which mode it is.
             measured: joint positions (J,), rad, if any.
             placed: where the robot's root was meant to be, position and quaternion, shape (7,), m.
-            numbers: motion (its index), speed, switching and time_s; seen (an index too) and confidence.
+            numbers: motion (its index), tempo, switching and time_s; seen (an index too) and confidence.
         """
         fields = self._writer.fields
         fields["targets"][:] = state.targets[: len(fields["targets"])]  # of the first robot

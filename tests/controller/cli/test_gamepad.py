@@ -24,7 +24,7 @@ from controller.wire.command_socket import (
     Pause,
     Reset,
     Resume,
-    SetSpeed,
+    SetTempo,
     State,
     Stop,
     Switch,
@@ -135,7 +135,7 @@ def test_the_cross_goes_round_through_the_motions():
 def test_the_stick_sends_allowed_tempos_and_few_of_them(values):
     pad = Pad(MOTIONS, "walk")
     sent = [message for value in values if (message := pad.command(Stick(value)))]
-    assert all(isinstance(message, SetSpeed) and 0.1 <= message.factor <= 3.0 for message in sent)
+    assert all(isinstance(message, SetTempo) and 0.1 <= message.factor <= 3.0 for message in sent)
     assert all(a.factor != b.factor for a, b in pairwise(sent))
 
 

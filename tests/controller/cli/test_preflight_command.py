@@ -51,7 +51,7 @@ def test_the_table_names_what_is_wrong_and_the_tempo_that_passes(library):
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (("--speed", "9"), "--speed 9 is not between"),
+        (("--tempo", "9"), "--tempo 9 is not between"),
         (("--balance",), "give --root free with --balance"),
         (("--root", "string"), "root 'string': choose gantry"),
         (("--plot", "/nowhere/at/all.png"), "no such folder"),

@@ -47,7 +47,7 @@ def moment(seconds):
     return seconds
 
 
-def test_it_walks_forward_at_the_recorded_speed(library):
+def test_it_walks_forward_as_fast_as_recorded(library):
     deck = new_deck(library)
     joints(library, deck, 4.0)
     assert deck.pose.root_position[0] == pytest.approx(1.2 * 4.0, rel=0.1)
@@ -193,13 +193,13 @@ def test_a_queue_has_its_bounds(library):
 
 def test_a_change_of_tempo_takes_the_time_it_is_given(library):
     deck = new_deck(library)
-    deck.set_speed(2.0, over=2.0)
+    deck.set_tempo(2.0, over=2.0)
     joints(library, deck, 1.0)
-    assert deck.speed == pytest.approx(1.5)
+    assert deck.tempo == pytest.approx(1.5)
     joints(library, deck, 1.1)
-    assert deck.speed == 2.0
+    assert deck.tempo == 2.0
     with pytest.raises(MotiondeckError, match="SECONDS must be"):
-        deck.set_speed(1.0, over=-1.0)
+        deck.set_tempo(1.0, over=-1.0)
 
 
 def test_a_pause_stands_still_and_a_resume_goes_on(library):
@@ -214,7 +214,7 @@ def test_a_pause_stands_still_and_a_resume_goes_on(library):
 
 def test_half_the_tempo_takes_twice_the_time(library):
     deck = new_deck(library)
-    deck.set_speed(0.5)
+    deck.set_tempo(0.5)
     joints(library, deck, 1.0)
     start = deck.pose.root_position[0]
     joints(library, deck, 2.0)
@@ -224,7 +224,7 @@ def test_half_the_tempo_takes_twice_the_time(library):
 @pytest.mark.parametrize("factor", [0.0, -1.0, TEMPO.lowest / 2, TEMPO.highest * 2, float("nan"), float("inf")])
 def test_an_impossible_tempo_is_refused(library, factor):
     with pytest.raises(MotiondeckError, match="TEMPO must be"):
-        new_deck(library).set_speed(factor)
+        new_deck(library).set_tempo(factor)
 
 
 def test_an_unknown_motion_is_refused_with_the_nearest_name(library):
@@ -260,7 +260,7 @@ def test_whatever_is_commanded_targets_are_finite_and_repeatable(library, comman
             elif isinstance(command, str) and command.startswith("queue "):
                 deck.enqueue(command[6:])
             elif isinstance(command, float):
-                deck.set_speed(command)
+                deck.set_tempo(command)
             else:
                 deck.switch(command)
             targets += [deck.update(DT)[0] for _ in range(ticks)]

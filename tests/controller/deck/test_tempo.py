@@ -9,7 +9,7 @@ from motiondeck_base.errors import MotiondeckError
 def after(tempo, seconds, dt=0.01):
     for _ in range(round(seconds / dt)):
         tempo.advance(dt)
-    return tempo.speed
+    return tempo.present
 
 
 def test_a_change_takes_the_time_it_is_given():
@@ -20,7 +20,7 @@ def test_a_change_takes_the_time_it_is_given():
 
 
 @pytest.mark.parametrize("meanwhile", [(1.0, 10.0), (2.0, 30.0), (0.5, 0.0)])
-def test_a_speed_commanded_while_it_comes_to_a_pause_does_not_hold_the_pause_up(meanwhile):
+def test_a_tempo_commanded_while_it_comes_to_a_pause_does_not_hold_the_pause_up(meanwhile):
     tempo = Tempo()
     tempo.pause()
     after(tempo, 0.1)

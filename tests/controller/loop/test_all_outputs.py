@@ -24,7 +24,7 @@ from controller.wire.messages import (
     Refused,
     Reset,
     Resume,
-    SetSpeed,
+    SetTempo,
     State,
     Stop,
     Switch,
@@ -41,7 +41,7 @@ COMMANDS = st.one_of(
     st.builds(Switch, MOTIONS, direct=st.booleans()),
     st.builds(Queue, MOTIONS),
     st.builds(Blend, MOTIONS, MOTIONS, st.floats(-0.2, 1.2)),
-    st.builds(SetSpeed, st.floats(-1.0, 4.0), over=st.floats(-1.0, 2.0)),
+    st.builds(SetTempo, st.floats(-1.0, 4.0), over=st.floats(-1.0, 2.0)),
     st.sampled_from([Pause(), Resume(), Home(), EmergencyStop(), Reset(), GetStatus(), Stop()]),
 )
 

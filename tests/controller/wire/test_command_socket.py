@@ -30,7 +30,7 @@ from controller.wire.command_socket import (
     Reply,
     Reset,
     Resume,
-    SetSpeed,
+    SetTempo,
     Settled,
     SocketError,
     State,
@@ -58,7 +58,7 @@ class TinyDeck:
 
     motions: tuple[str, ...] = ("walk", "jog", "waltz")
     motion: str = "walk"
-    speed: float = 1.0
+    tempo: float = 1.0
     blend: tuple[str, float] | None = None
     fell_back: str = ""
     paused: bool = False
@@ -83,8 +83,8 @@ class TinyDeck:
         self.queue.append(to)
         return Progress(self.time)
 
-    def set_speed(self, factor, over=0.0):
-        self.speed, self.ramp = factor, over
+    def set_tempo(self, factor, over=0.0):
+        self.tempo, self.ramp = factor, over
 
     def pause(self):
         self.paused = True
@@ -143,7 +143,7 @@ def stage():
 
 
 def test_every_command_does_what_it_says(stage):
-    assert isinstance(stage.ask(SetSpeed(1.5)), Accepted)
+    assert isinstance(stage.ask(SetTempo(1.5)), Accepted)
     assert isinstance(stage.ask(Pause()), Accepted)
     reply = stage.ask(GetStatus())
     assert reply == State("walk", ["walk", "jog", "waltz"], 1.5, True, False, reply.id)
@@ -158,8 +158,8 @@ def test_a_switch_says_its_way_and_queueing_and_tempo_arrive(stage):
     assert stage.ask(Switch("jog")).via == ["stairs"]
     assert stage.ask(Switch("jog", direct=True)).via == []
     assert isinstance(stage.ask(Queue("waltz")), Accepted)
-    assert isinstance(stage.ask(SetSpeed(2.0, over=3.0)), Accepted)
-    assert (stage.deck.speed, stage.deck.ramp) == (2.0, 3.0)
+    assert isinstance(stage.ask(SetTempo(2.0, over=3.0)), Accepted)
+    assert (stage.deck.tempo, stage.deck.ramp) == (2.0, 3.0)
     assert stage.ask(GetStatus()).queue == ["waltz"]
 
 
@@ -170,7 +170,7 @@ def test_the_emergency_stop_is_latched_until_reset(stage):
     assert isinstance(stage.ask(EmergencyStop()), Accepted)
     assert stage.ask(GetStatus()).mode == "emergency stop"
     assert stage.deck.paused
-    for message in (Switch("jog"), Queue("jog"), SetSpeed(2.0), Pause(), Resume(), Home()):
+    for message in (Switch("jog"), Queue("jog"), SetTempo(2.0), Pause(), Resume(), Home()):
         refused = stage.ask(message)
         assert isinstance(refused, Refused)
         assert "release it with: reset" in refused.reason
@@ -276,11 +276,11 @@ def test_what_the_deck_refuses_is_refused_with_its_reason(stage):
 
 
 @pytest.mark.parametrize("factor", [0.05, 3.5, -1.0])
-def test_a_speed_out_of_range_is_refused_and_says_the_range(stage, factor):
-    reply = stage.ask(SetSpeed(factor))
+def test_a_tempo_out_of_range_is_refused_and_says_the_range(stage, factor):
+    reply = stage.ask(SetTempo(factor))
     assert isinstance(reply, Refused)
     assert "from 0.1 to 3" in reply.reason
-    assert stage.deck.speed == 1.0
+    assert stage.deck.tempo == 1.0
 
 
 @pytest.mark.parametrize(
@@ -291,9 +291,9 @@ def test_a_speed_out_of_range_is_refused_and_says_the_range(stage, factor):
         (b'{"type":"switch"}', "to"),
         (b'{"type":"switch","to":""}', "1 to 100 characters"),
         (b'{"type":"switch","to":"' + b"a" * 101 + b'"}', "1 to 100 characters"),
-        (b'{"type":"speed","factor":"fast"}', "float"),
-        (b'{"type":"speed","factor":1e999}', "not a command"),
-        (b'{"type":"speed","factor":1,"over":-1}', "from 0 to 60, not -1"),
+        (b'{"type":"tempo","factor":"fast"}', "float"),
+        (b'{"type":"tempo","factor":1e999}', "not a command"),
+        (b'{"type":"tempo","factor":1,"over":-1}', "from 0 to 60, not -1"),
         (b'{"type":"queue","to":""}', "1 to 100 characters"),
         (b'{"type":"pause","for":3}', "for"),
         (b'{"type":"pause","id":-1}', "id"),
@@ -320,7 +320,7 @@ def test_a_refusal_carries_the_number_of_what_it_refuses(stage):
             st.binary(max_size=200),
             st.builds(
                 lambda message, place, byte: message[:place] + bytes([byte]) + message[place + 1 :],
-                st.sampled_from([encode(Switch("jog", 3)), encode(SetSpeed(1.5, 2**40)), encode(GetStatus())]),
+                st.sampled_from([encode(Switch("jog", 3)), encode(SetTempo(1.5, 2**40)), encode(GetStatus())]),
                 st.integers(0, 40),
                 st.integers(0, 255),
             ),

@@ -220,7 +220,7 @@ def test_a_recorded_deck_can_be_paused_and_played_slowly_but_not_switched():
     again, _ = deck.update(0.01)
     assert np.array_equal(held, again)
     deck.resume()
-    deck.set_speed(0.5)
+    deck.set_tempo(0.5)
     assert not deck.over
     moved = [deck.update(0.01)[0] for _ in range(100)][-1]
     assert 0.3 < moved[0] - held[0] < 0.52

@@ -10,7 +10,7 @@ ACTIONS = st.one_of(
     st.tuples(st.just("advance"), st.floats(0.0, 20.0)),
     st.tuples(st.just("step"), st.integers(-500, 500)),
     st.tuples(st.just("seek"), st.floats(-5.0, 50.0)),
-    st.tuples(st.just("speed"), st.floats(0.05, 3.0)),
+    st.tuples(st.just("tempo"), st.floats(0.05, 3.0)),
     st.tuples(st.just("playing"), st.booleans()),
 )
 
@@ -19,18 +19,18 @@ ACTIONS = st.one_of(
 def test_the_frame_is_always_one_of_the_motion(frames, rate, actions):
     head = Playhead(frames, rate)
     for name, value in actions:
-        if name in ("speed", "playing"):
+        if name in ("tempo", "playing"):
             setattr(head, name, value)
         else:
             getattr(head, name)(value)
         assert 0 <= head.frame < frames
 
 
-def test_time_passes_at_its_speed_and_begins_again():
+def test_time_passes_at_its_tempo_and_begins_again():
     head = Playhead(frames=120, rate=60.0)
     head.advance(0.5)
     assert (head.frame, head.seconds) == (30, 0.5)
-    head.speed = 2.0
+    head.tempo = 2.0
     head.advance(0.5)
     assert head.frame == 90
     head.advance(0.25)

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 from test_private_page import free_port
 
-from controller.wire.command_socket import Accepted, CommandServer, Refused, SetSpeed, Stop, Switch
+from controller.wire.command_socket import Accepted, CommandServer, Refused, SetTempo, Stop, Switch
 from controller.wire.telemetry import StateWriter
 from sim.models.mannequin import build_mannequin
 from sim.view.scene import Follower
@@ -20,7 +20,7 @@ from sim.view.viewer import main
 from simulated_bodies import human
 
 MOTIONS = ["walk", "jog", "waltz"]
-NUMBERS = ["tick", "time_s", "motion", "speed", "paused", "rate_hz", "overruns"]
+NUMBERS = ["tick", "time_s", "motion", "tempo", "paused", "rate_hz", "overruns"]
 NUMBERS += ["lateness_p50_us", "lateness_p999_us", "work_p50_us"]
 PATIENCE = 60.0  # s: a browser without a graphics card on a busy machine
 
@@ -50,7 +50,7 @@ class FakeDeck:
         while not self._over.wait(0.02):
             tick += 1
             self._qpos[0] += 0.02
-            numbers = {"tick": tick, "motion": motion, "speed": 1.0, "rate_hz": 199.98, "work_p50_us": 412.0}
+            numbers = {"tick": tick, "motion": motion, "tempo": 1.0, "rate_hz": 199.98, "work_p50_us": 412.0}
             self.writer.publish(qpos=self._qpos, root_xy=self._qpos[:2], **numbers)
             for message, sender in self.server.poll():
                 self.received.append(message)
@@ -126,8 +126,8 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
         # Speed by keyboard, a step up.
         page.get_by_role("slider").focus()
         page.keyboard.press("ArrowRight")
-        speed = until(lambda: [m.factor for m in deck.received if isinstance(m, SetSpeed)], "the speed")
-        assert speed[-1] == pytest.approx(1.05)
+        tempo = until(lambda: [m.factor for m in deck.received if isinstance(m, SetTempo)], "the tempo")
+        assert tempo[-1] == pytest.approx(1.05)
 
         # A refusal is shown in the deck's words.
         page.get_by_role("button", name="Stop", exact=True).click()

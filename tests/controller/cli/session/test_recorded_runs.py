@@ -26,7 +26,7 @@ at = 0.3
 say = "queue wave"
 [[commands]]
 at = 0.4
-say = "speed 1.5"
+say = "tempo 1.5"
 [[commands]]
 at = 1.8
 say = "estop"
@@ -77,7 +77,7 @@ def test_every_tick_is_recorded_with_its_commands(run, folder):
     assert recording.complete
     assert fields["tick"][:, 0].tolist() == list(range(run["ticks"]))
     given = [COMMANDS[int(n) - 1] for n in fields["command"][:, 0] if n]
-    assert given == ["queue", "speed", "estop", "switch", "reset", "resume"]
+    assert given == ["queue", "tempo", "estop", "switch", "reset", "resume"]
     assert run["refused"] == [{"at": 1.9, "reason": "the emergency stop is on; release it with: reset"}]
     assert [MODES[int(m)] for m in np.unique(fields["mode"])] == ["playing", "held", "emergency stop"]
     halted = fields["targets"][fields["mode"][:, 0] == MODES.index("emergency stop")]

@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller.cli.session.script import Cue, Timed, parse_script, read_timeline
-from controller.wire.messages import EmergencyStop, SetSpeed, Switch
+from controller.wire.messages import EmergencyStop, SetTempo, Switch
 from motiondeck_base.errors import MotiondeckError
 
 MOTIONS = ("walk", "jog", "stool-standup")
@@ -61,11 +61,11 @@ def test_a_timeline_says_what_is_commanded_when(tmp_path):
     path = timeline(
         tmp_path,
         'motion = "walk"\n[[commands]]\nat = 6\nsay = "estop"\n[[commands]]\nat = 4.5\nsay = "jog"\n'
-        '[[commands]]\nat = 5\nsay = "speed 2 1.5"\n',
+        '[[commands]]\nat = 5\nsay = "tempo 2 1.5"\n',
     )
     assert read_timeline(path, MOTIONS) == (
         "walk",
-        [Timed(4.5, Switch("jog")), Timed(5.0, SetSpeed(2.0, over=1.5)), Timed(6.0, EmergencyStop())],
+        [Timed(4.5, Switch("jog")), Timed(5.0, SetTempo(2.0, over=1.5)), Timed(6.0, EmergencyStop())],
     )
 
 
@@ -78,8 +78,8 @@ def test_a_timeline_says_what_is_commanded_when(tmp_path):
         ('motion = "walk"\n[[commands]]\nat = -1.0\nsay = "jog"', "command 1: at = -1.0"),
         ('motion = "walk"\n[[commands]]\nat = nan\nsay = "jog"', "command 1: at = nan"),
         (
-            'motion = "walk"\n[[commands]]\nat = 1.0\nsay = "speed 9"',
-            "command 1: speed: TEMPO must be",
+            'motion = "walk"\n[[commands]]\nat = 1.0\nsay = "tempo 9"',
+            "command 1: tempo: TEMPO must be",
         ),
         ('motion = "walk"\n[[commands]]\nat = 1.0\nsay = "queue jig"', "command 1: unknown motion 'jig'"),
         ('motion = "walk"\n[[commands]]\nat = 1.0\nsay = ""', "command 1: '' is not a command"),

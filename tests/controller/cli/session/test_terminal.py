@@ -25,7 +25,7 @@ from controller.wire.command_socket import (
     Refused,
     Reset,
     Resume,
-    SetSpeed,
+    SetTempo,
     Settled,
     State,
     Stop,
@@ -43,8 +43,8 @@ from controller.wire.command_table import parse_command
         ("switch waltz direct", Switch("waltz", direct=True)),
         ("queue waltz", Queue("waltz")),
         ("blend walk jog 0.3", Blend("walk", "jog", 0.3)),
-        ("speed 1.5", SetSpeed(1.5)),
-        ("speed 1.5 4", SetSpeed(1.5, over=4.0)),
+        ("tempo 1.5", SetTempo(1.5)),
+        ("tempo 1.5 4", SetTempo(1.5, over=4.0)),
         ("home", Home()),
         ("estop", EmergencyStop()),
         ("reset", Reset()),
@@ -62,7 +62,7 @@ def test_words_become_messages(line, message):
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("", "is not a command. Commands: MOTION, switch MOTION [direct], queue MOTION, blend A B WEIGHT, speed TEMPO"),
+        ("", "is not a command. Commands: MOTION, switch MOTION [direct], queue MOTION, blend A B WEIGHT, tempo TEMPO"),
         ("dance the waltz", "'dance the waltz' is not a command"),
         ("switch", "switch: give it as: switch MOTION [direct]"),
         ("switch walk jog", "'jog' is not understood here; leave it out or give: direct"),
@@ -70,12 +70,12 @@ def test_words_become_messages(line, message):
         ("blend walk jog", "blend: give it as: blend A B WEIGHT"),
         ("blend walk jog much", "WEIGHT must be a number from 0 to 1, not 'much'"),
         ("blend walk jog 1.2", "WEIGHT must be a number from 0 to 1, not 1.2"),
-        ("speed", "speed: give it as: speed TEMPO [SECONDS]"),
-        ("speed 1 soon", "SECONDS must be a number from 0 to 60, not 'soon'"),
-        ("speed 1 100", "from 0 to 60, not 100"),
-        ("speed fast", "from 0.1 to 3, not 'fast'"),
-        ("speed 9", "from 0.1 to 3, not 9"),
-        ("speed nan", "from 0.1 to 3, not nan"),
+        ("tempo", "tempo: give it as: tempo TEMPO [SECONDS]"),
+        ("tempo 1 soon", "SECONDS must be a number from 0 to 60, not 'soon'"),
+        ("tempo 1 100", "from 0 to 60, not 100"),
+        ("tempo fast", "from 0.1 to 3, not 'fast'"),
+        ("tempo 9", "from 0.1 to 3, not 9"),
+        ("tempo nan", "from 0.1 to 3, not nan"),
         ("pause now", "pause: give it as: pause"),
         ("x" * 101, "1 to 100 characters"),
     ],
@@ -91,7 +91,7 @@ def test_any_words_are_a_message_or_a_command_error(words):
         message = parse_command(words)
     except CommandError:
         return
-    assert isinstance(message, Switch | Blend | SetSpeed | Pause | Resume | GetStatus | Stop)
+    assert isinstance(message, Switch | Blend | SetTempo | Pause | Resume | GetStatus | Stop)
 
 
 def test_replies_are_told_in_one_line():
@@ -103,7 +103,7 @@ def test_replies_are_told_in_one_line():
     assert describe(Refused("there is no jig", 1)) == "refused: there is no jig"
     assert describe(Settled("jog", 0.333, 1)) == "settled on jog after 0.33 s"
     assert describe(State("jog", ["jog", "walk"], 1.0, False, True, 1)) == (
-        "switching to jog, at speed 1.00; motions: jog, walk"
+        "switching to jog, at tempo 1.00; motions: jog, walk"
     )
     assert describe(State("jog", ["jog"], 1.0, True, False, 1)) == "playing jog, paused; motions: jog"
 
@@ -148,14 +148,14 @@ def terminal(port, lines):
 
 def test_lines_from_a_pipe_are_carried_out_one_after_the_other():
     with Answering() as deck:
-        done = terminal(deck.server.port, "jog\n\nspeed 2\nspeed 20\nhelp\nquit\n")
+        done = terminal(deck.server.port, "jog\n\ntempo 2\ntempo 20\nhelp\nquit\n")
     assert (done.returncode, done.stderr) == (0, "")
     told = done.stdout.splitlines()
     assert told[:3] == ["accepted", "settled on jog after 0.50 s", "accepted"]
     assert "from 0.1 to 3" in told[3]
     assert told[4].startswith("MOTION ")
     assert told[-1] == "accepted"
-    assert deck.heard == [Switch, SetSpeed, Stop]
+    assert deck.heard == [Switch, SetTempo, Stop]
 
 
 def test_with_no_deck_it_says_so_and_fails():
