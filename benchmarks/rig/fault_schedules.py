@@ -76,13 +76,14 @@ class Outcome:
         problems: what was wrong.
         recoveries: how often the rig came back.
         stopped: the message of a safe stop; "" for none.
-        fastest: the largest speed of a free shaft as a part of its limit.
+        fastest, hardest: the largest speed and acceleration of a free shaft as a part of its limit.
     """
 
     problems: list[str] = field(default_factory=list)
     recoveries: int = 0
     stopped: str = ""
     fastest: float = 0.0
+    hardest: float = 0.0
 
 
 def schedule(seed: int) -> Schedule:
@@ -208,6 +209,7 @@ def run(seed: int) -> Outcome:
         judge.end(closed, plan.end == "hold")
         outcome.problems += judge.problems
         outcome.fastest = max(outcome.fastest, judge.fastest)
+        outcome.hardest = max(outcome.hardest, judge.hardest)
     return outcome
 
 
@@ -299,7 +301,7 @@ def main(
     count: Annotated[int, typer.Argument(help="How many schedules to run.")] = 500,
     first: Annotated[int, typer.Argument(help="The seed of the first.")] = 0,
     mutants: Annotated[
-        bool, typer.Option("--mutants", help="Run COUNT schedules against each of eight broken sources instead.")
+        bool, typer.Option("--mutants", help="Run COUNT schedules against each of ten broken sources instead.")
     ] = False,
 ) -> None:
     """Runs schedules, or mutants; exit code 1 if a schedule went wrong, or a mutant was not noticed."""
@@ -322,17 +324,20 @@ def _run_mutants(seeds: range) -> int:
 def _run_schedules(seeds: range) -> int:
     """Prints what came of the schedules; how many went wrong."""
     kinds: Counter[str] = Counter()
-    wrong, recoveries, stops, fastest = 0, 0, 0, 0.0
+    wrong, recoveries, stops, fastest, hardest = 0, 0, 0, 0.0, 0.0
     for seed in seeds:
         outcome = run(seed)
         kinds.update(fault.kind for fault in schedule(seed).faults)
         recoveries, stops = recoveries + outcome.recoveries, stops + bool(outcome.stopped)
-        fastest = max(fastest, outcome.fastest)
+        fastest, hardest = max(fastest, outcome.fastest), max(hardest, outcome.hardest)
         if outcome.problems:
             wrong += 1
             print(f"schedule {seed}: {'; '.join(outcome.problems)}", flush=True)
     print(f"{len(seeds)} schedules of {SECONDS:g} s: {wrong} went wrong, {recoveries} recoveries, {stops} safe stops,")
-    print(f"fastest free shaft {fastest:.2f} of its limit; faults:", *(f"{k} {n}" for k, n in sorted(kinds.items())))
+    print(
+        f"free shafts at most {fastest:.2f} of their speed limit, {hardest:.2f} of their acceleration limit; faults:",
+        *(f"{k} {n}" for k, n in sorted(kinds.items())),
+    )
     return wrong
 
 

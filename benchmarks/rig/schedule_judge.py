@@ -1,6 +1,7 @@
 """The judge of fault schedules: looks at true shafts and registers of emulated servos, never at the rig's own readings.
 
 speed      a shaft turns at most at its joint's limit, and while it catches up after a recovery at a quarter of it
+           and it changes its speed no faster than its acceleration limit
 position   a shaft stays within its joint's limits, and so does every goal on the wire
 torque     comes on only where the goal is the present position, and only on the model that the rig file names
 watchdog   is armed on every servo with torque that has been driven for more than a second
@@ -9,6 +10,7 @@ end        2 s after it every shaft stands; after a close torque is off, or the 
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
@@ -19,6 +21,7 @@ from hardware.emulator.bus import Answer, EmulatedBus
 from hardware.emulator.device import Device
 from hardware.emulator.faults import FaultPlan
 from hardware.emulator.port import EmulatedPort
+from hardware.emulator.servo_bank import TRIPPED
 from hardware.protocol2 import instructions as wire
 from hardware.protocol2.frames import Parser
 from hardware.rig.rig_file import RigConfig
@@ -27,6 +30,9 @@ from hardware.rig.scale import Array
 SPEED_MARGIN, SPEED_PLAY = 1.1, 0.2  # of the limit; rad/s, because a shaft swings about its path
 _CATCH_UP, _CATCH_UP_PLAY = 0.25, 0.35  # of the limit, rad/s
 _COASTS = 0.2  # s that a shaft may need to stop when it is held
+_ACCELERATION_MARGIN, _ACCELERATION_PLAY = 1.2, 2.0  # of the limit; rad/s^2, because a shaft swings about its path
+_OVER = 5  # looks, over which an acceleration is measured
+_JERKED = 0.3  # s after its watchdog has stopped it, or torque has changed, in which a shaft may stop at once
 _PLAY = 0.05  # rad
 _ARMED_WITHIN = 1.2  # s
 _STANDS = 0.05  # rad/s
@@ -79,12 +85,15 @@ class ShaftJudge:
 
     Attributes:
         problems: what was wrong, each kind once a joint.
-        fastest: the largest speed as a part of the joint's limit, over all joints.
+        fastest, hardest: the largest speed and acceleration as a part of the joint's limit, over all joints.
     """
 
     def __init__(self, config: RigConfig, port: JudgedPort, bus: JudgedBus) -> None:
         self._config, self._port, self._bus = config, port, bus
         self._velocity = np.array([joint.velocity for joint in config.joints])
+        self._acceleration = np.array([joint.acceleration or np.inf for joint in config.joints])
+        self._seen: deque[tuple[float, Array]] = deque(maxlen=_OVER + 1)
+        self._jerked = np.full(len(config.joints), -np.inf)
         self._lower = np.array([joint.lower for joint in config.joints])
         self._upper = np.array([joint.upper for joint in config.joints])
         self._before = self.angles
@@ -92,7 +101,7 @@ class ShaftJudge:
         self._unarmed = np.full(len(config.joints), np.nan)
         self._slow_from = np.full(len(config.joints), np.inf)
         self._problems: dict[tuple[str, str], str] = {}
-        self.fastest = 0.0
+        self.fastest = self.hardest = 0.0
 
     @property
     def angles(self) -> Array:
@@ -129,7 +138,8 @@ class ShaftJudge:
             driven: whether the rig took targets in this tick.
         """
         now, angles = self._port.now(), self.angles
-        speed = np.abs(angles - self._before) / max(now - self._at, 1e-6)
+        velocity = (angles - self._before) / max(now - self._at, 1e-6)
+        speed = np.abs(velocity)
         free = ~blocked
         self.fastest = max(self.fastest, float((speed / self._velocity)[free].max(initial=0.0)))
         self._slow_from[cut_off] = np.inf
@@ -139,11 +149,26 @@ class ShaftJudge:
         self._slow_from[np.abs(angles - targets) < 2.0 * _PLAY] = np.inf
         self._note("left its limits", (angles < self._lower - _PLAY) | (angles > self._upper + _PLAY), angles)
         on = np.array([device.torque and not device.dead for device in self._bus.devices])
+        self._judge_acceleration(0.5 * (now + self._at), velocity, free)
         armed = np.array([device["bus_watchdog"] != 0 for device in self._bus.devices])
         self._unarmed[armed | ~on | (not driven)] = np.nan
         self._unarmed[np.isnan(self._unarmed) & ~armed & on & driven] = now
         self._note("had no watchdog", now - self._unarmed > _ARMED_WITHIN, self._unarmed)
         self._before, self._at = angles, now
+
+    def _judge_acceleration(self, at: float, velocity: Array, free: NDArray[np.bool_]) -> None:
+        """Judges how velocities (J,), rad/s, at the time `at`, s, have changed over the last looks."""
+        powered = np.array([device.torque and device["bus_watchdog"] != TRIPPED for device in self._bus.devices])
+        self._jerked[~(powered & free)] = at
+        self._seen.append((at, velocity))
+        since, before = self._seen[0]
+        if len(self._seen) <= _OVER:
+            return
+        change = np.abs(velocity - before) / (at - since)
+        smooth = self._jerked < since - _JERKED
+        most = self._acceleration * _ACCELERATION_MARGIN + _ACCELERATION_PLAY
+        self.hardest = max(self.hardest, float((change / self._acceleration)[smooth].max(initial=0.0)))
+        self._note("was accelerated too hard", smooth & (change > most), change)
 
     def end(self, closed: bool, hold: bool) -> None:
         """Judges the two seconds after the end, in which nobody says anything."""

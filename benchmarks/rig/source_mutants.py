@@ -1,4 +1,4 @@
-"""Eight breakages of the rig's source, each of which a fault schedule must notice."""
+"""Ten breakages of the rig's source, each of which a fault schedule must notice."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import NamedTuple, cast
 
 from hardware.rig.dynamixel_rig import DynamixelRig
 from hardware.rig.supervised_rig import SupervisedRig
-from hardware.rig.switching import check_identities, hold_still
+from hardware.rig.switching import _limit_speed, _places_of_rest, check_identities, hold_still
 
 
 class Mutant(NamedTuple):
@@ -27,6 +27,10 @@ _GOALS = '_write(config, bus, "goal_position", [int(pulses) for pulses in scale.
 MUTANTS = {
     "no clipping": Mutant(DynamixelRig.write, "np.clip(wanted, self._scale.lower, self._scale.upper)", "wanted"),
     "no goal := present": Mutant(hold_still, _GOALS, "pass"),
+    "no braking distance": Mutant(_places_of_rest, "np.where(moves, np.clip(ahead, -most, most), 0.0)", "0.0"),
+    "no acceleration limit": Mutant(
+        _limit_speed, '"profile_acceleration", rates', '"profile_acceleration", [0] * len(rates)'
+    ),
     "no speed limit": Mutant(hold_still, "_limit_speed(config, bus)", "pass"),
     "full-speed catch-up": Mutant(
         cast(property, vars(SupervisedRig)["easing"]).fget or SupervisedRig.write,

@@ -110,8 +110,8 @@ class DynamixelRig:
         patience = self.config.watchdog_ms * 1e-3 - WATCHDOG_UNIT
         return self._stopped or (self._armed and self.bus.port.now() - self._last_word > patience)
 
-    def write(self, targets: Array) -> None:
-        """Sends the targets (J,), rad, as one sync write of goal positions.
+    def write(self, targets: Array, reach: Array | None = None) -> None:
+        """Sends the targets (J,), rad, as one sync write of goal positions; no farther from the last than `reach`, rad.
 
         Targets beyond a limit are clipped, those that are NaN or infinite leave the joint's goal as it was; both are
         counted.
@@ -124,6 +124,8 @@ class DynamixelRig:
             goals = np.clip(wanted, self._scale.lower, self._scale.upper)
             self.faults.clipped[:] += wanted != goals
             self.faults.refused[:] += ~finite
+            if reach is not None:
+                goals = np.clip(goals, self.goals - reach, self.goals + reach)
             try:
                 sent = self._send(goals)
             except SerialPortError:

@@ -1,4 +1,7 @@
-"""A rig supervised while a loop drives it: hot and strained joints are eased, and what can be mended is.
+"""A rig supervised while a loop drives it: nothing goes faster than its limit, and what can be mended is.
+
+Goals follow the targets at each joint's speed limit in real time, however many targets a late loop sends at once; hot
+and strained joints are eased.
 
     the bus was silent too long      the watchdogs are cleared; the joints start again from where they stand
     a servo needs setting up again   it is checked, set up and switched on where it stands (see `health`)
@@ -41,7 +44,7 @@ _CATCHING_UP = 0.25  # of the speed limit
 _CAUGHT_UP = 0.02  # rad
 _EASED_TO = 2.0  # degC below the servo's limit: least speed; full speed at EASED_FROM
 _LEAST = 0.25  # of the speed limit
-_LONGEST_STEP = 2.0  # ticks' worth of way, however long the loop has stalled: the servo would take it at full speed
+_LONGEST_STEP = 2.0  # ticks' worth of way for an eased joint after a stall: the servo would take it at full speed
 
 
 class _Mended(NamedTuple):
@@ -189,12 +192,15 @@ class SupervisedRig:
         return self._mending
 
     def write(self, targets: Array) -> None:
-        """Sends the targets (J,), rad; see `DynamixelRig.write`."""
+        """Sends the targets (J,), rad, or as far towards them as the joints' speed limits allow by now.
+
+        See `DynamixelRig.write`.
+        """
         if not self._ready():
             self._rig.faults.unsent[:] += 1
             return
         with self._mend_what_breaks():
-            self._rig.write(self._eased(targets))
+            self._send(targets)
         if not self._mending and self._rig.stopped:
             self._mend(_MENDED_WITHIN)
 
@@ -297,10 +303,10 @@ class SupervisedRig:
             if max(waited, time.monotonic() - began) >= patience:
                 return
 
-    def _eased(self, targets: Array) -> Array:
-        """The targets, held back where a joint is hot or has to catch up."""
+    def _send(self, targets: Array) -> None:
+        """Sends the targets as far as each joint may go since the last ones; less far while it is eased."""
         now = self._rig.now()
-        step = self._speed * min(_LONGEST_STEP / self.config.rate_hz, max(0.0, now - self._last_write))
+        passed = max(0.0, now - self._last_write)
         self._last_write = now
         strain = self._strain
         if strain.yielding.any():
@@ -308,17 +314,13 @@ class SupervisedRig:
             near = np.clip(targets, here - strain.reach, here + strain.reach)
             targets = np.where(strain.yielding, near, targets)
             self._catching_up |= strain.yielding
-        easing = self.easing
-        if (easing >= 1.0).all():
-            return targets
-        goals = self._rig.goals
-        held = np.where(
-            (easing < 1.0) & ~strain.yielding, goals + np.clip(targets - goals, -easing * step, easing * step), targets
-        )
-        # A joint that stands at a limit has caught up with a target beyond it.
-        reachable = np.clip(targets, self._lower, self._upper)
-        self._catching_up &= strain.yielding | ~(np.abs(reachable - held) < _CAUGHT_UP)
-        return held
+        part = np.where(strain.yielding, 1.0, self.easing)
+        eased_for = min(_LONGEST_STEP / self.config.rate_hz, passed)
+        self._rig.write(targets, self._speed * part * np.where(part < 1.0, eased_for, passed))
+        if self._catching_up.any():
+            # A joint that stands at a limit has caught up with a target beyond it.
+            off = np.abs(np.clip(targets, self._lower, self._upper) - self._rig.goals)
+            self._catching_up &= strain.yielding | ~(off < _CAUGHT_UP)
 
     def _look_after(self) -> None:
         """Eases hot joints, has joints mended, and stops the rig for a lost one or goes on without it.

@@ -20,6 +20,10 @@ from hardware.rig.scale import Array, RigScale
 _ANSWER_EVERYTHING = 2
 _NEAR = 0.05  # rad that a joint may stand outside its limits when switched on: play, and the rounding of pulses
 
+_PATH = ("present_velocity", "present_position", "velocity_trajectory", "position_trajectory")
+_LAG = 0.15  # s that a joint may be behind its path and still follows it
+_UNTIL_TOLD = 0.02  # s from reading where a joint is to its taking the new goal
+
 _HARDWARE_ERRORS = {1: "input voltage", 4: "overheated", 8: "encoder", 16: "electrical shock", 32: "overload"}
 
 
@@ -60,7 +64,7 @@ def switch_on(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambd
 
 
 def hold_still(config: RigConfig, bus: Bus) -> Array:
-    """Clears the watchdogs, limits the speed and makes each joint's position its goal, torque on or off.
+    """Clears the watchdogs, limits the speed, and has each joint hold where it stands or can come to rest.
 
     Returns:
         The goals (J,), rad.
@@ -73,15 +77,15 @@ def hold_still(config: RigConfig, bus: Bus) -> Array:
     try:
         _write(config, bus, "bus_watchdog", [0] * len(config.joints))
         _limit_speed(config, bus)
-        positions = _positions(config, bus, scale)
-        goals = np.clip(positions, scale.lower, scale.upper)
+        positions, rests = _places_of_rest(config, bus, scale)
         outside = [
             f"{joint.name} stands at {angle:.2f} rad, its limits are {joint.lower} to {joint.upper}"
-            for joint, angle, goal in zip(config.joints, positions, goals, strict=True)
-            if abs(angle - goal) > _NEAR
+            for joint, angle in zip(config.joints, positions, strict=True)
+            if not joint.lower - _NEAR <= angle <= joint.upper + _NEAR
         ]
         if outside:
             raise RigError(f"{'; '.join(outside)}. Move it by hand, or correct its zero and limits in the rig file.")
+        goals = np.clip(rests, scale.lower, scale.upper)
         _write(config, bus, "goal_position", [int(pulses) for pulses in scale.pulses(goals)])
     except ServoError as error:
         raise RigError(str(error)) from error
@@ -167,7 +171,7 @@ def switch_off(config: RigConfig, bus: Bus) -> list[str]:
 
 
 def hold_each(config: RigConfig, bus: Bus) -> list[str]:
-    """Has each servo hold where it stands, without a watchdog; one that is silent costs the others nothing.
+    """Has each servo hold where it stands or can come to rest, without a watchdog; a silent one costs no other.
 
     Returns:
         The joints that did not confirm it: dead ones, or all where the port is gone.
@@ -180,8 +184,9 @@ def hold_each(config: RigConfig, bus: Bus) -> list[str]:
             one = msgspec.structs.replace(config, joints=(joint,))
             try:
                 _write(one, bus, "bus_watchdog", [0])
-                (present,) = _read(one, bus, "present_position")
-                _write(one, bus, "goal_position", [min(max(present, low), high)])
+                scale = RigScale(one)
+                (rest,) = scale.pulses(_places_of_rest(one, bus, scale)[1])
+                _write(one, bus, "goal_position", [min(max(int(rest), low), high)])
             except ServoError:
                 unconfirmed.append(joint.name)
     except SerialPortError:
@@ -235,14 +240,50 @@ def _limit_speed(config: RigConfig, bus: Bus) -> None:
     _write(config, bus, "profile_acceleration", rates)
 
 
-def _positions(config: RigConfig, bus: Bus, scale: RigScale) -> Array:
-    """Where the joints stand, shape (J,), rad."""
-    register = config.joints[0].table["present_position"]
-    statuses = bus.sync_read([joint.id for joint in config.joints], register.address, register.length)
+def _places_of_rest(config: RigConfig, bus: Bus, scale: RigScale) -> tuple[Array, Array]:
+    """Where the joints stand, and where each would come to rest if it began to brake now; both (J,), rad.
+
+    With an acceleration limit a servo runs past any goal nearer than its braking distance v^2 / (2 a), and hurries back
+    to it at up to its speed limit. It brakes along its own path (position and velocity trajectory); a joint without
+    torque, or that does not turn the way of its path, has no braking distance.
+    """
+    torque = np.array(_read(config, bus, "torque_enable")) != 0
+    rows = _read_together(config, bus, _PATH)
+    velocity, position, path_velocity, path = (
+        np.array([row[name] for row in rows], dtype=np.float64) for name in _PATH
+    )
+    angles, velocity, path_velocity = (
+        scale.angles(position),
+        velocity * scale.rad_per_s,
+        path_velocity * scale.rad_per_s,
+    )
+    rates = np.array([joint.acceleration for joint in config.joints])
+    braking = np.divide(path_velocity * path_velocity, 2.0 * rates, out=np.zeros(len(rates)), where=rates > 0.0)
+    ahead = scale.angles(path) - angles + np.sign(path_velocity) * braking + path_velocity * _UNTIL_TOLD
+    # What the path is ahead of a joint that follows it, at most; farther ahead is one that is held up.
+    most = np.abs(path_velocity) * (_LAG + _UNTIL_TOLD) + braking
+    moves = torque & (velocity * path_velocity > 0.0)
+    return angles, angles + np.where(moves, np.clip(ahead, -most, most), 0.0)
+
+
+def _read_together(config: RigConfig, bus: Bus, names: Sequence[str]) -> list[dict[str, int]]:
+    """Neighbouring registers of every servo, read at the same time.
+
+    Raises:
+        NoReplyError: if a servo stays silent; all that do are named.
+    """
+    blocks = {joint.id: joint.table.block(names[0], names[-1]) for joint in config.joints}
+    statuses = bus.bulk_read(tuple((id, *block) for id, block in blocks.items()))
     silent = [joint for joint in config.joints if joint.id not in statuses]
     if silent:
         raise NoReplyError(f"no position from {_who(silent)}. Check their cables and power.")
-    return scale.angles(np.array([register.decode(statuses[joint.id].params) for joint in config.joints], dtype=float))
+    return [
+        {
+            name: row.decode(statuses[joint.id].params[row.address - blocks[joint.id][0] :][: row.length])
+            for name, row in ((name, joint.table[name]) for name in names)
+        }
+        for joint in config.joints
+    ]
 
 
 def _write(config: RigConfig, bus: Bus, name: str, values: Sequence[int]) -> None:

@@ -100,6 +100,30 @@ def test_a_short_stall_while_catching_up_is_no_reason_for_a_large_step(build):
     assert (rig._rig.goals - before).max() <= 0.25 * 4.0 * 2 * TICK + 1e-9
 
 
+@pytest.mark.parametrize("model", ["XM430-W350", "XL330-M288", "MX-64"])
+@pytest.mark.parametrize("cause", ["another restarts", "the end"])
+def test_a_moving_joint_that_has_to_hold_brakes_without_turning_back(build, rig_of_four, model, cause):
+    """Its goal must not be nearer than it can stop: a servo would hurry back there."""
+    joints = tuple(
+        msgspec.structs.replace(joint, model=model, velocity=2.5, acceleration=20.0) for joint in rig_of_four.joints
+    )
+    rig, port = build(*(["reboot:id=4,at=0.2"] if cause == "another restarts" else []), joints=joints, on_exit="hold")
+    angles = []
+
+    def play_on(ticks):
+        for _ in range(ticks):
+            play(rig, port, [1.4, 1.4, 1.4, 0.0], TICK)
+            angles.append(port.bus[1].bank.shaft[port.bus[1].row] / port.bus[1].pulses_per_radian)
+
+    play_on(30)
+    if cause == "the end":
+        rig.close()
+    play_on(60)
+    assert rig.recoveries == (cause == "another restarts")
+    assert 0.5 < angles[-1] - angles[0] < 1.3
+    assert np.diff(angles).min() > -0.002
+
+
 def test_a_target_beyond_a_limit_does_not_keep_a_joint_slow_after_a_recovery(build):
     rig, port = build()
     play(rig, port, [1.5] * 4, 1.0)
@@ -172,8 +196,8 @@ def test_only_the_eased_joint_is_held_back_and_by_its_own_speed(build):
     rig, port = build("overheat:id=1,at=0.1,value=79")
     play(rig, port, [0.0] * 4, 0.5)
     play(rig, port, [1.0] * 4, 0.1)
-    # A quarter of 4 rad/s for 0.1 s; the others have their targets at once.
-    assert rig._rig.goals == pytest.approx([0.1, 1.0, 1.0, 1.0], abs=0.02)
+    # 4 rad/s for 0.1 s, and a quarter of it.
+    assert rig._rig.goals == pytest.approx([0.1, 0.4, 0.4, 0.4], abs=0.02)
 
 
 def test_a_servo_heard_again_before_its_watchdog_has_tripped_is_left_alone(build):

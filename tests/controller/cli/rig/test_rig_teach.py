@@ -129,6 +129,12 @@ def test_a_clip_that_the_limits_hold_back_comes_to_its_last_frame(rig, tmp_path,
     config = msgspec.structs.replace(load_rig(rig), joints=load_rig(rig).joints[1:])
     port = EmulatedPort(EmulatedBus(config))
     connected = SupervisedRig(config, lambda: Bus(port, config.baud), beside=False)
+
+    def write(targets):
+        port.elapse(1.0 / config.rate_hz)
+        SupervisedRig.write(connected, targets)
+
+    monkeypatch.setattr(connected, "write", write)
     monkeypatch.setattr("hardware.rig.joined_rig.connect_rig", lambda config, ports: connected)
     run = play_clip(config, [], read_taught_clip(clip), RunSettings(rate=config.rate_hz))
     assert run["reason"] == "played to the end"

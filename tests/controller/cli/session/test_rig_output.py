@@ -9,15 +9,24 @@ from typer.testing import CliRunner
 from controller.cli.main import app
 from controller.cli.session.rig_output import RigOutput, narrowed
 from controller.deck.interfaces import JointLimits
+from controller.loop.loop import run
+from controller.loop.output_channel import Channel
+from controller.loop.safety_envelope import SafetyEnvelope
 from controller.mocap.posture import Pose
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
+from hardware.emulator.port import EmulatedPort
 from hardware.emulator.pty_server import PtyServer
-from hardware.rig.rig_file import load_rig
+from hardware.protocol2.frames import Parser
+from hardware.protocol2.instructions import SYNC_WRITE
+from hardware.rig.rig_file import RigConfig, RigJoint, load_rig
+from hardware.rig.supervised_rig import SupervisedRig
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_rig
 
 JOINTS = ("a", "b", "c")
+PERIOD_NS = 5_000_000
+LIMIT = 4.7  # rad/s
 POSE = Pose(np.zeros(3), np.array(0.0), np.zeros((1, 4)))
 
 
@@ -102,6 +111,72 @@ def test_the_narrower_limit_of_robot_and_rig_holds():
 def test_a_rest_pose_that_the_rig_cannot_take_is_refused():
     with pytest.raises(MotiondeckError, match=r"rest pose of r has a at -1\.00 rad"):
         narrowed(*robot_and_rig(rest=-1.0))
+
+
+class WatchedPort(EmulatedPort):
+    """Emulated servos in the time that passes while a deck works; keeps each goal of the first with its time."""
+
+    def __init__(self, bus):
+        super().__init__(bus)
+        self.goals = []
+
+    def send(self, data):
+        for frame in Parser().feed(data):
+            if frame.instruction == SYNC_WRITE and frame.params[:2] == bytes((116, 0)):
+                self.goals.append((self.now(), int.from_bytes(frame.params[5:9], "little")))
+        return super().send(data)
+
+
+class CatchingUp:
+    """A clock on a port's time that makes up for ticks that were missed, as `--overruns catch-up` does."""
+
+    period, skipped, overruns = PERIOD_NS * 1e-9, 0, 0
+
+    def __init__(self, port):
+        self.port = port
+
+    def now(self):
+        return round(self.port.now() * 1e9)
+
+    def start(self):
+        self.deadline = self.now()
+
+    def wait(self):
+        self.deadline += PERIOD_NS
+        self.port.elapse(max(0, self.deadline - self.now()) * 1e-9)
+        return self.now() - self.deadline
+
+
+class StallingDeck:
+    """Swings as fast as the limit allows; its updates take 50 us, and some 150 ms."""
+
+    def __init__(self, port):
+        self.port, self.updates = port, 0
+
+    def update(self, dt):
+        self.updates += 1
+        self.port.elapse(0.15 if self.updates % 130 == 0 else 5e-5)
+        return np.array([1.2 * np.sin(self.updates * dt * LIMIT / 1.2)]), POSE
+
+
+def test_a_loop_that_stalls_and_catches_up_never_asks_the_servo_for_more_than_its_limit():
+    joint = RigJoint("a", 1, "XM430-W350", 1, 2048, -1.5, 1.5, LIMIT)
+    config = RigConfig("emulated", 4_000_000, 200.0, (joint,))
+    port = WatchedPort(EmulatedBus(config))
+    rig = SupervisedRig(config, lambda: Bus(port, config.baud), beside=False, sleep=port.elapse)
+    limits = JointLimits(*(np.array([value]) for value in (-1.5, 1.5, LIMIT, 200.0, 20_000.0)))
+    clock, output = CatchingUp(port), RigOutput(rig, ("a",), 200.0)
+    run(StallingDeck(port), [Channel(output)], clock, SafetyEnvelope(limits, clock.period), seconds=3.0)
+    times, goals = np.array(port.goals).T
+    angles = goals / joint.pulses_per_radian
+    stalled = np.diff(times) > 0.14
+    assert stalled.sum() >= 3
+    speeds = np.abs(np.diff(angles))[~stalled] / PERIOD_NS * 1e9
+    assert np.percentile(speeds, 90) > 0.9 * LIMIT
+    pulse = 1.0 / joint.pulses_per_radian
+    for ticks in (1, 2, 5, 20, 50):
+        asked = np.abs(angles[ticks:] - angles[:-ticks]) - pulse
+        assert (asked <= 1.05 * LIMIT * (times[ticks:] - times[:-ticks])).all()
 
 
 def test_stopping_a_rig_that_another_program_plays_on_says_how_to_stop_that():
