@@ -15,8 +15,9 @@ from controller.library.network_arrays import AnyNetwork
 from controller.networks.reservoirs.echo_state import EchoStateNetwork
 from controller.networks.reservoirs.random_feature_conceptor import RandomFeatureNetwork
 from controller.training.centralized.centralized_training import CentralizedRecipe
-from controller.training.fit import TrainingSet, train
+from controller.training.fit import train
 from controller.training.recipe import LibraryRecipe
+from controller.training.training_set import TrainingSet
 
 SIZES = (300, 600, 1000, 1500)
 SATELLITES = (16, 36, 64, 100)

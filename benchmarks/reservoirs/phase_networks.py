@@ -33,27 +33,24 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
-from scipy.interpolate import CubicSpline
 from threadpoolctl import threadpool_limits
 
 from controller.deck.tracks.frame_player import FramePlayer
 from controller.library.network_arrays import AnyNetwork, arrays_of
 from controller.measures.disturbance import disturbed
 from controller.measures.intervals import wilson
-from controller.measures.motion_matching import joint_features
 from controller.measures.run_batch import batch_of
 from controller.measures.self_test import Judge, after_disturbance, self_test
-from controller.mocap.canonical.canonical_body import carried
 from controller.mocap.encodings.encoding import encoding_of
 from controller.mocap.formats.reading import read_clip
 from controller.networks.base import Channels
 from controller.rotations import Array
-from controller.training.fit import TrainingSet, prepare, to_learn, train
-from controller.training.preparation.loops import close_loop, hold_end
+from controller.training.fit import train
 from controller.training.recipe import MotionRecipe, NetworkRecipe, read_recipe
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe
 from controller.training.reservoirs.phase_training import PhaseRecipe
+from controller.training.training_set import TrainingSet, prepare, to_learn
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.shipped import shipped_configs
 
@@ -121,7 +118,7 @@ def training_set(data: Path, source: str) -> TrainingSet:
         clip = read_clip(data / "cmu" / "86" / "86_01.amc")
         encoding = encoding_of(clip.skeleton)
         motions = {plays: MotionRecipe(name=plays, file="86_01.amc", plays=plays) for plays in ("loop", "once")}
-        frames = {plays: to_learn(encoding, clip, motion, 0.8) for plays, motion in motions.items()}
+        frames = {plays: to_learn(encoding, clip, motion, clip.rate, 0.8)[0] for plays, motion in motions.items()}
         return TrainingSet(encoding, clip.rate, frames, {"loop": True, "once": False}, {})
     frames: dict[str, Array] = {}
     loops: dict[str, bool] = {}
@@ -131,25 +128,13 @@ def training_set(data: Path, source: str) -> TrainingSet:
         try:
             clip = read_clip(file)
             encoding = encoding or encoding_of(clip.skeleton)
-            channels = at_rate(encoding.encode(carried(clip, encoding.skeleton)), clip.rate)
-            frames[file.stem] = (
-                hold_end(channels, encoding.velocities)
-                if plays == "once"
-                else close_loop(channels, joint_features(encoding, channels), at_least=0.6)
-            )
+            motion = MotionRecipe(name=file.stem, file=file.name, plays=plays)
+            frames[file.stem], _ = to_learn(encoding, clip, motion, RATE, 0.6)
             loops[file.stem] = plays == "loop"
         except FileFormatError as error:
             print(f"left out: {error}", file=sys.stderr)
     assert encoding is not None
     return TrainingSet(encoding, RATE, frames, loops, {})
-
-
-def at_rate(channels: Array, rate: float) -> Array:
-    """Channels (T, C) at RATE, by cubic splines: a phase that is far from frame to frame is hard to learn."""
-    if abs(rate - RATE) < 1.0:
-        return channels
-    time = np.arange(len(channels)) / rate
-    return CubicSpline(time, channels)(np.arange(0.0, time[-1], 1.0 / RATE))
 
 
 class ClipPlayer:
@@ -232,7 +217,7 @@ def step_us(network: AnyNetwork | ClipPlayer, motion: str, rate: float) -> float
 
 def measured(source: str, name: str, recipe: NetworkRecipe, known: TrainingSet, seeds: list[int]) -> Row:
     """One row of the table."""
-    judge = Judge(known.encoding, known.frames, known.loops)
+    judge = Judge(known.encoding, known.frames, known.loops, known.rate)
     errors: list[float] = []
     failing: list[str] = []
     lost: dict[str, int] = {}
@@ -267,8 +252,8 @@ def measured(source: str, name: str, recipe: NetworkRecipe, known: TrainingSet, 
 
 def clip_row(source: str, known: TrainingSet) -> Row:
     """The clip player's row: nothing to train, nothing that could be lost."""
-    player = ClipPlayer(known.frames, known.loops)
-    verdicts = self_test(player, Judge(known.encoding, known.frames, known.loops))
+    player = ClipPlayer(known.frames, known.loops, known.rate)
+    verdicts = self_test(player, Judge(known.encoding, known.frames, known.loops, known.rate))
     errors = [verdict.error_mm for verdict in verdicts.values()]
     passed = sum(verdict.passed for verdict in verdicts.values()) / len(verdicts)
     size, tick = channels_mb(known), step_us(player, player.motions[0], known.rate)

@@ -12,8 +12,8 @@ from controller.library.motion_library import load_library
 from controller.measures.self_test import Judge, MotionVerdict, self_test
 from controller.rotations import Array
 from controller.training.centralized.centralized_training import CentralizedRecipe
-from controller.training.fit import TrainingSet, prepare
 from controller.training.recipe import LibraryRecipe, read_recipe, recipe_of
+from controller.training.training_set import TrainingSet, prepare
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library
 
@@ -42,7 +42,9 @@ class Evaluation:
     @property
     def judge(self) -> Judge:
         """Decides whether a run is right."""
-        return Judge(self.syllabus.encoding, self.syllabus.frames, self.syllabus.loops, holds=self.holds)
+        return Judge(
+            self.syllabus.encoding, self.syllabus.frames, self.syllabus.loops, self.syllabus.rate, holds=self.holds
+        )
 
     @property
     def centralized(self) -> bool:

@@ -16,8 +16,9 @@ from controller.measures.disturbance import GuardKnowledge, Kind, disturbed
 from controller.measures.run_batch import batch_of
 from controller.measures.self_test import Judge, after_disturbance
 from controller.networks.guard import beat, spread
-from controller.training.fit import TrainingSet, first_to_pass, settle
+from controller.training.fit import first_to_pass, settle
 from controller.training.recipe import LibraryRecipe
+from controller.training.training_set import TrainingSet
 
 Tick = Callable[[], None]
 
@@ -104,7 +105,7 @@ def sweep(
     Returns:
         One count for each, by seed and in the order of the motions.
     """
-    judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, holds=holds)
+    judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, syllabus.rate, holds=holds)
     motions = list(syllabus.frames) if motions is None else motions
     tasks = (
         delayed(_count)(kind, subject, motion, runs, judge, len(syllabus.frames[motion]), guarded)
@@ -126,7 +127,7 @@ def _spread(tasks: Iterable[Any], jobs: int, tick: Tick) -> list[Any]:
 def _train(recipe: LibraryRecipe, syllabus: TrainingSet, seed: int) -> Subject:
     """As `fit` does, other seeds are tried where a motion fails the self-test; not with recordings as they are."""
     lessons, normalisation = syllabus.normalised()
-    judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, holds=not recipe.as_recorded)
+    judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, syllabus.rate, holds=not recipe.as_recorded)
     seeds = [seed + SEEDS_APART * attempt for attempt in range(1 if recipe.as_recorded else ATTEMPTS)]
     with threadpool_limits(1):
         taught = first_to_pass(
@@ -138,7 +139,9 @@ def _train(recipe: LibraryRecipe, syllabus: TrainingSet, seed: int) -> Subject:
 def _count(kind: Kind, subject: Subject, motion: str, runs: int, judge: Judge, length: int, guarded: bool) -> Count:
     network, loop = subject.network, judge.loops[motion]
     scale = spread(network)
-    watched = GuardKnowledge(beat(network, motion, scale, length, loop=loop), scale, network.anchors(motion)[0])
+    watched = GuardKnowledge(
+        beat(network, motion, scale, length, judge.rate, loop=loop), scale, network.anchors(motion)[0]
+    )
     failed: list[int] = []
     reason = ""
     with threadpool_limits(1):

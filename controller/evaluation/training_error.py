@@ -16,7 +16,6 @@ from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork
 from controller.ridge import ridge
 from controller.rotations import Array
 from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network
-from controller.training.fit import TrainingSet
 from controller.training.recipe import LibraryRecipe
 from controller.training.reservoirs.aperture_choice import settled_network
 from controller.training.reservoirs.conceptor_training import load_reservoir, what_drove
@@ -24,6 +23,7 @@ from controller.training.reservoirs.echo_state_training import EchoStateRecipe, 
 from controller.training.reservoirs.noise_choice import settled_echo_state
 from controller.training.reservoirs.phase_training import PhaseRecipe, train_phase_conceptors
 from controller.training.reservoirs.random_feature_training import RandomFeatureRecipe, train_random_features
+from controller.training.training_set import TrainingSet
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def training_error(
     """
     lessons, normalisation = syllabus.normalised()
     plan = recipe.network
-    judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, holds=not recipe.as_recorded)
+    judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, syllabus.rate, holds=not recipe.as_recorded)
     if isinstance(plan, EchoStateRecipe):
         # Trials start at the first anchor, so that more of them change no choice.
         dense = msgspec.structs.replace(plan, anchor_every=1)

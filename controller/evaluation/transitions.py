@@ -28,7 +28,7 @@ from controller.mocap.encodings.joint_angles import JointBody
 from controller.mocap.posture import Pose, Posture
 from controller.networks.reservoirs.morph import ReservoirNetwork, morph
 from controller.rotations import Array, rotate, yaw
-from controller.training.fit import TrainingSet
+from controller.training.training_set import TrainingSet
 from motiondeck_base.errors import MotiondeckError
 
 RAMP = 120
@@ -90,7 +90,7 @@ def all_crossings(
             f"library '{library.info.name}' holds the joint angles of a rig, and transitions are judged by where the "
             "joints of a body go. How closely a rig follows a switch is in the report of: motiondeck rig play --json"
         )
-    judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, holds=holds)
+    judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, syllabus.rate, holds=holds)
     peaks = {name: _own_peaks(syllabus, frames, syllabus.loops[name]) for name, frames in syllabus.frames.items()}
     tasks = (delayed(_from)(source, library, syllabus, judge, peaks) for source in syllabus.frames)
     found: list[MeasuredTransition] = []

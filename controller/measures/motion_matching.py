@@ -1,8 +1,9 @@
 """Which motion is this, and how far off is it? Windows of joint positions are compared with windows of every motion.
 
-A window is 24 frames of all joints relative to the root, and the root's height, all in mm. Two windows are as far apart
-as the root mean square distance of their joints. Comparing windows and not frames keeps postures apart that are passed
-in different directions, and needs no alignment in time: a network that plays at a slightly other tempo is not wrong.
+A window is 0.2 s of all joints relative to the root, and the root's height, all in mm, seen at SAMPLES moments. Two
+windows are as far apart as the root mean square distance of their joints. Comparing windows and not frames keeps
+postures apart that are passed in different directions, and needs no alignment in time: a network that plays at a
+slightly other tempo is not wrong.
 """
 
 from __future__ import annotations
@@ -16,9 +17,14 @@ from numpy.typing import NDArray
 from controller.mocap.encodings.encoding import Encoding
 from controller.rotations import Array
 
-WINDOW = 24
-STRIDE = 4
+SAMPLES = 6  # moments of a window
+SAMPLE_SECONDS = 1.0 / 30.0  # from one to the next, and from one window to the next
 LOST_MM = 40.0
+
+
+def stride_of(rate: float) -> int:
+    """How many frames at a rate (Hz) are nearest to SAMPLE_SECONDS."""
+    return max(1, round(SAMPLE_SECONDS * rate))
 
 
 def joint_features(encoding: Encoding, channels: Array) -> Array:
@@ -28,23 +34,20 @@ def joint_features(encoding: Encoding, channels: Array) -> Array:
     return 1e3 * np.concatenate([joints.reshape(len(channels), -1), encoding.height(channels)[:, None]], axis=1)
 
 
-def windows(features: Array, *, wrap: bool = False) -> Array:
-    """Every STRIDE-th window of features (T, F), seen at every STRIDE-th frame: shape (n, WINDOW / STRIDE * F).
+def windows(features: Array, stride: int, *, wrap: bool = False) -> Array:
+    """Every `stride`-th window of features (T, F), seen at every `stride`-th frame: shape (n, SAMPLES * F).
 
     Args:
         features: one row a frame.
+        stride: frames from moment to moment.
         wrap: whether the last frame is followed by the first.
     """
+    length = SAMPLES * stride
     if wrap:
-        repeats = -(-WINDOW // len(features))
-        features = np.concatenate([features, *[features] * repeats])[: len(features) + WINDOW]
-    starts = np.arange(0, len(features) - WINDOW + 1, STRIDE)
-    return features[starts[:, None] + np.arange(0, WINDOW, STRIDE)].reshape(len(starts), -1)
-
-
-def window_count(frames: int) -> int:
-    """How many windows a run of some frames has."""
-    return max(0, (frames - WINDOW) // STRIDE + 1)
+        repeats = -(-length // len(features))
+        features = np.concatenate([features, *[features] * repeats])[: len(features) + length]
+    starts = np.arange(0, len(features) - length + 1, stride)
+    return features[starts[:, None] + np.arange(0, length, stride)].reshape(len(starts), -1)
 
 
 @dataclass(frozen=True)
@@ -68,16 +71,29 @@ class Matcher:
     Args:
         references: the features of each motion, shape (T_j, F).
         loops: which of them are loops.
+        rate: frames per second, Hz.
+
+    Attributes:
+        stride: frames from one window to the next.
     """
 
-    def __init__(self, references: list[Array], loops: list[bool]) -> None:
-        self._windows = [windows(r, wrap=loop) for r, loop in zip(references, loops, strict=True)]
+    def __init__(self, references: list[Array], loops: list[bool], rate: float) -> None:
+        self.stride = stride_of(rate)
+        self._windows = [windows(r, self.stride, wrap=loop) for r, loop in zip(references, loops, strict=True)]
         self._square = [np.square(w).sum(1) for w in self._windows]
-        self._joints = references[0].shape[1] / 3.0 * WINDOW / STRIDE
+        self._joints = references[0].shape[1] / 3.0 * SAMPLES
+
+    def windows(self, features: Array) -> Array:
+        """The windows of a run of features (T, F)."""
+        return windows(features, self.stride)
+
+    def window_count(self, frames: int) -> int:
+        """How many windows a run of some frames has."""
+        return max(0, frames // self.stride - SAMPLES + 1)
 
     def match(self, run: Array, meant: int, *, alone: bool = False) -> MotionMatch:
         """Compares a run of features (T, F) with all motions, or with the one that was meant alone."""
-        seen = windows(run)
+        seen = self.windows(run)
         square = np.square(seen).sum(1)
         nearest = np.full((len(self._windows), len(seen)), np.inf)
         place = np.empty(0, dtype=np.int64)
@@ -93,7 +109,7 @@ class Matcher:
 
     def nearest(self, run: Array, motion: int) -> Array:
         """How near a run of features (T, F) comes to each window of a motion, shape (n,), mm."""
-        seen, reference = windows(run), self._windows[motion]
+        seen, reference = self.windows(run), self._windows[motion]
         distance = np.square(seen).sum(1)[:, None] + self._square[motion] - 2.0 * seen @ reference.T
         return np.sqrt(np.maximum(distance.min(0), 0.0) / self._joints)
 
@@ -112,6 +128,6 @@ def rising_length(places: NDArray[np.int64]) -> int:
     return len(tops)
 
 
-def activity(features: Array) -> float:
-    """The root mean square speed of the joints, mm a frame."""
-    return float(np.sqrt(np.square(np.diff(features, axis=0)).mean()))
+def activity(features: Array, rate: float) -> float:
+    """The root mean square speed of joints whose places are features (T, F), mm, at a rate in Hz; mm/s."""
+    return float(np.sqrt(np.square(np.diff(features, axis=0)).mean())) * rate

@@ -24,23 +24,21 @@ import numpy as np
 
 from controller.measures.motion_matching import (
     LOST_MM,
-    STRIDE,
     Matcher,
     activity,
     joint_features,
     rising_length,
-    window_count,
-    windows,
 )
 from controller.mocap.encodings.encoding import Encoding
 from controller.networks.base import FrameNetwork, PhaseNetwork
 from controller.rotations import Array
 
 RUN_LENGTHS = 3
-STILL_MM = 0.3
+STILL_MM = 0.3  # from window to window
+STILL_SPEED = 36.0  # mm/s
 PHASE_SHARE = 0.2
 LEAST_BOUND_MM = 5.0
-RECOVERED_FRAMES = 60  # at the end of a disturbed run, by which it is judged
+RECOVERED_SECONDS = 0.5  # at the end of a disturbed run, by which it is judged
 
 
 @dataclass(frozen=True)
@@ -92,7 +90,7 @@ def _tested(network: FrameNetwork, judge: Judge, motion: str) -> MotionVerdict:
 def after_disturbance(network: object, judge: Judge, motion: str, run: Array) -> MotionVerdict:
     """The verdict on the channels (T, C) of a run that was disturbed at its beginning."""
     if isinstance(network, PhaseNetwork):
-        return judge.at_the_same_phase(motion, run, RECOVERED_FRAMES)
+        return judge.at_the_same_phase(motion, run, round(RECOVERED_SECONDS * judge.rate))
     return judge(motion, run)
 
 
@@ -103,16 +101,23 @@ class Judge:
         encoding: of the channels.
         references: the frames that each motion was learned from, shape (T_j, channels); loops as one period.
         loops: whether each motion is a loop.
+        rate: frames per second, Hz.
         holds: whether a motion that happens once was taught to hold its end.
     """
 
     def __init__(
-        self, encoding: Encoding, references: dict[str, Array], loops: dict[str, bool], *, holds: bool = True
+        self,
+        encoding: Encoding,
+        references: dict[str, Array],
+        loops: dict[str, bool],
+        rate: float,
+        *,
+        holds: bool = True,
     ) -> None:
-        self.encoding, self.loops, self.holds = encoding, loops, holds
+        self.encoding, self.loops, self.rate, self.holds = encoding, loops, rate, holds
         self._names = list(references)
         self._features = [joint_features(encoding, frames) for frames in references.values()]
-        self._matcher = Matcher(self._features, [loops[name] for name in self._names])
+        self._matcher = Matcher(self._features, [loops[name] for name in self._names], rate)
 
     def length(self, motion: str) -> int:
         """How many frames a motion was learned from."""
@@ -147,9 +152,16 @@ class Judge:
 
     def __call__(self, motion: str, run: Array) -> MotionVerdict:
         """The verdict on the channels (T, C) of a run."""
+        return self.of_features(motion, joint_features(self.encoding, run))
+
+    def of_features(self, motion: str, run: Array) -> MotionVerdict:
+        """The verdict on the features (T, F) of a run."""
+        if not np.isfinite(run).all():
+            return MotionVerdict(False, np.inf, 0.0, "the network ran away")
         index = self._names.index(motion)
-        features = joint_features(self.encoding, run)
-        return judge(features, self._matcher, index, self._features[index], loop=self.loops[motion], holds=self.holds)
+        if self.loops[motion]:
+            return _judge_loop(run, self._matcher, index, self._features[index], self.rate)
+        return _judge_once(run, self._matcher, index, self._features[index], holds=self.holds)
 
 
 def distances(features: Array, others: Array) -> Array:
@@ -157,22 +169,11 @@ def distances(features: Array, others: Array) -> Array:
     return np.sqrt(np.square(features - others).sum(-1) / (features.shape[-1] / 3.0))
 
 
-def judge(
-    run: Array, matcher: Matcher, index: int, reference: Array, *, loop: bool, holds: bool = True
-) -> MotionVerdict:
-    """The verdict on one run of features (T, F) of the motion at an index, learned from reference features."""
-    if not np.isfinite(run).all():
-        return MotionVerdict(False, np.inf, 0.0, "the network ran away")
-    if loop:
-        return _judge_loop(run, matcher, index, reference)
-    return _judge_once(run, matcher, index, reference, holds=holds)
-
-
 def _judge_once(run: Array, matcher: Matcher, index: int, reference: Array, *, holds: bool) -> MotionVerdict:
     """The verdict on features (T, F) of a motion that happens once, learned from reference features."""
     found = matcher.match(run, index, alone=True)
     error = float(np.median(found.distance[2 * len(found.distance) // 3 :]))
-    moving = np.square(np.diff(windows(reference), axis=0)).mean(1) > STILL_MM**2
+    moving = np.square(np.diff(matcher.windows(reference), axis=0)).mean(1) > STILL_MM**2
     places = found.place[found.place < len(moving)]
     passed_through = rising_length(places[moving[places]]) / max(1, int(moving.sum()))
     end = float(np.sqrt(np.square(run[-1] - reference[-1]).sum() / (len(run[-1]) / 3.0)))
@@ -183,14 +184,14 @@ def _judge_once(run: Array, matcher: Matcher, index: int, reference: Array, *, h
     return MotionVerdict(True, error, 1.0, "")
 
 
-def _judge_loop(run: Array, matcher: Matcher, index: int, reference: Array) -> MotionVerdict:
+def _judge_loop(run: Array, matcher: Matcher, index: int, reference: Array, rate: float) -> MotionVerdict:
     """The verdict on features (T, F) of a loop, by the last third of its windows."""
-    found = matcher.match(run[STRIDE * (2 * window_count(len(run)) // 3) :], index)
+    found = matcher.match(run[matcher.stride * (2 * matcher.window_count(len(run)) // 3) :], index)
     error = float(np.median(found.distance))
     right = float(np.mean(found.motion == index))
     bound = max(LOST_MM, 0.4 * matcher.spread(index))
-    own = activity(reference)
-    pace = activity(run[2 * len(run) // 3 :]) / own if own > STILL_MM else 1.0
+    own = activity(reference, rate)
+    pace = activity(run[2 * len(run) // 3 :], rate) / own if own > STILL_SPEED else 1.0
     if right < 0.7:
         return MotionVerdict(False, error, right, f"only {right:.0%} of it looks like this motion")
     if error > bound:

@@ -3,8 +3,8 @@
 Four signs are looked for:
 
 - an impossible state: one that no playing leads to (every frame);
-- far from everything the motion knows: no anchor is near (every LOOK_EVERY frames);
-- frozen: what is played moves a fraction of the least that the motion ever moves (every LOOK_EVERY frames);
+- far from everything the motion knows: no anchor is near (every LOOK_SECONDS);
+- frozen: what is played moves a fraction of the least that the motion ever moves (every LOOK_SECONDS);
 - out of order: a motion that happens once is not near where it was a look ago, or a little further on.
 
 The cure is always the same: start again from a stored state. In a loop that is the one whose frame is nearest to what
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from controller.networks.base import Channels, FrameNetwork
 
-LOOK_EVERY = 5
+LOOK_SECONDS = 1.0 / 24.0
 MOST_ANCHORS = 128
 FAR = 0.6
 FROZEN = 0.3
@@ -54,6 +54,7 @@ class Beat:
         slowest: the least smoothed movement that counts as playing; 0 where standing still is right.
         disorder: how far a motion that happens once may be from where it should be.
         stride: how many of these anchors a motion that happens once goes on between two looks; None for a loop.
+        look_every: frames from one look to the next.
     """
 
     anchors: NDArray[np.int64]
@@ -63,6 +64,7 @@ class Beat:
     slowest: float
     disorder: float
     stride: float | None
+    look_every: int
 
 
 class LossWatch:
@@ -92,7 +94,7 @@ class LossWatch:
         """Which runs are lost, shape (R,), from their newest frames (R, C) and whether their states are impossible."""
         lost = astray | ~np.isfinite(frames).all(1)
         self._count += 1
-        if self._count % LOOK_EVERY:
+        if self._count % self.beat.look_every:
             return lost
         seen = np.where(lost[:, None], self._seen, frames / self._scale)
         step = np.sqrt(np.square(seen - self._seen).mean(1))
@@ -139,18 +141,19 @@ class Guard:
         network: what is guarded.
         lengths: how many frames each motion has.
         loops: whether it goes on for ever.
+        rate: frames per second, Hz.
 
     Attributes:
         recues: how often it had to start the network again.
         anchor: where it did so the last time.
     """
 
-    def __init__(self, network: GuardableNetwork, lengths: dict[str, int], loops: dict[str, bool]) -> None:
+    def __init__(self, network: GuardableNetwork, lengths: dict[str, int], loops: dict[str, bool], rate: float) -> None:
         self.network = network
         self.motions, self.channels = network.motions, network.channels
         self.scale = spread(network)
         self.beats = {
-            name: beat(network, name, self.scale, lengths[name], loop=loops[name]) for name in network.motions
+            name: beat(network, name, self.scale, lengths[name], rate, loop=loops[name]) for name in network.motions
         }
         self.recues = self.anchor = 0
         self._newest = np.zeros((1, network.channels))
@@ -200,14 +203,15 @@ def spread(network: FrameNetwork) -> Channels:
     return np.where(deviation > 1e-6, deviation, 1.0)
 
 
-def beat(network: FrameNetwork, motion: str, scale: Channels, length: int, *, loop: bool) -> Beat:
-    """What a guard has to know of a motion of some length in frames."""
+def beat(network: FrameNetwork, motion: str, scale: Channels, length: int, rate: float, *, loop: bool) -> Beat:
+    """What a guard has to know of a motion of some length in frames at a rate in Hz."""
+    look_every = max(1, round(LOOK_SECONDS * rate))
     frames = network.anchors(motion) / scale
     anchors = np.arange(0, len(frames), -(-len(frames) // MOST_ANCHORS))
     pace = slowest = 0.0
     if loop:
         # Twice round, because the smoothed movement depends on what came before.
-        looks_per_anchor = length / len(frames) / LOOK_EVERY
+        looks_per_anchor = length / len(frames) / look_every
         steps = np.sqrt(np.square(np.roll(frames, -1, axis=0) - frames).mean(1)) / looks_per_anchor
         pace = float(steps.mean())
         if pace > STILL:
@@ -217,6 +221,8 @@ def beat(network: FrameNetwork, motion: str, scale: Channels, length: int, *, lo
                 smooth += share * (step - smooth)
                 least = min(least, smooth)
             slowest = FROZEN * least
-    stride = None if loop else LOOK_EVERY * len(anchors) / length
+    stride = None if loop else look_every * len(anchors) / length
     disorder = DISORDER * float(np.sqrt(np.square(frames - frames.mean(0)).mean()))
-    return Beat(anchors, frames[anchors], np.square(frames[anchors]).sum(1), pace, slowest, disorder, stride)
+    return Beat(
+        anchors, frames[anchors], np.square(frames[anchors]).sum(1), pace, slowest, disorder, stride, look_every
+    )

@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits
 from controller.library.motion_library import MotionLibrary
 from controller.library.network_arrays import AnyNetwork
 from controller.measures.self_test import Judge, MotionVerdict, run_free, self_test
-from controller.mocap.canonical.clip_edits import mirrored, resampled
+from controller.mocap.canonical.clip_edits import mirrored
 from controller.mocap.clip import Clip
 from controller.mocap.encodings.normalisation import Normalisation
 from controller.networks.centralized.centralized_frames import CentralizedNetwork
@@ -28,7 +28,7 @@ from controller.networks.reservoirs.random_feature_conceptor import RandomFeatur
 from controller.networks.reservoirs.reservoir import Reservoir
 from controller.rotations import Array
 from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network
-from controller.training.fit import cut, describe_motion, to_learn
+from controller.training.fit import describe_motion
 from controller.training.preparation.training_motion import TrainingMotion
 from controller.training.recipe import LibraryRecipe, MotionRecipe, check_name, recipe_of
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe
@@ -37,6 +37,7 @@ from controller.training.reservoirs.incremental_loading import load_one_more, me
 from controller.training.reservoirs.phase_training import PhaseRecipe, learn_motion
 from controller.training.reservoirs.rank_choice import cut_to_tolerance
 from controller.training.stress_test import stress_test
+from controller.training.training_set import LearnedPart, to_learn
 from motiondeck_base.errors import MotiondeckError
 
 
@@ -47,12 +48,14 @@ class Addition:
     Attributes:
         library: with the new motion as its last.
         verdict: of the self-test on it.
+        part: which part of the recording it was learned from.
         quota_before, quota: the share of the reservoir's space that the stored motions claim, without it and with it;
             None for networks that have no space to share.
     """
 
     library: MotionLibrary
     verdict: MotionVerdict
+    part: LearnedPart
     quota_before: float | None
     quota: float | None
 
@@ -79,14 +82,14 @@ def add_motion(library: MotionLibrary, path: Path, clip: Clip, motion: MotionRec
         raise MotiondeckError(
             f"{path}: its motions were learned as recorded, without loops; such a library is not added to"
         )
-    one = resampled(cut(mirrored(clip) if motion.mirrored else clip, motion), info.rate)
-    frames = to_learn(library.encoding, one, motion, recipe.loop_keeps)
+    own = mirrored(clip) if motion.mirrored else clip
+    frames, part = to_learn(library.encoding, own, motion, info.rate, recipe.loop_keeps)
     lengths = {known.name: known.frames for known in info.motions}
     with threadpool_limits(1):
         grown, claimed = _learn(library, recipe, lengths, motion, frames)
         loops = {known.name: known.plays == "loop" for known in info.motions} | {motion.name: motion.plays == "loop"}
         played = {name: run_free(network.twin(), name, length) for name, length in lengths.items()}
-        judge = Judge(library.encoding, played | {motion.name: frames}, loops)
+        judge = Judge(library.encoding, played | {motion.name: frames}, loops, info.rate)
         verdict = self_test(grown, judge, (motion.name,))
         if not isinstance(grown, CentralizedNetwork):
             verdict = stress_test(grown, verdict, judge, info.seed)
@@ -98,7 +101,7 @@ def add_motion(library: MotionLibrary, path: Path, clip: Clip, motion: MotionRec
         recipe=msgspec.json.decode(msgspec.json.encode(longer)),
         acknowledgement=f"{info.acknowledgement} '{motion.name}' was added from {Path(motion.file).name}.".strip(),
     )
-    return Addition(MotionLibrary(header, grown, library.encoding), verdict[motion.name], *claimed)
+    return Addition(MotionLibrary(header, grown, library.encoding), verdict[motion.name], part, *claimed)
 
 
 def _learn(

@@ -1,4 +1,4 @@
-"""From a recipe to a motion library: read, close the loops, train, test, and try the next seed if a motion fails."""
+"""From a recipe to a motion library: prepare, train, test, and try the next seed if a motion fails."""
 
 from __future__ import annotations
 
@@ -16,24 +16,14 @@ from controller.library.library_header import FEWEST_ANCHORS, VERSION, LibraryIn
 from controller.library.motion_library import MotionLibrary
 from controller.library.network_arrays import AnyNetwork
 from controller.measures.accuracy import nrmse
-from controller.measures.motion_matching import joint_features
 from controller.measures.self_test import Judge, MotionVerdict, self_test
 from controller.measures.trials import with_trials
-from controller.mocap.canonical.canonical_body import carried, to_canonical
-from controller.mocap.canonical.clip_edits import mirrored, resampled, span
-from controller.mocap.clip import Clip
-from controller.mocap.encodings.encoding import Encoding, encoding_of
-from controller.mocap.encodings.joint_angles import JointBody
 from controller.mocap.encodings.normalisation import Normalisation
-from controller.mocap.formats.reading import read_clip, skeleton_of
-from controller.mocap.reading_options import ReadingOptions
-from controller.mocap.skeleton import Skeleton
 from controller.networks.centralized.centralized_frames import CentralizedNetwork
 from controller.rotations import Array
 from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network
-from controller.training.preparation.loops import close_loop, hold_end
 from controller.training.preparation.training_motion import TrainingMotion
-from controller.training.recipe import CenterRecipe, LibraryRecipe, MotionRecipe, NetworkRecipe
+from controller.training.recipe import LibraryRecipe, MotionRecipe, NetworkRecipe
 from controller.training.reservoirs.aperture_choice import settled_network
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
@@ -41,13 +31,8 @@ from controller.training.reservoirs.noise_choice import settled_echo_state
 from controller.training.reservoirs.phase_training import PhaseRecipe, train_phase_conceptors
 from controller.training.reservoirs.random_feature_training import RandomFeatureRecipe, train_random_features
 from controller.training.stress_test import stress_test
+from controller.training.training_set import Progress, TrainingSet, prepare
 from motiondeck_base.errors import FileFormatError
-
-SHORTEST_SECONDS = 0.4  # of a recording: two windows of the self-test
-COMMON_RATE = 120.0  # Hz, of a library whose recordings have different rates
-
-Progress = Callable[[str], None]
-Reader = Callable[[MotionRecipe], Clip]
 
 _KINDS: dict[type, Literal["conceptor", "phase-conceptor", "echo-state", "random-feature", "centralized"]] = {
     ConceptorRecipe: "conceptor",
@@ -58,57 +43,32 @@ _KINDS: dict[type, Literal["conceptor", "phase-conceptor", "echo-state", "random
 }
 
 
-@dataclass(frozen=True)
-class TrainingSet:
-    """The frames that a recipe wants learned.
-
-    Attributes:
-        encoding: of the channels.
-        rate: frames per second.
-        frames: what each motion is learned from, shape (T, channels), in the encoding's units.
-        loops: whether it is a loop.
-        before: what was recorded before those frames, of each motion, or nothing.
-    """
-
-    encoding: Encoding
-    rate: float
-    frames: dict[str, Array]
-    loops: dict[str, bool]
-    before: dict[str, Array]
-
-    def normalised(self) -> tuple[list[TrainingMotion], Normalisation]:
-        """What a trainer is given, and the normalisation of its channels."""
-        normalisation = Normalisation.fit([*self.frames.values(), *self.before.values()])
-        return [
-            TrainingMotion(
-                name,
-                normalisation.apply(frames),
-                self.loops[name],
-                normalisation.apply(self.before[name]) if name in self.before else None,
-            )
-            for name, frames in self.frames.items()
-        ], normalisation
-
-
-def fit(
-    recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None, read: Reader | None = None
-) -> MotionLibrary:
+def fit(recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None) -> MotionLibrary:
     """Trains the library of a recipe from the recordings in a folder.
 
     Args:
         recipe: what to train.
         data: the folder that the recipe's files lie in.
         progress: called with each step in a few words; there are `steps(recipe)` of them without retries.
-        read: gives the clip of a motion; None reads its file.
+
+    Raises:
+        MotiondeckError: if a recording is missing or damaged.
+    """
+    return fit_prepared(recipe, prepare(recipe, data, progress), progress)
+
+
+def fit_prepared(
+    recipe: LibraryRecipe, training_set: TrainingSet, progress: Progress = lambda _: None
+) -> MotionLibrary:
+    """Trains the library of a recipe whose recordings have been read.
 
     Returns:
         The library of the first seed with which every motion passes the self-test; where none does, that of the seed
         with which most do.
 
     Raises:
-        MotiondeckError: if a recording is missing or damaged.
+        FileFormatError: if the recipe's anchors are too far apart for a motion.
     """
-    training_set = prepare(recipe, data, progress, read)
     for name, frames in training_set.frames.items():
         if len(frames[:: recipe.network.anchor_every]) < FEWEST_ANCHORS:
             raise FileFormatError(
@@ -116,7 +76,8 @@ def fit(
                 f"{FEWEST_ANCHORS} states to start from; give a smaller number"
             )
     motions, normalisation = training_set.normalised()
-    judge = Judge(training_set.encoding, training_set.frames, training_set.loops, holds=not recipe.as_recorded)
+    holds = not recipe.as_recorded
+    judge = Judge(training_set.encoding, training_set.frames, training_set.loops, training_set.rate, holds=holds)
 
     def train_with(seed: int) -> TrainedNetwork:
         progress(f"training (seed {seed})")
@@ -238,98 +199,6 @@ def train(
 def steps(recipe: LibraryRecipe) -> int:
     """How many steps a fit takes when the first seed passes."""
     return len(recipe.motions) + 2
-
-
-def prepare(
-    recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None, read: Reader | None = None
-) -> TrainingSet:
-    """Reads a recipe's recordings, carries them to one body and rate, and closes their loops or holds their ends.
-
-    A recipe that wants them as recorded gets them so.
-
-    Args:
-        recipe: what to read.
-        data: the folder that its files lie in.
-        progress: called with each step in a few words.
-        read: gives the clip of a motion; None reads its file.
-    """
-    clips: dict[str, Clip] = {}
-    for motion in recipe.motions:
-        progress(f"reading {motion.name}")
-        clips[motion.name] = cut(read_motion(data, motion) if read is None else read(motion), motion)
-    rates = sorted({clip.rate for clip in clips.values()})
-    rate = recipe.rate or (rates[0] if len(rates) == 1 else COMMON_RATE)
-    if recipe.as_recorded and rates != [rate]:
-        raise FileFormatError(f"recipe '{recipe.name}' learns as recorded, but its recordings have {rates} Hz")
-    twist = recipe.encoding == "joint rotations"
-    encoding = encoding_of(_body(recipe, data, clips), twist=twist)
-    frames: dict[str, Array] = {}
-    before: dict[str, Array] = {}
-    for motion in recipe.motions:
-        clip = resampled(clips[motion.name], rate)
-        if recipe.as_recorded and not isinstance(recipe.network, CenterRecipe):
-            channels, washout = encoding_of(clip.skeleton, twist=twist).encode(clip), recipe.network.washout
-            if len(channels) < 2 * washout:
-                raise FileFormatError(f"motion '{motion.name}' is shorter than twice the washout of {washout} frames")
-            before[motion.name], frames[motion.name] = channels[:washout], channels[washout:]
-            continue
-        frames[motion.name] = to_learn(encoding, clip, motion, recipe.loop_keeps)
-    loops = {motion.name: motion.plays == "loop" for motion in recipe.motions}
-    return TrainingSet(encoding, rate, frames, loops, before)
-
-
-def read_motion(data: Path, motion: MotionRecipe) -> Clip:
-    """The recording of a motion, all of its frames; left and right exchanged if it is to be mirrored."""
-    path = find_recording(data, motion.file)
-    skeleton = skeleton_of(path, data) if motion.skeleton is None else find_recording(data, motion.skeleton)
-    clip = read_clip(path, ReadingOptions(skeleton))
-    return mirrored(clip) if motion.mirrored else clip
-
-
-def _body(recipe: LibraryRecipe, data: Path, clips: dict[str, Clip]) -> Skeleton:
-    """The skeleton that a recipe's motions are carried to."""
-    if recipe.body:
-        path = find_recording(data, recipe.body)
-        return read_clip(path, ReadingOptions(skeleton_of(path, data))).skeleton
-    first = clips[recipe.motions[0].name]
-    return first.skeleton if isinstance(first.skeleton, JointBody) else to_canonical(first).skeleton
-
-
-def to_learn(encoding: Encoding, clip: Clip, motion: MotionRecipe, loop_keeps: float) -> Array:
-    """The frames to learn of a clip, carried to the encoding's body: a closed loop, or a motion that holds its end."""
-    channels = encoding.encode(carried(clip, encoding.skeleton))
-    if motion.plays == "once":
-        return hold_end(channels, encoding.velocities, clip.rate)
-    return close_loop(channels, joint_features(encoding, channels), clip.rate, at_least=loop_keeps)
-
-
-def find_recording(data: Path, file: str) -> Path:
-    """A recording below the data folder, or directly in it.
-
-    Raises:
-        FileFormatError: if it is in neither.
-    """
-    for path in (data / file, data / Path(file).name):
-        if path.exists():
-            return path
-    raise FileFormatError(f"{data / file}: there is no such file; --data is the folder that holds the recordings")
-
-
-def cut(clip: Clip, motion: MotionRecipe) -> Clip:
-    """The frames of a clip that a recipe wants.
-
-    Raises:
-        FileFormatError: if they are not in it, or too few.
-    """
-    first, end = motion.frames or (0, len(clip))
-    if not 0 <= first < end <= len(clip):
-        raise FileFormatError(f"motion '{motion.name}': frames {first} to {end} are not in a clip of {len(clip)}")
-    shortest = int(np.ceil(SHORTEST_SECONDS * clip.rate))
-    if end - first < shortest:
-        raise FileFormatError(
-            f"motion '{motion.name}': {end - first} frames are too few; {shortest} are the least at {clip.rate:g} Hz"
-        )
-    return span(clip, first, end)
 
 
 def describe_motion(

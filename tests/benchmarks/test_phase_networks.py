@@ -8,8 +8,8 @@ import synthetic
 from benchmarks.reservoirs.phase_morphs import mixtures
 from benchmarks.reservoirs.phase_networks import ABLATION, ClipPlayer, at_rate, channels_mb, clip_row, line, measured
 from controller.measures.self_test import run_free
-from controller.training.fit import TrainingSet
 from controller.training.reservoirs.phase_training import PhaseRecipe
+from controller.training.training_set import TrainingSet
 
 LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}
 KNOWN = TrainingSet(synthetic.small_encoding(), synthetic.RATE, synthetic.references(), LOOPS, {})

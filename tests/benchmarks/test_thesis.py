@@ -8,8 +8,8 @@ from benchmarks.papers.thesis_figures import NOISE_CHANNELS, THESIS, noisy_targe
 from controller.evaluation.evaluation import read_evaluation
 from controller.evaluation.failure_rates import Count
 from controller.evaluation.tables import Table, failure_table
-from controller.training.fit import prepare
 from controller.training.recipe import read_recipe
+from controller.training.training_set import prepare
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.shipped import shipped_configs
 

@@ -7,8 +7,8 @@ from benchmarks.papers import cost_measurement as cost
 from benchmarks.papers.cost_measurement import TrainingCost
 from benchmarks.papers.training_cost import cost_figure, cost_table
 from controller.training.centralized.centralized_training import CentralizedRecipe
-from controller.training.fit import TrainingSet
 from controller.training.recipe import LibraryRecipe, MotionRecipe
+from controller.training.training_set import TrainingSet
 
 LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}
 RECIPE = LibraryRecipe(

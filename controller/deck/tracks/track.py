@@ -119,4 +119,5 @@ def _guard(network: Network, library: MotionLibrary) -> Guard:
     """A guard around a network that runs by itself; one that a center drives cannot lose its place, and needs none."""
     motions = library.info.motions
     lengths = {motion.name: motion.frames for motion in motions}
-    return Guard(network, lengths, {motion.name: motion.plays == "loop" for motion in motions})
+    loops = {motion.name: motion.plays == "loop" for motion in motions}
+    return Guard(network, lengths, loops, library.info.rate)

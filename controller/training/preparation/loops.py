@@ -1,8 +1,11 @@
 """Closing a clip, so that a motion can go on for ever or come to rest.
 
 A recording ends; a network must not. A periodic motion is cut where it comes nearest to itself, and what mismatch is
-left is eased out over the frames after the seam, value and velocity (a quintic, so that neither jumps). A one-shot is
-eased into a hold after it has ended: the network learns to rest there.
+left there, in value and slope, is shared by both sides of the seam and eased out along a quintic, so that neither
+jumps. A one-shot is eased into a hold after it has ended: the network learns to rest there.
+
+Channels that are velocities (of the path, of the turn) are differences of recorded frames, and noisy. Their values at a
+seam are means over SLOPE_SECONDS, and what both sides share cancels out: a loop turns as far as its recording did.
 """
 
 from __future__ import annotations
@@ -16,8 +19,9 @@ from controller.rotations import Array
 
 HOLD_SECONDS = 1.0  # at rest after a one-shot
 EASE_SECONDS = 0.3  # in which a one-shot comes to rest
-SEAM_SECONDS = 0.4  # over which the mismatch of a loop is eased out
+SEAM_SECONDS = 0.4  # on either side of a seam, over which the mismatch is eased out
 VELOCITY_SECONDS = 1.0 / 15.0  # what a mismatch in velocity counts: as far as it leads in this time
+SLOPE_SECONDS = 1.0 / 15.0  # over which a slope is measured
 MOST_STARTS = 1200  # that are tried one by one; in longer clips every second or third and so on, then those around
 
 
@@ -56,7 +60,19 @@ def best_seam(features: Array, rate: float, *, at_least: float) -> Seam:
 
 def with_velocities(features: Array, rate: float) -> Array:
     """Features (T, F) at a rate in Hz, and how far their velocities lead in VELOCITY_SECONDS, shape (T, 2 F)."""
-    return np.concatenate([features, VELOCITY_SECONDS * rate * np.gradient(features, axis=0)], axis=1)
+    return np.concatenate([features, VELOCITY_SECONDS * rate * slopes(features, rate)], axis=1)
+
+
+def slopes(values: Array, rate: float) -> Array:
+    """The change of values (T, C) a frame, as central differences over SLOPE_SECONDS (less at the ends)."""
+    reach, frame = _reach(rate), np.arange(len(values))
+    after, before = np.minimum(frame + reach, len(values) - 1), np.maximum(frame - reach, 0)
+    return (values[after] - values[before]) / np.maximum(after - before, 1)[:, None]
+
+
+def _reach(rate: float) -> int:
+    """How many frames on either side of one a slope is measured over."""
+    return max(1, round(0.5 * SLOPE_SECONDS * rate))
 
 
 def _best_of(seen: Array, starts: range, shortest: int, stride: int) -> Seam:
@@ -70,44 +86,59 @@ def _best_of(seen: Array, starts: range, shortest: int, stride: int) -> Seam:
     return Seam(best.start, best.end, float(np.sqrt(best.mismatch)))
 
 
-def close_loop(channels: Array, features: Array, rate: float, *, at_least: float) -> Array:
-    """The best periodic part of a clip.
+def close_loop(channels: Array, cut: Seam, velocities: slice, rate: float) -> Array:
+    """The periodic part of a clip.
 
     Args:
         channels: the clip, shape (T, C).
-        features: what the cut is judged by (joint positions), shape (T, F).
+        cut: where the loop begins and ends.
+        velocities: the channels that are velocities.
         rate: frames per second, Hz.
-        at_least: how much of the clip the loop keeps, in (0, 1).
 
     Returns:
         One period, shape (P, C): its frame 0 follows its last one.
     """
-    cut = best_seam(features, rate, at_least=at_least)
     loop = channels[cut.start : cut.end].copy()
-    seam = min(max(2, round(SEAM_SECONDS * rate)), len(loop))
-    slope = np.gradient(channels, axis=0)
-    s = np.arange(seam)[:, None] / seam
-    value_share, slope_share = run_out(s)
-    loop[:seam] += (channels[cut.end] - channels[cut.start]) * value_share
-    loop[:seam] += (slope[cut.end] - slope[cut.start]) * seam * slope_share
+    ease = max(1, min(round(SEAM_SECONDS * rate), len(loop) // 2))
+    (value, slope), (end_value, end_slope) = (
+        _course(channels, frame, velocities, rate) for frame in (cut.start, cut.end)
+    )
+    apart, turned = 0.5 * (end_value - value), 0.5 * ease * (end_slope - slope)
+    value_share, slope_share = run_out(np.arange(ease)[:, None] / ease)
+    loop[:ease] += apart * value_share + turned * slope_share
+    value_share, slope_share = run_out(np.arange(1, ease + 1)[:, None] / ease)
+    loop[::-1][:ease] += turned * slope_share - apart * value_share
     return loop
 
 
-def hold_end(channels: Array, still: slice, rate: float) -> Array:
+def hold_end(channels: Array, velocities: slice, rate: float) -> Array:
     """A clip that comes to rest: its frames, an eased stop, a second of still frames.
 
     Args:
         channels: the clip, shape (T, C).
-        still: the channels that are velocities, zero while resting.
+        velocities: the channels that are velocities, zero while resting.
         rate: frames per second, Hz.
     """
     ease = max(2, round(EASE_SECONDS * rate))
-    slope = np.gradient(channels, axis=0)
+    value, slope = _course(channels, len(channels) - 1, velocities, rate)
     s = np.arange(1, ease + 1)[:, None] / ease
     # The slope runs out as (1 - s)^2 (1 + 2 s): what is walked on the way is its integral.
     way = s - s**3 + 0.5 * s**4
-    stopping = channels[-1] + slope[-1] * ease * way
-    stopping[:, still] = channels[-1:, still] * (1.0 - s) ** 2 * (1.0 + 2.0 * s)
+    stopping = value + slope * ease * way
+    stopping[:, velocities] = value[velocities] * (1.0 - s) ** 2 * (1.0 + 2.0 * s)
     after = np.repeat(stopping[-1:], round(HOLD_SECONDS * rate), axis=0)
-    after[:, still] = 0.0
+    after[:, velocities] = 0.0
     return np.concatenate([channels, stopping, after])
+
+
+def _course(channels: Array, frame: int, velocities: slice, rate: float) -> tuple[Array, Array]:
+    """Value and slope (a frame) of channels (T, C) at a frame; of velocities their mean around it, and no slope.
+
+    The slope is that of the parabola through the frames of SLOPE_SECONDS, at the ends of a clip through the last ones.
+    """
+    count = min(2 * _reach(rate) + 1, len(channels))
+    first = min(max(0, frame - count // 2), len(channels) - count)
+    around = channels[first : first + count]
+    value, slope = channels[frame].copy(), np.polyfit(np.arange(count) + first - frame, around, 2)[1]
+    value[velocities], slope[velocities] = around[:, velocities].mean(0), 0.0
+    return value, slope

@@ -9,9 +9,9 @@ from controller.evaluation.failure_rates import sweep, train_subjects
 from controller.evaluation.training_error import training_error
 from controller.measures.run_batch import batch_of
 from controller.training.centralized.centralized_training import CentralizedRecipe
-from controller.training.fit import TrainingSet
 from controller.training.recipe import LibraryRecipe, MotionRecipe
 from controller.training.reservoirs.phase_training import PhaseRecipe
+from controller.training.training_set import TrainingSet
 
 LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}
 RECIPE = LibraryRecipe(

@@ -4,7 +4,7 @@ import pytest
 import synthetic
 from controller.evaluation.tables import crossing_table
 from controller.evaluation.transitions import METHODS, RAMP, all_crossings
-from controller.training.fit import TrainingSet
+from controller.training.training_set import TrainingSet
 
 LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}
 

@@ -37,7 +37,7 @@ def played(network, motion, frames=200):
 
 def test_every_motion_passes_the_self_test(library):
     frames = synthetic.references()
-    judge = Judge(library.encoding, frames, {name: name != "bow" for name in frames})
+    judge = Judge(library.encoding, frames, {name: name != "bow" for name in frames}, library.info.rate)
     for name, verdict in self_test(library.network, judge).items():
         assert verdict.passed, f"{name}: {verdict.reason}"
         assert verdict.error_mm < 20.0

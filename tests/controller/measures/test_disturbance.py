@@ -12,9 +12,9 @@ from controller.measures.run_batch import batch_of
 from controller.measures.self_test import Judge, after_disturbance, self_test
 from controller.networks.guard import Guard, beat, spread
 from controller.networks.reservoirs.phase_conceptor import PhaseReservoir
-from controller.training.fit import TrainingSet
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
 from controller.training.stress_test import stress_test
+from controller.training.training_set import TrainingSet
 
 LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}
 SMALL_ECHO = EchoStateRecipe(neurons=200, washout=60)
@@ -100,10 +100,12 @@ def test_the_same_seed_gives_the_same_runs(conceptors, kind):
 
 def test_a_guarded_run_is_what_a_guard_plays(conceptors):
     frames, scale = len(synthetic.bow()), spread(conceptors)
-    watched = GuardKnowledge(beat(conceptors, "bow", scale, frames, loop=False), scale, conceptors.anchors("bow")[0])
+    watched = GuardKnowledge(
+        beat(conceptors, "bow", scale, frames, synthetic.RATE, loop=False), scale, conceptors.anchors("bow")[0]
+    )
     (run,) = disturbed("robustness", batch_of(conceptors, "bow", 1), 1, np.random.default_rng(0), watched)
     lengths = {name: len(taught) for name, taught in synthetic.references().items()}
-    guard = Guard(conceptors.twin(), lengths, LOOPS)
+    guard = Guard(conceptors.twin(), lengths, LOOPS, synthetic.RATE)
     out = np.empty((STEPS, conceptors.channels))
     guard.cue("bow", 0)
     for frame in out:
@@ -136,7 +138,7 @@ def test_motions_are_counted_alone_and_without_a_guard(conceptors, syllabus):
 
 
 def test_a_loop_that_does_not_survive_noise_fails_the_stress_test(conceptors, syllabus, monkeypatch):
-    judge = Judge(syllabus.encoding, syllabus.frames, LOOPS)
+    judge = Judge(syllabus.encoding, syllabus.frames, LOOPS, syllabus.rate)
     free = self_test(conceptors, judge)
     assert stress_test(conceptors, free, judge, 0) == free
 
@@ -165,7 +167,7 @@ def test_wilson_is_that_of_the_books():
 
 @pytest.mark.parametrize("kind", ["robustness", "stability"])
 def test_a_disturbed_phase_network_finds_back_to_its_phase(driven, kind):
-    judge = Judge(synthetic.small_encoding(), synthetic.references(), LOOPS)
+    judge = Judge(synthetic.small_encoding(), synthetic.references(), LOOPS, synthetic.RATE)
     for motion in driven.motions:
         for run in disturbed(kind, batch_of(driven, motion, 4), 4, np.random.default_rng(2)):
             assert after_disturbance(driven, judge, motion, run.astype(np.float64)).passed

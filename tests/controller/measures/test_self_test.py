@@ -4,8 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import synthetic
-from controller.measures.motion_matching import Matcher, joint_features, rising_length, windows
-from controller.measures.self_test import Judge, judge, self_test
+from controller.measures.motion_matching import joint_features, rising_length, stride_of, windows
+from controller.measures.self_test import Judge, self_test
 
 NAMES = list(synthetic.MOTIONS)
 
@@ -17,12 +17,12 @@ def features():
 
 
 @pytest.fixture(scope="module")
-def matcher(features):
-    return Matcher(features, [name != "bow" for name in NAMES])
+def judge():
+    loops = {name: name != "bow" for name in NAMES}
+    return Judge(synthetic.small_encoding(), synthetic.references(), loops, synthetic.RATE)
 
 
-def test_a_trained_network_passes():
-    judge = Judge(synthetic.small_encoding(), synthetic.references(), {name: name != "bow" for name in NAMES})
+def test_a_trained_network_passes(judge):
     verdicts = self_test(synthetic.small_network(), judge)
     assert [name for name, verdict in verdicts.items() if not verdict.passed] == []
     assert max(verdict.error_mm for verdict in verdicts.values()) < 30.0
@@ -49,7 +49,7 @@ def test_a_loop_that_takes_a_short_cut_fails():
     arms = synthetic.swing(0.5 * side, 0), synthetic.swing(0.5 * side, 1)
     legs = synthetic.swing(0.1 * side, 1), synthetic.swing(0.1 * side, 1)
     both = synthetic.frames_of(0.8 + 0 * t, 0 * t, 0 * t, legs, arms)
-    judge = Judge(synthetic.small_encoding(), {"both": both}, {"both": True})
+    judge = Judge(synthetic.small_encoding(), {"both": both}, {"both": True}, synthetic.RATE)
     assert self_test(Tape(both), judge)["both"].passed
     verdict = self_test(Tape(both[:120]), judge)["both"]
     assert not verdict.passed
@@ -80,7 +80,7 @@ def beckon():
 
 @pytest.mark.parametrize("loop", [True, False])
 def test_a_repeated_gesture_passes_where_the_phase_is_known(loop):
-    judge = Judge(synthetic.small_encoding(), {"both": beckon()}, {"both": loop})
+    judge = Judge(synthetic.small_encoding(), {"both": beckon()}, {"both": loop}, synthetic.RATE)
     tape = PhaseTape(np.concatenate([beckon(), *([] if loop else [beckon()[-1:]] * 480)]))
     tape.cue = lambda motion, anchor: setattr(tape, "_n", anchor + 1)  # the frame after the anchor comes first
     verdict = self_test(tape, judge)["both"]
@@ -98,47 +98,47 @@ def test_a_repeated_gesture_passes_where_the_phase_is_known(loop):
     ],
 )
 def test_what_is_not_at_its_phase_fails(change, reason):
-    judge = Judge(synthetic.small_encoding(), {"both": beckon()}, {"both": True})
+    judge = Judge(synthetic.small_encoding(), {"both": beckon()}, {"both": True}, synthetic.RATE)
     tape = PhaseTape(np.roll(change(beckon()), -1, axis=0))
     verdict = self_test(tape, judge)["both"]
     assert not verdict.passed
     assert reason in verdict.reason
 
 
-def test_a_frozen_loop_fails(features, matcher):
+def test_a_frozen_loop_fails(features, judge):
     frozen = np.repeat(features[0][:1], 300, axis=0)
-    assert not judge(frozen, matcher, 0, features[0], loop=True).passed
+    assert not judge.of_features("march", frozen).passed
 
 
-def test_another_motion_fails(features, matcher):
-    verdict = judge(np.tile(features[1], (4, 1)), matcher, 0, features[0], loop=True)
+def test_another_motion_fails(features, judge):
+    verdict = judge.of_features("march", np.tile(features[1], (4, 1)))
     assert not verdict.passed
     assert "looks like" in verdict.reason
 
 
-def test_the_motion_itself_passes_at_another_tempo(features, matcher):
+def test_the_motion_itself_passes_at_another_tempo(features, judge):
     slower = np.repeat(np.tile(features[0], (3, 1)), 2, axis=0)
     slower = 0.5 * (slower[1:] + slower[:-1])
-    assert judge(slower, matcher, 0, features[0], loop=True).passed
+    assert judge.of_features("march", slower).passed
 
 
-def test_a_motion_that_never_starts_fails(features, matcher):
-    verdict = judge(np.repeat(features[2][:1], 600, axis=0), matcher, 2, features[2], loop=False)
+def test_a_motion_that_never_starts_fails(features, judge):
+    verdict = judge.of_features("bow", np.repeat(features[2][:1], 600, axis=0))
     assert not verdict.passed
     assert "went through" in verdict.reason
 
 
-def test_a_motion_that_does_not_hold_its_end_fails(features, matcher):
+def test_a_motion_that_does_not_hold_its_end_fails(features, judge):
     run = np.concatenate([features[2], features[2][::-1]])
-    verdict = judge(run, matcher, 2, features[2], loop=False)
+    verdict = judge.of_features("bow", run)
     assert not verdict.passed
     assert "holds" in verdict.reason
 
 
-def test_a_run_that_is_not_finite_fails(features, matcher):
+def test_a_run_that_is_not_finite_fails(features, judge):
     run = np.tile(features[0], (3, 1))
     run[-1, 0] = np.nan
-    assert judge(run, matcher, 0, features[0], loop=True).reason == "the network ran away"
+    assert judge.of_features("march", run).reason == "the network ran away"
 
 
 @given(st.lists(st.integers(0, 30), max_size=25))
@@ -149,6 +149,8 @@ def test_rising_length_is_that_of_the_longest_rising_subsequence(places):
     assert rising_length(np.array(places, dtype=np.int64)) == max(lengths, default=0)
 
 
-@given(st.integers(1, 80))
-def test_a_wrapped_window_starts_at_every_fourth_frame(count):
-    assert len(windows(np.zeros((count, 3)), wrap=True)) == count // 4 + 1
+@given(st.integers(1, 80), st.sampled_from([24.0, 30.0, 60.0, 120.0, 240.0]))
+def test_windows_start_every_thirtieth_of_a_second_at_any_rate(count, rate):
+    stride = stride_of(rate)
+    assert stride / rate == pytest.approx(1.0 / 30.0, rel=0.3)
+    assert windows(np.zeros((count, 3)), stride, wrap=True).shape == (count // stride + 1, 18)

@@ -2,10 +2,11 @@ import numpy as np
 import pytest
 
 import synthetic
-from controller.networks.guard import LOOK_EVERY, Guard
+from controller.networks.guard import LOOK_SECONDS, Guard
 
 LENGTHS = {name: len(frames) for name, frames in synthetic.references().items()}
 LOOPS = {name: name != "bow" for name in LENGTHS}
+LOOK_EVERY = round(LOOK_SECONDS * synthetic.RATE)
 
 
 @pytest.fixture(scope="module")
@@ -15,7 +16,7 @@ def weights():
 
 @pytest.fixture
 def guard(weights):
-    return Guard(weights.twin(), LENGTHS, LOOPS)
+    return Guard(weights.twin(), LENGTHS, LOOPS, synthetic.RATE)
 
 
 def run(network, frames):

@@ -10,7 +10,7 @@ from controller.mocap.encodings.bone_directions import BoneDirections
 from controller.mocap.formats.reading import read_clip
 from controller.networks.centralized.centralized import CentralizedGenerator
 from controller.training.centralized.motion_training import train_centralized
-from controller.training.preparation.loops import close_loop
+from controller.training.preparation.loops import best_seam, close_loop
 
 CUTS = {"walk": (100, 520), "punch": (2020, 2480), "kick": (3300, 4000)}
 
@@ -30,7 +30,9 @@ def loops(recording, encoding):
     channels = encoding.encode(recording)
     places = joint_features(encoding, channels)
     return {
-        name: close_loop(channels[first:end], places[first:end], 120.0, at_least=0.35)
+        name: close_loop(
+            channels[first:end], best_seam(places[first:end], 120.0, at_least=0.35), encoding.velocities, 120.0
+        )
         for name, (first, end) in CUTS.items()
     }
 

@@ -1,8 +1,9 @@
 import pytest
 
 from controller.library.motion_library import load_library, save_library
-from controller.training.fit import fit, prepare, steps
+from controller.training.fit import fit, steps
 from controller.training.recipe import read_recipe
+from controller.training.training_set import prepare
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.shipped import shipped_configs
 

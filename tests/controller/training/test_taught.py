@@ -14,8 +14,9 @@ from controller.mocap.encodings.joint_angles import (
     save_taught_clip,
     taught_clip,
 )
-from controller.training.fit import TrainingSet, fit
+from controller.training.fit import fit
 from controller.training.recipe import gesture_recipe
+from controller.training.training_set import TrainingSet
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 
 JOINTS = ("pan", "tilt")

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from controller.training.preparation.loops import HOLD_SECONDS, close_loop, hold_end
+from controller.training.preparation.loops import HOLD_SECONDS, best_seam, close_loop, hold_end
 
 
 def drifting_wave(count=300, period=90):
@@ -9,13 +9,17 @@ def drifting_wave(count=300, period=90):
     return np.stack([np.sin(2 * np.pi * t / period), np.cos(2 * np.pi * t / period) + 0.0005 * t], axis=1)
 
 
+def closed(channels, at_least, velocities=slice(0), rate=120.0):
+    return close_loop(channels, best_seam(channels, rate, at_least=at_least), velocities, rate)
+
+
 def test_the_cut_falls_on_whole_periods():
-    loop = close_loop(drifting_wave(), drifting_wave(), 120.0, at_least=0.5)
+    loop = closed(drifting_wave(), at_least=0.5)
     assert len(loop) == pytest.approx(180, abs=3)
 
 
 def test_neither_value_nor_slope_jumps_at_the_seam():
-    loop = close_loop(drifting_wave(), drifting_wave(), 120.0, at_least=0.5)
+    loop = closed(drifting_wave(), at_least=0.5)
     twice = np.concatenate([loop, loop])
     slope = np.diff(twice, axis=0)
     curve = np.abs(np.diff(slope, axis=0)).max(1)
@@ -26,7 +30,7 @@ def test_neither_value_nor_slope_jumps_at_the_seam():
 
 def test_all_of_a_clip_without_a_match_is_kept_that_was_asked_for():
     ramp = np.linspace(0, 1, 100)[:, None] * np.ones(2)
-    assert len(close_loop(ramp, ramp, 120.0, at_least=0.8)) >= 80
+    assert len(closed(ramp, at_least=0.8)) >= 80
 
 
 def test_a_held_end_stands_still_without_a_jump():

@@ -15,7 +15,7 @@ CHOOSING = msgspec.structs.replace(synthetic.SMALL_RECIPE, choose_apertures=True
 @pytest.fixture(scope="module")
 def judge():
     references = synthetic.references()
-    return Judge(synthetic.small_encoding(), references, {name: name != "bow" for name in references})
+    return Judge(synthetic.small_encoding(), references, {name: name != "bow" for name in references}, synthetic.RATE)
 
 
 @pytest.fixture(scope="module")

@@ -5,11 +5,12 @@ import synthetic
 from controller.evaluation.training_error import training_error
 from controller.measures.self_test import Judge, MotionVerdict
 from controller.measures.trials import FREE_RUN, failures, with_trials
-from controller.training.fit import TrainedNetwork, TrainingSet, first_to_pass
+from controller.training.fit import TrainedNetwork, first_to_pass
 from controller.training.recipe import LibraryRecipe, MotionRecipe
 from controller.training.reservoirs import noise_choice
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
 from controller.training.reservoirs.noise_choice import FACTORS, settled_echo_state
+from controller.training.training_set import TrainingSet
 
 RECIPE = EchoStateRecipe(neurons=120, washout=60, choose_noise=True)
 
@@ -17,7 +18,7 @@ RECIPE = EchoStateRecipe(neurons=120, washout=60, choose_noise=True)
 @pytest.fixture(scope="module")
 def judge():
     references = synthetic.references()
-    return Judge(synthetic.small_encoding(), references, {name: name != "bow" for name in references})
+    return Judge(synthetic.small_encoding(), references, {name: name != "bow" for name in references}, synthetic.RATE)
 
 
 @pytest.fixture(scope="module")

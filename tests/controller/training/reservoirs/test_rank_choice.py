@@ -42,7 +42,7 @@ def test_the_next_frame_stays_within_the_tolerance(network):
 
 
 def test_what_is_cut_still_plays(network):
-    judge = Judge(synthetic.small_encoding(), synthetic.references(), LOOPS)
+    judge = Judge(synthetic.small_encoding(), synthetic.references(), LOOPS, synthetic.RATE)
     tight = cut_to_tolerance(network, synthetic.small_encoding(), 0.5)
     assert all(verdict.passed for verdict in self_test(tight, judge).values())
 
@@ -55,7 +55,7 @@ def test_a_cut_keeps_the_first_directions(network):
 
 
 def test_a_recipe_with_a_tolerance_gets_a_rank_of_its_own_for_each_motion():
-    judge = Judge(synthetic.small_encoding(), synthetic.references(), LOOPS)
+    judge = Judge(synthetic.small_encoding(), synthetic.references(), LOOPS, synthetic.RATE)
     recipe = msgspec.structs.replace(synthetic.SMALL_RECIPE, rank_tolerance_mm=5.0)
     network = settle(*synthetic.lessons(), recipe, synthetic.RATE, 0, judge).network
     assert isinstance(network, ConceptorNetwork)

@@ -1,0 +1,223 @@
+"""What a trainer is given: a recipe's recordings read, carried to one body and rate, cut, closed or brought to rest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from controller.measures.motion_matching import joint_features
+from controller.mocap.canonical.canonical_body import carried, to_canonical
+from controller.mocap.canonical.clip_edits import mirrored, resampled, span
+from controller.mocap.clip import Clip
+from controller.mocap.encodings.encoding import Encoding, encoding_of
+from controller.mocap.encodings.joint_angles import JointBody
+from controller.mocap.encodings.normalisation import Normalisation
+from controller.mocap.formats.reading import read_clip, skeleton_of
+from controller.mocap.reading_options import ReadingOptions
+from controller.mocap.skeleton import Skeleton
+from controller.rotations import Array, dot
+from controller.training.preparation.loops import Seam, best_seam, close_loop, hold_end
+from controller.training.preparation.training_motion import TrainingMotion
+from controller.training.recipe import CenterRecipe, LibraryRecipe, MotionRecipe
+from motiondeck_base.errors import FileFormatError
+
+SHORTEST_SECONDS = 0.4  # of a recording: two windows of the self-test
+COMMON_RATE = 120.0  # Hz, of a library whose recordings have different rates
+
+Progress = Callable[[str], None]
+Reader = Callable[[MotionRecipe], Clip]
+
+
+@dataclass(frozen=True)
+class LearnedPart:
+    """Which part of a recording a motion is learned from, and how well it closes.
+
+    Attributes:
+        first, end: where it begins and ends in the recording, s.
+        recorded: how long the recording is, s.
+        seam_mm, seam_degrees: how far joints are apart (on average) and bones are turned (at most) where a loop is
+            closed, before the mismatch is eased out; None of a one-shot.
+    """
+
+    first: float
+    end: float
+    recorded: float
+    seam_mm: float | None = None
+    seam_degrees: float | None = None
+
+
+@dataclass(frozen=True)
+class TrainingSet:
+    """The frames that a recipe wants learned.
+
+    Attributes:
+        encoding: of the channels.
+        rate: frames per second.
+        frames: what each motion is learned from, shape (T, channels), in the encoding's units.
+        loops: whether it is a loop.
+        before: what was recorded before those frames, of each motion, or nothing.
+        parts: which part of its recording each motion is learned from; not of recordings learned as they are.
+    """
+
+    encoding: Encoding
+    rate: float
+    frames: dict[str, Array]
+    loops: dict[str, bool]
+    before: dict[str, Array] = field(default_factory=dict[str, Array])
+    parts: dict[str, LearnedPart] = field(default_factory=dict[str, LearnedPart])
+
+    def normalised(self) -> tuple[list[TrainingMotion], Normalisation]:
+        """What a trainer is given, and the normalisation of its channels."""
+        normalisation = Normalisation.fit([*self.frames.values(), *self.before.values()])
+        return [
+            TrainingMotion(
+                name,
+                normalisation.apply(frames),
+                self.loops[name],
+                normalisation.apply(self.before[name]) if name in self.before else None,
+            )
+            for name, frames in self.frames.items()
+        ], normalisation
+
+
+def prepare(
+    recipe: LibraryRecipe, data: Path, progress: Progress = lambda _: None, read: Reader | None = None
+) -> TrainingSet:
+    """Reads a recipe's recordings, carries them to one body and rate, and closes their loops or holds their ends.
+
+    A recipe that wants them as recorded gets them so.
+
+    Args:
+        recipe: what to read.
+        data: the folder that its files lie in.
+        progress: called with each step in a few words.
+        read: gives the clip of a motion; None reads its file.
+
+    Raises:
+        FileFormatError: one line for each recording that is missing, damaged or lacks the frames that are wanted.
+    """
+    clips: dict[str, Clip] = {}
+    problems: list[str] = []
+    for motion in recipe.motions:
+        progress(f"reading {motion.name}")
+        try:
+            clips[motion.name] = read_motion(data, motion) if read is None else read(motion)
+            cut(clips[motion.name], motion)
+        except FileFormatError as error:
+            problems.append(str(error))
+    if problems:
+        raise FileFormatError("\n".join(dict.fromkeys(problems)))
+    rates = sorted({clip.rate for clip in clips.values()})
+    rate = recipe.rate or (rates[0] if len(rates) == 1 else COMMON_RATE)
+    if recipe.as_recorded and rates != [rate]:
+        raise FileFormatError(f"recipe '{recipe.name}' learns as recorded, but its recordings have {rates} Hz")
+    twist = recipe.encoding == "joint rotations"
+    encoding = encoding_of(_body(recipe, data, clips), twist=twist)
+    frames: dict[str, Array] = {}
+    before: dict[str, Array] = {}
+    parts: dict[str, LearnedPart] = {}
+    for motion in recipe.motions:
+        clip = clips[motion.name]
+        if recipe.as_recorded and not isinstance(recipe.network, CenterRecipe):
+            own = cut(clip, motion)
+            channels, washout = encoding_of(own.skeleton, twist=twist).encode(own), recipe.network.washout
+            if len(channels) < 2 * washout:
+                raise FileFormatError(f"motion '{motion.name}' is shorter than twice the washout of {washout} frames")
+            before[motion.name], frames[motion.name] = channels[:washout], channels[washout:]
+            continue
+        frames[motion.name], parts[motion.name] = to_learn(encoding, clip, motion, rate, recipe.loop_keeps)
+    loops = {motion.name: motion.plays == "loop" for motion in recipe.motions}
+    return TrainingSet(encoding, rate, frames, loops, before, parts)
+
+
+def read_motion(data: Path, motion: MotionRecipe) -> Clip:
+    """The recording of a motion, all of its frames; left and right exchanged if it is to be mirrored."""
+    path = find_recording(data, motion.file)
+    skeleton = skeleton_of(path, data) if motion.skeleton is None else find_recording(data, motion.skeleton)
+    clip = read_clip(path, ReadingOptions(skeleton))
+    return mirrored(clip) if motion.mirrored else clip
+
+
+def _body(recipe: LibraryRecipe, data: Path, clips: dict[str, Clip]) -> Skeleton:
+    """The skeleton that a recipe's motions are carried to."""
+    if recipe.body:
+        path = find_recording(data, recipe.body)
+        return read_clip(path, ReadingOptions(skeleton_of(path, data))).skeleton
+    first = clips[recipe.motions[0].name]
+    return first.skeleton if isinstance(first.skeleton, JointBody) else to_canonical(first).skeleton
+
+
+def to_learn(
+    encoding: Encoding, clip: Clip, motion: MotionRecipe, rate: float, loop_keeps: float
+) -> tuple[Array, LearnedPart]:
+    """The frames to learn of a recording: a closed loop, or a motion that holds its end.
+
+    Args:
+        encoding: of the channels; the clip is carried to its body.
+        clip: all frames of the recording, left and right exchanged already where that is wanted.
+        motion: which of them are wanted, and how they play.
+        rate: of the frames to learn, Hz.
+        loop_keeps: the least share of them that a loop keeps.
+
+    Returns:
+        Shape (T, C), and where in the recording they are.
+    """
+    channels = encoding.encode(carried(resampled(cut(clip, motion), rate), encoding.skeleton))
+    begin, recorded = (motion.frames or (0, 0))[0] / clip.rate, len(clip) / clip.rate
+    if motion.plays == "once":
+        part = LearnedPart(begin, begin + len(channels) / rate, recorded)
+        return hold_end(channels, encoding.velocities, rate), part
+    features = joint_features(encoding, channels)
+    seam = best_seam(features, rate, at_least=loop_keeps)
+    part = LearnedPart(
+        begin + seam.start / rate, begin + seam.end / rate, recorded, *apart_at(encoding, channels, features, seam)
+    )
+    return close_loop(channels, seam, encoding.velocities, rate), part
+
+
+def apart_at(encoding: Encoding, channels: Array, features: Array, seam: Seam) -> tuple[float, float]:
+    """How far joints are apart on average where a loop is closed, mm, and by how much the bone that is most, degrees.
+
+    Args:
+        encoding: of the channels.
+        channels: shape (T, C).
+        features: their joint positions, shape (T, F), mm.
+        seam: where the loop begins and ends.
+    """
+    ends = [seam.start, seam.end]
+    first, last = features[ends]
+    bones = encoding.directions(channels[ends])
+    turned = np.degrees(np.arccos(np.clip(dot(bones[0], bones[1]), -1.0, 1.0)))
+    return float(np.sqrt(np.square(last - first).sum() / (len(first) / 3.0))), float(turned.max())
+
+
+def find_recording(data: Path, file: str) -> Path:
+    """A recording below the data folder, or directly in it.
+
+    Raises:
+        FileFormatError: if it is in neither.
+    """
+    for path in (data / file, data / Path(file).name):
+        if path.exists():
+            return path
+    raise FileFormatError(f"{data / file}: there is no such file; --data is the folder that holds the recordings")
+
+
+def cut(clip: Clip, motion: MotionRecipe) -> Clip:
+    """The frames of a clip that a recipe wants.
+
+    Raises:
+        FileFormatError: if they are not in it, or too few.
+    """
+    first, end = motion.frames or (0, len(clip))
+    if not 0 <= first < end <= len(clip):
+        raise FileFormatError(f"motion '{motion.name}': frames {first} to {end} are not in a clip of {len(clip)}")
+    shortest = int(np.ceil(SHORTEST_SECONDS * clip.rate))
+    if end - first < shortest:
+        raise FileFormatError(
+            f"motion '{motion.name}': {end - first} frames are too few; {shortest} are the least at {clip.rate:g} Hz"
+        )
+    return span(clip, first, end)
