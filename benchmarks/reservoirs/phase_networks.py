@@ -252,7 +252,7 @@ def measured(source: str, name: str, recipe: NetworkRecipe, known: TrainingSet, 
 
 def clip_row(source: str, known: TrainingSet) -> Row:
     """The clip player's row: nothing to train, nothing that could be lost."""
-    player = ClipPlayer(known.frames, known.loops, known.rate)
+    player = ClipPlayer(known.frames, known.loops)
     verdicts = self_test(player, Judge(known.encoding, known.frames, known.loops, known.rate))
     errors = [verdict.error_mm for verdict in verdicts.values()]
     passed = sum(verdict.passed for verdict in verdicts.values()) / len(verdicts)

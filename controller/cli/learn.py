@@ -10,8 +10,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from controller.cli.common.options import (
+    RenameOption,
+    SkeletonOption,
+    UnitOption,
+    UpOption,
+    check_folder,
+    reading_options,
+)
+
 if TYPE_CHECKING:
     from controller.training.learn import LearnedLibrary
+    from controller.training.training_set import LearnedPart
 
 
 def learn(
@@ -24,13 +34,18 @@ def learn(
     ] = Path("mine.safetensors"),
     play: Annotated[bool, typer.Option("--play", help="Play the first motion afterwards.")] = False,
     robot: Annotated[str | None, typer.Option("--robot", help="The robot that plays: a robot file or name.")] = None,
+    skeleton: SkeletonOption = None,
+    unit: UnitOption = None,
+    up: UpOption = None,
+    rename: RenameOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
 ) -> None:
     """Learn a library from recordings: nothing to choose, no recipe to write.
 
     Still ends are trimmed; a recording whose best seam is close becomes a loop, any other a one-shot that ends in a
     pose; all are brought to 120 Hz and carried to one body. Every motion is then tested. Recordings that cannot be
-    read are left out, and the table names the reason.
+    read are left out, with the reason; what looks wrong about a body is told as a doubt. --unit, --up, --rename and
+    --skeleton overrule what was found out, for all recordings that are given.
 
     [bold]Examples[/]
 
@@ -44,15 +59,16 @@ def learn(
     from controller.library.motion_library import save_library
     from controller.mocap.formats.writing import write_file
     from controller.training import learn as learning
+    from controller.training.recipe import warnings
     from controller.training.recipe_text import recipe_text
     from motiondeck_base.errors import MotiondeckError
 
     if out.suffix.lower() != ".safetensors":
         raise MotiondeckError(f"{out}: a library ends in .safetensors. Name the file so.")
-    if not out.absolute().parent.is_dir():
-        raise MotiondeckError(f"{out.parent}: there is no such folder to write the library to")
+    check_folder(out)
     if robot is not None and not play:
         raise MotiondeckError("--robot names who plays: give --play too")
+    options = reading_options(skeleton, unit, up, rename)
     console = Console(stderr=True)
     columns = (TextColumn("{task.description:44}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, disable=not sys.stderr.isatty(), transient=True) as bar:
@@ -62,14 +78,17 @@ def learn(
         def progress(step: str) -> None:
             bar.update(task, advance=1, description=step)
 
-        learned = learning.learn(recordings, out.stem, progress=progress)
+        learned = learning.learn(recordings, out.stem, options=options, progress=progress)
     save_library(learned.library, out)
     recipe = out.with_suffix(".toml")
     write_file(recipe, recipe_text(learned.recipe).encode())
     if as_json:
-        print(json.dumps({"written": str(out), "recipe": str(recipe), "motions": _rows(learned)}))
+        told = {"motions": _rows(learned), "warnings": warnings(learned.recipe)}
+        print(json.dumps({"written": str(out), "recipe": str(recipe)} | told))
     else:
         _print(learned)
+        for warning in warnings(learned.recipe):
+            print(f"warning: {warning} {recipe}")
         print(f"wrote {out} ({out.stat().st_size / 1e6:.1f} MB) and its recipe {recipe}")
     if play:
         first = next((motion.name for motion in learned.motions if motion.passed), learned.motions[0].name)
@@ -78,43 +97,63 @@ def learn(
 
 
 def _rows(learned: LearnedLibrary) -> list[dict[str, Any]]:
-    """One entry a recording; numbers that there are none of are null."""
+    """One entry a recording; what is not known of one that was left out is null."""
     rows: list[dict[str, Any]] = []
     for motion in learned.motions:
-        known = bool(motion.plays)
+        part = motion.part
         rows.append(
             {
                 "name": motion.name,
                 "file": str(motion.file),
                 "plays": motion.plays or None,
-                "seconds": motion.seconds if known else None,
-                "seam_mm": motion.seam_mm if known else None,
-                "seam_degrees": motion.seam_degrees if known else None,
-                "error_mm": motion.error_mm if known else None,
+                "seconds": motion.seconds if part else None,
+                "from_s": part.first if part else None,
+                "to_s": part.end if part else None,
+                "recorded_s": part.recorded if part else None,
+                "seam_mm": part.seam_mm if part else None,
+                "seam_degrees": part.seam_degrees if part else None,
+                "error_mm": motion.error_mm if part else None,
                 "passed": motion.passed,
                 "remedy": motion.remedy,
+                "doubts": motion.doubts,
             }
         )
     return rows
 
 
 def _print(learned: LearnedLibrary) -> None:
-    """One row a recording, then what to do about those that failed."""
+    """One row a recording, then what to do about those that failed, and what is doubtful."""
     from controller.cli.common.tables import show_table
 
     rows: list[tuple[str, ...]] = []
     for motion in learned.motions:
         verdict = "[green]passed[/]" if motion.passed else "[red]failed[/]" if motion.plays else "[red]left out[/]"
-        figures = ("", "", "", "")
-        if motion.plays:
-            seam = f"{motion.seam_mm:.0f} mm, {motion.seam_degrees:.0f}°"
-            figures = (motion.plays, f"{motion.seconds:.2f}", seam, f"{motion.error_mm:.1f}")
+        figures = ("", "", "", "", "")
+        if motion.part is not None:
+            seconds, error = f"{motion.seconds:.2f}", f"{motion.error_mm:.1f}"
+            figures = (motion.plays, seconds, part_of(motion.part), seam_of(motion.part), error)
         rows.append((motion.name, *figures, verdict))
     show_table(
-        ("motion", "plays", "seconds", "best seam", "error, mm", "self-test"),
+        ("motion", "plays", "seconds", "of the recording", "best seam", "error, mm", "self-test"),
         rows,
         title=f"{learned.library.info.name}: {len(learned.library.info.motions)} motions",
         left=("plays", "self-test"),
     )
     for motion in learned.failed:
         print(f"{motion.name} ({motion.file.name}): {motion.remedy}")
+    doubtful: dict[str, list[str]] = {}
+    for motion in learned.motions:
+        for doubt in motion.doubts:
+            doubtful.setdefault(doubt, []).append(motion.name)
+    for doubt, names in doubtful.items():
+        print(f"doubt: {', '.join(names)}: {doubt}")
+
+
+def part_of(part: LearnedPart) -> str:
+    """Which part of its recording a motion was learned from."""
+    return f"{part.first:.2f} to {part.end:.2f} of {part.recorded:.2f} s"
+
+
+def seam_of(part: LearnedPart) -> str:
+    """How well a loop closes, or how well a one-shot would at best."""
+    return "" if part.seam_mm is None else f"{part.seam_mm:.0f} mm, {part.seam_degrees:.0f}°"

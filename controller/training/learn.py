@@ -7,35 +7,42 @@ carried to one body. What was found out is written into the recipe, so that it c
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from controller.library.motion_library import MotionLibrary
 from controller.measures.motion_matching import joint_features
+from controller.mocap.canonical.body_doubts import doubts
 from controller.mocap.canonical.canonical_body import to_canonical
 from controller.mocap.canonical.clip_edits import moving_part, resampled, span
 from controller.mocap.clip import Clip
 from controller.mocap.encodings.encoding import encoding_of
 from controller.mocap.encodings.joint_angles import JointBody
 from controller.mocap.formats.reading import RECORDINGS, read_clip, skeleton_of
-from controller.mocap.reading_options import ReadingOptions
-from controller.rotations import dot
-from controller.training.fit import COMMON_RATE, SHORTEST_SECONDS, fit
-from controller.training.preparation.loops import best_seam, with_velocities
+from controller.mocap.reading_options import AS_FOUND, ReadingOptions
+from controller.training.fit import fit_prepared
+from controller.training.preparation.loops import best_seam, farthest_left_out, with_velocities
 from controller.training.recipe import LibraryRecipe, MotionRecipe, NetworkRecipe, check_recipe
 from controller.training.reservoirs.phase_training import PhaseRecipe
+from controller.training.training_set import (
+    COMMON_RATE,
+    SHORTEST_SECONDS,
+    LearnedPart,
+    Progress,
+    TrainingSet,
+    apart_at,
+    prepare,
+)
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 
 LONGEST_SECONDS = 120.0
 LOOP_KEEPS = 0.5  # a loop keeps at least this share of its recording
 # A seam is good enough for a loop if joints are this close, mm, and by this share of how far the motion spreads,
-# velocities included.
-SEAM_MM, SEAM_SHARE = 50.0, 0.35
-
-Progress = Callable[[str], None]
+# velocities included; and if all that is left out comes within the other share of it in the loop.
+SEAM_MM, SEAM_SHARE, LEFT_OUT_SHARE = 50.0, 0.5, 0.6
 
 
 def default_network() -> NetworkRecipe:
@@ -51,22 +58,24 @@ class LearnedMotion:
         name: of the motion; of the file, if it was not learned.
         file: the recording.
         plays: "loop" or "once"; "" if it was not learned.
-        seconds: of what was learned, without still ends.
-        seam_mm, seam_degrees: at the best seam, how far joints are apart on average, and the bone that is most.
+        seconds: how long one round of the loop takes, or the one-shot without the hold at its end.
+        part: which part of the recording was learned, without still ends; at its best seam, how far joints are apart
+            on average, and the bone that is most. None if it was not learned.
         error_mm: of the free run.
         passed: whether the motion may be played.
         remedy: what to do if it may not.
+        doubts: what looks wrong about the body, each with the bone and the reason.
     """
 
     name: str
     file: Path
-    plays: str
-    seconds: float
-    seam_mm: float
-    seam_degrees: float
-    error_mm: float
-    passed: bool
+    plays: str = ""
+    seconds: float = 0.0
+    part: LearnedPart | None = None
+    error_mm: float = np.nan
+    passed: bool = False
     remedy: str = ""
+    doubts: list[str] = field(default_factory=list[str])
 
 
 @dataclass(frozen=True)
@@ -89,9 +98,9 @@ class _Prepared:
 
     motion: MotionRecipe
     clip: Clip
-    seconds: float
     seam_mm: float
     seam_degrees: float
+    doubts: list[str]
 
 
 def recordings_in(paths: Iterable[Path]) -> list[Path]:
@@ -118,6 +127,7 @@ def learn(
     paths: Iterable[Path],
     name: str,
     *,
+    options: ReadingOptions = AS_FOUND,
     network: NetworkRecipe | None = None,
     seeds: Iterable[int] = (0, 1, 2),
     progress: Progress = lambda _: None,
@@ -129,6 +139,7 @@ def learn(
     Args:
         paths: recordings, and folders that hold some.
         name: of the library.
+        options: what overrules the files, for all of them.
         network: its kind and sizes; None takes `default_network`.
         seeds: tried in turn until every motion passes the self-test.
         progress: called with each step in a few words.
@@ -143,10 +154,9 @@ def learn(
     for file in files:
         progress(f"reading {file.name}")
         try:
-            prepared.append(_prepare(file, names[file]))
+            prepared.append(_prepare(file, names[file], options))
         except MotiondeckError as error:
-            remedy = str(error).removeprefix(f"{file}: ")
-            left_out.append(LearnedMotion(names[file], file, "", 0.0, np.nan, np.nan, np.nan, False, remedy))
+            left_out.append(LearnedMotion(names[file], file, remedy=str(error).removeprefix(f"{file}: ")))
     if not prepared:
         raise MotiondeckError(f"none of {len(files)} recordings can be learned. {files[0]}: {left_out[0].remedy}")
     kinds = {isinstance(one.clip.skeleton, JointBody) for one in prepared}
@@ -164,24 +174,27 @@ def learn(
         Path(name),
     )
     clips = {one.motion.name: one.clip for one in prepared}
-    library = fit(recipe, Path(), progress, lambda motion: clips[motion.name])
-    rows = [_row(one, library) for one in prepared]
+    training_set = prepare(recipe, Path(), progress, lambda motion: clips[motion.name])
+    library = fit_prepared(recipe, training_set, progress)
+    rows = [_row(one, training_set, library) for one in prepared]
     return LearnedLibrary(library, recipe, [*rows, *left_out])
 
 
-def _row(one: _Prepared, library: MotionLibrary) -> LearnedMotion:
+def _row(one: _Prepared, training_set: TrainingSet, library: MotionLibrary) -> LearnedMotion:
     info = next(info for info in library.info.motions if info.name == one.motion.name)
-    remedy = "" if info.passed else f"{info.reason}. {_remedy(one)}"
+    part = training_set.parts[info.name]
+    if part.seam_mm is None:
+        part = replace(part, seam_mm=one.seam_mm, seam_degrees=one.seam_degrees)
     return LearnedMotion(
-        info.name,
-        Path(one.motion.file),
-        info.plays,
-        one.seconds,
-        one.seam_mm,
-        one.seam_degrees,
-        info.error_mm,
-        info.passed,
-        remedy,
+        name=info.name,
+        file=Path(one.motion.file),
+        plays=info.plays,
+        seconds=part.end - part.first,
+        part=part,
+        error_mm=info.error_mm,
+        passed=info.passed,
+        remedy="" if info.passed else f"{info.reason}. {_remedy(one)}",
+        doubts=one.doubts,
     )
 
 
@@ -192,14 +205,14 @@ def _remedy(one: _Prepared) -> str:
     return "Give it frames without pauses in the recipe, or more neurons, and train with fit."
 
 
-def _prepare(file: Path, name: str) -> _Prepared:
+def _prepare(file: Path, name: str, options: ReadingOptions) -> _Prepared:
     """Reads a recording and finds out which of its frames to learn, and how they play.
 
     Raises:
         MotiondeckError: if it cannot be read, is too short or too long, or nothing moves in it.
     """
-    skeleton = skeleton_of(file, file.parent.parent)
-    clip = read_clip(file, ReadingOptions(skeleton))
+    own = replace(options, skeleton=_skeleton(file, options))
+    clip = read_clip(file, own)
     first, end = moving_part(clip)
     seconds = (end - first) / clip.rate
     if end == 0:
@@ -217,9 +230,20 @@ def _prepare(file: Path, name: str) -> _Prepared:
         file=str(file.absolute()),
         plays="loop" if loop else "once",
         frames=(first, end),
-        skeleton=None if skeleton is None else str(skeleton.absolute()),
+        skeleton=None if own.skeleton is None else str(own.skeleton.absolute()),
+        unit=own.unit,
+        up=own.up,
+        rename=dict(own.rename),
     )
-    return _Prepared(motion, clip, seconds, seam_mm, seam_degrees)
+    body = [] if isinstance(clip.skeleton, JointBody) else doubts(clip)
+    return _Prepared(motion, clip, seam_mm, seam_degrees, body)
+
+
+def _skeleton(file: Path, options: ReadingOptions) -> Path | None:
+    """The .asf file of a recording that needs one: the given one, or the one nearby."""
+    if file.suffix.lower() != ".amc":
+        return None
+    return options.skeleton or skeleton_of(file, file.parent.parent)
 
 
 def _loops(clip: Clip) -> tuple[bool, float, float]:
@@ -231,13 +255,11 @@ def _loops(clip: Clip) -> tuple[bool, float, float]:
     channels = encoding.encode(one)
     features = joint_features(encoding, channels)
     seam = best_seam(features, one.rate, at_least=LOOP_KEEPS)
-    joints = features.shape[1] / 3.0
-    apart = float(np.sqrt(np.square(features[seam.end] - features[seam.start]).sum() / joints))
+    apart, degrees = apart_at(encoding, channels, features, seam)
     seen = with_velocities(features, one.rate)
     spread = float(np.sqrt(np.square(seen - seen.mean(0)).sum(1).mean()))
-    bones = encoding.directions(channels[[seam.start, seam.end]])
-    degrees = float(np.degrees(np.arccos(np.clip(dot(bones[0], bones[1]), -1.0, 1.0))).max())
-    return apart < SEAM_MM and seam.mismatch < SEAM_SHARE * spread, apart, degrees
+    close = apart < SEAM_MM and seam.mismatch < SEAM_SHARE * spread
+    return close and farthest_left_out(seen, seam) < LEFT_OUT_SHARE * spread, apart, degrees
 
 
 def _names(files: list[Path]) -> dict[Path, str]:

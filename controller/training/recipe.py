@@ -10,6 +10,7 @@ from typing import Literal
 import msgspec
 
 from controller.mocap.formats.reading import read_clip
+from controller.mocap.rest_pose import Up
 from controller.training.centralized.centralized_training import CentralizedRecipe
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe
@@ -41,6 +42,7 @@ class MotionRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_o
         plays: "loop" is closed and goes on for ever, "once" ends in a pose and holds it.
         frames: first frame and the one after the last, or the whole recording.
         skeleton: for an .amc, its .asf, relative to the data folder; without it the one nearby is taken.
+        unit, up, rename: what overrules the file, as in `ReadingOptions`.
         mirrored: whether left and right are exchanged.
     """
 
@@ -49,6 +51,9 @@ class MotionRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_o
     plays: Literal["loop", "once"] = "loop"
     frames: tuple[int, int] | None = None
     skeleton: str | None = None
+    unit: float | None = None
+    up: Up | None = None
+    rename: dict[str, str] = msgspec.field(default_factory=dict[str, str])
     mirrored: bool = False
 
 
@@ -68,7 +73,7 @@ class LibraryRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_
             frames, as many as the washout, only lead in. This is what the thesis does.
         loop_keeps: the least share of a recording that its loop keeps.
         seeds: tried in turn until every motion passes the self-test.
-        licence, acknowledgement: go into the library.
+        licence, acknowledgement: of the recordings; they go into the library.
     """
 
     name: str
@@ -91,6 +96,13 @@ def read_recipe(path: Path) -> LibraryRecipe:
         FileFormatError: one line that names the file, the key and what is allowed.
     """
     return check_recipe(read_toml(path, LibraryRecipe), path)
+
+
+def warnings(recipe: LibraryRecipe) -> list[str]:
+    """What a recipe lacks without which it can be trained."""
+    if recipe.licence.strip().lower() not in ("", "unknown"):
+        return []
+    return ["no licence of the recordings is given, so nobody may pass the library on: set licence in the recipe"]
 
 
 def gesture_recipe(name: str, clips: Sequence[Path]) -> LibraryRecipe:

@@ -15,13 +15,16 @@ def recipe_text(recipe: LibraryRecipe) -> str:
     tree = msgspec.to_builtins(recipe)
     network, motions = tree.pop("network"), tree.pop("motions")
     defaults = {field.name: field.default for field in msgspec.structs.fields(LibraryRecipe) if not field.required}
-    lines = [_line(key, value) for key, value in tree.items() if value is not None and value != defaults.get(key)]
+    given = {key: value for key, value in tree.items() if value is not None and value != defaults.get(key)}
+    lines = [_line(key, value) for key, value in given.items()]
+    if "licence" not in given:
+        lines.append(f"{_line('licence', recipe.licence)}  # on what terms may the recordings be passed on?")
     lines += ["", "[network]", *(_line(key, value) for key, value in network.items() if value is not None)]
     for motion in motions:
         lines += [
             "",
             "[[motions]]",
-            *(_line(key, value) for key, value in motion.items() if value not in (None, False)),
+            *(_line(key, value) for key, value in motion.items() if value not in (None, False, {})),
         ]
     return "\n".join(lines) + "\n"
 

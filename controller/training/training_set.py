@@ -136,16 +136,22 @@ def prepare(
 def read_motion(data: Path, motion: MotionRecipe) -> Clip:
     """The recording of a motion, all of its frames; left and right exchanged if it is to be mirrored."""
     path = find_recording(data, motion.file)
-    skeleton = skeleton_of(path, data) if motion.skeleton is None else find_recording(data, motion.skeleton)
-    clip = read_clip(path, ReadingOptions(skeleton))
+    clip = read_clip(path, reading_options(data, path, motion))
     return mirrored(clip) if motion.mirrored else clip
+
+
+def reading_options(data: Path, path: Path, motion: MotionRecipe) -> ReadingOptions:
+    """How the recording of a motion is to be read."""
+    skeleton = skeleton_of(path, data) if motion.skeleton is None else find_recording(data, motion.skeleton)
+    return ReadingOptions(skeleton, motion.unit, motion.up, motion.rename)
 
 
 def _body(recipe: LibraryRecipe, data: Path, clips: dict[str, Clip]) -> Skeleton:
     """The skeleton that a recipe's motions are carried to."""
     if recipe.body:
         path = find_recording(data, recipe.body)
-        return read_clip(path, ReadingOptions(skeleton_of(path, data))).skeleton
+        motion = next((one for one in recipe.motions if one.file == recipe.body), MotionRecipe(name="", file=""))
+        return read_clip(path, reading_options(data, path, motion)).skeleton
     first = clips[recipe.motions[0].name]
     return first.skeleton if isinstance(first.skeleton, JointBody) else to_canonical(first).skeleton
 

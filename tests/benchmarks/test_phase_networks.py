@@ -6,7 +6,7 @@ import pytest
 
 import synthetic
 from benchmarks.reservoirs.phase_morphs import mixtures
-from benchmarks.reservoirs.phase_networks import ABLATION, ClipPlayer, at_rate, channels_mb, clip_row, line, measured
+from benchmarks.reservoirs.phase_networks import ABLATION, ClipPlayer, channels_mb, clip_row, line, measured
 from controller.measures.self_test import run_free
 from controller.training.reservoirs.phase_training import PhaseRecipe
 from controller.training.training_set import TrainingSet
@@ -34,13 +34,6 @@ def test_a_clip_player_is_exact():
     assert row.file_mb == channels_mb(KNOWN)
     player = ClipPlayer(KNOWN.frames, LOOPS)
     assert np.abs(run_free(player, "march", 96) - np.roll(synthetic.march(), -1, axis=0)).max() < 1e-6
-
-
-def test_channels_at_another_rate_keep_their_shape():
-    time = np.arange(60) / 30.0
-    seen = at_rate(np.sin(3.0 * time)[:, None], 30.0)
-    assert np.abs(seen[:, 0] - np.sin(3.0 * np.arange(len(seen)) / 120.0)).max() < 1e-3
-    assert at_rate(seen, 120.0) is seen
 
 
 def test_a_mixture_is_measured_at_each_mu():

@@ -4,14 +4,22 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from controller.cli.common.options import PAGE_PORT
+from controller.cli.common.options import (
+    PAGE_PORT,
+    RenameOption,
+    SkeletonOption,
+    UnitOption,
+    UpOption,
+    reading_options,
+)
 
 if TYPE_CHECKING:
     from controller.mocap.formats.clip_facts import Facts, FittedClip
+    from controller.mocap.reading_options import ReadingOptions
 
 app = typer.Typer(
     help="Look into motion capture files (.amc with its .asf, .bvh, .c3d, .mat): facts, pictures, other formats.",
@@ -20,23 +28,6 @@ app = typer.Typer(
 
 FileArgument = Annotated[
     Path, typer.Argument(metavar="FILE", help="A recording: .amc, .bvh, .c3d, or .mat (Jaeger's patterns).")
-]
-SkeletonOption = Annotated[
-    Path | None,
-    typer.Option("--skeleton", metavar="FILE.asf", help="The skeleton of an .amc; default: the one nearby."),
-]
-
-
-UnitOption = Annotated[
-    float | None,
-    typer.Option("--unit", metavar="METRES", help="Length of one unit of the file, m; default: found out."),
-]
-UpOption = Annotated[
-    Literal["y", "z"] | None, typer.Option("--up", help="The axis of the file that is up; default: found out.")
-]
-RenameOption = Annotated[
-    list[str] | None,
-    typer.Option("--rename", metavar="OLD=NEW", help="Another name for a joint, such as bone12=LeftUpLeg; repeatable."),
 ]
 
 
@@ -57,7 +48,7 @@ def show(
     """
     from controller.mocap.formats.clip_facts import facts
 
-    known = facts(_read(file, skeleton, unit, up, rename))
+    known = facts(_read(file, reading_options(skeleton, unit, up, rename)))
     if as_json:
         print(json.dumps(known))
     else:
@@ -79,7 +70,7 @@ def convert(
     """
     from controller.mocap.formats.writing import write_clip
 
-    clip = _read(file, skeleton, unit, up, rename).clip
+    clip = _read(file, reading_options(skeleton, unit, up, rename)).clip
     write_clip(clip, out)
     print(f"wrote {out} ({len(clip)} frames of {len(clip.skeleton)} bones)")
 
@@ -89,6 +80,9 @@ def mirror(
     file: FileArgument,
     out: Annotated[Path, typer.Argument(metavar="OUT", help="OUT.bvh or OUT.csv.")],
     skeleton: SkeletonOption = None,
+    unit: UnitOption = None,
+    up: UpOption = None,
+    rename: RenameOption = None,
 ) -> None:
     """Write a recording with left and right exchanged, on the canonical body (19 bones).
 
@@ -99,7 +93,7 @@ def mirror(
     from controller.mocap.canonical.clip_edits import mirrored
     from controller.mocap.formats.writing import write_clip
 
-    clip = mirrored(_read(file, skeleton).clip)
+    clip = mirrored(_read(file, reading_options(skeleton, unit, up, rename)).clip)
     write_clip(clip, out)
     print(f"wrote {out} ({len(clip)} frames, left and right exchanged)")
 
@@ -109,6 +103,9 @@ def plot(
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="One recording, or several for a sheet.")],
     out: Annotated[Path, typer.Option("--out", metavar="PICTURE", help="The picture to write (.png).")],
     skeleton: SkeletonOption = None,
+    unit: UnitOption = None,
+    up: UpOption = None,
+    rename: RenameOption = None,
     sheet: Annotated[bool, typer.Option("--sheet", help="Mannequins instead of curves: one row a recording.")] = False,
 ) -> None:
     """Draw a recording: stick figures through the motion, heights and speeds, and for markers their gaps.
@@ -119,10 +116,11 @@ def plot(
     """
     from controller.cli.pictures.clip_plot import plot_clip, plot_sheet
 
+    options = reading_options(skeleton, unit, up, rename)
     if sheet or len(files) > 1:
-        plot_sheet([_read(file, skeleton).clip for file in files], out)
+        plot_sheet([_read(file, options).clip for file in files], out)
     else:
-        plot_clip(_read(files[0], skeleton), out)
+        plot_clip(_read(files[0], options), out)
     print(f"wrote {out}")
 
 
@@ -130,6 +128,9 @@ def plot(
 def view(
     file: FileArgument,
     skeleton: SkeletonOption = None,
+    unit: UnitOption = None,
+    up: UpOption = None,
+    rename: RenameOption = None,
     robot: Annotated[str | None, typer.Option("--robot", help="A robot that does the same beside the human.")] = None,
     video: Annotated[
         Path | None, typer.Option("--video", metavar="FILM", help="Film it off screen instead: .mp4 or .gif.")
@@ -150,7 +151,7 @@ def view(
     from controller.cli.session.page import show_act
     from motiondeck_base.shipped import find_robot
 
-    clip = _read(file, skeleton).clip
+    clip = _read(file, reading_options(skeleton, unit, up, rename)).clip
     body = None if robot is None else find_robot(robot)
     act = act_of(clip, body, ghost=video is None or body is not None)
     if video is not None:
@@ -162,13 +163,7 @@ def view(
     show_act(act, port)
 
 
-def _read(
-    file: Path,
-    skeleton: Path | None,
-    unit: float | None = None,
-    up: Literal["y", "z"] | None = None,
-    rename: list[str] | None = None,
-) -> FittedClip:
+def _read(file: Path, options: ReadingOptions) -> FittedClip:
     """A recording of a body.
 
     Raises:
@@ -176,13 +171,9 @@ def _read(
     """
     from controller.mocap.encodings.joint_angles import JointBody
     from controller.mocap.formats.clip_facts import read_recording
-    from controller.mocap.reading_options import ReadingOptions
     from motiondeck_base.errors import MotiondeckError
 
-    names = dict(pair.split("=", 1) for pair in rename or [] if "=" in pair)
-    if len(names) < len(rename or []):
-        raise MotiondeckError("--rename takes OLD=NEW, once for each joint")
-    recording = read_recording(file, ReadingOptions(skeleton, unit, up, names))
+    recording = read_recording(file, options)
     if isinstance(recording.clip.skeleton, JointBody):
         raise MotiondeckError(
             f"{file}: holds angles of a rig's joints, no body. `motiondeck play` plays it on the rig."

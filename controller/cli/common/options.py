@@ -3,10 +3,48 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
 
 from motiondeck_base.errors import MotiondeckError
 
+if TYPE_CHECKING:
+    from controller.mocap.reading_options import ReadingOptions
+
 PAGE_PORT = 8040
+
+SkeletonOption = Annotated[
+    Path | None,
+    typer.Option("--skeleton", metavar="FILE.asf", help="The skeleton of an .amc; default: the one nearby."),
+]
+UnitOption = Annotated[
+    float | None,
+    typer.Option("--unit", metavar="METRES", help="Length of one unit of the file, m; default: found out."),
+]
+UpOption = Annotated[
+    Literal["y", "z"] | None, typer.Option("--up", help="The axis of the file that is up; default: found out.")
+]
+RenameOption = Annotated[
+    list[str] | None,
+    typer.Option("--rename", metavar="OLD=NEW", help="Another name for a joint, such as bone12=LeftUpLeg; repeatable."),
+]
+
+
+def reading_options(
+    skeleton: Path | None, unit: float | None, up: Literal["y", "z"] | None, rename: list[str] | None
+) -> ReadingOptions:
+    """What the options of a command say about how to read its recordings.
+
+    Raises:
+        MotiondeckError: if a new name is not given as OLD=NEW, or the unit is impossible.
+    """
+    from controller.mocap.reading_options import ReadingOptions
+
+    names = dict(pair.split("=", 1) for pair in rename or [] if "=" in pair)
+    if len(names) < len(rename or []):
+        raise MotiondeckError("--rename takes OLD=NEW, once for each joint")
+    return ReadingOptions(skeleton, unit, up, names)
 
 
 def check_folder(*files: Path | None) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from controller.mocap.canonical.canonical_body import CANONICAL_BONES, to_canonical
 from controller.mocap.clip import Clip
@@ -29,7 +30,8 @@ SMOOTHED = 0.1  # s over which speeds are averaged: marker noise is fast
 def resampled(clip: Clip, rate: float) -> Clip:
     """The same motion at another rate, Hz: cubics through four frames (Catmull-Rom), for rotations in tangent space.
 
-    The first frame stays the first; the last one is the last that lies within the recording.
+    The first frame stays the first; the last one is the last that lies within the recording. Beyond its ends a
+    recording goes on along the parabola of its outermost three frames.
     """
     if abs(rate - clip.rate) <= 1e-6 * rate:
         return clip
@@ -38,11 +40,24 @@ def resampled(clip: Clip, rate: float) -> Clip:
     low = np.minimum(at.astype(np.int64), max(len(clip) - 2, 0))
     near = [np.clip(low + step, 0, len(clip) - 1) for step in (-1, 0, 1, 2)]
     share = at - low
-    position = _cubic([clip.root_position[index] for index in near], share[:, None])
+    ends = (low == 0, low == len(clip) - 2) if len(clip) > 2 else (low < 0, low < 0)
+    position = _cubic(_beyond([clip.root_position[index] for index in near], *ends), share[:, None])
     start = clip.rotation[low]
     turns = [to_rotation_vector(multiply(conjugate(start), clip.rotation[index])) for index in near]
-    rotation = normalise(multiply(start, from_rotation_vector(_cubic(turns, share[:, None, None]))))
+    rotation = normalise(multiply(start, from_rotation_vector(_cubic(_beyond(turns, *ends), share[:, None, None]))))
     return replace(clip, rate=rate, root_position=position, rotation=continuous(rotation))
+
+
+def _beyond(points: list[Array], at_first: NDArray[np.bool_], at_last: NDArray[np.bool_]) -> list[Array]:
+    """Four points around each moment, of which the first or the last lies beyond an end of the recording."""
+    before, start, end, after = points
+    first, last = (mask.reshape(-1, *[1] * (start.ndim - 1)) for mask in (at_first, at_last))
+    return [
+        np.where(first, 3.0 * (start - end) + after, before),
+        start,
+        end,
+        np.where(last, 3.0 * (end - start) + before, after),
+    ]
 
 
 def _cubic(points: list[Array], share: Array) -> Array:

@@ -63,11 +63,33 @@ def with_velocities(features: Array, rate: float) -> Array:
     return np.concatenate([features, VELOCITY_SECONDS * rate * slopes(features, rate)], axis=1)
 
 
+def farthest_left_out(seen: Array, cut: Seam) -> float:
+    """How far what a loop leaves out of a clip is from the loop, at most.
+
+    Args:
+        seen: features with velocities, shape (T, F).
+        cut: where the loop begins and ends.
+    """
+    stride = max(1, -(-len(seen) // MOST_STARTS))
+    loop = seen[cut.start : cut.end : stride]
+    square, farthest = np.square(loop).sum(1), 0.0
+    for part in (seen[: cut.start : stride], seen[cut.end :: stride]):
+        if len(part):
+            apart = np.square(part).sum(1)[:, None] + square - 2.0 * part @ loop.T
+            farthest = max(farthest, float(apart.min(1).max()))
+    return float(np.sqrt(max(farthest, 0.0)))
+
+
 def slopes(values: Array, rate: float) -> Array:
-    """The change of values (T, C) a frame, as central differences over SLOPE_SECONDS (less at the ends)."""
-    reach, frame = _reach(rate), np.arange(len(values))
-    after, before = np.minimum(frame + reach, len(values) - 1), np.maximum(frame - reach, 0)
-    return (values[after] - values[before]) / np.maximum(after - before, 1)[:, None]
+    """The change of values (T, C) a frame: differences over SLOPE_SECONDS, of second order at the ends too."""
+    reach = _reach(rate)
+    if len(values) <= 2 * reach:
+        return np.gradient(values, axis=0)
+    near, far = values[reach:], values[2 * reach :]
+    central = far - values[: -2 * reach]
+    first = (4.0 * near - 3.0 * values[:-reach])[:reach] - far[:reach]
+    last = (3.0 * near - 4.0 * values[:-reach])[-reach:] + values[: -2 * reach][-reach:]
+    return np.concatenate([first, central, last]) / (2.0 * reach)
 
 
 def _reach(rate: float) -> int:

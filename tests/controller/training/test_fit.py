@@ -1,8 +1,10 @@
+import numpy as np
 import pytest
 
 from controller.library.motion_library import load_library, save_library
+from controller.mocap.formats.reading import read_clip
 from controller.training.fit import fit, steps
-from controller.training.recipe import read_recipe
+from controller.training.recipe import read_recipe, warnings
 from controller.training.training_set import prepare
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.shipped import shipped_configs
@@ -19,14 +21,14 @@ seeds = [0, 1, 2]
 [network]
 type = "conceptor"
 neurons = 500
-aperture = 50.0   # with less it takes a short cut in the waltz
+aperture = 50.0
 [[motions]]
 name = "walk"
 file = "jaeger/nnRawWalk.mat"
 [[motions]]
 name = "waltz"
 file = "jaeger/nnRawWaltz.mat"
-frames = [0, 450]
+frames = [0, 170]
 [[motions]]
 name = "standup"
 file = "jaeger/nnRawStandup.mat"
@@ -94,8 +96,8 @@ def test_a_missing_recording_is_named(tmp_path):
 
 
 def test_frames_outside_a_recording_are_refused(tmp_path, mocap_data):
-    with pytest.raises(FileFormatError, match="'waltz': frames 0 to 4500 are not in a clip of 900"):
-        prepare(recipe_of(tmp_path, SMALL.replace("[0, 450]", "[0, 4500]")), mocap_data)
+    with pytest.raises(FileFormatError, match="'waltz': frames 0 to 1700 are not in a clip of 900"):
+        prepare(recipe_of(tmp_path, SMALL.replace("[0, 170]", "[0, 1700]")), mocap_data)
 
 
 @pytest.mark.parametrize(
@@ -124,4 +126,43 @@ def test_a_bad_recipe_is_refused_in_one_line(tmp_path, old, new, says):
 
 def test_a_recording_cut_to_almost_nothing_is_refused(tmp_path, mocap_data):
     with pytest.raises(FileFormatError, match="'waltz': 3 frames are too few"):
-        prepare(recipe_of(tmp_path, SMALL.replace("[0, 450]", "[0, 3]")), mocap_data)
+        prepare(recipe_of(tmp_path, SMALL.replace("[0, 170]", "[0, 3]")), mocap_data)
+
+
+def test_all_recordings_that_cannot_be_used_are_named_at_once(tmp_path, mocap_data):
+    text = SMALL.replace("[0, 170]", "[0, 1700]").replace("nnRawStandup", "nnRawNone")
+    with pytest.raises(FileFormatError) as caught:
+        prepare(recipe_of(tmp_path, text), mocap_data)
+    waltz, standup = str(caught.value).split("\n")
+    assert "'waltz': frames 0 to 1700" in waltz
+    assert "nnRawNone.mat: there is no such file" in standup
+
+
+def from_the_heading(clip, frame):
+    """Joints of a clip seen from its root and its heading, m."""
+    joints = clip.joints()[frame]
+    left, right = (joints[1 + clip.skeleton.index(hip)] for hip in ("lhip", "rhip"))
+    across = (left - right)[:2] / np.linalg.norm((left - right)[:2])
+    axes = np.array([[across[1], -across[0], 0.0], [across[0], across[1], 0.0], [0.0, 0.0, 1.0]])
+    return np.vstack([(joints[1:] - joints[0]) @ axes.T, [[0.0, 0.0, joints[0, 2]]]])
+
+
+def test_a_training_set_says_which_part_of_each_recording_it_holds(tmp_path, mocap_data):
+    recipe = recipe_of(tmp_path, SMALL.replace('name = "walk"', 'name = "walk"\nframes = [10, 310]'))
+    known = prepare(recipe, mocap_data)
+    walk, standup = known.parts["walk"], known.parts["standup"]
+    clip = read_clip(mocap_data / "jaeger" / "nnRawWalk.mat")
+    assert walk.recorded == pytest.approx(len(clip) / 120)
+    assert 10 / 120 <= walk.first < walk.end <= 310 / 120
+    assert walk.end - walk.first == pytest.approx(len(known.frames["walk"]) / 120)
+    ends = [from_the_heading(clip, round(120 * moment)) for moment in (walk.first, walk.end)]
+    apart = np.square(ends[1] - ends[0]).sum(1)
+    assert walk.seam_mm == pytest.approx(1e3 * np.sqrt(apart.sum() / (len(apart) - 2 / 3)), rel=1e-3)
+    assert 1.0 < walk.seam_degrees < 45.0
+    assert (standup.first, standup.end, standup.seam_mm) == (0.0, standup.recorded, None)
+
+
+def test_a_recipe_without_a_licence_is_warned_about(tmp_path):
+    assert warnings(recipe_of(tmp_path, SMALL)) == []
+    (warning,) = warnings(recipe_of(tmp_path, SMALL.replace('licence = "for tests"', "")))
+    assert "set licence in the recipe" in warning

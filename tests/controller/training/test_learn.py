@@ -1,6 +1,10 @@
 """`learn` finds out what a recipe would have to give, and names what it had to leave out."""
 
 import json
+import re
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,11 +14,14 @@ from controller.cli.main import app
 from controller.library.motion_library import load_library
 from controller.mocap.clip import Clip
 from controller.mocap.formats.writing import bvh_text
-from controller.training.fit import fit
+from controller.mocap.reading_options import ReadingOptions
+from controller.training.fit import fit, fit_prepared
 from controller.training.learn import learn, recordings_in
-from controller.training.recipe import read_recipe
+from controller.training.recipe import LibraryRecipe, MotionRecipe, read_recipe
 from controller.training.recipe_text import recipe_text
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe
+from controller.training.reservoirs.phase_training import PhaseRecipe
+from controller.training.training_set import prepare
 from motiondeck_base.errors import MotiondeckError
 from simulated_bodies import human
 
@@ -64,10 +71,13 @@ def test_a_folder_of_any_rates_is_learned_and_every_recording_has_its_line(folde
     rows = {motion.name: motion for motion in learned.motions}
     assert list(learned.library.network.motions) == ["my-bow-1", "swing"]
     assert rows["swing"].plays == "loop"
-    assert rows["swing"].seconds == pytest.approx(4.0, abs=0.4)  # without the still ends
-    assert rows["swing"].seam_mm < 5.0
+    swing = rows["swing"].part
+    assert swing.recorded == pytest.approx(6.0)
+    assert 0.8 < swing.first < swing.end < 5.2  # without the still ends
+    assert rows["swing"].seconds == pytest.approx(round(rows["swing"].seconds), abs=0.02)  # whole swings
+    assert swing.seam_mm < 5.0
     assert rows["my-bow-1"].plays == "once"
-    assert rows["my-bow-1"].seam_degrees > 10.0
+    assert rows["my-bow-1"].part.seam_degrees > 10.0
     assert "nothing moves" in rows["stone"].remedy
     assert "too short" in rows["blink"].remedy
     assert "no MOTION section" in rows["broken"].remedy
@@ -115,3 +125,73 @@ def test_the_command_writes_library_and_recipe_and_prints_what_it_found(folder, 
     }  # fmt: skip
     assert load_library(out).info.name == "mine"
     assert read_recipe(tmp_path / "mine.toml").name == "mine"
+
+
+@cache
+def learned_at(rate):
+    """What a library knows of the same two movements, recorded and learned at a rate."""
+    clips = {"wave": waving(rate, 3.3), "bow": waving(rate, 1.5, ends=True)}
+    motions = [MotionRecipe(name="wave", file=""), MotionRecipe(name="bow", file="", plays="once")]
+    recipe = LibraryRecipe(name="two", rate=rate, network=PhaseRecipe(neurons=100, rank=20), motions=motions)
+    return fit_prepared(recipe, prepare(recipe, Path(), read=lambda motion: clips[motion.name])).info.motions
+
+
+@pytest.mark.parametrize("rate", [24.0, 30.0, 60.0, 240.0])
+def test_a_library_at_another_rate_is_alike(rate):
+    for other, usual in zip(learned_at(rate), learned_at(120.0), strict=True):
+        assert other.passed
+        assert usual.passed
+        assert other.frames / rate == pytest.approx(usual.frames / 120.0, abs=0.1)
+        assert other.error_mm < usual.error_mm + 1.5
+
+
+def test_what_looks_wrong_about_a_body_is_told_and_can_be_overruled(tmp_path):
+    small = tmp_path / "small.bvh"
+    small.write_text(bvh_text(waving(60.0, 2.0)))
+    learned = learn([small], "mine", options=ReadingOptions(unit=0.002), network=QUICK, seeds=[0])
+    assert any("the unit may be wrong (--unit)" in doubt for doubt in learned.motions[0].doubts)
+    assert learned.recipe.motions[0].unit == 0.002
+    right = learn([small], "mine", network=QUICK, seeds=[0])
+    assert not any("unit" in doubt for doubt in right.motions[0].doubts)
+    again = prepare(read_recipe_text(recipe_text(learned.recipe), tmp_path), tmp_path)
+    assert again.encoding.skeleton.leg_length == pytest.approx(0.2 * right.library.skeleton.leg_length, rel=1e-6)
+
+
+def read_recipe_text(text, folder):
+    (folder / "recipe.toml").write_text(text)
+    return read_recipe(folder / "recipe.toml")
+
+
+def test_a_recording_of_several_things_is_no_loop_of_one_of_them(tmp_path):
+    """Legs swing for 4 s, then it bows: a loop of the swings alone would lose the bow."""
+    swings, bow = waving(60.0, 4.0), waving(60.0, 1.5, ends=True)
+    both = replace(
+        swings,
+        root_position=np.concatenate([swings.root_position, bow.root_position]),
+        rotation=np.concatenate([swings.rotation, bow.rotation]),
+    )
+    (tmp_path / "both.bvh").write_text(bvh_text(both))
+    (motion,) = learn([tmp_path / "both.bvh"], "mine", network=QUICK, seeds=[0]).motions
+    assert motion.plays == "once"
+    assert motion.seconds > 5.0
+
+
+def test_the_table_tells_parts_seams_and_doubts(folder, tmp_path):
+    out = tmp_path / "mine.safetensors"
+    result = CliRunner().invoke(app, ["learn", str(folder / "swing.bvh"), "--out", str(out), "--unit", "0.002"])
+    assert result.exit_code == 0, result.output
+    words = " ".join(result.stdout.split())
+    assert re.search(r"swing loop 3\.00 \d\.\d\d to \d\.\d\d of 6\.00 s \d mm, \d°", words)
+    assert "doubt: swing: the left leg is 0.1" in words
+    assert "warning: no licence of the recordings is given" in words
+
+
+def test_the_first_motion_is_played_on_the_robot_that_is_named(folder, tmp_path, monkeypatch):
+    started = []
+    monkeypatch.setattr("os.execv", lambda program, command: started.append(command))
+    out = tmp_path / "mine.safetensors"
+    command = ["learn", str(folder / "swing.bvh"), "--out", str(out), "--play", "--robot", "servo20"]
+    assert CliRunner().invoke(app, command).exit_code == 0
+    assert started[0][-6:] == ["play", "swing", "--library", str(out), "--robot", "servo20"]
+    refused = CliRunner().invoke(app, ["learn", str(folder), "--out", str(out), "--robot", "servo20"])
+    assert "give --play too" in str(refused.exception)
