@@ -4,12 +4,15 @@ A responder process answers every client with the same prepared bytes. Unpaced i
 up and send them, so what is timed is the client and the operating system; the floor is a client that knows the
 bytes beforehand and only writes, waits and reads: what no Python client can go below. A call that fails, because the
 machine was too busy for its deadline, is not timed. Paced: the responder takes the time that the bytes need on the
-wire. Peers that are not installed are left out (pip install motiondeck[benchmark]).
+wire. Ours is measured there twice: as the others, and as a rig uses it, where each turn takes the answer that has come
+while the loop slept and asks again, so that nothing waits; `whole rig` has limits, units and counters too.
+Peers that are not installed are left out (pip install motiondeck[benchmark]).
 """
 
 from __future__ import annotations
 
 import json
+import math
 import multiprocessing
 import os
 import platform
@@ -32,8 +35,10 @@ from hardware.bus.wire_time import rate_limit
 from hardware.emulator.bus import EmulatedBus
 from hardware.protocol2 import instructions as wire
 from hardware.protocol2.frames import Frame, Parser, build
-from hardware.protocol2.group_reply import fast_reply_length, status_length
+from hardware.protocol2.group_reply import WholeReply, fast_reply_length, status_length
+from hardware.rig.dynamixel_rig import DynamixelRig
 from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.state_block import row_layout
 
 IDS = list(range(1, 21))
 GOAL, STATE = (116, 4), (126, 10)
@@ -205,7 +210,58 @@ def rustypot(port: str, baud: int) -> Client:
     return calls, getattr(plain, "close", lambda: None)
 
 
-CLIENTS = {"motiondeck": ours, "dynamixel-sdk": dynamixel_sdk, "rustypot": rustypot, "floor": floor}
+CLIENTS: dict[str, Callable[[str, int], Client]] = {
+    "motiondeck": ours,
+    "dynamixel-sdk": dynamixel_sdk,
+    "rustypot": rustypot,
+    "floor": floor,
+}
+
+
+Turn = tuple[Call, Callable[[], object]]
+
+
+def waiting(make: Callable[[str, int], Client], port: str, baud: int) -> Turn:
+    """One turn of a loop: a write, and a read that is waited for."""
+    calls, close = make(port, baud)
+    write, read = calls["sync write 4 B"], calls["fast sync read 10 B"]
+    return lambda: write() and read(), close
+
+
+def in_turns(port: str, baud: int) -> Turn:
+    """One turn of a loop: the answer to the last question, a write, and the next question."""
+    bus = Bus(SerialPort(port, baud), baud)
+    blocks = tuple((id, *STATE) for id in IDS)
+    rows = row_layout(np.dtype("<u2,<i4,<i4"), STATE[1] + 4, 0, 2)
+    entries = np.zeros(len(IDS), dtype=[("id", "u1"), ("goal", "<i4")])
+    entries["id"] = IDS
+    bus.request(blocks)
+
+    def turn() -> bool:
+        reply = bus.collect()
+        fresh = isinstance(reply, WholeReply)
+        if fresh:
+            np.frombuffer(reply.rows, dtype=rows)["f2"].sum()  # the positions of all servos at once
+        entries["goal"] = 2048
+        bus.sync_write(*GOAL, entries.tobytes())
+        bus.request(blocks)
+        return fresh
+
+    return turn, bus.close
+
+
+def whole_rig(port: str, baud: int) -> Turn:
+    """One turn of a loop with a rig."""
+    driven = DynamixelRig(rig(baud), Bus(SerialPort(port, baud), baud))
+    targets = np.zeros(len(IDS))
+
+    def turn() -> bool:
+        fresh = driven.collect_state()
+        driven.write(targets)
+        driven.request_state()
+        return fresh
+
+    return turn, driven.close
 
 
 def microseconds(call: Call, count: int = CALLS) -> list[float]:
@@ -220,7 +276,7 @@ def microseconds(call: Call, count: int = CALLS) -> list[float]:
     return taken
 
 
-def unpaced(clients: dict[str, Callable[..., Client]]) -> dict[str, dict[str, float]]:
+def unpaced(clients: dict[str, Callable[[str, int], Client]]) -> dict[str, dict[str, float]]:
     """The median of each call, us."""
     taken: dict[str, dict[str, list[float]]] = {}
     for _ in range(ROUNDS):
@@ -234,33 +290,30 @@ def unpaced(clients: dict[str, Callable[..., Client]]) -> dict[str, dict[str, fl
     return {what: {name: float(np.median(times)) for name, times in of.items()} for what, of in taken.items()}
 
 
-def at_100_hz(make: Callable[..., Client], seconds: float = 3.0) -> float:
-    """Part of a core that a client needs to write and read at 100 Hz on 1 Mbps."""
+def at_100_hz(loop: Callable[[str, int], Turn], seconds: float = 3.0) -> float:
+    """Part of a core that a loop needs to write and read at 100 Hz on 1 Mbps; turns without an answer do not count."""
     with Responder(1_000_000) as port:
-        calls, close = make(port, 1_000_000)
-        calls["fast sync read 10 B"]()
-        began, used = time.perf_counter(), time.process_time()
+        turn, close = loop(port, 1_000_000)
+        turn()
+        began, used, heard = time.perf_counter(), time.process_time(), 0
         due = began
         while due - began < seconds:
-            calls["sync write 4 B"]()
-            calls["fast sync read 10 B"]()
+            heard += turn()
             due += 0.01
             time.sleep(max(0.0, due - time.perf_counter()))
         used = time.process_time() - used
         close()
-    return used / seconds
+    return used / heard * 100.0 if heard else math.nan
 
 
-def free_running(make: Callable[..., Client], seconds: float = 2.0) -> float:
+def free_running(make: Callable[[str, int], Client], seconds: float = 2.0) -> float:
     """How often a client writes and reads on 4 Mbps, Hz."""
     with Responder(4_000_000) as port:
-        calls, close = make(port, 4_000_000)
-        calls["fast sync read 10 B"]()
+        turn, close = waiting(make, port, 4_000_000)
+        turn()
         began, count = time.perf_counter(), 0
         while time.perf_counter() - began < seconds:
-            calls["sync write 4 B"]()
-            calls["fast sync read 10 B"]()
-            count += 1
+            count += turn()
         rate = count / (time.perf_counter() - began)
         close()
     return rate
@@ -270,6 +323,8 @@ def main(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of lines.")] = False,
 ) -> None:
     clients = {name: make for name, make in CLIENTS.items() if name in ("motiondeck", "floor") or _installed(name)}
+    loops: dict[str, Callable[[str, int], Turn]] = {"motiondeck in turns": in_turns, "whole rig": whole_rig}
+    loops |= {name: partial(waiting, make) for name, make in clients.items()}
     medians = unpaced(clients)
     limit = rate_limit(len(IDS), 4_000_000, STATE[1])
     report = {
@@ -278,7 +333,7 @@ def main(
         "ratio_to_motiondeck": {
             what: {name: round(us / of["motiondeck"], 2) for name, us in of.items()} for what, of in medians.items()
         },
-        "core_at_100_hz_1_mbps": {name: at_100_hz(make) for name, make in clients.items()},
+        "core_at_100_hz_1_mbps": {name: at_100_hz(loop) for name, loop in loops.items()},
         "free_running_hz_4_mbps": {name: free_running(make) for name, make in clients.items()} | {"wire limit": limit},
     }
     if as_json:

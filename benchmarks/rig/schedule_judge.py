@@ -31,6 +31,7 @@ SPEED_MARGIN, SPEED_PLAY = 1.1, 0.2  # of the limit; rad/s, because a shaft swin
 _CATCH_UP, _CATCH_UP_PLAY = 0.25, 0.35  # of the limit, rad/s
 _COASTS = 0.2  # s that a shaft may need to stop when it is held
 _ACCELERATION_MARGIN, _ACCELERATION_PLAY = 1.2, 2.0  # of the limit; rad/s^2, because a shaft swings about its path
+_LAG = 0.06  # s that a shaft is behind its servo's path
 _OVER = 5  # looks, over which an acceleration is measured
 _JERKED = 0.3  # s after its watchdog has stopped it, or torque has changed, in which a shaft may stop at once
 _PLAY = 0.05  # rad
@@ -96,7 +97,7 @@ class ShaftJudge:
         self._jerked = np.full(len(config.joints), -np.inf)
         self._lower = np.array([joint.lower for joint in config.joints])
         self._upper = np.array([joint.upper for joint in config.joints])
-        self._before = self.angles
+        self._before = self._targets = self.angles
         self._at = port.now()
         self._unarmed = np.full(len(config.joints), np.nan)
         self._slow_from = np.full(len(config.joints), np.inf)
@@ -146,7 +147,7 @@ class ShaftJudge:
         slow = self._at >= self._slow_from
         self._note("was too fast", free & (speed > self._velocity * SPEED_MARGIN + SPEED_PLAY), speed)
         self._note("caught up too fast", free & slow & (speed > self._velocity * _CATCH_UP + _CATCH_UP_PLAY), speed)
-        self._slow_from[np.abs(angles - targets) < 2.0 * _PLAY] = np.inf
+        self._slow_from[np.abs(angles - targets) < self._behind(targets, now)] = np.inf
         self._note("left its limits", (angles < self._lower - _PLAY) | (angles > self._upper + _PLAY), angles)
         on = np.array([device.torque and not device.dead for device in self._bus.devices])
         self._judge_acceleration(0.5 * (now + self._at), velocity, free)
@@ -155,6 +156,13 @@ class ShaftJudge:
         self._unarmed[np.isnan(self._unarmed) & ~armed & on & driven] = now
         self._note("had no watchdog", now - self._unarmed > _ARMED_WITHIN, self._unarmed)
         self._before, self._at = angles, now
+
+    def _behind(self, targets: Array, now: float) -> Array:
+        """How far a shaft that follows may be behind targets (J,), rad, that move as they do now."""
+        pace = np.abs(targets - self._targets) / max(now - self._at, 1e-6)
+        self._targets = targets
+        pace = np.minimum(pace, self._velocity)
+        return 2.0 * _PLAY + pace * (_LAG + pace / (2.0 * self._acceleration))
 
     def _judge_acceleration(self, at: float, velocity: Array, free: NDArray[np.bool_]) -> None:
         """Judges how velocities (J,), rad/s, at the time `at`, s, have changed over the last looks."""

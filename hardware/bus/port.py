@@ -17,6 +17,7 @@ import serial
 
 from hardware.errors import SerialPortError
 
+_AT_ONCE = 4096  # bytes; what is more waits for the next call
 _BY_ID = Path("/dev/serial/by-id")
 
 
@@ -67,6 +68,7 @@ class SerialPort:
             raise SerialPortError(f"cannot open the port {name} at {baud} baud: {_reason(name, error)}") from error
         self._fd = self._serial.fileno()
         self._available = array("i", [0])  # bytes that wait in the kernel
+        self._ready = False  # whether the last wait has seen some
         self._poll = select.poll()
         self._poll.register(self._fd, select.POLLIN)
 
@@ -84,8 +86,12 @@ class SerialPort:
         # read() and poll() on an empty pseudo-terminal wait for a kernel worker that may bring something: on a busy
         # machine for milliseconds, even with real-time priority. Asking how many bytes there are does not.
         try:
-            fcntl.ioctl(self._fd, termios.FIONREAD, self._available)
-            return os.read(self._fd, 65536) if self._available[0] else b""
+            if not self._ready:
+                fcntl.ioctl(self._fd, termios.FIONREAD, self._available)
+                if not self._available[0]:
+                    return b""
+            self._ready = False
+            return os.read(self._fd, _AT_ONCE)
         except BlockingIOError:
             return b""
         except (OSError, ValueError) as error:  # a ValueError for the descriptor of a port that is closed
@@ -98,7 +104,8 @@ class SerialPort:
         events = self._poll.poll(max(0.0, seconds) * 1e3)
         if events and events[0][1] & (select.POLLHUP | select.POLLERR | select.POLLNVAL):
             raise self._vanished()
-        return bool(events)
+        self._ready = bool(events)
+        return self._ready
 
     def now(self) -> float:
         """The monotonic clock, s."""

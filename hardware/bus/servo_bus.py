@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 from hardware.bus.port import Port, SerialPort
@@ -154,15 +155,15 @@ class Bus:
 
     def sync_read(self, ids: Sequence[int], address: int, length: int) -> dict[int, StatusPacket]:
         """Reads the same registers of many servos, one status each; who stays silent is missing from the answer."""
-        return self._read_group(dict.fromkeys(ids, (address, length)), fast=False)
+        return self._read_group(_alike(bytes(ids), address, length), fast=False)
 
     def fast_sync_read(self, ids: Sequence[int], address: int, length: int) -> dict[int, StatusPacket]:
         """As `sync_read`, in one joint reply: fewer bytes, and the return delay is paid once."""
-        return self._read_group(dict.fromkeys(ids, (address, length)), fast=True)
+        return self._read_group(_alike(bytes(ids), address, length), fast=True)
 
     def bulk_read(self, blocks: Blocks) -> dict[int, StatusPacket]:
         """Reads (id, address, length) of each servo, one status each; who stays silent is missing from the answer."""
-        return self._read_group({id: (address, length) for id, address, length in blocks}, fast=False)
+        return self._read_group(blocks, fast=False)
 
     def request(self, blocks: Blocks, fast: bool = True) -> bool:
         """Starts a group read without waiting for its reply; False if one is under way or the port is full.
@@ -323,31 +324,38 @@ class Bus:
         self._requests[blocks, fast] = request
         return request
 
-    def _read_group(self, of: dict[int, tuple[int, int]], fast: bool) -> dict[int, StatusPacket]:
+    def _read_group(self, blocks: Blocks, fast: bool) -> dict[int, StatusPacket]:
         """Asks each servo for address and length until it has answered, or was silent too often as the first in line.
 
         A servo waits for the one before it, so a silent one may silence all behind it: only the first in the line is
         known to be silent itself. It goes to the back, and after `retries` more chances it is given up.
         """
-
-        def ask(ids: Sequence[int]) -> dict[int, StatusPacket]:
-            self._pending = None
-            if not self.request(tuple((id, *of[id]) for id in ids), fast):
-                return {}
-            while True:
-                self.port.wait(self._margin)
-                if (reply := self.collect()) is not None:
-                    return reply.statuses(ids) if isinstance(reply, WholeReply) else reply.statuses
-
-        ids = tuple(of)
-        heard = ask(ids) if ids else {}
-        line = deque(id for id in ids if id not in heard) if len(heard) < len(ids) else None
-        silent: dict[int, int] = {}
+        heard = self._ask_group(blocks, fast)
+        if len(heard) == len(blocks):
+            return heard
+        line = deque(block for block in blocks if block[0] not in heard)
+        silent: Counter[int] = Counter()
         while line:
             head = line.popleft()
-            silent[head] = silent.get(head, 0) + 1
-            if silent[head] <= self._retries:
+            silent[head[0]] += 1
+            if silent[head[0]] <= self._retries:
                 line.append(head)
-            heard |= ask(tuple(line)) if line else {}
-            line = deque(id for id in line if id not in heard)
+            heard |= self._ask_group(tuple(line), fast)
+            line = deque(block for block in line if block[0] not in heard)
         return heard
+
+    def _ask_group(self, blocks: Blocks, fast: bool) -> dict[int, StatusPacket]:
+        """Those that answer a group read."""
+        self._pending = None
+        if not blocks or not self.request(blocks, fast):
+            return {}
+        while True:
+            self.port.wait(self._margin)
+            if (reply := self.collect()) is not None:
+                return reply.statuses([id for id, _, _ in blocks]) if isinstance(reply, WholeReply) else reply.statuses
+
+
+@lru_cache(maxsize=64)
+def _alike(ids: bytes, address: int, length: int) -> Blocks:
+    """The same registers of each servo, each asked once."""
+    return tuple((id, address, length) for id in dict.fromkeys(ids))

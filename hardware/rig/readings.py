@@ -35,6 +35,7 @@ class Question(NamedTuple):
         asked: the same for the bus.
         layout: of every block, None where they differ.
         all: whether every joint is asked, in the order of the rig file.
+        rows: the layouts of whole replies so far, by how their rows are laid out.
     """
 
     joints: NDArray[np.int64]
@@ -42,6 +43,7 @@ class Question(NamedTuple):
     asked: Blocks
     layout: np.dtype[Any] | None
     all: bool
+    rows: dict[tuple[int, int, int], np.dtype[Any]]
 
 
 class Readings:
@@ -127,7 +129,10 @@ class Readings:
 
     def _take_whole(self, reply: WholeReply, question: Question, layout: np.dtype[Any], now: float) -> bool:
         """All servos at once; False where one of them answered with an error number."""
-        rows = np.frombuffer(reply.rows, dtype=row_layout(layout, reply.stride, reply.error, reply.data))
+        place = (reply.stride, reply.error, reply.data)
+        if place not in question.rows:
+            question.rows[place] = row_layout(layout, *place)
+        rows = np.frombuffer(reply.rows, dtype=question.rows[place])
         error = rows["error"]
         if (error & ~np.uint8(ALERT)).any():
             return False
@@ -193,7 +198,7 @@ class Readings:
         )
         layouts = {block.layout for block in blocks}
         layout = blocks[0].layout if len(layouts) == 1 else None
-        question = Question(np.array(line), blocks, asked, layout, line == self._everybody)
+        question = Question(np.array(line), blocks, asked, layout, line == self._everybody, {})
         if len(self._questions) > 4 * len(self._ids):
             self._questions.clear()
         self._questions[line, wide] = question

@@ -102,9 +102,11 @@ def _layout(formats: tuple[str, ...], offsets: tuple[int, ...], size: int) -> np
     return np.dtype({"names": names, "formats": list(formats), "offsets": list(offsets), "itemsize": size})
 
 
-@lru_cache(maxsize=64)
 def row_layout(layout: np.dtype[Any], stride: int, error: int, data: int) -> np.dtype[Any]:
-    """The layout of a row of a `WholeReply` whose data have this layout; its error byte is the field `error`."""
+    """The layout of a row of a `WholeReply` whose data have this layout; its error byte is the field `error`.
+
+    A loop should keep it: to make it, and even to look it up by its layout, takes longer than to read the rows.
+    """
     fields = {"error": (np.dtype(np.uint8), error)}
     fields |= {name: (field[0], data + field[1]) for name, field in (layout.fields or {}).items()}
     formats, offsets = zip(*fields.values(), strict=True)
