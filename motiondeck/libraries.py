@@ -77,8 +77,8 @@ class Library:
             motion: its name.
             seconds: how long.
             rate: frames per second, Hz; the library's own where none is given.
-            tempo: 1 is as fast as recorded.
-            phase: where in the motion to begin, in [0, 1).
+            tempo: 1 is as fast as recorded; negative plays backwards, where the network has a phase.
+            phase: where in the motion to begin, in [0, 1].
 
         Returns:
             Shape (round(seconds * rate), C). For a human body: height of the root (m), turn rate (rad/s), forward and

@@ -26,6 +26,7 @@ from controller.wire.command_socket import (
     EmergencyStop,
     GetStatus,
     Home,
+    Jump,
     Message,
     Pause,
     Queue,
@@ -160,9 +161,35 @@ class LiveDeck:
         """Plays a blend of two loops, the second with a weight in [0, 1]; raises as `switch`."""
         return self._commanded(f"{first} + {second}", Blend(first, second, weight))
 
+    @property
+    def tempo(self) -> float:
+        """The present tempo: 1 is as fast as recorded, 0 stands still, negative plays backwards.
+
+        Setting it plays at another one, from -3 to 3, reached as quickly as is smooth. A library whose network has no
+        phase refuses a negative one with a CommandError.
+        """
+        return self.status().tempo
+
+    @tempo.setter
+    def tempo(self, factor: float) -> None:
+        self.set_tempo(factor)
+
     def set_tempo(self, factor: float, over: float = 0.0) -> None:
-        """Plays at 0.1 to 3 times the recorded tempo; the change takes `over` seconds, or as few as are smooth."""
+        """Plays at another tempo; the change takes `over` seconds, or as few as are smooth."""
         self._request(SetTempo(factor, over=over))
+
+    @property
+    def phase(self) -> float | None:
+        """How far the motion is: [0, 1) in a loop, 0 to 1 in a one-shot; None if the network runs by itself."""
+        return self.status().phase
+
+    def jump(self, phase: float) -> None:
+        """Goes to a phase, from 0 to 1, of the motion that is played; what is shown fades to it.
+
+        Raises:
+            CommandError: if the network runs by itself and has no phase, or two motions are blended.
+        """
+        self._request(Jump(phase))
 
     def pause(self) -> None:
         """Comes to a standstill."""

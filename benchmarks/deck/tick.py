@@ -1,6 +1,6 @@
 """CPU time of one tick, part by part, without the simulator.
 
-A conceptor of 1000 neurons, retargeting, safety, and the servos' frame.
+A phase-driven reservoir, retargeting, safety, and the servos' frame.
 
 Each part is measured within the same run of the deck on servo20 at 200 Hz; `all` is the whole tick. The servos' frame
 is the sync write of 20 goal positions, encoded with its CRC and byte stuffing, not sent.
@@ -96,9 +96,9 @@ def main() -> int:
         for name, column in zip(names, spent.T, strict=True)
     }
     if options.json:
-        print(json.dumps({"neurons": library.reservoir.neurons, "motion": options.motion, "us": rows}))
+        print(json.dumps({"library": library.info.name, "motion": options.motion, "us": rows}))
         return 0
-    print(f"{library.reservoir.neurons} neurons, {options.motion}, {options.ticks} ticks\n")
+    print(f"{library.info.name}, {options.motion}, {options.ticks} ticks\n")
     print("| part | p50 us | p99 us |\n|---|---|---|")
     for name, row in rows.items():
         print(f"| {name} | {row['p50']:.0f} | {row['p99']:.0f} |")

@@ -62,11 +62,11 @@ class SimulatedClock(VirtualClock):
 class Stage:
     """Robot, library and rig; each run gets a rig, a deck and a watch of its own."""
 
-    def __init__(self, robot: str, *, rig: bool, speed: float) -> None:
+    def __init__(self, robot: str, *, rig: bool, tempo: float) -> None:
         self.library = load_library(find_library("thesis15"))
         self.robot = load_robot(find_robot(robot), self.library.skeleton)
         self.config = load_rig(find_rig(robot)) if rig else None
-        self.speed = speed
+        self.tempo = tempo
         # As when playing: the servos are never told to go where they cannot.
         self.limits = narrowed(self.robot.limits, self.robot, self.config) if self.config else self.robot.limits
 
@@ -93,7 +93,7 @@ class Stage:
             RATE,
         )
         deck = Deck(self.library, deepcopy(robot.retarget), motion)
-        deck.set_speed(self.speed)
+        deck.set_tempo(self.tempo)
 
         def publish(state: LoopState) -> None:
             watch.look(state, deck, PLAYING)
@@ -222,11 +222,11 @@ def main() -> None:
     parser.add_argument("--every", type=float, default=6.0, help="seconds between two switches")
     parser.add_argument("--jams", type=int, default=60, help="how many joints are jammed")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--speed", type=float, default=1.0, help="the deck's tempo")
+    parser.add_argument("--tempo", type=float, default=1.0, help="the deck's tempo")
     parser.add_argument("--robot", default="servo20")
     parser.add_argument("--simulated", action="store_true", help="the simulated robot itself, without a rig or jams")
     arguments = parser.parse_args()
-    stage = Stage(arguments.robot, rig=not arguments.simulated, speed=arguments.speed)
+    stage = Stage(arguments.robot, rig=not arguments.simulated, tempo=arguments.tempo)
     said = switching(stage, arguments.seconds, arguments.every, arguments.seed)
     print("switching is done", file=sys.stderr)
     if arguments.jams and not arguments.simulated:

@@ -29,6 +29,8 @@ from controller.wire.command_socket import (
 from controller.wire.command_table import TEMPO, command_of
 from motiondeck_base.errors import MotiondeckError
 
+SLOWEST = 0.1
+"""The tempo of the stick when it is pulled all the way down."""
 DEAD = 0.15
 """Deflections of the stick up to this share of the full one count as released."""
 STEP = 0.1
@@ -86,8 +88,8 @@ class Pad:
 def tempo_of(value: float) -> float:
     """The tempo of a stick from -1 (up, fastest) to 1 (down, slowest), in steps of STEP; 1 where it is released."""
     deflection = max(0.0, (abs(value) - DEAD) / (1.0 - DEAD))
-    tempo = 1.0 + deflection * ((TEMPO.highest if value < 0.0 else TEMPO.lowest) - 1.0)
-    return min(max(round(tempo / STEP) * STEP, TEMPO.lowest), TEMPO.highest)
+    tempo = 1.0 + deflection * ((TEMPO.highest if value < 0.0 else SLOWEST) - 1.0)
+    return min(max(round(tempo / STEP) * STEP, SLOWEST), TEMPO.highest)
 
 
 def drive(device: EventDevice, client: CommandClient) -> None:

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from sim.physics.preflight import PreflightVerdict
     from sim.robots.robot import Robot
 
+SLOWEST = 0.1
+"""The least tempo to judge at."""
+
 
 def preflight(
     library: Annotated[str, typer.Argument(help="A library file, or a shipped one by its name.")] = "thesis15",
@@ -64,8 +67,8 @@ def preflight(
     )
     from sim.physics.preflight import Preflight
 
-    if not TEMPO.lowest <= tempo <= TEMPO.highest:
-        raise MotiondeckError(f"--tempo {tempo:g} is not between {TEMPO.lowest:g} and {TEMPO.highest:g}")
+    if not SLOWEST <= tempo <= TEMPO.highest:
+        raise MotiondeckError(f"--tempo {tempo:g} is not between {SLOWEST:g} and {TEMPO.highest:g}")
     if balance and root != "free":
         raise MotiondeckError(f"a robot whose root is {root} need not balance: give --root free with --balance")
     if plot is not None:

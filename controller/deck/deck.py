@@ -19,7 +19,7 @@ from controller.deck.tempo import Paced
 from controller.library.motion_library import MotionLibrary
 from controller.mocap.posture import Pose, Posture
 from controller.rotations import Array
-from controller.wire.command_table import WEIGHT
+from controller.wire.command_table import PHASE, TEMPO, WEIGHT
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 __all__ = ["MOST_QUEUED", "REMEMBERED_SWITCHES", "CommandedSwitch", "Deck"]
@@ -69,6 +69,7 @@ class Deck(Paced):
         self._ahead: deque[str] = deque()  # the motions that the current switch has still to begin
         self._queued: deque[CommandedSwitch] = deque()
         self._waits = False  # whether the next of them waits for the end of the present motion
+        self._jump: float | None = None  # the phase to go to in the next update
         self.time = 0.0
         self.switches: deque[CommandedSwitch] = deque(maxlen=REMEMBERED_SWITCHES)
         super().__init__()
@@ -93,6 +94,11 @@ class Deck(Paced):
     def settled(self) -> bool:
         """Whether no switch is under way."""
         return self._current is None and not self._show.fading
+
+    @property
+    def phase(self) -> float | None:
+        """How far the motion is: [0, 1) in a loop, 0 to 1 in a one-shot; None if the network runs by itself."""
+        return self._show.phase
 
     @property
     def blend(self) -> tuple[str, float] | None:
@@ -180,6 +186,34 @@ class Deck(Paced):
         self._show.finish_round()
         return switch
 
+    def set_tempo(self, factor: float, over: float = 0.0) -> None:
+        """Plays at another tempo, reached within `over` seconds; see `Tempo.command`.
+
+        Raises:
+            CommandError: if the tempo or the time is out of its range.
+            MotiondeckError: if it is negative and the network runs by itself.
+        """
+        TEMPO.check(factor)
+        if factor < 0.0:
+            self._show.require_phase()
+        super().set_tempo(factor, over)
+
+    def jump(self, phase: float) -> None:
+        """Goes to a phase of the motion that is played at the next update, and fades to it from what is shown.
+
+        Args:
+            phase: in [0, 1]; in a loop 1 is 0.
+
+        Raises:
+            CommandError: if the phase is out of its range.
+            MotiondeckError: if the network runs by itself, or two motions are blended.
+        """
+        PHASE.check(phase)
+        self._show.require_phase()
+        if self.blend is not None:
+            raise MotiondeckError("two motions are blended; a jump is possible when one of them plays alone")
+        self._jump = phase
+
     def update(self, dt: float) -> tuple[Array, Pose]:
         """Advances by dt seconds; the joint targets (J,), rad, and the pose they come from."""
         self.time += dt
@@ -196,6 +230,10 @@ class Deck(Paced):
             self._blending = None
             self._waits = True  # the motions on a way are one-shots, and those are finished
             self._fading = self._current
+            self._jump = None
+        elif self._jump is not None:
+            show.jump(self._jump)
+            self._jump = None
         self.pose = show.show()
         return self._retarget(self.pose), self.pose
 

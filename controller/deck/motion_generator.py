@@ -22,17 +22,17 @@ class MotionGenerator:
     Args:
         library: whose motion; it is not changed, and other generators of the same library do not notice this one.
         motion: its name.
-        tempo: 1 is as fast as recorded; may be changed between steps.
-        phase: where in the motion to begin, in [0, 1).
+        tempo: 1 is as fast as recorded, 0 stands still, negative plays backwards; may be changed between steps.
+        phase: where in the motion to begin, in [0, 1]; a one-shot ends at 1.
 
     Raises:
         UnknownNameError: if there is no such motion; it names the nearest.
-        MotiondeckError: if the phase is not in [0, 1) or the tempo is negative or not finite.
+        MotiondeckError: if the phase is not in [0, 1], or the tempo not finite or negative where that is impossible.
     """
 
     def __init__(self, library: MotionLibrary, motion: str, *, tempo: float = 1.0, phase: float = 0.0) -> None:
-        if not 0.0 <= phase < 1.0:
-            raise MotiondeckError(f"a phase of {phase:g} is not in [0, 1)")
+        if not 0.0 <= phase <= 1.0:
+            raise MotiondeckError(f"a phase of {phase:g} is not in [0, 1]")
         self._velocities = library.encoding.velocities
         self._player = FramePlayer(library.network.twin(), library.info.rate)
         self._player.cue(motion, phase)
@@ -40,14 +40,25 @@ class MotionGenerator:
 
     @property
     def tempo(self) -> float:
-        """How fast the motion goes; 1 is as fast as recorded."""
+        """How fast the motion goes, and which way; 1 is as fast as recorded."""
         return self._tempo
 
     @tempo.setter
     def tempo(self, tempo: float) -> None:
-        if not 0.0 <= tempo < math.inf:
-            raise MotiondeckError(f"a tempo of {tempo:g} is not a number of at least 0")
+        if not math.isfinite(tempo):
+            raise MotiondeckError(f"a tempo of {tempo:g} is not a finite number")
+        if tempo < 0.0:
+            self._player.require_phase()
         self._tempo = tempo
+
+    @property
+    def phase(self) -> float:
+        """How far the motion is: [0, 1) in a loop, 0 to 1 in a one-shot.
+
+        Raises:
+            MotiondeckError: if the network runs by itself.
+        """
+        return self._player.phase
 
     def step(self, dt: float) -> Array:
         """Goes dt >= 0 seconds on; the channels there, shape (C,), in the units of the library's encoding.

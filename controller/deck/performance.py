@@ -12,7 +12,7 @@ import numpy as np
 from controller.deck.joins.blend_check import BlendCheck
 from controller.deck.joins.blend_weight import ModuleWeight, Ramp, Weight
 from controller.deck.joins.deck_motions import Motion, read_motions
-from controller.deck.joins.join_limits import JoinLimits
+from controller.deck.joins.join_limits import FASTEST, JoinLimits
 from controller.deck.joins.joining import Joining
 from controller.deck.joins.posture_blend import PostureBlend
 from controller.deck.joins.transition import Fade, best_anchor, difference, extrapolated
@@ -33,6 +33,9 @@ MORPH_SECONDS = 1.0
 
 # How often a join that becomes too fast is replaced by a longer fade.
 MOST_CORRECTIONS = 6
+
+# The steepest slope of a quintic from 0 to 1 in a second, 1/s.
+STEEPEST = 1.875
 
 # While the weight of a blend changes, it is given up beyond so many times the limits of a join.
 BLEND_TURNS_OVER = 2.0
@@ -104,6 +107,19 @@ class Performance:
         return (self.other, self._weight.value) if self.other else None
 
     @property
+    def phase(self) -> float | None:
+        """How far the motion is: [0, 1) in a loop, 0 to 1 in a one-shot; None if the network runs by itself."""
+        return self._leading.phase
+
+    def require_phase(self) -> None:
+        """Checks that the network has a phase.
+
+        Raises:
+            MotiondeckError: if it runs by itself.
+        """
+        self._first.require_phase()
+
+    @property
     def restarts(self) -> int:
         """How often the network lost its motion and was restarted."""
         return self._first.restarts + self._second.restarts
@@ -129,9 +145,10 @@ class Performance:
         shown, completed = self._faded(dt)
         self.blend_problem = ""
         if self._check is not None and self.other:
-            self.blend_problem = self._check.problem(self._joints(self._target), dt * tempo)
+            self.blend_problem = self._check.problem(self._joints(self._target), dt * abs(tempo))
         self._take(shown)
-        use = self._limits.use(self._next, dt) if self._limits is not None else 0.0
+        # Played faster, the motions themselves go beyond what they need at their own tempo.
+        use = self._limits.use(self._next, dt) / max(1.0, abs(tempo)) if self._limits is not None else 0.0
         if self.other and use > BLEND_TURNS_OVER:
             self.blend_problem = "turns over"
         elif not self.other and use > 1.0 and self._corrections < MOST_CORRECTIONS:
@@ -177,6 +194,16 @@ class Performance:
             self._switching = True  # completed in the next step
         else:
             self._fade_to_first(max(leaving.acceleration, entering.acceleration))
+
+    def jump(self, phase: float) -> None:
+        """Goes to a phase in [0, 1] of the motion that is played, and fades from what is shown to it."""
+        motion = self.here
+        self._limit(motion)
+        self._blend, self._switching = None, False
+        self._first.cue_phase(motion.name, phase)
+        way = self._limbs(self._first.step(0.0, 0.0).rotation) - self._limbs(self._shown.rotation)
+        longest = float(np.linalg.norm(way, axis=-1).max())
+        self._fade_to_first(motion.acceleration, STEEPEST * longest / (FASTEST * motion.speed))
 
     def blend_in(self, other: str, weight: float) -> None:
         """Blends another motion in, or changes its weight, at MORPH_SECONDS for a weight of 1."""

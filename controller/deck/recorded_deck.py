@@ -68,7 +68,8 @@ class RecordedDeck(Paced):
     def update(self, dt: float) -> tuple[Array, Pose]:
         """Advances by dt seconds, linear between recorded ticks; the joint targets (J,), rad, and the pose."""
         self.time += dt
-        self._place = min(self._place + dt * self._tempo.advance(dt) * self._rate, float(self._last))
+        step = dt * self._tempo.advance(dt) * self._rate
+        self._place = min(max(self._place + step, 0.0), float(self._last))
         first = min(int(self._place), max(self._last - 1, 0))
         share, second = self._place - first, min(first + 1, self._last)
 
@@ -100,6 +101,19 @@ class RecordedDeck(Paced):
             MotiondeckError: always.
         """
         return self.switch(to)
+
+    @property
+    def phase(self) -> None:
+        """Always None: no network is playing."""
+        return
+
+    def jump(self, phase: float) -> None:
+        """Refuses.
+
+        Raises:
+            MotiondeckError: always.
+        """
+        raise MotiondeckError("a recording is being replayed; it has no phase to jump to")
 
     @property
     def blend(self) -> None:

@@ -1,4 +1,4 @@
-"""Tempo: how fast motions are played. It follows the commanded one at a bounded rate; a pause is a tempo of zero."""
+"""Tempo: how fast motions are played, and which way. It follows the commanded one at a bounded rate."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ TEMPO_RATE = 2.5
 
 
 class Tempo:
-    """A tempo, 1 as recorded.
+    """A tempo: 1 as recorded, 0 stands still, negative plays backwards.
 
     Attributes:
         present: the present tempo; it follows the commanded one smoothly.
         commanded: the commanded tempo.
-        paused: whether a pause was commanded.
+        paused: whether a pause was commanded: a tempo of zero until it is over.
     """
 
     def __init__(self) -> None:
@@ -49,7 +49,15 @@ class Tempo:
 
     def advance(self, dt: float) -> float:
         """The tempo after dt more seconds."""
-        goal, rate = (0.0, TEMPO_RATE) if self.paused else (self.commanded, self._rate)
+        return self._approach(self.commanded, self._rate, dt)
+
+    def steer(self, wanted: float, rate: float, dt: float) -> float:
+        """The tempo after dt more seconds on the way to another one than was commanded, changing at most at a rate."""
+        return self._approach(wanted, rate, dt)
+
+    def _approach(self, goal: float, rate: float, dt: float) -> float:
+        if self.paused:
+            goal, rate = 0.0, TEMPO_RATE
         most = rate * dt
         self.present += min(max(goal - self.present, -most), most)
         return self.present

@@ -15,6 +15,7 @@ from controller.wire.command_socket import (
     EmergencyStop,
     GetStatus,
     Home,
+    Jump,
     Message,
     Queue,
     Refused,
@@ -102,8 +103,17 @@ class Commandable(Protocol):
         """Plays a blend of two motions."""
         ...
 
+    @property
+    def phase(self) -> float | None:
+        """How far the motion is, from 0 to 1; None if that is not known."""
+        ...
+
     def set_tempo(self, factor: float, over: float = 0.0) -> None:
         """Plays at another tempo."""
+        ...
+
+    def jump(self, phase: float) -> None:
+        """Goes to a phase of the motion that is played."""
         ...
 
     def pause(self) -> None:
@@ -207,6 +217,8 @@ class CommandDesk:
                 progress = deck.blend_in(first, second, weight)
             case SetTempo(factor=factor, over=over):
                 return deck.set_tempo(factor, over)
+            case Jump(phase=phase):
+                return deck.jump(phase)
             case _:
                 return deck.pause()
         if stop.mode != "playing":
@@ -228,6 +240,7 @@ class CommandDesk:
             blend=deck.blend,
             fell_back=deck.fell_back,
             seen=self._seen() if self._seen is not None else None,
+            phase=deck.phase,
         )
 
 

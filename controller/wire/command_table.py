@@ -19,6 +19,7 @@ from controller.wire.messages import (
     EmergencyStop,
     GetStatus,
     Home,
+    Jump,
     Message,
     Mode,
     Pause,
@@ -97,8 +98,9 @@ class Flag:
 
 Argument = MotionName | Number | Flag
 
-TEMPO = Number("factor", "TEMPO", 0.1, 3.0)
+TEMPO = Number("factor", "TEMPO", -3.0, 3.0)
 TEMPO_SECONDS = Number("over", "SECONDS", 0.0, 60.0, optional=True)
+PHASE = Number("phase", "PHASE", 0.0, 1.0)
 WEIGHT = Number("weight", "WEIGHT", 0.0, 1.0)
 
 ALWAYS: frozenset[Mode] = frozenset(get_args(Mode))
@@ -163,8 +165,9 @@ COMMANDS = (
         "tempo",
         SetTempo,
         (TEMPO, TEMPO_SECONDS),
-        "play at 0.1 to 3 times the recorded tempo, reached smoothly or within 0 to 60 s",
+        "play at -3 to 3 times the recorded tempo, reached smoothly or within 0 to 60 s; below 0 backwards",
     ),
+    DeckCommand("jump", Jump, (PHASE,), "go to a phase (0 to 1) of the motion that is played, through a join"),
     DeckCommand("pause", Pause, (), "stand still"),
     DeckCommand("resume", Resume, (), "play on after a pause, from home, or after a reset"),
     DeckCommand("home", Home, (), "go slowly to the rest pose and stay there"),

@@ -64,13 +64,24 @@ class SetTempo(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="tem
     """Play at another tempo.
 
     Attributes:
-        factor: 1 is as fast as recorded.
+        factor: 1 is as fast as recorded, 0 stands still, negative plays backwards.
         over: how many seconds the change takes; 0 for as quickly as is smooth.
     """
 
     factor: float
     id: Number = 0
     over: float = 0.0
+
+
+class Jump(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="jump"):
+    """Go to a phase of the motion that is played, through a join.
+
+    Attributes:
+        phase: from 0 to 1.
+    """
+
+    phase: float
+    id: Number = 0
 
 
 class Pause(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="pause"):
@@ -150,7 +161,8 @@ class State(msgspec.Struct, frozen=True, tag="state"):
     Attributes:
         motion: the motion that is played or being switched to.
         motions: all motions of the library.
-        tempo: 1 as recorded.
+        tempo: the present tempo; negative backwards.
+        phase: how far the motion is, from 0 to 1; None if the network runs by itself.
         paused: whether it is paused.
         switching: whether a switch is under way.
         id: that of the command.
@@ -172,9 +184,10 @@ class State(msgspec.Struct, frozen=True, tag="state"):
     blend: tuple[str, float] | None = None
     fell_back: str = ""
     seen: tuple[str, float] | None = None
+    phase: float | None = None
 
 
-Message = Switch | Queue | Blend | SetTempo | Pause | Resume | Home | EmergencyStop | Reset | Stop | GetStatus
+Message = Switch | Queue | Blend | SetTempo | Jump | Pause | Resume | Home | EmergencyStop | Reset | Stop | GetStatus
 Reply = Accepted | Refused | Settled | State
 
 encode = msgspec.json.Encoder().encode

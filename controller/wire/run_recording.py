@@ -24,10 +24,10 @@ from controller.rotations import Array
 from controller.wire.telemetry import named
 from motiondeck_base.errors import FileFormatError
 
-VERSION = 2
-READABLE = (1, 2)
-"""Version 1 lacks `robot_root`, `seen` and `confidence`."""
-COMMANDS = ("switch", "queue", "tempo", "pause", "resume", "home", "estop", "reset", "stop", "blend")
+VERSION = 3
+READABLE = (1, 2, 3)
+"""Version 1 lacks `robot_root`, `seen` and `confidence`; up to 2 the tempo is called `speed`, and `phase` lacks."""
+COMMANDS = ("switch", "queue", "tempo", "pause", "resume", "home", "estop", "reset", "stop", "blend", "jump")
 """The field `command` is an index into these, counted from 1; 0 is a tick without a command."""
 MODES = ("playing", "home", "held", "emergency stop")
 """The field `mode` is an index into these."""
@@ -125,7 +125,7 @@ def load_recording(path: Path) -> RunRecording:
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise FileFormatError(f"{path}: the beginning of this recording is damaged ({error})") from None
     if header.version not in READABLE:
-        known = " and ".join(map(str, READABLE))
+        known = f"{READABLE[0]} to {READABLE[-1]}"
         raise FileFormatError(f"{path}: recording version {header.version}; this Motiondeck reads versions {known}")
     rows, complete = _chunks(data[place + size :], sum(header.fields.values()))
     return RunRecording(header.description, named(rows, header.fields), complete)

@@ -14,6 +14,7 @@ from controller.wire.command_socket import (
     CommandClient,
     EmergencyStop,
     Home,
+    Jump,
     Message,
     Pause,
     Queue,
@@ -32,7 +33,7 @@ from sim.view.private_page import PrivatePage
 from sim.view.recognition_text import what_is_seen
 
 ANSWER_WITHIN = 1.0
-# A hand on the slider keeps it for so long before the deck's own tempo is shown again, s.
+# A hand on a slider keeps it for so long before the deck's own value is shown again, s.
 HAND_ON = 1.0
 
 CURRENT = (38, 110, 200)
@@ -40,7 +41,10 @@ OTHERS = (120, 130, 145)
 
 
 class Panel:
-    """Buttons and figures beside the scene; with `has_human` the human whose motion is played can be shown, too."""
+    """Buttons and figures beside the scene; with `has_human` the human whose motion is played can be shown, too.
+
+    With `has_phase` motions can be played backwards and sent to a phase.
+    """
 
     def __init__(
         self,
@@ -50,6 +54,7 @@ class Panel:
         commands: CommandClient,
         *,
         has_human: bool = False,
+        has_phase: bool = False,
     ) -> None:
         self._page, self._commands = page, commands
         self._motions, self._joints = motions, joints
@@ -57,7 +62,7 @@ class Panel:
         self._current = -1
         self._paused = False
         self._mode = MODES[0]
-        self._moved = 0.0
+        self._moved = self._jumped = 0.0  # when a hand was on the tempo, and on the phase, s
         gui = page.gui
         gui.configure_theme(show_share_button=False, show_logo=False, brand_color=CURRENT)
         self._health = gui.add_html("")
@@ -79,8 +84,11 @@ class Panel:
             self._weight.on_update(self._weight_moved)
         self._motions = motions
         gui.add_divider()
-        self._tempo = gui.add_slider("tempo", min=TEMPO.lowest, max=TEMPO.highest, step=0.05, initial_value=1.0)
+        self._tempo = gui.add_slider(
+            "tempo", min=TEMPO.lowest if has_phase else 0.0, max=TEMPO.highest, step=0.05, initial_value=1.0
+        )
         self._tempo.on_update(self._tempo_moved)
+        self._phase = self._add_phase() if has_phase else None
         self._pause = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE, color="gray", hint=BY_WORD["pause"].help)
         self._pause.on_click(lambda _: self._send(Resume() if self._paused else Pause()))
         self._home = gui.add_button("Home", icon=viser.Icon.HOME, color="gray", hint=BY_WORD["home"].help)
@@ -98,6 +106,15 @@ class Panel:
             (self._pause, BY_WORD["pause"]),
             (self._home, BY_WORD["home"]),
         ]
+        if self._phase is not None:
+            self._controls.append((self._phase, BY_WORD["jump"]))
+
+    def _add_phase(self) -> viser.GuiInputHandle[float]:
+        phase = self._page.gui.add_slider(
+            "phase", min=0.0, max=1.0, step=0.01, initial_value=0.0, hint=BY_WORD["jump"].help
+        )
+        phase.on_update(self._phase_moved)
+        return phase
 
     @property
     def _stopped(self) -> bool:
@@ -141,7 +158,9 @@ class Panel:
                 control.disabled = mode not in command.modes
         tempo = round(_number(state, "tempo", 1.0), 2)
         if abs(tempo - self._tempo.value) > 0.024 and time.monotonic() - self._moved > HAND_ON:
-            self._tempo.value = min(max(tempo, TEMPO.lowest), TEMPO.highest)
+            self._tempo.value = min(max(tempo, self._tempo.min), self._tempo.max)
+        if self._phase is not None and time.monotonic() - self._jumped > HAND_ON:
+            self._phase.value = round(_number(state, "phase", 0.0), 2)
         self._health.content = _health(state)
         if "seen" in state:
             self._seen.content = what_is_seen(state, self._motions, self._joints)
@@ -151,6 +170,11 @@ class Panel:
         if event.client is not None:
             self._moved = time.monotonic()
             self._send(SetTempo(factor=float(self._tempo.value)))
+
+    def _phase_moved(self, event: viser.GuiEvent) -> None:
+        if event.client is not None:
+            self._jumped = time.monotonic()
+            self._send(Jump(phase=float(event.target.value)))
 
     def _weight_moved(self, event: viser.GuiEvent) -> None:
         if event.client is not None and 0 <= self._current < len(self._motions):

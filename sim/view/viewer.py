@@ -53,6 +53,7 @@ def view(state: Path, command_port: int, port: int) -> None:
     reader = StateReader.open(state)
     description = reader.description
     motions = [str(motion) for motion in description["motions"]]
+    phased = bool(description.get("has_phase"))
     joints = [str(joint) for joint in description.get("joints", ())]
     model = _model(str(description["model_file"]))
     page = PrivatePage(port, label=f"Motiondeck · {description['robot']}")
@@ -66,7 +67,7 @@ def view(state: Path, command_port: int, port: int) -> None:
         aside = (BESIDE if followers else -BESIDE) * scene.height
         ghost = Ghost(DrawnModel(page, human, scene.height, " human"), human, about, aside)
     steps = LiveSteps(page, model, np.array(description.get("rest", model.qpos0)), scene.height)
-    panel = Panel(page, motions, joints, CommandClient(command_port), has_human=ghost is not None)
+    panel = Panel(page, motions, joints, CommandClient(command_port), has_human=ghost is not None, has_phase=phased)
     follower = Follower()
     centre = np.zeros(2)
     last_picture = last_health = 0.0

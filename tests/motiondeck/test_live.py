@@ -24,7 +24,7 @@ sys.stdin.read()
 
 @pytest.fixture(scope="module")
 def library():
-    return Library(synthetic.small_library())
+    return Library(synthetic.small_phase_library())
 
 
 def test_ten_lines_play_switch_on_a_condition_and_end(library, tmp_path):
@@ -48,8 +48,14 @@ def test_commands_change_the_status_and_appear_as_events(library):
     with motiondeck.play(library, "march", physics=False, rate=100.0) as deck:
         with pytest.raises(MotiondeckError, match=r"unknown motion 'mrach'\. Did you mean march"):
             deck.queue("mrach")
-        with pytest.raises(MotiondeckError, match=r"from 0\.1 to 3, not 9"):
+        with pytest.raises(MotiondeckError, match=r"from -3 to 3, not 9"):
             deck.set_tempo(9.0)
+        deck.tempo = -0.5
+        while deck.tempo > -0.5:
+            pass
+        deck.jump(0.25)
+        assert 0.0 <= deck.phase <= 1.0
+        deck.tempo = 1.0
         first, second = deck.switch("wave"), deck.switch("march")
         with pytest.raises(MotiondeckError, match="overtaken"):
             first.wait()

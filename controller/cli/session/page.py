@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 import socket
 import subprocess
@@ -34,6 +35,7 @@ _NUMBERS = (
     "time_s",
     "motion",
     "tempo",
+    "phase",
     "paused",
     "mode",
     "rate_hz",
@@ -69,6 +71,11 @@ class Showable(Protocol):
     @property
     def commanded_tempo(self) -> float:
         """The tempo that was commanded."""
+        ...
+
+    @property
+    def phase(self) -> float | None:
+        """How far the motion is, from 0 to 1; None if that is not known."""
         ...
 
     @property
@@ -113,7 +120,7 @@ class Page:
     def open(
         cls,
         state: Path,
-        motions: Sequence[str],
+        deck: Showable,
         robots: Sequence[RobotOnDeck],
         human: Skeleton | None,
         watch: RecognitionWatch | None = None,
@@ -132,7 +139,8 @@ class Page:
             "model_file": str(models[0]),
             "followers": [str(model) for model in models[1:]],
             "rest": rest.tolist(),
-            "motions": list(motions),
+            "motions": list(deck.motions),
+            "has_phase": deck.phase is not None,
             "joints": list(robot.joints),
             "robot": robot.name,
         }
@@ -161,6 +169,7 @@ class Page:
         fields["time_s"][0] = deck.time
         fields["motion"][0] = deck.motions.index(deck.motion)
         fields["tempo"][0] = deck.commanded_tempo
+        fields["phase"][0] = deck.phase if deck.phase is not None else math.nan
         fields["paused"][0] = deck.paused
         fields["mode"][0] = MODES.index(stop.mode)
         fields["rate_hz"][0] = state.rate

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
@@ -170,7 +171,7 @@ class Session:
         self._envelope = SafetyEnvelope(all_limits([robot.limits for robot in self.robots]), self._clock.period)
         self._watch = self._open_watch()
         if page_state is not None:
-            page = Page.open(page_state, self._deck.motions, self.robots, self._shown_human(), self._watch)
+            page = Page.open(page_state, self._deck, self.robots, self._shown_human(), self._watch)
             self._page = opening.enter_context(page)
         self._recorder = self._open_recorder(opening)
         self._desk = CommandDesk(
@@ -338,6 +339,7 @@ class Session:
             time_s=deck.time,
             motion=deck.motions.index(deck.playing),
             tempo=deck.tempo,
+            phase=deck.phase if deck.phase is not None else math.nan,
             switching=not deck.settled,
             seen=deck.motions.index(seen[0]) if seen is not None else -1.0,
             confidence=seen[1] if seen is not None else 0.0,

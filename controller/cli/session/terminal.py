@@ -52,6 +52,7 @@ def describe(reply: Reply) -> str:
             return f"settled on {to} after {seconds:.2f} s"
         case State():
             how = "paused" if reply.paused else f"at tempo {reply.tempo:.2f}"
+            how += f", phase {reply.phase:.2f}" if reply.phase is not None else ""
             doing = "switching to" if reply.switching else "playing"
             mode = "" if reply.mode == "playing" else f"{reply.mode}; "
             queue = f"; next: {', '.join(reply.queue)}" if reply.queue else ""

@@ -15,7 +15,7 @@ from controller.cli.session.child_process import child_process
 from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
 from controller.rotations import Array
-from controller.wire.command_socket import Blend, GetStatus, Message, Queue, Refused, Reply, SetTempo, Switch
+from controller.wire.command_socket import Blend, GetStatus, Jump, Message, Queue, Refused, Reply, SetTempo, Switch
 from controller.wire.run_recording import COMMANDS, MODES
 from controller.wire.telemetry import StateWriter
 from motiondeck_base.errors import FileFormatError
@@ -25,7 +25,7 @@ KEPT_SECONDS = 8.0
 
 _NUMBERS = (
     *("tick", "time_s", "late_us", "work_us", "overruns"),
-    *("motion", "tempo", "switching", "mode"),
+    *("motion", "tempo", "phase", "switching", "mode"),
     *("command", "argument", "refused"),
     *("seen", "confidence"),
 )
@@ -57,6 +57,8 @@ class TickRecorder:
                 argument = factor
             case Blend(weight=weight):
                 argument = weight
+            case Jump(phase=phase):
+                argument = phase
             case _:
                 argument = math.nan
         fields["argument"][0] = argument
@@ -71,7 +73,8 @@ class TickRecorder:
             stop: knows in which mode it is.
             measured: joint positions (J,), rad, if any.
             placed: where the robot's root was meant to be, position and quaternion, shape (7,), m.
-            numbers: motion (its index), tempo, switching and time_s; seen (an index too) and confidence.
+            numbers: motion (its index), tempo, phase (NaN if there is none), switching and time_s; seen (an index too)
+                and confidence.
         """
         fields = self._writer.fields
         fields["targets"][:] = state.targets[: len(fields["targets"])]  # of the first robot

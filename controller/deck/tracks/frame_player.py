@@ -55,9 +55,10 @@ class FramePlayer:
         self.cue(self.motion)
 
     def cue(self, motion: str, phase: float = 0.0) -> None:
-        """Starts a motion at a phase in [0, 1): there if a center drives it, or else at the last anchor before it."""
+        """Starts a motion at a phase in [0, 1]: there if a center drives it, or else at the last anchor before it."""
         if self._center is None:
-            self.cue_anchor(motion, int(phase * len(self.network.anchors(motion))))
+            anchors = len(self.network.anchors(motion))
+            self.cue_anchor(motion, min(int(phase * anchors), anchors - 1))
             return
         self._center.seek(motion, phase)
         self._center.retreat(self._frames[0])
@@ -83,7 +84,7 @@ class FramePlayer:
         Raises:
             MotiondeckError: if the network runs by itself and does not know.
         """
-        self._require_center()
+        self.require_phase()
         before, after = self._phases[1], self._phases[2]
         way = after - before
         # A loop's phase falls from nearly 1 to 0 where it begins anew.
@@ -103,7 +104,7 @@ class FramePlayer:
             MotiondeckError: if dt is negative and the network runs by itself, which cannot be played backwards.
         """
         if dt < 0.0 or not self._forwards:
-            self._require_center()
+            self.require_phase()
             if dt and (dt > 0.0) is not self._forwards:
                 self._turn_round()
         self._fraction += abs(dt) * self.rate
@@ -137,12 +138,25 @@ class FramePlayer:
         self._fraction = 1.0 - self._fraction
         self._frames[:] = self._frames[::-1].copy()
         self._phases.reverse()
+        if self._center is not None and self._phases[3] == 1.0:
+            # A one-shot that holds its end: however long it did, it leaves at once.
+            self._center.seek(self.motion, 1.0)
+            self._take(3)
+            return
         for place in range(1, 4):
             self._take(place)
 
-    def _require_center(self) -> None:
+    def require_phase(self) -> None:
+        """Checks that a center drives the network.
+
+        Raises:
+            MotiondeckError: if it runs by itself.
+        """
         if self._center is None:
-            raise MotiondeckError("only a network that a center drives knows its phase and is played backwards")
+            raise MotiondeckError(
+                "this library's network runs by itself: it has no phase to jump to or to lock, and cannot be played "
+                "backwards; `motiondeck learn` makes libraries whose networks have one"
+            )
 
     def snapshot(self) -> PlayerState:
         """A copy of the state: two runs from one snapshot are identical."""

@@ -13,6 +13,7 @@ from controller.deck.tracks.mixture import Mixture
 from controller.library.motion_library import MotionLibrary
 from controller.library.network_arrays import Network
 from controller.mocap.posture import Posture
+from controller.networks.base import PhaseNetwork
 from controller.networks.guard import Guard
 from controller.rotations import Array
 
@@ -25,8 +26,7 @@ class Track:
         motions: the same as the deck sees them.
 
     Attributes:
-        at: how far into the motion it is, s.
-        end: the place at which the motion has ended or gone round, s.
+        at: how far into the motion it is, s; a loop counts on, round after round.
         posture_before, posture: of the last two steps.
     """
 
@@ -34,10 +34,12 @@ class Track:
         self._encoding, self._motions = library.encoding, motions
         core = library.network.twin()
         self._guard = _guard(core, library) if isinstance(core, Network) else None
-        self._mixture = Mixture(self._guard or core, core)
-        self._player = FramePlayer(self._mixture, library.info.rate)
+        self._mixture = None if isinstance(core, PhaseNetwork) else Mixture(self._guard or core, core)
+        self._player = FramePlayer(self._mixture or core, library.info.rate)
         self._faded_restarts = 0
-        self.at, self.end = 0.0, 0.0
+        self.at = 0.0
+        self._round = (0.0, 0.0)  # where it has ended or gone round, backwards and forwards, s
+        self._backwards = False
         self.posture_before = self.posture = self._decode(self._player.step(0.0), 1.0)
 
     @property
@@ -48,7 +50,20 @@ class Track:
     @property
     def morphing(self) -> bool:
         """Whether the network is on its way from one motion to another."""
-        return self._mixture.crossing
+        return self._mixture is not None and self._mixture.crossing
+
+    @property
+    def phase(self) -> float | None:
+        """How far the motion is: [0, 1) in a loop, 0 to 1 in a one-shot; None if the network runs by itself."""
+        return self._player.phase if self._mixture is None else None
+
+    def require_phase(self) -> None:
+        """Checks that the network has a phase.
+
+        Raises:
+            MotiondeckError: if it runs by itself.
+        """
+        self._player.require_phase()
 
     @property
     def restarts(self) -> int:
@@ -57,8 +72,8 @@ class Track:
 
     @property
     def ended(self) -> bool:
-        """Whether the motion has ended or gone round."""
-        return self.at >= self.end
+        """Whether the motion has ended or gone round, the way it is played."""
+        return self.at <= self._round[0] if self._backwards else self.at >= self._round[1]
 
     def cue(self, motion: str, anchor: int) -> None:
         """Starts a motion at one of its anchors."""
@@ -66,12 +81,13 @@ class Track:
         self._enter(anchor)
 
     def cue_phase(self, motion: str, phase: float) -> None:
-        """Starts a motion at a phase in [0, 1)."""
+        """Starts a motion at a phase in [0, 1]."""
         self._player.cue(motion, phase)
-        self.at, self.end = phase * self.motion.seconds, self.motion.seconds
+        self.at, self._round = phase * self.motion.seconds, (0.0, self.motion.seconds)
 
     def morph(self, motion: str, anchor: int, seconds: float) -> None:
         """Has the network itself change to another motion within so many seconds (see `networks.morph`)."""
+        assert self._mixture is not None, "a network that a center drives is not morphed here"
         self._mixture.mix(motion, 1.0, round(seconds * self._player.rate), anchor)
         self._player.motion = motion
         self._enter(anchor)
@@ -90,6 +106,9 @@ class Track:
     def step(self, dt: float, tempo: float) -> Posture:
         """Advances by dt seconds at a tempo; the posture there, its path played at that tempo."""
         self.at += dt * tempo
+        if not self.motion.loop:
+            self.at = min(max(self.at, self._round[0]), self._round[1])
+        self._backwards = tempo < 0.0 or (tempo == 0.0 and self._backwards)
         self.posture_before, self.posture = self.posture, self._decode(self._player.step(dt * tempo), tempo)
         return self.posture
 
@@ -104,15 +123,17 @@ class Track:
         )
 
     def finish_round(self) -> None:
-        """Sets the end of a loop that has gone round to the end of its present round."""
-        if self.motion.loop and self.ended:
-            rounds = np.floor((self.at - self.end) / self.motion.seconds) + 1.0
-            self.end += float(rounds) * self.motion.seconds
+        """Has a loop end with its present round."""
+        if self.motion.loop:
+            begin, seconds = self._round[1], self.motion.seconds
+            begin += float(np.floor((self.at - begin) / seconds)) * seconds
+            self._round = begin, begin + seconds
 
     def _enter(self, anchor: int) -> None:
         motion = self.motion
         self.at = anchor * motion.spacing
-        self.end = motion.seconds + (self.at if motion.loop else 0.0)
+        whole = motion.seconds
+        self._round = (self.at - whole, self.at + whole) if motion.loop else (0.0, whole)
 
 
 def _guard(network: Network, library: MotionLibrary) -> Guard:

@@ -146,7 +146,7 @@ def test_the_shipped_library_is_found_by_name():
         (("play", "--video", "walk.avi", "--seconds", "1"), "walk.avi"),
         (("library", "show", "pyproject.toml"), "unknown library 'pyproject.toml'"),
         (("fit", "none.toml", "--data", ".", "--out", "x.safetensors"), "none.toml: cannot be read"),
-        (("send", "tempo", "fast"), "TEMPO must be a number from 0.1 to 3"),
+        (("send", "tempo", "fast"), "TEMPO must be a number from -3 to 3"),
     ],
 )
 def test_a_mistake_ends_in_one_clear_line(arguments, says):

@@ -19,6 +19,7 @@ from controller.wire.messages import (
     EmergencyStop,
     GetStatus,
     Home,
+    Jump,
     Pause,
     Queue,
     Refused,
@@ -31,7 +32,7 @@ from controller.wire.messages import (
 )
 
 RATE = 100.0
-LIBRARY = synthetic.small_library()
+LIBRARY = synthetic.small_phase_library()
 # Tight enough for the envelope to have work: the motions swing further and faster.
 QUICK = JointLimits(*(np.full(4, x) for x in (-0.8, 0.9, 3.0, 40.0, 2000.0)))
 SLOW = JointLimits(*(np.full(3, x) for x in (-0.5, 0.5, 1.0, 10.0, 400.0)))
@@ -41,7 +42,8 @@ COMMANDS = st.one_of(
     st.builds(Switch, MOTIONS, direct=st.booleans()),
     st.builds(Queue, MOTIONS),
     st.builds(Blend, MOTIONS, MOTIONS, st.floats(-0.2, 1.2)),
-    st.builds(SetTempo, st.floats(-1.0, 4.0), over=st.floats(-1.0, 2.0)),
+    st.builds(Jump, st.floats(-0.1, 1.1)),
+    st.builds(SetTempo, st.floats(-4.0, 4.0), over=st.floats(-1.0, 2.0)),
     st.sampled_from([Pause(), Resume(), Home(), EmergencyStop(), Reset(), GetStatus(), Stop()]),
 )
 

@@ -97,10 +97,10 @@ def test_what_cannot_be_opened_is_said(tmp_path):
 
 
 def test_another_version_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("controller.wire.run_recording.VERSION", 3)
+    monkeypatch.setattr("controller.wire.run_recording.VERSION", 4)
     write(tmp_path / "r", [1])
     monkeypatch.undo()
-    with pytest.raises(FileFormatError, match="version 3; this Motiondeck reads versions 1 and 2"):
+    with pytest.raises(FileFormatError, match="version 4; this Motiondeck reads versions 1 to 3"):
         load_recording(tmp_path / "r")
 
 

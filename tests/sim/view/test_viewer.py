@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 from test_private_page import free_port
 
-from controller.wire.command_socket import Accepted, CommandServer, Refused, SetTempo, Stop, Switch
+from controller.wire.command_socket import Accepted, CommandServer, Jump, Refused, SetTempo, Stop, Switch
 from controller.wire.telemetry import StateWriter
 from sim.models.mannequin import build_mannequin
 from sim.view.scene import Follower
@@ -20,7 +20,7 @@ from sim.view.viewer import main
 from simulated_bodies import human
 
 MOTIONS = ["walk", "jog", "waltz"]
-NUMBERS = ["tick", "time_s", "motion", "tempo", "paused", "rate_hz", "overruns"]
+NUMBERS = ["tick", "time_s", "motion", "tempo", "phase", "paused", "rate_hz", "overruns"]
 NUMBERS += ["lateness_p50_us", "lateness_p999_us", "work_p50_us"]
 PATIENCE = 60.0  # s: a browser without a graphics card on a busy machine
 
@@ -35,7 +35,7 @@ class FakeDeck:
         self.state = folder / "state"
         self.writer = StateWriter.create(
             self.state,
-            {"model_file": str(folder / "robot.xml"), "motions": MOTIONS, "robot": "mannequin"},
+            {"model_file": str(folder / "robot.xml"), "motions": MOTIONS, "robot": "mannequin", "has_phase": True},
             {"qpos": model.nq, "root_xy": 2} | dict.fromkeys(NUMBERS, 1),
         )
         self.server = CommandServer(0)
@@ -50,7 +50,14 @@ class FakeDeck:
         while not self._over.wait(0.02):
             tick += 1
             self._qpos[0] += 0.02
-            numbers = {"tick": tick, "motion": motion, "tempo": 1.0, "rate_hz": 199.98, "work_p50_us": 412.0}
+            numbers = {
+                "tick": tick,
+                "motion": motion,
+                "tempo": 1.0,
+                "phase": 0.4,
+                "rate_hz": 199.98,
+                "work_p50_us": 412.0,
+            }
             self.writer.publish(qpos=self._qpos, root_xy=self._qpos[:2], **numbers)
             for message, sender in self.server.poll():
                 self.received.append(message)
@@ -123,8 +130,14 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
         assert [message.to for message in deck.received] == ["jog"]
         until(lambda: jog.evaluate(colour) == current, "the new highlight")
 
-        # Speed by keyboard, a step up.
-        page.get_by_role("slider").focus()
+        # The phase is shown; tempo by keyboard, a step up, and a jump.
+        tempo_slider, phase_slider = page.get_by_role("slider").all()
+        until(lambda: phase_slider.get_attribute("aria-valuenow") == "0.4", "the phase")
+        phase_slider.focus()
+        page.keyboard.press("ArrowRight")
+        jumps = until(lambda: [m.phase for m in deck.received if isinstance(m, Jump)], "the jump")
+        assert jumps[-1] == pytest.approx(0.41)
+        tempo_slider.focus()
         page.keyboard.press("ArrowRight")
         tempo = until(lambda: [m.factor for m in deck.received if isinstance(m, SetTempo)], "the tempo")
         assert tempo[-1] == pytest.approx(1.05)

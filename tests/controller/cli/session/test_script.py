@@ -74,7 +74,7 @@ def test_a_timeline_says_what_is_commanded_when(tmp_path):
     [
         ('motion = "wlak"', "show.toml: unknown motion 'wlak'. Did you mean walk"),
         ("", "missing required field `motion`"),
-        ('motion = "walk"\nspeed = 2', "unknown key 'speed'"),
+        ('motion = "walk"\ntempo = 2', "unknown key 'tempo'"),
         ('motion = "walk"\n[[commands]]\nat = -1.0\nsay = "jog"', "command 1: at = -1.0"),
         ('motion = "walk"\n[[commands]]\nat = nan\nsay = "jog"', "command 1: at = nan"),
         (

@@ -20,6 +20,7 @@ from controller.wire.command_socket import (
     EmergencyStop,
     GetStatus,
     Home,
+    Jump,
     Pause,
     Queue,
     Refused,
@@ -45,6 +46,8 @@ from controller.wire.command_table import parse_command
         ("blend walk jog 0.3", Blend("walk", "jog", 0.3)),
         ("tempo 1.5", SetTempo(1.5)),
         ("tempo 1.5 4", SetTempo(1.5, over=4.0)),
+        ("tempo -0.5", SetTempo(-0.5)),
+        ("jump 0.25", Jump(0.25)),
         ("home", Home()),
         ("estop", EmergencyStop()),
         ("reset", Reset()),
@@ -73,9 +76,10 @@ def test_words_become_messages(line, message):
         ("tempo", "tempo: give it as: tempo TEMPO [SECONDS]"),
         ("tempo 1 soon", "SECONDS must be a number from 0 to 60, not 'soon'"),
         ("tempo 1 100", "from 0 to 60, not 100"),
-        ("tempo fast", "from 0.1 to 3, not 'fast'"),
-        ("tempo 9", "from 0.1 to 3, not 9"),
-        ("tempo nan", "from 0.1 to 3, not nan"),
+        ("tempo fast", "from -3 to 3, not 'fast'"),
+        ("jump 1.1", "PHASE must be a number from 0 to 1, not 1.1"),
+        ("tempo 9", "from -3 to 3, not 9"),
+        ("tempo nan", "from -3 to 3, not nan"),
         ("pause now", "pause: give it as: pause"),
         ("x" * 101, "1 to 100 characters"),
     ],
@@ -104,6 +108,9 @@ def test_replies_are_told_in_one_line():
     assert describe(Settled("jog", 0.333, 1)) == "settled on jog after 0.33 s"
     assert describe(State("jog", ["jog", "walk"], 1.0, False, True, 1)) == (
         "switching to jog, at tempo 1.00; motions: jog, walk"
+    )
+    assert describe(State("jog", ["jog"], -0.5, False, False, 1, phase=0.25)) == (
+        "playing jog, at tempo -0.50, phase 0.25; motions: jog"
     )
     assert describe(State("jog", ["jog"], 1.0, True, False, 1)) == "playing jog, paused; motions: jog"
 
@@ -152,7 +159,7 @@ def test_lines_from_a_pipe_are_carried_out_one_after_the_other():
     assert (done.returncode, done.stderr) == (0, "")
     told = done.stdout.splitlines()
     assert told[:3] == ["accepted", "settled on jog after 0.50 s", "accepted"]
-    assert "from 0.1 to 3" in told[3]
+    assert "from -3 to 3" in told[3]
     assert told[4].startswith("MOTION ")
     assert told[-1] == "accepted"
     assert deck.heard == [Switch, SetTempo, Stop]
