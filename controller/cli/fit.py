@@ -10,8 +10,8 @@ import typer
 
 if TYPE_CHECKING:
     from controller.library.motion_library import MotionLibrary
-    from controller.training.fit import TrainingSet
     from controller.training.recipe import LibraryRecipe
+    from controller.training.training_set import TrainingSet
 
 
 def fit(
@@ -19,26 +19,30 @@ def fit(
         list[Path],
         typer.Argument(
             metavar="RECIPE | CLIP...",
-            help="A recipe (TOML), such as configs/libraries/thesis15.toml, or clips from `motiondeck rig teach`.",
+            help="The recipe, a TOML file such as configs/libraries/thesis15.toml; or clips taught to a rig by hand.",
         ),
     ],
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The library to write (.safetensors).")],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where the library goes (.safetensors).")],
     data: Annotated[
         Path | None, typer.Option("--data", metavar="DIR", help="The folder with the recipe's recordings.")
     ] = None,
     centers: Annotated[
         str | None,
-        typer.Option(
-            "--centers", metavar="N|auto", help="Number of centers of a centralized network; default: the recipe's."
-        ),
+        typer.Option("--centers", metavar="N|auto", help="Of a centralized network, not the recipe's."),
     ] = None,
     satellites: Annotated[
-        str | None, typer.Option("--satellites", metavar="N|auto", help="Number of satellites; auto: chosen by AICc.")
+        str | None, typer.Option("--satellites", metavar="N|auto", help="The same; auto lets AICc choose.")
     ] = None,
     plot: Annotated[
         Path | None,
-        typer.Option("--plot", metavar="DIR", help="Plot feet and hands of each motion as recorded and as played."),
+        typer.Option("--plot", metavar="DIR", help="Draw feet and hands of each motion, recorded and played."),
     ] = None,
+    trim: Annotated[
+        bool,
+        typer.Option(
+            "--trim/--no-trim", help="Of a taught loop, learn the part that comes back best, or (--no-trim) all of it."
+        ),
+    ] = True,
     allow_failing: Annotated[
         bool, typer.Option("--allow-failing", help="Write the library even if a motion fails its self-test.")
     ] = False,
@@ -46,10 +50,12 @@ def fit(
 ) -> None:
     """Train a motion library: read the recordings, close their loops, train the network, and test every motion.
 
-    In the self-test each motion runs free for three times its length and is compared with all recordings. If a
-    motion fails, the library is only written with --allow-failing.
+    Each motion then runs free for three times its length and is compared with all recordings. A library in which a
+    motion fails is only written with --allow-failing.
 
-    Clips recorded by `motiondeck rig teach` need no recipe: each becomes a loop with the name of its file.
+    What `motiondeck rig teach` has recorded needs no recipe: each clip becomes a motion that bears its file's name, a
+    loop or a one-shot as it was taught. Clips named NAME.clip, NAME.2.clip and so on are takes of one motion and are
+    averaged. Of a loop the part is learned that comes back to its start best; what is left out is said.
 
     [bold]Examples[/]
 
@@ -65,14 +71,19 @@ def fit(
     from controller.mocap.formats.reading import RECORDINGS
     from controller.training import fit as training
     from controller.training.recipe import gesture_recipe, read_recipe
+    from controller.training.training_set import prepare
     from motiondeck_base.errors import MotiondeckError
 
+    gestures = False
     if all(path.suffix.lower() == ".clip" for path in what):
         if data is not None:
             raise MotiondeckError(
                 f"--data {data} is for the recordings of a recipe: clips are read from where they are"
             )
-        plan, data = gesture_recipe(out.stem, what), Path()
+        plan, data = gesture_recipe(out.stem, what, trim), Path()
+        gestures = True
+    elif not trim:
+        raise MotiondeckError("--no-trim is for clips taught by hand: in a recipe, frames and loop_keeps say it")
     elif recorded := [path for path in what if path.suffix.lower() in RECORDINGS or path.is_dir()]:
         raise MotiondeckError(
             f"{recorded[0]}: a recording, not a recipe. "
@@ -95,18 +106,26 @@ def fit(
         check_picture(plot / "motion.png")
     with progress("", training.steps(plan)) as tick:
         library = training.fit(plan, data, tick)
-    closeness = compare(library, training.prepare(plan, data), plan.network.anchor_every, plot)
+    training_set = prepare(plan, data)
+    closeness = compare(library, training_set, plan.network.anchor_every, plot)
+    learned = learned_parts(plan, training_set) if gestures else []
     failing = [motion.name for motion in library.info.motions if not motion.passed]
     written = not failing or allow_failing
     if written:
         save_library(library, out)
     if as_json:
         print(
-            json.dumps(report(library) | {"beside_the_recording": closeness, "written": str(out) if written else None})
+            json.dumps(
+                report(library)
+                | {"beside_the_recording": closeness, "written": str(out) if written else None}
+                | ({"learned": learned} if gestures else {})
+            )
         )
     else:
         print_table(library)
         print_closeness(library, closeness)
+        for part in learned:
+            print(described(part))
     if not written:
         raise MotiondeckError(
             f"{', '.join(failing)} failed the self-test, so {out} was not written. "
@@ -114,6 +133,30 @@ def fit(
         )
     if not as_json:
         print(f"wrote {out} ({out.stat().st_size / 1e6:.1f} MB, seed {library.info.seed})")
+
+
+def learned_parts(plan: LibraryRecipe, training_set: TrainingSet) -> list[dict[str, Any]]:
+    """Which part of each taught clip was learned, s: of a loop what comes back best, of a one-shot all of it."""
+    rows: list[dict[str, Any]] = []
+    for motion in plan.motions:
+        part = training_set.parts[motion.name]
+        row = {"motion": motion.name, "plays": motion.plays, "takes": 1 + len(motion.takes)}
+        rows.append(row | {"from": part.first, "to": part.end, "recorded": part.recorded})
+    return rows
+
+
+def described(row: dict[str, Any]) -> str:
+    """One of `learned_parts` in words."""
+    if row["takes"] > 1:
+        of = f"{row['takes']} takes, averaged"
+    else:
+        of = f"{row['from']:.1f} to {row['to']:.1f} s of {row['recorded']:.1f} s"
+    if row["plays"] == "once":
+        return f"{row['motion']}: once, {of}; it comes to rest in its last pose"
+    left_out = row["takes"] == 1 and row["to"] - row["from"] < row["recorded"] - 0.1
+    return f"{row['motion']}: a loop of {row['to'] - row['from']:.1f} s, {of}" + (
+        "; --no-trim learns all of it" if left_out else ""
+    )
 
 
 def sized(plan: LibraryRecipe, centers: str | None, satellites: str | None) -> LibraryRecipe:
@@ -185,6 +228,7 @@ def print_closeness(library: MotionLibrary, rows: list[dict[str, Any]]) -> None:
     """One row a motion: its network and its errors."""
     from controller.cli.common.tables import show_table
 
-    headings = [name.replace("_mm", ", mm").replace("_", " ") for name in rows[0]]
+    unit = "mrad" if library.info.encoding == "joint angles" else "mm"
+    headings = [name.replace("_mm", f", {unit}").replace("_", " ") for name in rows[0]]
     cells = [[f"{value:.4g}" if isinstance(value, float) else str(value) for value in row.values()] for row in rows]
     show_table(headings, cells, title="joints beside the recording, seen from the root")

@@ -25,6 +25,7 @@ from controller.mocap.formats.reading import RECORDINGS, read_clip, skeleton_of
 from controller.mocap.reading_options import AS_FOUND, ReadingOptions
 from controller.training.fit import fit_prepared
 from controller.training.preparation.loops import best_seam, farthest_left_out, with_velocities
+from controller.training.preparation.takes import by_motion, read_takes
 from controller.training.recipe import LibraryRecipe, MotionRecipe, NetworkRecipe, check_recipe
 from controller.training.reservoirs.phase_training import PhaseRecipe
 from controller.training.training_set import (
@@ -147,14 +148,15 @@ def learn(
     Raises:
         MotiondeckError: if no recording can be used, or bodies and rigs are mixed.
     """
-    files = recordings_in(paths)
+    takes = _takes(recordings_in(paths))
+    files = list(takes)
     names = _names(files)
     prepared: list[_Prepared] = []
     left_out: list[LearnedMotion] = []
     for file in files:
         progress(f"reading {file.name}")
         try:
-            prepared.append(_prepare(file, names[file], options))
+            prepared.append(_prepare(file, names[file], options, takes[file]))
         except MotiondeckError as error:
             left_out.append(LearnedMotion(names[file], file, remedy=str(error).removeprefix(f"{file}: ")))
     if not prepared:
@@ -205,14 +207,24 @@ def _remedy(one: _Prepared) -> str:
     return "Give it frames without pauses in the recipe, or more neurons, and train with fit."
 
 
-def _prepare(file: Path, name: str, options: ReadingOptions) -> _Prepared:
+def _takes(files: list[Path]) -> dict[Path, list[Path]]:
+    """The recordings to learn, each with the further takes of its motion, which only clips taught to a rig have."""
+    groups = by_motion(file for file in files if file.suffix.lower() == ".clip")
+    further = {takes[0]: takes[1:] for takes in groups}
+    taken = {take for takes in further.values() for take in takes}
+    return {file: further.get(file, []) for file in files if file not in taken}
+
+
+def _prepare(file: Path, name: str, options: ReadingOptions, takes: list[Path]) -> _Prepared:
     """Reads a recording and finds out which of its frames to learn, and how they play.
 
     Raises:
         MotiondeckError: if it cannot be read, is too short or too long, or nothing moves in it.
     """
     own = replace(options, skeleton=_skeleton(file, options))
-    clip = read_clip(file, own)
+    clip, taught = read_clip(file, own), None
+    if isinstance(clip.skeleton, JointBody):
+        clip, taught = read_takes([file, *takes])
     first, end = moving_part(clip)
     seconds = (end - first) / clip.rate
     if end == 0:
@@ -224,7 +236,7 @@ def _prepare(file: Path, name: str, options: ReadingOptions) -> _Prepared:
             f"{file}: {seconds:.0f} s are more than one motion ({LONGEST_SECONDS:g} s are the most). "
             "Cut it with `motiondeck segment`."
         )
-    loop, seam_mm, seam_degrees = _loops(span(clip, first, end))
+    loop, seam_mm, seam_degrees = _loops(span(clip, first, end)) if taught is None else (taught == "loop", 0.0, 0.0)
     motion = MotionRecipe(
         name=name,
         file=str(file.absolute()),
@@ -234,6 +246,7 @@ def _prepare(file: Path, name: str, options: ReadingOptions) -> _Prepared:
         unit=own.unit,
         up=own.up,
         rename=dict(own.rename),
+        takes=tuple(str(take.absolute()) for take in takes),
     )
     body = [] if isinstance(clip.skeleton, JointBody) else doubts(clip)
     return _Prepared(motion, clip, seam_mm, seam_degrees, body)
@@ -248,8 +261,6 @@ def _skeleton(file: Path, options: ReadingOptions) -> Path | None:
 
 def _loops(clip: Clip) -> tuple[bool, float, float]:
     """Whether a clip is a loop; at its best seam, how far joints are off, mm, and the bone that is most, degrees."""
-    if isinstance(clip.skeleton, JointBody):
-        return True, 0.0, 0.0
     one = resampled(to_canonical(clip), COMMON_RATE)
     encoding = encoding_of(one.skeleton)
     channels = encoding.encode(one)

@@ -9,9 +9,11 @@ from typing import Literal
 
 import msgspec
 
+from controller.mocap.encodings.joint_angles import how_taught
 from controller.mocap.formats.reading import read_clip
 from controller.mocap.rest_pose import Up
 from controller.training.centralized.centralized_training import CentralizedRecipe
+from controller.training.preparation.takes import by_motion, motion_of
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe
 from controller.training.reservoirs.phase_training import PhaseRecipe
@@ -44,6 +46,7 @@ class MotionRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_o
         skeleton: for an .amc, its .asf, relative to the data folder; without it the one nearby is taken.
         unit, up, rename: what overrules the file, as in `ReadingOptions`.
         mirrored: whether left and right are exchanged.
+        takes: further recordings of the same motion, joined with the first; clips taught to a rig only.
     """
 
     name: str
@@ -55,6 +58,7 @@ class MotionRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_o
     up: Up | None = None
     rename: dict[str, str] = msgspec.field(default_factory=dict[str, str])
     mirrored: bool = False
+    takes: tuple[str, ...] = ()
 
 
 class LibraryRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -105,16 +109,29 @@ def warnings(recipe: LibraryRecipe) -> list[str]:
     return ["no licence of the recordings is given, so nobody may pass the library on: set licence in the recipe"]
 
 
-def gesture_recipe(name: str, clips: Sequence[Path]) -> LibraryRecipe:
-    """The recipe for a library of clips taught to a rig by hand: each a loop that bears its file's name.
+def gesture_recipe(name: str, clips: Sequence[Path], trim: bool = True) -> LibraryRecipe:
+    """The recipe for a library of clips taught to a rig by hand, each a motion or a take of one (`takes.by_motion`).
 
     A centralized network, because its state is a place on a closed curve: nothing can lead it away, and servos follow.
+
+    Args:
+        name: of the library.
+        clips: taught to a rig.
+        trim: whether only the part of a loop is learned that comes back to its start best, or all of it.
 
     Raises:
         FileFormatError: if a name cannot be typed or is used twice, a clip cannot be read, or clips are of different
             joints; it names them.
     """
-    motions = [MotionRecipe(name=clip.stem, file=str(clip)) for clip in clips]
+    motions = [
+        MotionRecipe(
+            name=motion_of(takes[0]),
+            file=str(takes[0]),
+            plays=how_taught(takes[0]),
+            takes=tuple(map(str, takes[1:])),
+        )
+        for takes in by_motion(clips)
+    ]
     recorded = [read_clip(clip) for clip in clips]
     expected = recorded[0].skeleton.bones
     for path, clip in zip(clips, recorded, strict=True):
@@ -135,6 +152,7 @@ def gesture_recipe(name: str, clips: Sequence[Path]) -> LibraryRecipe:
             network=CentralizedRecipe(satellites=max(60, round(_SATELLITES * longest))),
             motions=motions,
             body=str(clips[0]),
+            loop_keeps=0.6 if trim else 1.0,
             licence="Taught by hand: yours.",
         ),
         clips[0].parent,
@@ -184,7 +202,7 @@ def _motion_problems(recipe: LibraryRecipe) -> Iterator[str]:
             yield f"motion '{name}' cannot be typed; use letters, digits, - and _ (at most 40)"
     if not recipe.seeds or min(recipe.seeds) < 0:
         yield f"seeds is {recipe.seeds}; give at least one whole number, none below 0"
-    if not 0.1 <= recipe.loop_keeps < 1.0:
+    if not 0.1 <= recipe.loop_keeps <= 1.0:
         yield f"loop_keeps is {recipe.loop_keeps}; it lies between 0.1 and 1"
     if recipe.rate is not None and not 10.0 <= recipe.rate <= 1000.0:
         yield f"rate is {recipe.rate}; it lies between 10 and 1000 Hz"

@@ -24,7 +24,7 @@ def recipe_text(recipe: LibraryRecipe) -> str:
         lines += [
             "",
             "[[motions]]",
-            *(_line(key, value) for key, value in motion.items() if value not in (None, False, {})),
+            *(_line(key, value) for key, value in motion.items() if value not in (None, False, {}, (), [])),
         ]
     return "\n".join(lines) + "\n"
 

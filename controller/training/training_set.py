@@ -20,6 +20,7 @@ from controller.mocap.reading_options import ReadingOptions
 from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array, dot
 from controller.training.preparation.loops import Seam, best_seam, close_loop, hold_end
+from controller.training.preparation.takes import read_takes
 from controller.training.preparation.training_motion import TrainingMotion
 from controller.training.recipe import CenterRecipe, LibraryRecipe, MotionRecipe
 from motiondeck_base.errors import FileFormatError
@@ -134,9 +135,10 @@ def prepare(
 
 
 def read_motion(data: Path, motion: MotionRecipe) -> Clip:
-    """The recording of a motion, all of its frames; left and right exchanged if it is to be mirrored."""
+    """The recording of a motion, all of its frames, or its takes joined; mirrored if it is to be."""
     path = find_recording(data, motion.file)
-    clip = read_clip(path, reading_options(data, path, motion))
+    takes = [path, *(find_recording(data, take) for take in motion.takes)]
+    clip = read_takes(takes)[0] if motion.takes else read_clip(path, reading_options(data, path, motion))
     return mirrored(clip) if motion.mirrored else clip
 
 

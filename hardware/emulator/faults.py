@@ -5,7 +5,6 @@ KIND[:key=value,...]     drop:id=3,chance=0.1     dead:id=5,at=2,for=1     unplu
 
 from __future__ import annotations
 
-import math
 import random
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -17,7 +16,6 @@ from hardware.errors import MotiondeckError
 ON_ANSWERS = ("drop", "corrupt", "truncate", "delay")
 ON_SERVOS = ("dead", "alert", "overheat", "brownout", "reboot", "jam", "duplicate")
 ON_PORT = ("unplug", "latency")
-BY_HAND = ("hand",)
 KINDS = {
     "drop": "answers are lost (chance)",
     "corrupt": "a byte of an answer is damaged (chance)",
@@ -30,11 +28,9 @@ KINDS = {
     "reboot": "a servo restarts",
     "jam": "a servo's horn is blocked",
     "duplicate": "a servo takes the ID `value` of another",
-    "hand": "a hand swings the joints that have no torque, `value` rad to one side and back (0.5), every 2 s",
     "unplug": "the adapter is pulled, and plugged in again when the time is over",
     "latency": "the USB adapter hands over every `value` ms only (16)",
 }
-_SWING = 2.0  # s
 _KEYS = ("id", "at", "for", "chance", "value")
 
 
@@ -102,7 +98,6 @@ class FaultPlan:
         self._random = random.Random(seed)
         self._coming = list(self._faults)
         self._active: list[tuple[Fault, Callable[[], None] | None]] = []
-        self._grips: dict[Device, tuple[float, float]] = {}
         self.unplugged = False
         self.latency = 0.0
 
@@ -126,9 +121,6 @@ class FaultPlan:
         while self._coming and self._coming[0].at <= now:
             fault = self._coming.pop(0)
             self._active.append((fault, self._begin(fault, bus, now)))
-        for fault, _ in self._active:
-            if fault.kind in BY_HAND:
-                self._swing(fault, bus, now)
 
     def mangle(self, answer: Answer) -> Answer | None:
         """An answer as it gets through; None if it does not."""
@@ -154,19 +146,6 @@ class FaultPlan:
                     answer = answer._replace(delay=answer.delay + late)
         return answer
 
-    def _swing(self, fault: Fault, bus: EmulatedBus, now: float) -> None:
-        """Moves the horns without torque on from where the hand took hold of them."""
-        for device in bus.devices:
-            if fault.id not in (None, device.id):
-                continue
-            if device.torque:
-                self._grips.pop(device, None)
-                continue
-            shaft, row = device.bank.shaft, device.row
-            since, start = self._grips.setdefault(device, (now, float(shaft[row])))
-            reach = (0.5 if fault.value is None else fault.value) * device.pulses_per_radian
-            shaft[row] = start + reach * 0.5 * (1.0 - math.cos(2.0 * math.pi * (now - since) / _SWING))
-
     def _begin(self, fault: Fault, bus: EmulatedBus, now: float) -> Callable[[], None] | None:
         """Starts a fault; what ends it, if anything does."""
         if fault.kind == "unplug":
@@ -175,7 +154,7 @@ class FaultPlan:
         if fault.kind == "latency":
             self.latency = (16.0 if fault.value is None else fault.value) * 1e-3
             return lambda: setattr(self, "latency", 0.0)
-        if fault.kind in ON_ANSWERS or fault.kind in BY_HAND:
+        if fault.kind in ON_ANSWERS:
             return None
         hit = [device for device in bus.devices if fault.id is None or device.id == fault.id]
         undone = [undo for device in hit if (undo := _strike(fault, device, bus, now)) is not None]

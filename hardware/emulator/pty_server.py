@@ -143,11 +143,14 @@ def serve(
     link: Path | None = None,
     seed: int = 0,
     plant: JointPlant | None = None,
+    between: Callable[[Sequence[EmulatedBus]], None] = lambda buses: None,
 ) -> None:
     """Emulates the rig, passes the port to open to `announce`, and serves any client until the parent process is gone.
 
     Runs for ever otherwise: end it with a signal. A rig with several ports gets as many, announced in order; a link is
     numbered then (NAME-1, NAME-2), and a fault about one servo happens on every port that has its ID.
+
+    `between` is called with the bus of each port, fifty times a second or more: for what people do to the servos.
 
     Raises:
         RigError: if a model cannot be emulated, or a rig on several ports is to move one plant.
@@ -168,6 +171,7 @@ def serve(
             announce(servers[-1].port)
         while os.getppid() == parent:
             pump(servers)
+            between([server.wire.bus for server in servers])
     finally:
         for server in servers:
             server.close()

@@ -1,122 +1,224 @@
-"""Calibrating a rig by hand: where each joint's zero is, which way it turns, and how far it goes.
+"""Calibrating a rig by hand, all joints at once: where each one's zero is, which way it turns, and how far it goes.
 
-With torque off a servo counts its position through whole turns, so a sweep across its own zero is seen as one way; it
-is refused afterwards, because with torque on only one turn is left (0 to 4095 on most models).
+Positions are the servo's own, without homing offset and reversal (`clear_offsets`), counted on through whole turns
+while torque is off. With torque on only one turn is left (0 to 4095 on most models): what a range has beyond it is
+given up, and said.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 
 from hardware.bus.servo_bus import Bus
 from hardware.errors import RigError
+from hardware.rig.audit import audit, settle
 from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.tools.loose_joints import whole_turns
 
-_LEAST_NUDGE = 0.05  # rad
+LEAST_RANGE = 0.2  # rad: less is a joint that nobody has moved
+_MARGIN = 0.02  # rad kept away from an end that a hand has found
 
 
-def calibrated(joint: RigJoint, zero: int, nudged: int, sweep: Sequence[int], margin: float = 0.02) -> RigJoint:
-    """The joint as three measurements say, in pulses.
+class MeasuredJoint(msgspec.Struct, forbid_unknown_fields=True):
+    """What is known of one joint, pulses.
+
+    Attributes:
+        id: of its servo.
+        direction: 1 or -1, which way the servo turns when the joint's angle grows.
+        zero: where it stands at angle 0; None until that is known.
+        low, high: the lowest and the highest position seen; None before the first.
+    """
+
+    id: int
+    direction: int
+    zero: int | None = None
+    low: int | None = None
+    high: int | None = None
+
+
+class Range(NamedTuple):
+    """A joint's range as it stands now, rad; NaN where it is not known."""
+
+    lowest: float
+    now: float
+    highest: float
+
+
+class Sweep:
+    """The calibration of a rig under way.
+
+    Attributes:
+        config: the rig as it was.
+        measured: what is known so far, by joint.
+    """
+
+    def __init__(self, config: RigConfig, measured: Mapping[str, MeasuredJoint] | None = None) -> None:
+        self.config = config
+        self._joints = {joint.name: joint for joint in config.joints}
+        self.measured = dict(measured or {})
+        for joint in config.joints:
+            self.measured.setdefault(joint.name, MeasuredJoint(joint.id, joint.direction))
+        self._now: dict[str, int] = {}
+        self._shift: dict[str, int] = {}
+
+    def see(self, name: str, pulses: int) -> None:
+        """Takes note of where a joint stands."""
+        one = self.measured[name]
+        if name not in self._shift:
+            self._shift[name] = self._turns_since(name, pulses)
+        self._now[name] = place = pulses + self._shift[name]
+        one.low = place if one.low is None else min(one.low, place)
+        one.high = place if one.high is None else max(one.high, place)
+
+    def zero_here(self, name: str) -> None:
+        """Where a joint stands now is its angle 0.
+
+        Raises:
+            RigError: if it has not been heard yet.
+        """
+        if name not in self._now:
+            raise RigError(f"{name} has not answered yet. Check its cable.")
+        self.measured[name].zero = self._now[name]
+
+    def reverse(self, name: str) -> None:
+        """The joint's angle grows the other way."""
+        self.measured[name].direction *= -1
+
+    def forget(self, name: str) -> None:
+        """Forgets a joint's range, and begins anew where it stands."""
+        self.measured[name].low = self.measured[name].high = self._now.get(name)
+
+    def range_of(self, name: str) -> Range:
+        """A joint's range so far, seen from its zero, in the joint's own direction."""
+        one, per_radian = self.measured[name], self._per_radian(name)
+
+        def angle(pulses: int | None) -> float:
+            return math.nan if pulses is None or one.zero is None else (pulses - one.zero) / per_radian
+
+        ends = (angle(one.low), angle(one.high))
+        return Range(min(ends), angle(self._now.get(name)), max(ends))
+
+    def lacking(self, name: str) -> str:
+        """What is still to be done for a joint; "" for nothing."""
+        one = self.measured[name]
+        if one.zero is None:
+            return "needs its zero"
+        if one.low is None or one.high is None or one.high - one.low < LEAST_RANGE * abs(self._per_radian(name)):
+            return "move it to both ends"
+        return ""
+
+    def result(self) -> tuple[RigConfig, list[str]]:
+        """The rig with what was measured (a joint that lacks something stays as it was), and what to know about it."""
+        joints, notes = [], []
+        for joint in self.config.joints:
+            one = self.measured[joint.name]
+            if self.lacking(joint.name) or one.zero is None or one.low is None or one.high is None:
+                joints.append(joint)
+                notes.append(f"{joint.name} {self.lacking(joint.name)}, it stays as it was")
+                continue
+            found, given_up = measured_joint(joint, one.direction, one.zero, one.low, one.high, _MARGIN)
+            joints.append(found)
+            notes += given_up
+        return msgspec.structs.replace(self.config, joints=tuple(joints)), notes
+
+    def _per_radian(self, name: str) -> float:
+        return abs(self._joints[name].pulses_per_radian) * self.measured[name].direction
+
+    def _turns_since(self, name: str, pulses: int) -> int:
+        """Whole turns by which a servo counts otherwise than when it was measured: its power was off meanwhile."""
+        one, turn = self.measured[name], self._joints[name].table.pulses_per_turn
+        if one.low is None or one.high is None:
+            return 0
+        return round(((one.low + one.high) / 2.0 - pulses) / turn) * turn
+
+
+def measured_joint(
+    joint: RigJoint, direction: int, zero: int, low: int, high: int, margin: float
+) -> tuple[RigJoint, list[str]]:
+    """A joint as it was measured, and what of its range lies beyond the servo's one turn and is given up.
 
     Args:
         joint: as it was.
-        zero: where it stood at angle 0.
-        nudged: where it stood after it was turned in the positive direction.
-        sweep: where it stood while it was moved from one end to the other.
-        margin: kept away from both ends, rad.
+        direction: 1 or -1.
+        zero: its position at angle 0, pulses, in any turn.
+        low, high: the ends of its range, pulses, in the same turn.
+        margin: kept away from both ends, rad, but never past angle 0.
 
     Raises:
-        RigError: if the nudge was too small, the sweep does not pass zero, or needs more than the servo's one turn.
+        RigError: if nothing is left of its range.
     """
-    per_radian = abs(joint.pulses_per_radian)
-    if abs(nudged - zero) < _LEAST_NUDGE * per_radian:
-        raise RigError(f"{joint.name} was turned too little to tell its direction. Turn it by 5 degrees or more.")
-    direction = 1 if nudged > zero else -1
-    turn = joint.table.pulses_per_turn
     bottom, top = joint.table.one_turn
-    whole = (zero - bottom) // turn * turn
-    low, high = min(sweep) - whole, max(sweep) - whole
-    zero -= whole
-    if not low < zero < high:
-        raise RigError(f"{joint.name} was not moved past its zero while its range was recorded. Sweep to both ends.")
-    if low < bottom or high > top:
-        raise RigError(
-            f"{joint.name} needs positions {low} to {high}, but with torque on it has {bottom} to {top}. "
-            "Take the horn off and put it back so that the joint's zero is near the middle."
-        )
-    ends = sorted(((low - zero) / (direction * per_radian), (high - zero) / (direction * per_radian)))
-    return msgspec.structs.replace(
-        joint,
-        direction=direction,
-        zero=zero,
-        lower=round(ends[0] + margin, 3),
-        upper=round(ends[1] - margin, 3),
-    )
+    turns = whole_turns(joint, zero)
+    zero, low, high = zero - turns, low - turns, high - turns
+    kept_low, kept_high = max(low, bottom), min(high, top)
+    per_radian = abs(joint.pulses_per_radian) * direction
+    lower, upper = sorted(((kept_low - zero) / per_radian, (kept_high - zero) / per_radian))
+    lower, upper = min(lower + margin, max(lower, 0.0)), max(upper - margin, min(upper, 0.0))
+    notes: list[str] = []
+    for lost, end in ((bottom - low, "low"), (high - top, "high")):
+        if lost > 0:
+            which = "lower" if (end == "low") == (direction > 0) else "upper"
+            notes.append(
+                f"{joint.name}: {math.degrees(lost / abs(per_radian)):.0f} degrees at its {which} end lie beyond the "
+                "servo's own 0 and are given up. To have them, put the horn on elsewhere and calibrate again"
+            )
+    try:
+        return msgspec.structs.replace(
+            joint,
+            direction=direction,
+            zero=zero,
+            # Rounded inwards, so that no limit leaves the one turn.
+            lower=math.ceil(lower * 1e3) / 1e3,
+            upper=math.floor(upper * 1e3) / 1e3,
+        ), notes
+    except ValueError as error:
+        raise RigError(f"{joint.name}: {error}.") from error
 
 
-def calibrate(
-    config: RigConfig, bus: Bus, ask: Callable[[str], None], sweep: Callable[[str, Callable[[], int]], list[int]]
-) -> RigConfig:
-    """Guides through every joint of a rig: its torque off, three measurements, and again where they cannot be used.
+def clear_offsets(config: RigConfig, bus: Bus) -> list[str]:
+    """Sets homing offset and drive mode of every servo to 0, torque off; the zero that is found holds without them.
 
-    Args:
-        config: the rig as it was.
-        bus: open.
-        ask: says what to do and returns when it is done.
-        sweep: says what to do and collects positions, which the function it is given reads, until it is done.
+    Returns:
+        What was changed, a line each.
 
     Raises:
-        ServoError: if a servo does not answer.
+        ServoError: if a servo stays silent, or refuses.
         SerialPortError: if the port vanishes.
     """
-    joints: list[RigJoint] = []
-    for joint in config.joints:
-        who = f"{joint.name} (id {joint.id})"
-        torque, position = joint.table["torque_enable"], joint.table["present_position"]
-        ask(f"{who}: its torque goes off next, so hold it")
-        bus.write(joint.id, torque.address, b"\0")
-
-        def read(id: int = joint.id, register=position) -> int:
-            return register.decode(bus.read(id, register.address, register.length).params)
-
-        said = ""
-        while True:
-            ask(f"{said}{who}: put it where its angle is 0")
-            zero = read()
-            ask(f"{joint.name}: turn it a little in its positive direction")
-            nudged = read()
-            seen = sweep(f"{joint.name}: move it slowly to both ends", read)
-            try:
-                joints.append(calibrated(joint, zero, nudged, seen))
-                break
-            except RigError as error:
-                said = f"{error} Once more.\n"
-    return msgspec.structs.replace(config, joints=tuple(joints))
+    left = [one for one in audit(config, bus) if one.register in ("homing_offset", "drive_mode")]
+    settle(left, config, bus)
+    return [f"{one.joint} (id {one.id}): {one.register} was {one.found} and is {one.needed}" for one in left]
 
 
-def save_rig(config: RigConfig, path: Path) -> None:
-    """Writes a rig file, whole or not at all.
+def save_progress(sweep: Sweep, path: Path) -> None:
+    """Keeps what was measured so far, whole or not at all.
 
     Raises:
         RigError: if it cannot be written.
     """
-    settings = msgspec.structs.asdict(config)
-    lines = [f"{key} = {_toml(value)}" for key, value in settings.items() if key != "joints"]
-    lines += ["", "# zero in pulses, lower and upper in rad, velocity in rad/s", "joints = ["]
-    for joint in config.joints:
-        own = {key: value for key, value in msgspec.structs.asdict(joint).items() if key != "port" or value}
-        row = ", ".join(f"{key} = {_toml(value)}" for key, value in own.items())
-        lines.append(f"  {{ {row} }},")
     draft = path.with_name(f".{path.name}.draft")
     try:
-        draft.write_text("\n".join([*lines, "]", ""]))
+        draft.write_bytes(msgspec.json.format(msgspec.json.encode(sweep.measured)))
         draft.replace(path)
     except OSError as error:
-        raise RigError(f"cannot write the rig file {path}: {error.strerror}.") from error
+        raise RigError(f"cannot keep the calibration in {path}: {error.strerror}.") from error
 
 
-def _toml(value: object) -> str:
-    return msgspec.json.encode(value).decode() if isinstance(value, str) else str(value)
+def load_progress(config: RigConfig, path: Path) -> Sweep:
+    """Goes on with what `save_progress` has kept.
+
+    Raises:
+        RigError: if it cannot be read, or is about another rig.
+    """
+    try:
+        measured = msgspec.json.decode(path.read_bytes(), type=dict[str, MeasuredJoint])
+    except (OSError, msgspec.DecodeError) as error:
+        raise RigError(f"{path} is no calibration to go on with ({error}). Remove it to begin anew.") from error
+    if {name: one.id for name, one in measured.items()} != {joint.name: joint.id for joint in config.joints}:
+        raise RigError(f"{path} is the calibration of a rig with other joints. Remove it to begin anew.")
+    return Sweep(config, measured)

@@ -1,7 +1,6 @@
 """Teaching a rig by hand: torque off, the joints' angles recorded while somebody moves them, and prepared for playing.
 
-With torque off a servo counts its position through whole turns, so a joint that passes its own zero is followed; it is
-counted from the turn in which it was found, which is the one it keeps when torque comes on.
+A joint is counted from the turn in which it was found, which is the one it keeps when torque comes on.
 """
 
 from __future__ import annotations
@@ -14,9 +13,9 @@ from scipy.signal import savgol_filter
 
 from hardware.bus.servo_bus import Bus
 from hardware.errors import RigError
-from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array
-from hardware.rig.switching import check_identities, switch_off
+from hardware.tools.loose_joints import positions, whole_turns
 
 _SILENT = 0.5  # s without an answer from one servo
 _SMOOTHED_OVER = 0.21  # s, by a cubic: a hand's tremor and the counts' steps go, what a joint can follow stays
@@ -34,19 +33,6 @@ class Moment(NamedTuple):
 
     time: float
     angles: Array
-
-
-def loosen(config: RigConfig, bus: Bus) -> None:
-    """Takes the torque off every servo.
-
-    Raises:
-        RigError: if one is missing or of another model, or does not confirm it; it is named.
-        SerialPortError: if the port vanishes.
-    """
-    check_identities(config, bus)
-    unconfirmed = switch_off(config, bus)
-    if unconfirmed:
-        raise RigError(f"torque may still be on: {', '.join(unconfirmed)}. Check their cables.")
 
 
 def watch_hands(
@@ -71,8 +57,8 @@ def watch_hands(
         now = clock.now()
         angles = np.full(len(config.joints), np.nan)
         for part, bus in parts:
-            for joint, pulses in _positions(part, bus):
-                turns.setdefault(joint.name, _turns(joint, pulses))
+            for joint, pulses in positions(part, bus):
+                turns.setdefault(joint.name, whole_turns(joint, pulses))
                 angle = (pulses - turns[joint.name] - joint.zero) / joint.pulses_per_radian
                 angles[config.names.index(joint.name)] = angle
                 heard[joint.name] = now
@@ -84,13 +70,30 @@ def watch_hands(
         sleep(max(0.0, due - clock.now()))
 
 
-def taught(moments: Sequence[Moment], rate: float, trim: bool = True) -> Array:
-    """What was written down as angles at a steady rate (Hz), shape (T, J), rad: gaps closed, smoothed, ends cut off.
+class Taught(NamedTuple):
+    """A motion as it was taught.
+
+    Attributes:
+        whole: all that was recorded, gaps closed and smoothed, at a steady rate, shape (T, J), rad.
+        first, end: the frames that are left without the time before the first movement and after the last one.
+    """
+
+    whole: Array
+    first: int
+    end: int
+
+    @property
+    def moving(self) -> Array:
+        """The frames in which something moved, and a little before and after, shape (end - first, J), rad."""
+        return self.whole[self.first : self.end]
+
+
+def taught(moments: Sequence[Moment], rate: float) -> Taught:
+    """What was written down, at a steady rate (Hz).
 
     Args:
         moments: in order.
         rate: of the result.
-        trim: whether the time before the first movement and after the last one is left out.
 
     Raises:
         RigError: if there are too few moments, a joint was never heard, or nothing moved.
@@ -109,13 +112,11 @@ def taught(moments: Sequence[Moment], rate: float, trim: bool = True) -> Array:
         angles[:, joint] = np.interp(grid, times[known], values[known])
     if window >= 5:
         angles = np.asarray(savgol_filter(angles, window, 3, axis=0), dtype=np.float64)
-    if not trim:
-        return angles
     moving = np.flatnonzero((np.abs(np.gradient(angles, 1.0 / rate, axis=0)) > _STILL).any(axis=1))
     if len(moving) == 0:
         raise RigError("no joint was moved. Is the torque off, and the right joint in your hand?")
     kept = round(_KEPT * rate)
-    return angles[max(0, moving[0] - kept) : moving[-1] + 1 + kept]
+    return Taught(angles, max(0, int(moving[0]) - kept), min(len(angles), int(moving[-1]) + 1 + kept))
 
 
 def beyond_limits(config: RigConfig, angles: Array, rate: float) -> list[str]:
@@ -131,19 +132,3 @@ def beyond_limits(config: RigConfig, angles: Array, rate: float) -> list[str]:
         if speed > joint.velocity:
             found.append(f"{joint.name} was moved at {speed:.1f} rad/s, it may {joint.velocity:g}")
     return found
-
-
-def _positions(part: RigConfig, bus: Bus) -> Iterator[tuple[RigJoint, int]]:
-    """The joints that answer, and where their servos stand, pulses."""
-    register = part.joints[0].table["present_position"]
-    statuses = bus.sync_read([joint.id for joint in part.joints], register.address, register.length)
-    for joint in part.joints:
-        status = statuses.get(joint.id)
-        if status is not None and not status.error:
-            yield joint, register.decode(status.params)
-
-
-def _turns(joint: RigJoint, pulses: int) -> int:
-    """The pulses of the whole turns that a position is away from the servo's one turn."""
-    turn = joint.table.pulses_per_turn
-    return (pulses - joint.table.one_turn[0]) // turn * turn

@@ -5,120 +5,26 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Callable
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from controller.cli.rig import play, settings, teach
+from controller.cli.rig import calibrate, emulate, play, servos, settings, teach
 from controller.cli.rig.rig_port import JsonOption, PortOption, RigArgument, ended_by_sigterm, load, open_buses
-from motiondeck_base.errors import MotiondeckError
-
-if TYPE_CHECKING:
-    from hardware.emulator.plant import JointPlant
-    from hardware.rig.rig_file import RigConfig
 
 app = typer.Typer(
     help="Find, check, set up, watch, teach and play the servos of a rig; or emulate one.", no_args_is_help=True
 )
 
+app.command("scan")(servos.scan)
+app.command("setup")(servos.setup)
+app.command("import")(servos.import_calibration)
+app.command("calibrate")(calibrate.calibrate)
 app.command("teach")(teach.teach)
 app.command("play")(play.play)
 app.command("backup")(settings.backup)
 app.command("restore")(settings.restore)
-
-
-@app.command("emulate")
-def emulate(
-    rig: RigArgument,
-    fault: Annotated[
-        list[str] | None, typer.Option("--fault", help="KIND[:key=value,...]; `--fault help` lists them.")
-    ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Of the random faults.")] = 0,
-    unpaced: Annotated[bool, typer.Option("--unpaced", help="Bytes take no time on the wire.")] = False,
-    lenient: Annotated[
-        bool, typer.Option("--lenient", help="In a sync read, servos behind a silent one answer anyway.")
-    ] = False,
-    link: Annotated[
-        Path | None,
-        typer.Option("--link", help="A link to the port; it stays when the adapter is replugged."),
-    ] = None,
-    robot: Annotated[
-        str | None,
-        typer.Option("--robot", help="The body that the servos turn: a robot file, or a shipped one."),
-    ] = None,
-    root: Annotated[
-        str | None, typer.Option("--root", help="With --robot: fixed in the air (default), or free to fall.")
-    ] = None,
-    fresh: Annotated[
-        bool, typer.Option("--fresh", help="Only the first servo, as it comes from the box: id 1, 57600 baud.")
-    ] = False,
-) -> None:
-    """Emulate a rig: print the port to open, and serve any client until Ctrl-C.
-
-    With --robot the servos turn a body with masses, so they feel load, stall and fall: as current, heat and sag.
-
-    [bold]Examples[/]
-
-      motiondeck rig emulate servo20 --fault dead:id=3,at=5,for=1
-
-      motiondeck rig emulate servo20 --robot servo20 --root free
-    """
-    from hardware.emulator.faults import KINDS, parse_fault
-    from hardware.emulator.pty_server import serve
-
-    if fault and "help" in fault:
-        for kind, meaning in KINDS.items():
-            print(f"{kind:<10} {meaning}")
-        print("keys: id, at (s), for (s), chance (0 to 1), value")
-        return
-    if root is not None and robot is None:
-        raise MotiondeckError(f"--root {root} is about a body: name it with --robot")
-    config = load(rig)
-    if fresh:
-        import msgspec
-
-        one = msgspec.structs.replace(config.joints[0], id=1)
-        config = msgspec.structs.replace(config, joints=(one,), baud=57600)
-    plant = _plant(config, robot, root or "fixed") if robot is not None else None
-    faults = [parse_fault(text) for text in fault or []]
-    with ended_by_sigterm():
-        serve(config, lambda port: print(port, flush=True), faults, not unpaced, not lenient, link, seed, plant)
-
-
-@app.command("scan")
-def scan(
-    port: Annotated[str, typer.Argument(metavar="PORT", help="The serial port.")] = "/dev/ttyUSB0",
-    baud: Annotated[list[int] | None, typer.Option("--baud", help="Only these baud rates.")] = None,
-    as_json: JsonOption = False,
-) -> None:
-    """List every servo that answers on a port, at any baud rate.
-
-    Example:  motiondeck rig scan /dev/ttyUSB0
-    """
-    from hardware.bus.servo_bus import Bus
-    from hardware.rig.rig_file import BAUD_RATES
-    from hardware.tools.doctor import scan as scan_port
-
-    wrong = [rate for rate in baud or [] if rate not in BAUD_RATES]
-    if wrong:
-        raise MotiondeckError(f"baud {wrong[0]} is not one of {', '.join(map(str, BAUD_RATES))}")
-    found = scan_port(lambda rate: Bus.open(port, rate), *([baud] if baud else []))
-    if as_json:
-        rows = [
-            {"baud": one.baud, "id": i.id, "model": i.model, "firmware": i.firmware, "alert": i.alert}
-            for one in found
-            for i in (one.identity,)
-        ]
-        print(json.dumps({"port": port, "servos": rows}))
-        return
-    for one in found:
-        who = one.identity
-        alert = "  reports a hardware problem" if who.alert else ""
-        print(f"id {who.id:>3}  {who.model:<14} firmware {who.firmware:<3} {one.baud} baud{alert}")
-    if not found:
-        raise MotiondeckError(f"no servo answers on {port}. Check power, cable and adapter.")
+app.command("emulate")(emulate.emulate)
 
 
 @app.command("doctor")
@@ -171,36 +77,6 @@ def doctor(
         raise typer.Exit(1)
 
 
-@app.command("setup")
-def setup(
-    port: Annotated[str, typer.Argument(metavar="PORT", help="The serial port with one servo on it.")],
-    id: Annotated[int, typer.Option("--id", min=0, max=252, help="The ID it gets.")],
-    baud: Annotated[int, typer.Option("--baud", help="The baud rate it gets.")] = 1_000_000,
-    as_json: JsonOption = False,
-) -> None:
-    """Give the only servo on a port its ID and baud rate.
-
-    Example:  motiondeck rig setup /dev/ttyUSB0 --id 7 --baud 4000000
-    """
-    from hardware.bus.port import lasting_name
-    from hardware.bus.servo_bus import Bus
-    from hardware.rig.rig_file import BAUD_RATES
-    from hardware.tools.doctor import set_up
-
-    if baud not in BAUD_RATES:
-        raise MotiondeckError(f"baud {baud} is not one of {', '.join(map(str, BAUD_RATES))}")
-    before, after = set_up(lambda rate: Bus.open(port, rate), id, baud)
-    if as_json:
-        print(
-            json.dumps({"model": after.model, "id": after.id, "baud": baud, "was": [before.identity.id, before.baud]})
-        )
-        return
-    was = f"id {before.identity.id} at {before.baud} baud"
-    print(f"{after.model}: {was} is now id {after.id} at {baud} baud, return delay 0")
-    if (lasting := lasting_name(port)) != port:
-        print(f'write port = "{lasting}" into the rig file: the adapter keeps this name when it is plugged in again')
-
-
 @app.command("monitor")
 def monitor(
     rig: RigArgument,
@@ -228,52 +104,6 @@ def monitor(
                     return
         except KeyboardInterrupt:
             return
-
-
-@app.command("calibrate")
-def calibrate(
-    rig: RigArgument,
-    out: Annotated[Path, typer.Option("--out", help="The rig file to write.")],
-    port: PortOption = None,
-) -> None:
-    """Find each joint's zero, direction and range by moving it by hand, torque off, and write a new rig file.
-
-    Example:  motiondeck rig calibrate servo20 --out my-rig.toml
-    """
-    import threading
-
-    import msgspec
-
-    from hardware.tools.calibration import calibrate as guide
-    from hardware.tools.calibration import save_rig
-
-    def ask(what: str) -> None:
-        try:
-            input(f"{what}, then press Enter ")
-        except EOFError:
-            raise MotiondeckError("calibrating needs a terminal in which to press Enter") from None
-
-    def sweep(what: str, read: Callable[[], int]) -> list[int]:
-        done = threading.Event()
-
-        def wait() -> None:
-            try:
-                ask(what)
-            finally:
-                done.set()
-
-        threading.Thread(target=wait, daemon=True).start()
-        seen = [read()]
-        while not done.wait(0.02):
-            seen.append(read())
-        return seen
-
-    config = load(rig)
-    with ended_by_sigterm(), open_buses(config, port) as parts:
-        found = {joint.name: joint for part, bus in parts for joint in guide(part, bus, ask, sweep).joints}
-        joints = tuple(msgspec.structs.replace(found[joint.name], port=joint.port) for joint in config.joints)
-        save_rig(msgspec.structs.replace(config, joints=joints), out)
-    print(f"wrote {out}")
 
 
 @app.command("stop")
@@ -315,17 +145,6 @@ def stop(rig: RigArgument, port: PortOption = None, as_json: JsonOption = False)
     if unconfirmed:
         print(f"motiondeck: not confirmed by {', '.join(unconfirmed)}. {remedy}", file=sys.stderr)
         raise typer.Exit(1)
-
-
-def _plant(config: RigConfig, robot: str, root: str) -> JointPlant:
-    """A robot's body for the joints of a rig."""
-    from controller.mocap.encodings.joint_angles import JointBody
-    from motiondeck_base.shipped import find_robot
-    from sim.physics.rig_plant import RigPlant
-    from sim.robots.robot import load_robot
-
-    body = load_robot(find_robot(robot), JointBody.of(config.names))
-    return RigPlant(body, config.names, root)
 
 
 def _draw(rows: list[dict[str, object]], hz: float) -> None:

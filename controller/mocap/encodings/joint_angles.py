@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.arrays_file import Kind, read_arrays, write_arrays
+from controller.arrays_file import Kind, StoredArrays, read_arrays, write_arrays
 from controller.mocap.clip import Clip
 from controller.mocap.posture import Pose, Posture
 from controller.mocap.skeleton import ROOT, Skeleton
@@ -29,7 +29,10 @@ from motiondeck_base.toml_file import shaped
 _LEVER = 4.0  # m
 _PART = 1.0 / _LEVER  # of the joint's angle that the bone turns
 _FARTHEST = 4.0 * np.pi  # rad
-_KIND = Kind("taught clip", "motiondeck-clip", 1, "`motiondeck rig teach`")
+_KIND = Kind("taught clip", "motiondeck-clip", 2, "`motiondeck rig teach`", (1,))
+
+Plays = Literal["loop", "once"]
+"""Whether a motion goes on for ever, or ends in a pose and holds it."""
 
 
 class JointBody(Skeleton):
@@ -140,6 +143,7 @@ class _ClipHeader(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     joints: list[str]
     rate: float
     source: str
+    plays: Plays = "loop"
 
 
 def taught_clip(name: str, joints: Sequence[str], rate: float, angles: Array, source: str = "") -> Clip:
@@ -159,29 +163,43 @@ def taught_clip(name: str, joints: Sequence[str], rate: float, angles: Array, so
     return Clip(name, body, rate, position, posture.rotation, source)
 
 
-def save_taught_clip(clip: Clip, path: Path) -> None:
-    """Writes a clip of a joint body, whole or not at all.
+def save_taught_clip(clip: Clip, path: Path, plays: Plays = "loop") -> None:
+    """Writes a clip of a joint body and how it is to be played once it is learned, whole or not at all.
 
     Raises:
         FileFormatError: if the folder cannot be written.
     """
-    header = _ClipHeader(_KIND.version, clip.name, list(clip.skeleton.bones), clip.rate, clip.source)
+    header = _ClipHeader(_KIND.version, clip.name, list(clip.skeleton.bones), clip.rate, clip.source, plays)
     write_arrays(path, _KIND, header, {"angles": angles_of(clip.rotation[:, 1:])})
 
 
 def read_taught_clip(path: str | Path) -> Clip:
-    """Reads what `save_taught_clip` has written.
+    """Reads the clip that `save_taught_clip` has written.
 
     Raises:
         FileFormatError: one line that names the file and what is wrong with it.
     """
-    tree, stored = read_arrays(Path(path), _KIND)
-    header = shaped(tree, _ClipHeader, f"{path} (header)")
-    if not header.joints:
-        raise FileFormatError(f"{path}: its header names no joints")
+    header, stored = _read(Path(path))
     angles = stored.take("angles", stored.size("angles"), len(header.joints), kind=np.float64)
     stored.finish()
     try:
         return taught_clip(header.name, header.joints, header.rate, angles, header.source)
     except FileFormatError as error:
         raise FileFormatError(f"{path}: {error}") from None
+
+
+def how_taught(path: str | Path) -> Plays:
+    """How the motion in a file of `save_taught_clip` is to be played.
+
+    Raises:
+        FileFormatError: as `read_taught_clip`.
+    """
+    return _read(Path(path))[0].plays
+
+
+def _read(path: Path) -> tuple[_ClipHeader, StoredArrays]:
+    tree, stored = read_arrays(path, _KIND)
+    header = shaped(tree, _ClipHeader, f"{path} (header)")
+    if not header.joints:
+        raise FileFormatError(f"{path}: its header names no joints")
+    return header, stored

@@ -1,4 +1,4 @@
-"""Scanning, examining, setting up, calibrating and watching, against emulated servos in simulated time."""
+"""Scanning, examining, setting up and watching, against emulated servos in simulated time."""
 
 from itertools import count
 from types import SimpleNamespace
@@ -11,8 +11,6 @@ from hardware.bus.wire_time import rate_limit, read_time, write_time
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
-from hardware.rig.rig_file import load_rig
-from hardware.tools.calibration import calibrate, calibrated, save_rig
 from hardware.tools.doctor import examine, fix_settings, latency_timer, scan, set_up, shorten_latency
 from hardware.tools.monitor import observe
 
@@ -120,70 +118,6 @@ def test_several_servos_are_not_set_up_at_once(opened, port):
     with pytest.raises(RigError, match="4 servos answer"):
         set_up(opened, 7, 1_000_000)
     assert port.bus[1].id == 1
-
-
-def test_a_joint_is_calibrated_by_three_measurements(rig_of_four):
-    joint = calibrated(rig_of_four.joints[0], 2000, 1900, [2000, 2900, 1200])
-    assert (joint.zero, joint.direction) == (2000, -1)
-    assert (joint.lower, joint.upper) == pytest.approx(
-        (-900 * 3.14159 / 2048 + 0.02, 800 * 3.14159 / 2048 - 0.02), abs=1e-3
-    )
-
-
-def test_whole_turns_do_not_matter(rig_of_four):
-    one = calibrated(rig_of_four.joints[0], 2000, 2100, [1200, 2900])
-    other = calibrated(rig_of_four.joints[0], 2000 - 3 * 4096, 2100 - 3 * 4096, [1200 - 3 * 4096, 2900 - 3 * 4096])
-    assert one == other
-
-
-@pytest.mark.parametrize(
-    ("zero", "nudged", "sweep", "said"),
-    [
-        (2000, 2010, [1000, 3000], "turned too little"),
-        (2000, 2100, [2000, 3000], "not moved past its zero"),
-        (300, 400, [-200, 900], "Take the horn off"),
-        (3900, 3700, [3000, 4500], "Take the horn off"),
-    ],
-)
-def test_a_calibration_that_cannot_work_is_refused(rig_of_four, zero, nudged, sweep, said):
-    with pytest.raises(RigError, match=said):
-        calibrated(rig_of_four.joints[0], zero, nudged, sweep)
-
-
-def test_a_rig_is_calibrated_by_hand_and_saved(rig_of_four, bus, port, tmp_path):
-    # joint_2 is turned too little at first, and is asked for again.
-    hands = iter([2000, 2100, 2000, 2010, *[2000, 2100] * 3])
-    asked = []
-    for device in port.bus.devices:
-        device["torque_enable"] = 1
-
-    def ask(what):
-        row = int(what.split("_")[1][0]) - 1
-        if what.endswith("its torque goes off next, so hold it"):
-            assert port.bus.devices[row]["torque_enable"] == 1
-            return
-        assert port.bus.devices[row]["torque_enable"] == 0
-        asked.append(what)
-        port.bus.devices[row].bank.shaft[row] = next(hands)
-        port.elapse(0.01)
-
-    def sweep(what, read):
-        row = int(what.split("_")[1][0]) - 1
-        seen = []
-        for place in (1000, 2500, 3100):
-            port.bus.devices[row].bank.shaft[row] = place
-            port.elapse(0.01)
-            seen.append(read())
-        return seen
-
-    found = calibrate(rig_of_four, bus, ask, sweep)
-    assert asked[4].startswith("joint_2 was turned too little")
-    assert len(asked) == 10
-    assert {(joint.zero, joint.direction) for joint in found.joints} == {(2000, 1)}
-    save_rig(found, tmp_path / "rig.toml")
-    assert load_rig(tmp_path / "rig.toml") == found
-    with pytest.raises(RigError, match="cannot write"):
-        save_rig(found, tmp_path / "nowhere" / "rig.toml")
 
 
 def test_watching_a_geared_joint_shows_the_joints_own_velocity(rig_of_four, bus, port, monkeypatch):

@@ -4,41 +4,43 @@ import numpy as np
 import pytest
 
 from hardware.bus.servo_bus import Bus
-from hardware.emulator.bus import EmulatedBus
-from hardware.emulator.faults import Fault, FaultPlan
-from hardware.emulator.port import EmulatedPort
+from hardware.emulator.hands import Hands
 from hardware.errors import RigError
-from hardware.tools.teaching import Moment, beyond_limits, loosen, taught, watch_hands
+from hardware.tools.loose_joints import loosen
+from hardware.tools.teaching import Moment, beyond_limits, taught, watch_hands
 
 
-@pytest.fixture
-def handled(rig_of_four):
-    """A rig whose joints a hand swings by 0.4 rad from the first second on."""
-    return EmulatedPort(EmulatedBus(rig_of_four), faults=FaultPlan([Fault("hand", at=1.0, value=0.4)]))
+def watch(config, port, seconds, hands=None):
+    """What is seen in so many seconds; hands do something from the first second on."""
 
+    def elapse(dt):
+        port.elapse(dt)
+        if hands is not None and port.now() > 1.0:
+            hands.move([port.bus], port.now())
 
-def watch(config, port, seconds):
     moments = []
-    for moment in watch_hands(config, [(config, Bus(port, config.baud))], port.elapse):
+    for moment in watch_hands(config, [(config, Bus(port, config.baud))], elapse):
         moments.append(moment)
         if moment.time >= seconds:
             break
     return moments
 
 
-def test_what_a_hand_did_is_written_down(rig_of_four, handled):
-    for device in handled.bus.devices:
+def test_what_a_hand_did_is_written_down(rig_of_four, port):
+    for device in port.bus.devices:
         device["torque_enable"] = 1
-    loosen(rig_of_four, Bus(handled, rig_of_four.baud))
-    moments = watch(rig_of_four, handled, 4.0)
+    loosen(rig_of_four, Bus(port, rig_of_four.baud))
+    hands = Hands(rig_of_four)
+    hands.tell("swing joint_1 0.4 joint_2 -0.4 joint_3 0.4 joint_4 0.4 every 2")
+    moments = watch(rig_of_four, port, 4.0, hands)
     assert len(moments) == pytest.approx(400, abs=5)
-    whole = taught(moments, 100.0, trim=False)
-    clip = taught(moments, 100.0)
-    assert len(whole) == pytest.approx(401, abs=3)
-    assert len(clip) < len(whole) - 70  # the first second, in which nothing moved
+    motion = taught(moments, 100.0)
+    assert len(motion.whole) == pytest.approx(401, abs=3)
+    assert motion.first == pytest.approx(88, abs=8)  # the first second, in which nothing moved
+    assert motion.end == len(motion.whole)
     # joint_2 is mounted the other way round, joint_3 has its zero elsewhere; both start at angle 0
-    assert clip.max(axis=0) == pytest.approx([0.4, 0.0, 0.4, 0.4], abs=0.01)
-    assert clip.min(axis=0) == pytest.approx([0.0, -0.4, 0.0, 0.0], abs=0.01)
+    assert motion.moving.max(axis=0) == pytest.approx([0.4, 0.0, 0.4, 0.4], abs=0.01)
+    assert motion.moving.min(axis=0) == pytest.approx([0.0, -0.4, 0.0, 0.0], abs=0.01)
 
 
 def test_a_joint_is_followed_across_the_servos_own_zero(rig_of_four, port):
@@ -74,7 +76,7 @@ def test_lost_answers_leave_no_gap():
     moments = [Moment(at, np.array([np.sin(at), np.cos(at)])) for at in t]
     for moment in moments:
         moment.angles[rng.random(2) < 0.2] = np.nan
-    clean = taught(moments, 100.0, trim=False)
+    clean = taught(moments, 100.0).whole
     assert clean[:, 0] == pytest.approx(np.sin(t), abs=2e-3)
 
 

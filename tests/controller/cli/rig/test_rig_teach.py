@@ -1,7 +1,8 @@
-"""From a hand on an emulated rig of two ports to a network that plays it: teach, play the clip, fit, play on."""
+"""Teaching an emulated rig by hand, and playing what it was taught, on two ports."""
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -15,7 +16,7 @@ from typer.testing import CliRunner
 from controller.cli.main import app
 from controller.cli.rig.play import play_clip
 from controller.cli.session.session import RunSettings
-from controller.mocap.encodings.joint_angles import angles_of, read_taught_clip, save_taught_clip, taught_clip
+from controller.mocap.encodings.joint_angles import how_taught, read_taught_clip, save_taught_clip, taught_clip
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
@@ -59,37 +60,13 @@ def rig(tmp_path):
 def port(rig, tmp_path):
     link = tmp_path / "port"
     command = [sys.executable, "-m", "controller.cli.main", "rig", "emulate", str(rig), "--link", str(link)]
-    process = subprocess.Popen([*command, "--fault", "hand:value=0.5"], stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     ports = [process.stdout.readline().strip() for _ in range(2)]
     assert ports == [f"{link}-1", f"{link}-2"]
     yield ("--port", ports[0], "--port", ports[1])
     process.terminate()
     process.wait()
-
-
-def test_a_hand_teaches_and_the_network_plays_on(rig, port, tmp_path):
-    clip, library = tmp_path / "wave.clip", tmp_path / "gestures.safetensors"
-    said = motiondeck("rig", "teach", rig, "--out", clip, *port, "--seconds", "4", "--json")
-    assert (said["joints"], said["beyond_limits"]) == (["pan", "tilt"], [])
-    angles = angles_of(read_taught_clip(clip).rotation[:, 1:])
-    assert angles.max(axis=0) == pytest.approx([0.5, 0.0], abs=0.02)
-    assert angles.min(axis=0) == pytest.approx([0.0, -0.5], abs=0.02)
-
-    run = motiondeck("rig", "play", rig, clip, *port, "--command-port", "0", "--json")
-    assert run["reason"] == "played to the end"
-    assert run["rig"]["tracking_rmse_rad"] < 0.1
-
-    assert motiondeck("rig", "stop", rig, *port, "--json") == {"off": ["pan", "tilt"], "unconfirmed": []}
-    assert [len(one["servos"]) for one in diagnosed(rig, *port)["ports"]] == [1, 1]
-
-    said = motiondeck("fit", clip, "--out", library, "--json")
-    assert said["network"] == "centralized"
-    assert said["motions"][0]["passed"]
-    words = ("rig", "play", rig, library, "wave", *port, "--command-port", "0", "--seconds", "3", "--json")
-    run = motiondeck(*words)
-    assert run["rig"]["tracking_rmse_rad"] < 0.1
-    assert run["faults"] == {"deck": 0, "commands": 0, "telemetry": 0}
 
 
 def test_sigterm_ends_a_run_on_the_rig_without_torque_and_with_its_report(rig, port, tmp_path, monkeypatch):
@@ -161,16 +138,90 @@ def test_a_recording_that_breaks_off_is_saved_as_far_as_it_goes(rig, tmp_path, m
     assert said in result.stderr
 
 
-def test_prompts_leave_stdout_to_the_answer(rig, tmp_path, monkeypatch):
-    def watch(config, parts, sleep):
-        return (Moment(0.02 * tick, np.array([0.5 * np.sin(0.06 * tick), 0.0])) for tick in range(100))
+class Somebody:
+    """Types what a script says, a line for each question and one for each recording; stands in for `TypedLines`."""
 
-    monkeypatch.setattr("controller.cli.rig.teach.open_buses", lambda config, ports: nullcontext([]))
-    monkeypatch.setattr("controller.cli.rig.teach._wait_for_enter", lambda done: None)
-    monkeypatch.setattr("hardware.tools.teaching.watch_hands", watch)
-    words = ["rig", "teach", str(rig), "--out", str(tmp_path / "wave.clip"), "--json"]
-    result = CliRunner().invoke(app, words, input="\n\n")
-    assert json.loads(result.stdout)["joints"] == ["pan", "tilt"]
+    def __init__(self, lines):
+        self.lines = list(lines)
+
+    def __call__(self):
+        return self
+
+    def ask(self, what):
+        print(what, file=sys.stderr)
+        return self.lines.pop(0)
+
+    def take(self, seconds=0.0):
+        return None
+
+
+@pytest.fixture
+def session(rig, tmp_path, monkeypatch):
+    """Runs `rig teach` by a script, with hands that make one motion after the other; angles (T, 2), rad."""
+
+    def run(out, lines, motions, *options):
+        motions = iter(motions)
+
+        def watch(config, parts, sleep):
+            return (Moment(0.02 * tick, angles) for tick, angles in enumerate(next(motions)))
+
+        monkeypatch.setattr("controller.cli.rig.teach.open_buses", lambda config, ports: nullcontext([]))
+        monkeypatch.setattr("controller.cli.rig.teach.TypedLines", Somebody(lines))
+        monkeypatch.setattr("hardware.tools.teaching.watch_hands", watch)
+        return CliRunner().invoke(app, ["rig", "teach", str(rig), "--out", str(out), *options])
+
+    return run
+
+
+def wave(frequency=0.6, still=0.0):
+    """A hand that waves, after a time without movement, s."""
+    t = np.maximum(0.0, np.arange(250) / 50.0 - still)
+    return np.stack([0.5 * np.sin(2 * np.pi * frequency * t), 0.2 * (1 - np.cos(2 * np.pi * frequency * t))], axis=1)
+
+
+def reach():
+    """A hand that moves a joint to somewhere else."""
+    t = np.clip(np.arange(250) / 50.0 - 1.0, 0.0, 1.0)
+    return np.stack([0.8 * t**2 * (3 - 2 * t), 0.0 * t], axis=1)
+
+
+def test_motions_are_named_recorded_again_and_taken_several_times(session, tmp_path):
+    lines = [
+        "", "wa ve", "wave", "", "again", "", "take", "", "drop",  # recorded, again, a first take, a second one dropped
+        "reach", "", "whole", "trim", "what", "loop", "once", "",
+        "",
+    ]  # fmt: skip
+    result = session(tmp_path, lines, [reach(), wave(), wave(0.5), reach()])
+    assert result.exit_code == 0, result.output
+    assert sorted(file.name for file in tmp_path.glob("*.clip")) == ["reach.clip", "wave.clip"]
+    assert "motion 'wa ve' cannot be typed" in result.stderr
+    assert "'what' is none of them" in result.stderr
+    assert (how_taught(tmp_path / "wave.clip"), how_taught(tmp_path / "reach.clip")) == ("loop", "once")
+    assert "wave.2: 5.0 s of 5.0 s, loop" in result.stderr
+    assert re.search(r"note: it is 0\.\d\d rad from the average of 2 takes", result.stderr)
+
+
+def test_takes_are_numbered_and_another_motion_among_them_is_named(session, tmp_path):
+    lines = ["", "", "take", "", "take", "", ""]
+    result = session(tmp_path / "wave.clip", lines, [wave(), wave(0.55), wave()[:, ::-1] * [1, 2]], "--loop")
+    assert sorted(file.name for file in tmp_path.glob("*.clip")) == ["wave.2.clip", "wave.3.clip", "wave.clip"]
+    assert "is not the motion of" in result.stderr
+
+
+@pytest.mark.parametrize(("option", "seconds", "left"), [("--trim", 4.2, True), ("--no-trim", 5.0, False)])
+def test_what_is_trimmed_is_told_and_can_be_kept(session, tmp_path, option, seconds, left):
+    result = session(tmp_path / "wave.clip", ["", "", ""], [wave(still=1.0)], option)
+    assert result.exit_code == 0, result.output
+    assert read_taught_clip(tmp_path / "wave.clip").duration == pytest.approx(seconds, abs=0.1)
+    said = r"left out: 0\.[678] s before the first movement; `whole` or --no-trim keeps it"
+    assert bool(re.search(said, result.stderr)) == left
+    assert f"wrote {tmp_path / 'wave.clip'}" in result.stdout
+
+
+def test_prompts_leave_stdout_to_the_answer(session, tmp_path):
+    result = session(tmp_path / "reach.clip", ["", "", ""], [reach()], "--json")
+    said = json.loads(result.stdout)
+    assert (said["joints"], said["plays"], said["recorded_seconds"]) == (["pan", "tilt"], "once", pytest.approx(5.0))
     assert "hold what would fall" in result.stderr
 
 
@@ -181,6 +232,8 @@ def test_what_cannot_be_taught_or_played_is_said(rig, tmp_path):
         (("rig", "teach", rig, "--out", tmp_path / "wave.txt"), "ends in .clip"),
         (("rig", "teach", rig, "--out", tmp_path / "no" / "wave.clip"), "no such folder"),
         (("rig", "teach", rig, "--out", tmp_path / "a.clip", "--seconds", "0"), "not between"),
+        (("rig", "teach", rig, "--out", tmp_path, "--seconds", "3"), "give it a file, not the folder"),
+        (("fit", rig, "--no-trim", "--data", tmp_path, "--out", tmp_path / "x.safetensors"), "--no-trim is for clips"),
         (("rig", "play", rig, other), "'grip'"),
         (("rig", "play", rig, other, "wave"), "no motion 'wave' to choose"),
         (("rig", "play", rig, "thesis15", "wlak"), "unknown motion 'wlak'"),

@@ -1,0 +1,88 @@
+"""Calibrations of LeRobot as joints of a rig: a JSON file with a name for each motor, and
+
+    id, drive_mode, homing_offset     as in the servo's registers
+    range_min, range_max              its present position at both ends
+
+LeRobot sees present = sign * actual + homing_offset, where sign is -1 for an odd drive_mode, and its angles grow with
+it. A rig here wants homing offset and drive mode 0, so everything is carried back to the actual position. Angle 0 is in
+the middle of the range, as in LeRobot's degrees.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import msgspec
+
+from hardware.errors import RigError
+from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.tools.calibration import measured_joint
+from hardware.tools.doctor import Found
+from hardware.tools.rig_writing import assembled, new_joint
+
+_REVERSED = 1
+
+
+class MotorCalibration(msgspec.Struct, frozen=True):
+    """One motor of a LeRobot calibration, in pulses."""
+
+    id: int
+    drive_mode: int
+    homing_offset: int
+    range_min: int
+    range_max: int
+
+
+def read_calibration(path: Path) -> dict[str, MotorCalibration]:
+    """The motors of a calibration file, by name.
+
+    Raises:
+        RigError: if it cannot be read, or is not one.
+    """
+    try:
+        motors = msgspec.json.decode(path.read_bytes(), type=dict[str, MotorCalibration])
+    except OSError as error:
+        raise RigError(f"cannot read {path}: {error.strerror}.") from error
+    except msgspec.DecodeError as error:
+        raise RigError(
+            f"{path} is not a calibration file of LeRobot ({error}): it has id, drive_mode, homing_offset, range_min "
+            "and range_max for each motor."
+        ) from error
+    for name, motor in motors.items():
+        if motor.range_min >= motor.range_max:
+            raise RigError(f"{path}: {name} has range_min {motor.range_min}, not below range_max {motor.range_max}.")
+    return motors
+
+
+def imported(motors: Mapping[str, MotorCalibration], found: Sequence[Found], port: str) -> tuple[RigConfig, list[str]]:
+    """The rig of the servos that answered a scan, as a calibration says; and what to know about it.
+
+    Raises:
+        RigError: if a motor of the calibration does not answer, or is not fit for a rig; it names them.
+    """
+    servos = {one.identity.id: one for one in found}
+    missing = [f"{name} (id {motor.id})" for name, motor in motors.items() if motor.id not in servos]
+    if missing:
+        raise RigError(
+            f"no answer on {port} from {', '.join(missing)}. Check power and cables; Feetech servos (SO-100, SO-101) "
+            "speak another protocol and cannot be used."
+        )
+    bauds = sorted({servos[motor.id].baud for motor in motors.values()})
+    if len(bauds) > 1:
+        raise RigError(f"its servos answer at {' and '.join(map(str, bauds))} baud. Bring each to one: rig setup")
+    joints: list[RigJoint] = []
+    notes: list[str] = []
+    for name, motor in motors.items():
+        plain = new_joint(name, motor.id, servos[motor.id].identity.model)
+        joint, given_up = _joint(plain, motor)
+        joints.append(joint)
+        notes += given_up
+    return assembled(joints, port, bauds[0]), notes
+
+
+def _joint(joint: RigJoint, motor: MotorCalibration) -> tuple[RigJoint, list[str]]:
+    """A joint with the zero, direction and range of a calibrated motor."""
+    sign = -1 if motor.drive_mode & _REVERSED else 1
+    low, high = sorted(sign * (present - motor.homing_offset) for present in (motor.range_min, motor.range_max))
+    return measured_joint(joint, sign, (low + high) // 2, low, high, margin=0.0)

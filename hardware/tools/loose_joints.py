@@ -1,0 +1,46 @@
+"""Joints without torque: taking it off, and where hands have brought them.
+
+With torque off a servo counts its position through whole turns, so a joint that passes its own zero is followed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from hardware.bus.servo_bus import Bus
+from hardware.errors import RigError
+from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.switching import check_identities, switch_off
+
+
+def loosen(config: RigConfig, bus: Bus) -> None:
+    """Takes the torque off every servo.
+
+    Raises:
+        RigError: if one is missing or of another model, or does not confirm it; it is named.
+        SerialPortError: if the port vanishes.
+    """
+    check_identities(config, bus)
+    unconfirmed = switch_off(config, bus)
+    if unconfirmed:
+        raise RigError(f"torque may still be on: {', '.join(unconfirmed)}. Check their cables.")
+
+
+def positions(part: RigConfig, bus: Bus) -> Iterator[tuple[RigJoint, int]]:
+    """The joints of one port that answer, and where their servos stand, pulses.
+
+    Raises:
+        SerialPortError: if the port vanishes.
+    """
+    register = part.joints[0].table["present_position"]
+    statuses = bus.sync_read([joint.id for joint in part.joints], register.address, register.length)
+    for joint in part.joints:
+        status = statuses.get(joint.id)
+        if status is not None and not status.error:
+            yield joint, register.decode(status.params)
+
+
+def whole_turns(joint: RigJoint, pulses: float) -> int:
+    """The pulses of the whole turns that a position is away from the servo's one turn."""
+    turn = joint.table.pulses_per_turn
+    return int((pulses - joint.table.one_turn[0]) // turn) * turn
