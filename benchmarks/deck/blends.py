@@ -23,10 +23,11 @@ import numpy as np  # noqa: E402
 from controller.deck.joins.blend_check import STILL, TURNS_OVER  # noqa: E402
 from controller.deck.joins.deck_motions import read_motions  # noqa: E402
 from controller.deck.routes import Routes  # noqa: E402
-from controller.deck.tracks.mixture import Mixture  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
 from controller.measures.motion_matching import joint_features  # noqa: E402
-from controller.networks.centralized.centralized_frames import CentralizedNetwork  # noqa: E402
+from controller.networks.base import Channels, FrameNetwork  # noqa: E402
+from controller.networks.reservoirs.morph import ReservoirNetwork, morph  # noqa: E402
+from controller.quintic import rise  # noqa: E402
 from controller.rotations import Array  # noqa: E402
 from motiondeck_base.shipped import find_library  # noqa: E402
 
@@ -35,20 +36,38 @@ SHARES = (0.25, 0.5, 0.75)
 SECONDS = 8.0
 
 
+class SideBySide:
+    """Two runs of a network, their frames mixed."""
+
+    def __init__(self, first: FrameNetwork, second: FrameNetwork) -> None:
+        self._runs, self._frames = (first, second), np.zeros((2, first.channels))
+
+    def advance(self, mu: float, out: Channels) -> None:
+        """Steps both one frame on and writes their mixture, mu of the second, into out."""
+        for run, frame in zip(self._runs, self._frames, strict=True):
+            run.advance(frame)
+        out[:] = (1.0 - mu) * self._frames[0] + mu * self._frames[1]
+
+
 def played(library: MotionLibrary, first: str, second: str, share: float, seed: int, inside: bool) -> Array:
     """Joint positions of a mixture from a random moment of the first motion on, shape (frames, F), mm."""
-    network, rate = library.network, library.info.rate
-    core = network.twin()
-    mixture, frame = Mixture(core, core), np.zeros(network.channels)
+    network, rate = library.network.twin(), library.info.rate
+    frame = np.zeros(network.channels)
     anchors = joint_features(library.encoding, network.anchors(second))
-    mixture.cue(first, int(np.random.default_rng(seed).integers(len(network.anchors(first)))))
+    network.cue(first, int(np.random.default_rng(seed).integers(len(network.anchors(first)))))
     for _ in range(10):
-        mixture.advance(frame)
-    near = np.square(anchors - joint_features(library.encoding, frame[None])).sum(1).argmin()
-    mixture.mix(second, share, round(share * rate), int(near), inside=inside)
+        network.advance(frame)
+    if inside:
+        assert isinstance(network, ReservoirNetwork)
+        mixture = morph(network, first, second)
+    else:
+        near = np.square(anchors - joint_features(library.encoding, frame[None])).sum(1).argmin()
+        other = library.network.twin()
+        other.cue(second, int(near))
+        mixture = SideBySide(network, other)
     out = []
-    for _ in range(round(SECONDS * rate)):
-        mixture.advance(frame)
+    for k in range(1, round(SECONDS * rate) + 1):
+        mixture.advance(share * rise(min(1.0, k / round(share * rate))), frame)
         out.append(frame.copy())
     return joint_features(library.encoding, np.array(out))
 
@@ -88,7 +107,7 @@ def main() -> int:
     seeds = range(options.first_seed, options.first_seed + options.seeds)
     own = alone(library)
     found = {}
-    for way in WAYS[1:] if isinstance(library.network, CentralizedNetwork) else WAYS:
+    for way in WAYS if isinstance(library.network, ReservoirNetwork) else WAYS[1:]:
         still = turned = 0
         for first, second in pairs:
             least, fastest = (choose(own[first][k], own[second][k]) for k, choose in enumerate((min, max)))

@@ -88,7 +88,7 @@ class Track:
     def morph(self, motion: str, anchor: int, seconds: float) -> None:
         """Has the network itself change to another motion within so many seconds (see `networks.morph`)."""
         assert self._mixture is not None, "a network that a center drives is not morphed here"
-        self._mixture.mix(motion, 1.0, round(seconds * self._player.rate), anchor)
+        self._mixture.morph_to(motion, round(seconds * self._player.rate))
         self._player.motion = motion
         self._enter(anchor)
 
