@@ -1,4 +1,4 @@
-"""Where one motion of a recording ends and the next begins: by hand, by labels, or found; and joining what was cut.
+"""Where one motion of a recording ends and the next begins: by hand, by labels, or found.
 
 What is found follows J. Barbic et al., "Segmenting motion capture data into distinct behaviors" (Graphics Interface
 2004): a simple motion stays near a plane of few dimensions, and a border is where that plane changes. Where they walk
@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.mocap.clip import Clip
-from controller.quintic import rise
 from controller.rotations import Array, conjugate, multiply, rotate, yaw
 from motiondeck_base.errors import FileFormatError
 
@@ -122,26 +121,3 @@ def _best_borders(residual: Array, most: int) -> tuple[Array, NDArray[np.int64]]
         before[k] = through.argmin(0)
         least[k] = through.min(0)
     return least[:, -1], before
-
-
-def cross_fade(pieces: list[Array], overlap: int) -> Array:
-    """Joins pieces (T_i, C) of which each begins 2 `overlap` frames before the one before it ends.
-
-    Over the frames they share a quintic goes from the one to the other, so that neither value, slope nor curve jumps.
-
-    Raises:
-        FileFormatError: if a piece is shorter than what it shares.
-    """
-    shared = 2 * overlap
-    for index, piece in enumerate(pieces):
-        if len(piece) < shared * (2 if 0 < index < len(pieces) - 1 else 1):
-            raise FileFormatError(f"piece {index}: {len(piece)} frames are fewer than the {shared} it shares")
-    if not shared:
-        return np.concatenate(pieces)
-    s = (np.arange(shared) + 0.5)[:, None] / shared
-    entering = rise(s)
-    joined = pieces[0]
-    for piece in pieces[1:]:
-        mixed = (1.0 - entering) * joined[-shared:] + entering * piece[:shared]
-        joined = np.concatenate([joined[:-shared], mixed, piece[shared:]])
-    return joined

@@ -5,7 +5,7 @@ things, and is collected a tick later.
 
 Each servo's bus watchdog is armed by the first write, since nothing moves before, and again once a second: a sync write
 is not answered, so one that got lost would leave a servo without a watchdog unnoticed. When the loop falls silent for
-longer, the servos stop and hold, and get no more goals until `rearm`: a rig never runs after targets that went on
+longer, the servos stop and hold, and get no more goals until `attach`: a rig never runs after targets that went on
 without it.
 """
 
@@ -24,7 +24,7 @@ from hardware.rig.readings import Readings
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array, RigScale
 from hardware.rig.state_block import StateBlock
-from hardware.rig.switching import hold_each, hold_still, knows_fast_reads, switch_off, switch_on, tell_all
+from hardware.rig.switching import hold_each, knows_fast_reads, switch_off, switch_on, tell_all
 from hardware.rig.timings import Timings
 
 WATCHDOG_UNIT = 0.02
@@ -105,7 +105,7 @@ class DynamixelRig:
 
     @property
     def stopped(self) -> bool:
-        """Whether the bus was silent for so long that the servos' watchdogs have stopped them; see `rearm`."""
+        """Whether the bus was silent for so long that the servos' watchdogs have stopped them; see `attach`."""
         # One unit earlier than the servos, which count in units: rather stopped here and not there than the reverse.
         patience = self.config.watchdog_ms * 1e-3 - WATCHDOG_UNIT
         return self._stopped or (self._armed and self.bus.port.now() - self._last_word > patience)
@@ -168,18 +168,6 @@ class DynamixelRig:
                 self.gone = True
                 raise
             return reply is not None and self.readings.take(reply, self.now())
-
-    def rearm(self) -> None:
-        """Lets the servos take goals again after a watchdog stop, each starting from where it stands.
-
-        Waits for answers: not for use inside the loop.
-
-        Raises:
-            RigError: if a servo does not answer, or stands outside its limits.
-            SerialPortError: if the port is gone.
-        """
-        held = hold_still(self.config, self.bus)
-        self.attach(self.bus, range(len(self._ids)), held, arrange_state(self.config, self.bus))
 
     def attach(self, bus: Bus, joints: Sequence[int], held: Array, blocks: Sequence[StateBlock]) -> None:
         """Goes on over this bus, where these joints hold at these angles, rad; see `Readings.start`."""

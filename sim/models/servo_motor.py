@@ -63,11 +63,6 @@ class ServoMotor(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         """The torque-speed line without its ends, backwards and forwards, shape (J, 2), N m."""
         return self.torque * (_BACK_AND_FORTH - (velocity / self.speed)[:, None])
 
-    def torque_range(self, velocity: Array) -> tuple[Array, Array]:
-        """The least and the largest torque (J,), N m, at joint velocities (J,), rad/s."""
-        back, forth = self.line(velocity).T
-        return np.clip(back, -self.most, 0.0), np.clip(forth, 0.0, self.most)
-
     def drawn(self, torque: Array) -> Array:
         """The current for torques of any shape, A."""
         return self.current / self.torque * np.abs(torque)

@@ -1,6 +1,4 @@
-"""Borders are found where a motion changes, and crossed without a jump."""
-
-from itertools import pairwise
+"""Borders are found where a motion changes."""
 
 import numpy as np
 import pytest
@@ -12,7 +10,6 @@ from controller.mocap.segmentation import (
     body_features,
     borders_between,
     by_hand,
-    cross_fade,
     find_segments,
 )
 from controller.recognition.segmentation.border_score import BorderScore, score_borders
@@ -73,20 +70,3 @@ def test_features_do_not_see_where_a_body_stands_or_faces(mocap_data):
     features = body_features(clip)
     # Root and its height aside, nothing is further from the root than a body is tall.
     assert np.abs(features[:, 3 : features.shape[1] // 2]).max() < 2.5
-
-
-@given(st.integers(0, 12), st.integers(1, 4))
-def test_pieces_of_one_curve_join_to_that_curve(overlap, count):
-    curve = np.sin(np.arange(400) / 20.0)[:, None] * np.array([1.0, 2.0])
-    borders = np.linspace(0, 400, count + 1).astype(int)
-    pieces = [curve[max(0, first - overlap) : min(400, end + overlap)] for first, end in pairwise(borders)]
-    assert np.allclose(cross_fade(pieces, overlap), curve)
-
-
-def test_pieces_that_differ_join_smoothly_and_short_ones_are_refused():
-    joined = cross_fade([np.zeros((60, 1)), np.ones((60, 1))], 12)
-    assert len(joined) == 96
-    assert (np.diff(joined[:, 0]) >= 0).all()
-    assert np.abs(np.diff(joined[:, 0])).max() < 0.1
-    with pytest.raises(FileFormatError, match="piece 1"):
-        cross_fade([np.zeros((60, 1)), np.ones((20, 1)), np.zeros((60, 1))], 12)

@@ -6,12 +6,14 @@ import sys
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import dynamixel_sdk as sdk
 import msgspec
 import numpy as np
 import pytest
 
+from hardware.bus.port import SerialPort
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.process import start_emulator
@@ -144,21 +146,43 @@ def test_a_port_in_use_is_refused(emulator):
     bus.close()
 
 
-def test_the_rig_plays_over_the_wire(emulator, servo20_file):
-    config = msgspec.structs.replace(load_rig(servo20_file), watchdog_ms=2540)
-    with DynamixelRig.connect(config, emulator.port) as rig:
-        targets = np.linspace(-0.5, 0.5, 20)
+class PumpedPort(SerialPort):
+    """A port whose other end is served while it waits, so that no time passes but the test's own."""
 
-        def arrived():
-            if rig.stopped:  # a busy machine let the bus be silent for too long, and the watchdogs have done their duty
-                rig.rearm()
+    def __init__(self, server, clock, baud):
+        super().__init__(server.port, baud)
+        self._server, self._clock = server, clock
+
+    def wait(self, seconds):
+        came = super().wait(0.0)
+        while not came and seconds > 0.0:
+            self._server.pump()
+            came, seconds = super().wait(0.0), seconds - 0.02
+        return came
+
+    def now(self):
+        return self._clock.time
+
+
+def test_the_rig_plays_over_the_wire(servo20_file, monkeypatch):
+    config = load_rig(servo20_file)
+    clock = SimpleNamespace(time=0.0)
+    monkeypatch.setattr("hardware.emulator.pty_server.time", SimpleNamespace(monotonic=lambda: clock.time))
+    server = PtyServer(EmulatedBus(config), paced=False)
+    port = PumpedPort(server, clock, config.baud)
+    targets = np.linspace(-0.5, 0.5, 20)
+    with DynamixelRig(config, Bus(port, config.baud)) as rig:
+        for _ in range(200):
             rig.collect_state()
             rig.write(targets)
             rig.request_state()
-            return np.allclose(rig.positions, targets, atol=3e-3)
-
-        until(arrived, "the rig's arrival")
+            port.wait(1.0)
+            clock.time += 0.01
+        assert rig.positions == pytest.approx(targets, abs=3e-3)
+        assert (rig.stopped, rig.faults.total) == (False, 0)
         assert rig.close() == []
+    port.close()
+    server.close()
 
 
 def test_a_killed_client_leaves_a_rig_that_stops(served):

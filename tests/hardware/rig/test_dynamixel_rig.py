@@ -6,6 +6,8 @@ import pytest
 from hardware.errors import RigError, SerialPortError
 from hardware.protocol2.frames import Parser
 from hardware.rig.dynamixel_rig import DynamixelRig
+from hardware.rig.indirect_cells import arrange_state
+from hardware.rig.switching import hold_still
 
 TICK = 0.01
 
@@ -263,14 +265,15 @@ def test_a_servo_that_missed_the_arming_of_its_watchdog_is_armed_within_a_second
     assert registers(port.bus, "bus_watchdog") == [10] * 4
 
 
-def test_after_a_stop_no_target_moves_the_rig_until_it_is_rearmed(rig, port):
+def test_after_a_stop_no_target_moves_the_rig_until_it_goes_on_from_where_it_stands(rig, port):
     play(rig, port, [0.2] * 4, 50)
     port.elapse(0.5)
     assert rig.stopped
     play(rig, port, [1.0] * 4, 50)
     assert np.allclose(rig.positions, 0.2, atol=2e-3)
     assert (rig.faults.unsent == 50).all()
-    rig.rearm()
+    held = hold_still(rig.config, rig.bus)
+    rig.attach(rig.bus, range(4), held, arrange_state(rig.config, rig.bus))
     assert not rig.stopped
     port.elapse(0.5)
     assert np.allclose(registers(port.bus, "present_position")[0], 2048 + 0.2 * 2048 / np.pi, atol=1)

@@ -20,16 +20,15 @@ def servo20(tmp_path, extra):
 
 
 @given(st.floats(-20.0, 20.0))
-def test_the_torque_falls_to_nothing_at_the_no_load_speed_and_never_exceeds_the_stall_torque(velocity):
-    lower, upper = XM430.torque_range(np.array([velocity]))
-    assert -4.1 <= lower[0] <= 0.0 <= upper[0] <= 4.1
-    assert upper[0] == pytest.approx(4.1 * np.clip(1.0 - velocity / 4.8, 0.0, 1.0))
-    assert lower[0] == pytest.approx(-4.1 * np.clip(1.0 + velocity / 4.8, 0.0, 1.0))
+def test_the_torque_falls_along_a_line_from_stall_to_the_no_load_speed(velocity):
+    ((back, forth),) = XM430.line(np.array([velocity]))
+    assert forth == pytest.approx(4.1 * (1.0 - velocity / 4.8))
+    assert back == pytest.approx(-4.1 * (1.0 + velocity / 4.8))
 
 
 def test_a_current_limit_is_a_torque_limit():
     limited = ServoMotor(torque=4.1, speed=4.8, current=2.3, current_limit=1.15)
-    assert limited.torque_range(np.zeros(1))[1][0] == pytest.approx(2.05)
+    assert (XM430.most, limited.most) == pytest.approx((4.1, 2.05))
     assert limited.drawn(np.array([-2.05]))[0] == pytest.approx(1.15)
 
 
