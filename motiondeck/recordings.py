@@ -24,11 +24,15 @@ def read_recording(
     up: Literal["y", "z"] | None = None,
     rename: Mapping[str, str] | None = None,
 ) -> Clip:
-    """The clip in a recording: .amc, .bvh, .c3d, .clip (taught by hand) or .mat (Jaeger's patterns).
+    """The clip in a recording.
+
+    Read are .amc (Acclaim), .bvh, .c3d, .clip (taught by hand), .csv (our own positions), .glb, .gltf, .vrm and .vrma,
+    .mat (Jaeger's patterns), .mvnx (Xsens), .npz (AMASS, SMPL-H, SMPL-X) and .trc (OpenSim).
 
     Args:
         path: the file.
-        skeleton: for .amc, the .asf file it belongs to; None looks for it in the same folder and the one above.
+        skeleton: for .amc, the .asf file it belongs to (None looks in the same folder and the one above); for .npz,
+            the body model (None takes average proportions).
         unit: what one length of the file is, m, such as 0.01; None finds out.
         up: the file's axis that is up; None finds out.
         rename: other names for joints, bones or markers, by the names in the file.

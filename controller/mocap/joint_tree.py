@@ -14,7 +14,7 @@ A reader gives where every joint is and how it is turned, frame by frame; here j
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +25,7 @@ from controller.mocap.rest_pose import RecordedBody
 from controller.rotations import Array, between, conjugate, dot, multiply, normalise, rotate
 from motiondeck_base.errors import FileFormatError
 
+MOST_POSES = 15_000_000  # joints times frames: what fits into the memory of a laptop
 COINCIDENT = 1e-4  # of the body's size: exporters write 0.000069 for joints that sit in one place
 # How long a bone is whose end the file does not give: a head against the spine below it, a hand against its arm.
 HEAD_PER_SPINE, HAND_PER_ARM = 0.25, 0.35
@@ -47,6 +48,38 @@ class JointTree:
     position: Array
     rotation: Array
     turns: NDArray[np.bool_]
+
+
+def played(
+    names: Sequence[str], parent: Sequence[int], place: Array, turn: Array, turns: NDArray[np.bool_]
+) -> JointTree:
+    """The tree whose joints stand and turn as given against their parents.
+
+    Args:
+        names: of the joints, no two alike.
+        parent: of each joint, parents first; -1 for the one at the top.
+        place: of each joint seen from its parent, shape (T, J, 3); overwritten by the tree's own positions.
+        turn: of each joint against its parent, shape (T, J, 4); overwritten by the tree's own rotations.
+        turns: whether a joint's own rotation is recorded, shape (J,).
+    """
+    for joint, above in enumerate(parent):
+        if above >= 0:
+            place[:, joint] = place[:, above] + rotate(turn[:, above], place[:, joint])
+            turn[:, joint] = multiply(turn[:, above], turn[:, joint])
+    return JointTree(tuple(names), np.array(parent), place, turn, turns)
+
+
+def distinct(names: Iterable[str]) -> list[str]:
+    """Names of which no two are alike: a name that was there before gets a number."""
+    found: dict[str, None] = {}
+    for name in names:
+        number = 2
+        free = name
+        while free in found:
+            free = f"{name} {number}"
+            number += 1
+        found[free] = None
+    return list(found)
 
 
 def body_of(tree: JointTree, path: object) -> RecordedBody:

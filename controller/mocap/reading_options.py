@@ -16,7 +16,7 @@ class ReadingOptions:
     """How to read a recording; what is None is found out from the file.
 
     Attributes:
-        skeleton: the .asf file that an .amc recording belongs to.
+        skeleton: the .asf file that an .amc recording belongs to, or the body model (.npz) of an .npz.
         unit: what one length of the file is, m, such as 0.01 for a file in cm.
         up: the file's axis that is up.
         rename: other names for joints, bones or markers, by the names in the file.

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.mocap.clip import Clip
-from controller.mocap.formats.reading import RECORDINGS, read_clip, skeleton_of
+from controller.mocap.formats.reading import read_clip, recordings_below, skeleton_of
 from controller.mocap.reading_options import ReadingOptions
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 
@@ -83,7 +83,7 @@ def read_dataset(folder: Path, progress: Callable[[int, int], None] = lambda don
     """
     if not folder.is_dir():
         raise MotiondeckError(f"{folder}: there is no such folder")
-    paths = sorted(p for p in folder.rglob("*") if p.suffix.lower() in RECORDINGS and p.is_file())
+    paths = recordings_below(folder)
     examples: list[Example] = []
     skipped: list[str] = []
     for done, path in enumerate(paths):

@@ -21,7 +21,7 @@ from controller.mocap.canonical.clip_edits import moving_part, resampled, span
 from controller.mocap.clip import Clip
 from controller.mocap.encodings.encoding import encoding_of
 from controller.mocap.encodings.joint_angles import JointBody
-from controller.mocap.formats.reading import RECORDINGS, read_clip, skeleton_of
+from controller.mocap.formats.reading import RECORDINGS, read_clip, recordings_below, skeleton_of
 from controller.mocap.reading_options import AS_FOUND, ReadingOptions
 from controller.training.fit import fit_prepared
 from controller.training.preparation.loops import best_seam, farthest_left_out, with_velocities
@@ -113,8 +113,7 @@ def recordings_in(paths: Iterable[Path]) -> list[Path]:
     found: list[Path] = []
     for path in paths:
         if path.is_dir():
-            inside = (p for p in path.rglob("*") if p.suffix.lower() in RECORDINGS and p.is_file())
-            found += sorted(inside)
+            found += recordings_below(path)
         elif path.exists():
             found.append(path)
         else:

@@ -18,16 +18,20 @@ from controller.cli.common.options import (
 )
 
 if TYPE_CHECKING:
-    from controller.mocap.formats.clip_facts import Facts, FittedClip
+    from controller.mocap.formats.clip_facts import Facts
+    from controller.mocap.formats.reading import FittedClip
     from controller.mocap.reading_options import ReadingOptions
 
 app = typer.Typer(
-    help="Look into motion capture files (.amc with its .asf, .bvh, .c3d, .mat): facts, pictures, other formats.",
+    help="Look into motion capture files of any format: facts, pictures, other formats.",
     no_args_is_help=True,
 )
 
 FileArgument = Annotated[
-    Path, typer.Argument(metavar="FILE", help="A recording: .amc, .bvh, .c3d, or .mat (Jaeger's patterns).")
+    Path,
+    typer.Argument(
+        metavar="FILE", help="A recording: .amc, .bvh, .c3d, .csv, .glb, .gltf, .mat, .mvnx, .npz (SMPL), .trc or .vrm."
+    ),
 ]
 
 
@@ -170,10 +174,10 @@ def _read(file: Path, options: ReadingOptions) -> FittedClip:
         MotiondeckError: if it cannot be read, or holds the angles of a rig's joints.
     """
     from controller.mocap.encodings.joint_angles import JointBody
-    from controller.mocap.formats.clip_facts import read_recording
+    from controller.mocap.formats.reading import read_fitted
     from motiondeck_base.errors import MotiondeckError
 
-    recording = read_recording(file, options)
+    recording = read_fitted(file, options)
     if isinstance(recording.clip.skeleton, JointBody):
         raise MotiondeckError(
             f"{file}: holds angles of a rig's joints, no body. `motiondeck play` plays it on the rig."

@@ -11,7 +11,7 @@ import typer
 from controller.cli.clip.commands import app
 
 if TYPE_CHECKING:
-    from controller.mocap.formats.markers.c3d import Markers
+    from controller.mocap.formats.markers.tracks import Markers
     from controller.training.centralized.reconstruction import Gap
 
 

@@ -16,7 +16,9 @@ PAGE_PORT = 8040
 
 SkeletonOption = Annotated[
     Path | None,
-    typer.Option("--skeleton", metavar="FILE.asf", help="The skeleton of an .amc; default: the one nearby."),
+    typer.Option(
+        "--skeleton", metavar="FILE", help="The .asf of an .amc (default: the one nearby); the body model of an .npz."
+    ),
 ]
 UnitOption = Annotated[
     float | None,

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from controller.mocap.clip import Clip
     from controller.rotations import Array
 
-RECORDINGS = (".amc", ".bvh", ".mat", ".clip", ".c3d")
 INDEX = ".index"
 
 # A loop is heard for so long, s, and twice at least, as a recording of it would be.
@@ -89,7 +88,8 @@ def index(
     rows: list[Any] = []
     left_out: dict[str, str] = {}
     for source in sources:
-        for file in _recordings(Path(source)):
+        files = _recordings(Path(source))
+        for file in files:
             try:
                 clip = _cut(file, None, None)
                 encoding = encoding_of(clip.skeleton)
@@ -98,7 +98,7 @@ def index(
             except MotiondeckError as error:
                 left_out[str(file)] = str(error)
                 print(f"motiondeck: left out: {error}", file=sys.stderr)
-        if not (Path(source).is_dir() or Path(source).suffix.lower() in RECORDINGS):
+        if not files and not Path(source).is_dir():
             more, numbers = _of_library(source)
             names += [f"{source}/{name}" for name in more]
             rows += list(numbers)
@@ -198,8 +198,10 @@ def _weight(given: str) -> tuple[str, float]:
 
 def _recordings(source: Path) -> list[Path]:
     """The recordings below a folder, or a single one."""
+    from controller.mocap.formats.reading import RECORDINGS, recordings_below
+
     if source.is_dir():
-        return sorted(path for path in source.rglob("*") if path.suffix.lower() in RECORDINGS)
+        return recordings_below(source)
     return [source] if source.suffix.lower() in RECORDINGS else []
 
 

@@ -14,7 +14,7 @@ from controller.rotations import Array
 
 if TYPE_CHECKING:
     from controller.mocap.clip import Clip
-    from controller.mocap.formats.clip_facts import FittedClip
+    from controller.mocap.formats.reading import FittedClip
 
 FIGURES = 10
 COLOUR = {"left": "#e0803c", "right": "#3f7fb5", "middle": "#39414d"}

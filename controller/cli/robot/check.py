@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from controller.mocap.clip import Clip
-from controller.mocap.formats.reading import read_clip
+from controller.mocap.formats.reading import RECORDINGS, read_clip, recordings_below
 from motiondeck_base.errors import MotiondeckError
 from sim.models.robot_file import Solver, read_robot_file
 from sim.retargeting.robot_limbs import SIDES, RobotLimbs
@@ -18,7 +18,6 @@ from sim.robots.fidelity import carry, floor_measures, joint_measures, limb_erro
 from sim.robots.limb_directions import LimbDirections, beyond_limits
 from sim.robots.robot import load_robot
 
-RECORDINGS = (".amc", ".bvh", ".c3d", ".mat")
 MUST_BE_ZERO = ("bad", "beyond", "too_fast", "jumps")
 
 
@@ -28,10 +27,9 @@ def recordings(paths: Sequence[Path]) -> list[Path]:
     for path in paths:
         if not path.exists():
             raise MotiondeckError(f"{path}: there is no such file or folder")
-        inside = path.rglob("*") if path.is_dir() else [path]
-        found += sorted(file for file in inside if file.is_file() and file.suffix.lower() in RECORDINGS)
+        found += recordings_below(path) if path.is_dir() else [path]
     if not found:
-        raise MotiondeckError(f"{', '.join(map(str, paths))}: no recordings ({', '.join(RECORDINGS)}) there")
+        raise MotiondeckError(f"{', '.join(map(str, paths))}: no recordings ({', '.join(sorted(RECORDINGS))}) there")
     return found
 
 

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
 from typing import TypedDict
 
 import numpy as np
 
 from controller.mocap.anatomy import SIDES, Part, Side, anatomy
 from controller.mocap.canonical.body_doubts import doubts, taken_for
-from controller.mocap.clip import Clip
-from controller.mocap.formats.markers.c3d import read_c3d
-from controller.mocap.formats.markers.marker_fit import Fit, fit_markers
-from controller.mocap.formats.reading import read_clip
-from controller.mocap.reading_options import AS_FOUND, ReadingOptions
+from controller.mocap.formats.markers.marker_fit import Fit
+from controller.mocap.formats.reading import FittedClip
 
 LIMBS: tuple[Part, ...] = ("thigh", "shank", "foot", "upper arm", "forearm", "hand")
 
@@ -54,22 +49,6 @@ class Facts(TypedDict):
     fastest_joint: str
     fastest_speed: float
     gaps: Gaps | None
-
-
-@dataclass(frozen=True, eq=False)
-class FittedClip:
-    """A clip, and the markers it was fitted to where it was."""
-
-    clip: Clip
-    fit: Fit | None
-
-
-def read_recording(path: Path, options: ReadingOptions = AS_FOUND) -> FittedClip:
-    """As `reading.read_clip`, which see, but keeps how well a clip explains its markers."""
-    if path.suffix.lower() == ".c3d":
-        fit = fit_markers(read_c3d(path, options), path.stem)
-        return FittedClip(fit.clip, fit)
-    return FittedClip(read_clip(path, options), None)
 
 
 def facts(recording: FittedClip) -> Facts:

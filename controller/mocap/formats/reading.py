@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from controller.mocap.clip import Clip
@@ -10,54 +10,97 @@ from controller.mocap.encodings.joint_angles import read_taught_clip
 from controller.mocap.formats.acclaim.amc import read_amc
 from controller.mocap.formats.acclaim.asf import read_asf
 from controller.mocap.formats.bvh import read_bvh
+from controller.mocap.formats.gltf import read_gltf
 from controller.mocap.formats.jaeger_patterns import read_pattern
 from controller.mocap.formats.markers.c3d import read_c3d
-from controller.mocap.formats.markers.marker_fit import fit_markers
+from controller.mocap.formats.markers.joint_points import body_of_points, joint_points
+from controller.mocap.formats.markers.marker_fit import Fit, fit_markers
+from controller.mocap.formats.markers.tracks import Markers
+from controller.mocap.formats.markers.trc import read_trc
+from controller.mocap.formats.mvnx import read_mvnx
+from controller.mocap.formats.positions import is_table, read_positions
+from controller.mocap.formats.smpl import read_smpl
 from controller.mocap.reading_options import AS_FOUND, ReadingOptions
 from controller.mocap.rest_pose import turned_up
 from motiondeck_base.errors import FileFormatError
 
-RECORDINGS = frozenset({".amc", ".bvh", ".c3d", ".clip", ".mat"})
+_TREES = {
+    ".bvh": read_bvh,
+    ".npz": read_smpl,
+    ".mvnx": read_mvnx,
+    **dict.fromkeys((".gltf", ".glb", ".vrm", ".vrma"), read_gltf),
+}
+_TABLES = {".c3d": read_c3d, ".trc": read_trc, ".csv": read_positions}
+RECORDINGS = frozenset({".amc", ".mat", ".clip", *_TREES, *_TABLES})
 """The endings of the files that `read_clip` reads, in small letters."""
+_INSTEAD = {
+    ".asf": "a skeleton, not a motion. Give a recording that belongs to it (.amc).",
+    ".fbx": "a closed format that is not read. Convert it with FBX2glTF (to .glb), or in Blender: import it, then "
+    "File > Export > glTF 2.0 or Motion Capture (.bvh).",
+    ".pkl": "holds Python objects, which are never loaded. Save its arrays as .npz: poses, trans, mocap_framerate.",
+    ".blend": "Blender's own format. Export it there: File > Export > glTF 2.0 or Motion Capture (.bvh).",
+    ".usd": "not read. Convert it in Blender: import it, then File > Export > glTF 2.0.",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class FittedClip:
+    """A clip, and the fit to its markers where it came from markers on the skin."""
+
+    clip: Clip
+    fit: Fit | None
 
 
 def read_clip(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     """The clip in a recording.
 
     Args:
-        path: an Acclaim recording (.amc), a Biovision one (.bvh), markers on a body (.c3d), what a rig was taught by
-            hand (.clip) or one of Jaeger's MATLAB patterns (.mat); capitals do not matter.
+        path: Acclaim (.amc), Biovision (.bvh), bodies of the SMPL family (.npz), Xsens (.mvnx), glTF and VRM (.gltf,
+            .glb, .vrm, .vrma), markers or points in joints (.c3d, .trc), our own positions (.csv), what a rig was
+            taught by hand (.clip) or one of Jaeger's MATLAB patterns (.mat); capitals do not matter.
         options: what overrules the file. Without a skeleton, an .amc takes the .asf that `skeleton_of` finds in its
-            folder or the one above.
+            folder or the one above, and an .npz average proportions.
 
     Raises:
         FileFormatError: if the file is of another kind, its skeleton is not clear, or reading fails.
     """
-    match Path(path).suffix.lower():
-        case ".bvh":
-            return read_bvh(path, options)
-        case ".c3d":
-            return fit_markers(read_c3d(path, options), Path(path).stem).clip
-        case ".amc":
-            return _acclaim(path, options)
-        case ".mat":
-            _nothing_to_overrule(path, options)
-            return read_pattern(path)
-        case ".clip":
-            _nothing_to_overrule(path, options)
-            return read_taught_clip(path)
-        case ".asf":
-            raise FileFormatError(f"{path}: a skeleton, not a motion. Give a recording that belongs to it (.amc).")
-        case ".fbx":
-            raise FileFormatError(
-                f"{path}: .fbx is a closed format that is not read. Export it from Blender (File > Export > Motion "
-                "Capture) as .bvh, and read that."
-            )
-        case suffix:
-            raise FileFormatError(
-                f"{path}: no reader for '{suffix}' files. Supported are .amc (Acclaim, with its .asf), .bvh "
-                "(Biovision), .c3d (markers), .clip (taught by hand) and .mat (Jaeger's patterns)."
-            )
+    return read_fitted(path, options).clip
+
+
+def read_fitted(path: str | Path, options: ReadingOptions = AS_FOUND) -> FittedClip:
+    """As `read_clip`, which see, and how well the clip explains its markers."""
+    suffix = Path(path).suffix.lower()
+    if suffix in _TREES:
+        return FittedClip(_TREES[suffix](path, options), None)
+    if suffix in _TABLES:
+        found = _TABLES[suffix](path, options)
+        return FittedClip(found, None) if isinstance(found, Clip) else _of_markers(found, Path(path).stem)
+    if suffix == ".amc":
+        return FittedClip(_acclaim(path, options), None)
+    if suffix in (".mat", ".clip"):
+        _nothing_to_overrule(path, options)
+        return FittedClip(read_pattern(path) if suffix == ".mat" else read_taught_clip(path), None)
+    if suffix in _INSTEAD:
+        raise FileFormatError(f"{path}: {_INSTEAD[suffix]}")
+    known = ", ".join(sorted(RECORDINGS))
+    raise FileFormatError(f"{path}: no reader for '{suffix}' files. Supported are {known}.")
+
+
+def recordings_below(folder: Path) -> list[Path]:
+    """The recordings in a folder and the folders in it; of tables (.csv) those that hold positions."""
+    return sorted(
+        path
+        for path in folder.rglob("*")
+        if path.suffix.lower() in RECORDINGS and path.is_file() and (path.suffix.lower() != ".csv" or is_table(path))
+    )
+
+
+def _of_markers(markers: Markers, name: str) -> FittedClip:
+    """A body fitted to markers on its skin, or drawn through points in its joints."""
+    if joint_points(markers):
+        return FittedClip(body_of_points(markers, name), None)
+    fit = fit_markers(markers, name)
+    return FittedClip(fit.clip, fit)
 
 
 def skeleton_of(recording: Path, top: Path) -> Path | None:

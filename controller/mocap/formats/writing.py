@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from controller.mocap.clip import Clip
-from controller.mocap.formats.markers.c3d import Markers
+from controller.mocap.formats.markers.tracks import Markers
 from controller.mocap.rest_pose import TO_OURS
 from controller.mocap.skeleton import ROOT
 from controller.rotations import Array, conjugate, multiply, rotate, to_matrix

@@ -16,6 +16,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.mocap.formats.markers.tracks import FARTHEST, UNITS, Markers
 from controller.mocap.reading_options import AS_FOUND, ReadingOptions
 from controller.rotations import Array
 from motiondeck_base.errors import FileFormatError
@@ -23,30 +24,9 @@ from motiondeck_base.files import read_bytes, shortened
 
 BLOCK = 512
 INTEL, DEC, MIPS = 84, 85, 86
-UNITS = {"mm": 0.001, "cm": 0.01, "dm": 0.1, "m": 1.0, "in": 0.0254, "inch": 0.0254, "inches": 0.0254, "ft": 0.3048}
 TYPES = {-1: "S1", 1: "u1", 2: "i2", 4: "f4"}
-FARTHEST = 1e4  # m: a point beyond is a broken number
 
 Parameters: TypeAlias = dict[str, NDArray[np.generic]]  # "POINT:RATE" to its values, the first axis counting entries
-
-
-@dataclass(frozen=True, eq=False)
-class Markers:
-    """T frames of M points.
-
-    Attributes:
-        labels: of the points, as the file writes them.
-        rate: frames per second, Hz.
-        position: shape (T, M, 3), m, in the file's own axes; NaN where a point was not seen.
-        up: the axis that the file says is up, "x", "y" or "z"; None if it does not say.
-        source: the name of the file.
-    """
-
-    labels: tuple[str, ...]
-    rate: float
-    position: Array
-    up: str | None
-    source: str
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.mocap.clip import Clip
-from controller.mocap.formats.markers.c3d import Markers
+from controller.mocap.formats.markers.tracks import Markers, bridged
 from controller.mocap.orientation import orient
 from controller.mocap.rest_pose import TO_OURS
 from controller.mocap.skeleton import ROOT, Skeleton
@@ -102,7 +102,7 @@ def fit_markers(markers: Markers, name: str) -> Fit:
     """
     seen = _upright(markers, _named(markers))
     names = [marker for marker in BONE_OF if marker in seen]
-    filled = {marker: _bridged(seen[marker]) for marker in names}
+    filled = {marker: bridged(seen[marker]) for marker in names}
     joints = _joint_centres(filled)
     skeleton = _skeleton(joints, name)
     position, rotation = _first_guess(skeleton, joints)
@@ -140,7 +140,8 @@ def _named(markers: Markers) -> dict[str, Array]:
     if missing:
         raise FileFormatError(
             f"{markers.source}: markers {listed(missing)} are missing (there are: {listed(markers.labels)}). "
-            "A skeleton can be fitted to Vicon's full-body markers, labelled as CMU or Plug-in Gait does."
+            "A skeleton can be fitted to Vicon's full-body markers, labelled as CMU or Plug-in Gait does, and to "
+            "points in the joints (LHip, LKnee, LAnkle, LShoulder, LElbow, LWrist and so on)."
         )
     return found
 
@@ -154,13 +155,6 @@ def _upright(markers: Markers, seen: dict[str, Array]) -> dict[str, Array]:
         tall = np.nanmean(head, axis=(0, 1)) - np.nanmean(feet, axis=(0, 1))
         up = "y" if abs(tall[1]) > abs(tall[2]) else "z"
     return {marker: rotate(TO_OURS[up], track) for marker, track in seen.items()}
-
-
-def _bridged(track: Array) -> Array:
-    """A track (T, 3) with its gaps bridged by straight lines."""
-    there = np.flatnonzero(~np.isnan(track[:, 0]))
-    every = np.arange(len(track))
-    return np.stack([np.interp(every, there, track[there, axis]) for axis in range(3)], axis=-1)
 
 
 def _joint_centres(m: dict[str, Array]) -> dict[str, Array]:

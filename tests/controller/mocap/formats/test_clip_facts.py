@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from controller.mocap.clip import Clip
-from controller.mocap.formats.clip_facts import FittedClip, facts, gaps, read_recording
+from controller.mocap.formats.clip_facts import facts, gaps
 from controller.mocap.formats.markers.marker_fit import Fit
+from controller.mocap.formats.reading import FittedClip, read_fitted
 from recordings import BVH
 from simulated_bodies import human
 
@@ -31,7 +32,7 @@ def test_a_body_that_slides_along():
 
 def test_one_frame_does_not_move(tmp_path):
     (tmp_path / "still.bvh").write_text("\n".join(BVH.replace("Frames: 2", "Frames: 1").splitlines()[:-1]))
-    known = facts(read_recording(tmp_path / "still.bvh"))
+    known = facts(read_fitted(tmp_path / "still.bvh"))
     assert known["fastest_speed"] == known["path"] == 0.0
     assert known["frames"] == 1
 

@@ -1,5 +1,7 @@
 """Whatever bytes a file holds, a reader answers with a clip, a skeleton, or one line that names the file."""
 
+import io
+
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
@@ -10,8 +12,11 @@ from controller.mocap.formats.acclaim.asf import read_asf
 from controller.mocap.formats.bvh import read_bvh
 from controller.mocap.formats.jaeger_patterns import read_pattern
 from controller.mocap.formats.markers.c3d import read_c3d
+from controller.mocap.formats.reading import read_clip
 from motiondeck_base.errors import MotiondeckError
+from people import moving
 from recordings import AMC, ASF, BVH, c3d_bytes, mat_bytes, pattern_fields
+from written_files import gltf_file, mvnx_text, trc_text
 
 pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")
 
@@ -73,7 +78,7 @@ def check_clip(clip):
     assert clip.rotation.shape == (len(clip), 1 + len(clip.skeleton), 4)
 
 
-@settings(max_examples=300)
+@settings(max_examples=150)
 @given(st.binary(max_size=300) | mangled(ASF.encode()))
 @example(ASF.encode())
 @example(b":root\norder\n:bonedata\n:hierarchy\n")
@@ -85,7 +90,7 @@ def test_any_skeleton_file(tmp_path, content):
         assert np.isfinite(skeleton.axis).all()
 
 
-@settings(max_examples=300)
+@settings(max_examples=150)
 @given(st.binary(max_size=300) | mangled(AMC.encode()))
 @example(AMC.encode())
 @example(b"1\n")
@@ -107,7 +112,7 @@ def test_any_skeleton_with_a_sound_recording(tmp_path, content):
         survive(lambda path: read_amc(tmp_path / "bow.amc", skeleton), tmp_path / "bow.amc", AMC.encode())
 
 
-@settings(max_examples=300)
+@settings(max_examples=150)
 @given(st.binary(max_size=300) | mangled(BVH.encode()))
 @example(BVH.encode())
 @example(b"HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 1 Xrotation\n}\nMOTION\nFrames: 1\nFrame Time: 1\n0\n")
@@ -122,7 +127,7 @@ SEEN = np.random.default_rng(0).normal(0.0, 900.0, (3, 5, 3))
 LABELS = ["a:C7", "a:CLAV", "a:LKNE", "b:C7", "*5"]
 
 
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(
     st.binary(max_size=300)
     | mangled(c3d_bytes(LABELS, SEEN))
@@ -139,7 +144,7 @@ def test_any_marker_file(tmp_path, content):
         assert markers.rate > 0
 
 
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(st.integers(0, 1500), st.binary(min_size=1, max_size=8))
 def test_any_damage_to_header_and_parameters_of_a_marker_file(tmp_path, place, piece):
     content = bytearray(c3d_bytes(LABELS, SEEN))
@@ -147,7 +152,34 @@ def test_any_damage_to_header_and_parameters_of_a_marker_file(tmp_path, place, p
     survive(read_c3d, tmp_path / "hostile.c3d", bytes(content))
 
 
-@settings(max_examples=400)
+def npz_bytes(**arrays):
+    content = io.BytesIO()
+    np.savez(content, **arrays)
+    return content.getvalue()
+
+
+SHORT = moving(frames=2)
+WHOLE = {
+    ".npz": npz_bytes(poses=np.ones((2, 66)), trans=np.ones((2, 3)), mocap_framerate=60.0),
+    ".mvnx": mvnx_text(SHORT).encode(),
+    ".trc": trc_text(["LKNE", "C7"], np.ones((2, 2, 3)), 60.0).encode(),
+    ".glb": gltf_file(SHORT).glb(),
+    ".gltf": gltf_file(SHORT).gltf().encode(),
+    ".csv": b"time_s,root.x,root.y,root.z,a.x,a.y,a.z\n0,0,0,1,0,0,2\n0.1,0,0,1,0,0.1,2\n",
+}
+
+
+@pytest.mark.parametrize("suffix", WHOLE)
+@settings(max_examples=40)
+@given(data=st.data())
+def test_any_file_of_the_newer_formats(tmp_path, suffix, data):
+    content = data.draw(st.binary(max_size=300) | mangled(WHOLE[suffix]))
+    clip = survive(read_clip, tmp_path / f"hostile{suffix}", content)
+    if clip is not None:
+        check_clip(clip)
+
+
+@settings(max_examples=150)
 @given(
     st.binary(max_size=300)
     | st.binary(max_size=300).map(lambda tail: b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + tail)
@@ -163,7 +195,7 @@ def test_any_mat_file(tmp_path, content):
         check_clip(clip)
 
 
-@settings(max_examples=400)
+@settings(max_examples=150)
 @given(st.integers(128, 600), st.binary(min_size=1, max_size=8))
 def test_any_damage_to_the_headers_in_a_mat_file(tmp_path, place, piece):
     """The first few hundred bytes hold the kinds, sizes and names that a parser trusts most."""

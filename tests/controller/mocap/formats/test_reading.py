@@ -54,7 +54,10 @@ def test_a_recording_without_a_skeleton_is_refused(folder):
     [
         ("gone.amc", "no such file"),
         ("gone.mat", "No such file"),
-        ("walk.fbx", r"\.fbx is a closed format that is not read\. Export it from Blender .* as \.bvh"),
+        (
+            "walk.fbx",
+            r"walk\.fbx: a closed format that is not read\. Convert it with FBX2glTF \(to \.glb\), or in Blender",
+        ),
         ("walk", "no reader for '' files"),
         ("mannequin.asf", "a skeleton, not a motion"),
         ("zero\0byte.amc", "no such file"),

@@ -1,0 +1,145 @@
+"""Our own CSV read back: time in s, then x, y, z of joints or of markers, m (`writing` writes them).
+
+    time_s,root.x,root.y,root.z,lhipjoint.x, ...
+    0.000000,0.1,0.2,0.9, ...
+
+A table that begins with `root` is a body: each column is where a bone ends. Which bones there are, it does not say, so
+they are found: each joint hangs from that earlier one from which it keeps its distance best, and of those that keep it
+equally well, from the nearest. Bones called "A-B" and "A-C" start in one joint, as `joint_tree` names them. The file
+does not say how bones are twisted; `orientation` settles it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from controller.mocap.clip import Clip
+from controller.mocap.formats.markers.tracks import FARTHEST, Markers
+from controller.mocap.orientation import orient
+from controller.mocap.reading_options import AS_FOUND, ReadingOptions
+from controller.mocap.rest_pose import TO_OURS, RecordedBody, stand
+from controller.mocap.skeleton import ROOT, Skeleton
+from controller.rotations import Array, continuous, normalise, rotate
+from motiondeck_base.errors import FileFormatError
+from motiondeck_base.files import Line, as_float, read_lines, shortened
+
+MOST_NUMBERS = 30_000_000
+MOST_COLUMNS = 3000
+COMPARED = 400  # frames in which distances are compared
+WRITTEN = 1e-5  # m: files have six digits, so a distance that varies by less is kept
+NO_LENGTH = 1e-5  # m
+
+
+@dataclass(frozen=True, eq=False)
+class _Positions:
+    names: tuple[str, ...]
+    rate: float
+    position: Array  # (T, N, 3), m; NaN where a place is empty
+
+
+def read_positions(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip | Markers:
+    """The body, or the markers, whose positions are in a CSV.
+
+    Raises:
+        FileFormatError: naming file and line, if it cannot be read or is no such table.
+    """
+    table = _table(path)
+    position = table.position * (options.unit or 1.0)
+    names = options.renamed(table.names, path)
+    if table.names[0] != "root":
+        return Markers(names, table.rate, position, options.up or "z", Path(path).name)
+    if len(names) < 2 or np.isnan(position).any():
+        raise FileFormatError(f"{path}: a body needs its root and all other joints in every frame. Fill the gaps.")
+    name = Path(path).stem
+    parent = _hung(names, position)
+    body = _body(names[1:], parent, rotate(TO_OURS[options.up or "z"], position))
+    skeleton, root, rotation = stand(name, body, 1.0, "z")
+    return Clip(name, skeleton, table.rate, root, continuous(rotation), Path(path).name)
+
+
+def is_table(path: Path) -> bool:
+    """Whether a .csv is one of positions: its first word says so."""
+    try:
+        with path.open("rb") as file:
+            return file.read(7) == b"time_s,"
+    except OSError:
+        return False
+
+
+def _table(path: str | Path) -> _Positions:
+    """The names of the columns, the rate, and the numbers."""
+    lines = [Line(path, number, text.split(",")) for number, text in enumerate(read_lines(path), 1) if text.strip()]
+    if not lines:
+        raise FileFormatError(f"{path}: there is nothing in it. Write it again.")
+    head, rows = lines[0], lines[1:]
+    columns = [word.strip().strip('"') for word in head.words]
+    if columns[0] != "time_s" or len(columns) < 4 or len(columns) % 3 != 1 or len(columns) > MOST_COLUMNS:
+        raise head.error("expected 'time_s' and then x, y and z of each joint, such as 'root.x,root.y,root.z'.")
+    names = tuple(column[:-2] for column in columns[1::3])
+    wanted = [f"{name}.{axis}" for name in names for axis in "xyz"]
+    if wanted != columns[1:] or len(set(names)) < len(names):
+        raise head.error("expected x, y and z of each joint side by side, no two joints alike.")
+    if len(rows) * len(columns) > MOST_NUMBERS:
+        raise FileFormatError(f"{path}: {len(rows)} frames do not fit into memory. Cut the recording into pieces.")
+    if not rows:
+        raise FileFormatError(f"{path}: there are no frames in it. Write it again.")
+    numbers = np.array([_row(line, len(columns)) for line in rows])
+    time, position = numbers[:, 0], numbers[:, 1:].reshape(len(rows), -1, 3)
+    steps = np.diff(time)
+    if np.isnan(time).any() or (len(steps) and not (steps.min() > 0.0 and np.ptp(steps) < 0.1 * steps.mean() + 2e-6)):
+        raise FileFormatError(f"{path}: the times are not evenly spaced. Resample the recording.")
+    rate = len(steps) / float(time[-1] - time[0]) if len(steps) else 120.0
+    rate = round(rate, 2) if abs(rate - round(rate, 2)) < 1e-4 * rate else rate
+    position[np.isnan(position).any(axis=-1)] = np.nan
+    return _Positions(names, rate, position)
+
+
+def _row(line: Line, count: int) -> list[float]:
+    if len(line.words) != count:
+        raise line.error(
+            f"{len(line.words)} values, but the first line names {count}. (Decimals are written with a dot.)"
+        )
+    numbers: list[float] = []
+    for word in line.words:
+        value = math.nan if not word.strip() else as_float(word)
+        if value is None or abs(value) > FARTHEST or math.isinf(value):
+            raise line.error(f"expected a number, found '{shortened(word)}'.")
+        numbers.append(value)
+    return numbers
+
+
+def _hung(names: tuple[str, ...], position: Array) -> list[int]:
+    """The joint that each but the root (the first) hangs from."""
+    seen = position[:: max(1, len(position) // COMPARED)]
+    start = [name.partition("-")[0] if "-" in name else name for name in names]
+    parent: dict[int, int] = {}
+    for joint in range(1, len(names)):
+        if joint in parent:
+            continue
+        together = [other for other in range(joint, len(names)) if start[other] == start[joint]]
+        apart = np.sqrt(np.square(seen[:, None, :joint] - seen[:, together, None]).sum(-1))
+        varies = apart.std(axis=0).max(axis=0)
+        keeps = varies <= max(WRITTEN, 1.01 * float(varies.min()))
+        nearest = int(np.argmin(np.where(keeps, apart.mean(axis=(0, 1)), np.inf)))
+        parent |= dict.fromkeys(together, nearest)
+    return [parent[joint] for joint in range(1, len(names))]
+
+
+def _body(names: tuple[str, ...], parent: list[int], position: Array) -> RecordedBody:
+    """Bones between joints (T, 1 + B, 3) that hang as given; the zero pose is the one of the first frame."""
+    line = position[:, 1:] - position[:, parent]
+    length = np.median(np.sqrt(np.square(line).sum(-1)), axis=0)
+    direction = normalise(line)
+    for bone, above in enumerate(parent):
+        if length[bone] < NO_LENGTH:  # points nowhere: goes along with what carries it
+            length[bone] = 0.0
+            direction[:, bone] = direction[:, above - 1] if above > 0 else np.array([0.0, 0.0, 1.0])
+    hangs = np.array(parent) - 1
+    skeleton = Skeleton("", names, np.where(hangs < 0, ROOT, hangs), direction[0], length)
+    return RecordedBody(
+        names, skeleton.parent, direction[0] * length[:, None], position[:, 0], orient(skeleton, direction)
+    )

@@ -1,0 +1,115 @@
+"""Our CSV read back is the same body; markers in a CSV are markers; other tables are refused."""
+
+import numpy as np
+import pytest
+
+from bodies import random_body, random_clip
+from controller.mocap.canonical.canonical_body import to_canonical
+from controller.mocap.canonical.clip_edits import mirrored
+from controller.mocap.clip import Clip
+from controller.mocap.formats.positions import read_positions
+from controller.mocap.formats.reading import read_clip, recordings_below
+from controller.mocap.formats.writing import csv_text, markers_csv, write_clip
+from controller.mocap.reading_options import ReadingOptions
+from motiondeck_base.errors import FileFormatError
+from people import moving
+from written_files import gltf_file
+
+
+@pytest.fixture
+def walk(tmp_path):
+    (tmp_path / "walk.glb").write_bytes(gltf_file(moving(frames=40)).glb())
+    return read_clip(tmp_path / "walk.glb")
+
+
+def back(tmp_path, clip):
+    write_clip(clip, tmp_path / "back.csv")
+    return read_clip(tmp_path / "back.csv")
+
+
+@pytest.mark.parametrize("change", [lambda clip: clip, to_canonical, mirrored])
+def test_a_body_comes_back_with_its_bones(tmp_path, walk, change):
+    clip = change(walk)
+    again = back(tmp_path, clip)
+    assert again.skeleton.bones == clip.skeleton.bones
+    assert np.array_equal(again.skeleton.parent, clip.skeleton.parent)
+    assert (again.rate, len(again)) == (clip.rate, len(clip))
+    assert np.abs(again.joints() - clip.joints()).max() < 2e-5
+    one, other = to_canonical(again), to_canonical(clip)
+    assert np.abs(one.joints() - other.joints()).max() < 2e-5
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_bones_of_any_tree_are_found(tmp_path, seed):
+    rng = np.random.default_rng(seed)
+    clip = random_clip(rng, random_body(rng, 20), 30)
+    again = back(tmp_path, clip)
+    assert np.array_equal(again.skeleton.parent, clip.skeleton.parent)
+
+
+def test_one_frame_is_a_pose(tmp_path, walk):
+    one = Clip("one", walk.skeleton, walk.rate, walk.root_position[:1], walk.rotation[:1])
+    assert np.abs(back(tmp_path, one).joints() - one.joints()).max() < 2e-5
+
+
+def test_markers_stay_markers(tmp_path):
+    from controller.mocap.formats.markers.tracks import Markers
+
+    seen = np.random.default_rng(0).normal(size=(4, 3, 3))
+    seen[1, 2] = np.nan
+    markers = Markers(("LKNE", "C7", "CLAV"), 120.0, seen, "z", "a.c3d")
+    (tmp_path / "m.csv").write_text(markers_csv(markers, seen))
+    again = read_positions(tmp_path / "m.csv")
+    assert isinstance(again, Markers)
+    assert again.labels == markers.labels
+    assert np.allclose(again.position, seen, atol=1e-6, equal_nan=True)
+    with pytest.raises(FileFormatError, match=r"m\.csv: markers LFWT, .* are missing"):
+        read_clip(tmp_path / "m.csv")
+
+
+def test_unit_and_names_are_overruled(tmp_path, walk):
+    write_clip(walk, tmp_path / "walk.csv")
+    bigger = read_clip(tmp_path / "walk.csv", ReadingOptions(unit=1.1, rename={"LeftLeg": "LeftShin"}))
+    assert "LeftShin" in bigger.skeleton.bones
+    assert np.allclose(bigger.joints(), 1.1 * walk.joints(), atol=2e-5)
+
+
+def decimal_commas(text):
+    head, *rows = text.splitlines()
+    return "\n".join([head, *(row.replace(".", ",") for row in rows)])
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda text: text.replace("time_s", "time"), "line 1: expected 'time_s'"),
+        (lambda text: text.replace(".y", ".b"), "line 1: expected x, y and z of each joint side by side"),
+        (lambda text: text.replace("LeftArm.", "LeftLeg."), "no two joints alike"),
+        (lambda text: text.splitlines()[0], "no frames in it"),
+        (lambda text: text.replace(",", ";"), "line 1: expected 'time_s'"),
+        (lambda text: decimal_commas(text), r"line 2: .*\(Decimals are written with a dot"),
+        (lambda text: text.replace(",0.", ",zero.", 1), "line 2: expected a number, found 'zero"),
+        (lambda text: text.replace(",0.", ",nan0.", 1), "line 2: expected a number"),
+        (lambda text: text[: text.rindex(",")], "values, but the first line names"),
+        (lambda text: text[: text.rindex(",") + 1], "Fill the gaps"),
+        (lambda text: text.replace("\n0.016667", "\n0.5"), "times are not evenly spaced"),
+        (lambda text: "\n".join(text.splitlines()[:2] + text.splitlines()[1:2]), "times are not evenly spaced"),
+    ],
+)
+def test_another_table_is_one_line(tmp_path, walk, change, said):
+    text = csv_text(walk)
+    (tmp_path / "odd.csv").write_text(change(text))
+    with pytest.raises(FileFormatError, match=said) as caught:
+        read_clip(tmp_path / "odd.csv")
+    assert "odd.csv" in str(caught.value)
+
+
+def test_line_ends_do_not_matter(tmp_path, walk):
+    (tmp_path / "dos.csv").write_text(csv_text(walk).replace("\n", "\r\n"))
+    assert np.abs(read_clip(tmp_path / "dos.csv").joints() - walk.joints()).max() < 2e-5
+
+
+def test_folders_are_searched_for_tables_of_positions_only(tmp_path, walk):
+    write_clip(walk, tmp_path / "ours.csv")
+    (tmp_path / "other.csv").write_text("name,age\n")
+    assert [path.name for path in recordings_below(tmp_path)] == ["ours.csv", "walk.glb"]
