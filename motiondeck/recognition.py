@@ -105,7 +105,7 @@ def learn_recognizer(
     recordings: str | Path | Mapping[str, Collection[Clip]],
     *,
     rate: float = 30.0,
-    tempos: Collection[float] = (1.0,),
+    stretches: Collection[float] = (1.0,),
     seed: int = 1,
 ) -> Recognizer:
     """Learns to tell motions apart.
@@ -113,14 +113,14 @@ def learn_recognizer(
     Args:
         recordings: a folder with one folder of recordings a motion, or the clips of each motion by its name.
         rate: frames per second that are looked at, Hz.
-        tempos: each clip is learned as if it took so many times as long, once for each.
+        stretches: each clip is learned as if it took so many times as long, once for each factor.
         seed: of the reservoir.
 
     Raises:
         MotiondeckError: if there are fewer than two motions, or a recording cannot be used.
     """
     dataset = read_dataset(Path(recordings)) if isinstance(recordings, str | Path) else _labelled(recordings)
-    return Recognizer(train_recognizer(dataset, FeatureRecipe(rate=rate), ExpertRecipe(seed=seed), tuple(tempos)))
+    return Recognizer(train_recognizer(dataset, FeatureRecipe(rate=rate), ExpertRecipe(seed=seed), tuple(stretches)))
 
 
 def load_recognizer(path: str | Path) -> Recognizer:

@@ -24,7 +24,7 @@ from benchmarks.recognition.methods import Method, Prepare, at_recorded_angles, 
 from benchmarks.recognition.motion_templates import motion_templates, relations
 from benchmarks.recognition.self_organising_map import motion_strings
 from benchmarks.recognition.unknown import Doubter
-from controller.recognition.experts import ANY_TEMPO_LEAK, ExpertRecipe
+from controller.recognition.experts import STRETCHED_LEAK, ExpertRecipe
 from controller.recognition.features import ENDS, FeatureRecipe, features, with_velocity
 from controller.recognition.labelled_recordings import Dataset, Example
 from controller.rotations import Array
@@ -49,9 +49,9 @@ def ours(seed: int, look: FeatureRecipe = WITH_VELOCITY) -> list[Method]:
     return [Method(OURS, looking_at(look), shared_experts(ExpertRecipe(seed=seed)))]
 
 
-def at_any_tempo(seed: int) -> Method:
-    """Our experts for motions that are learned at several tempos: neurons without a time constant of their own."""
-    return Method(OURS, looking_at(WITH_VELOCITY), shared_experts(ExpertRecipe(leak=ANY_TEMPO_LEAK, seed=seed)))
+def learned_stretched(seed: int) -> Method:
+    """Our experts for motions that are learned at several durations: neurons without a time constant of their own."""
+    return Method(OURS, looking_at(WITH_VELOCITY), shared_experts(ExpertRecipe(leak=STRETCHED_LEAK, seed=seed)))
 
 
 def candidates(seed: int) -> list[Method]:
@@ -131,6 +131,6 @@ def contenders() -> dict[str, tuple[Seeded, bool]]:
     }
 
 
-def _aligned(example: Example, tempo: float) -> Array:
+def _aligned(example: Example, stretch: float) -> Array:
     """Joint positions and their velocities, every clip brought to the same number of frames."""
-    return with_velocity(aligned(features(example.clip, POSITIONS, tempo), ALIGNED_FRAMES), POSITIONS.rate)
+    return with_velocity(aligned(features(example.clip, POSITIONS, stretch), ALIGNED_FRAMES), POSITIONS.rate)

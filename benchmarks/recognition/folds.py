@@ -17,7 +17,7 @@ from controller.recognition.splits import Fold, Indices, Protocol, folds, inner_
 from controller.rotations import Array
 
 WARPS = (0.5, 0.7, 0.85, 1.0, 1.2, 1.4, 2.0)
-TEMPOS = (0.7, 1.0, 1.4)
+STRETCHES = (0.7, 1.0, 1.4)
 DIMENSIONS = (2, 3, 5, 10, 15, 20, 30, 42)
 
 
@@ -119,12 +119,12 @@ def warp_curve(
     """Accuracy when motions are asked at `x` times their duration, and learned at each of `taught` times it."""
     labels, classes = dataset.labels, len(dataset.classes)
     count, copies = len(labels), len(taught)
-    learned = [method.look(example, tempo) for tempo in taught for example in dataset.examples]
+    learned = [method.look(example, stretch) for stretch in taught for example in dataset.examples]
     every = np.tile(labels, copies + 1)
     out: list[Point] = []
     for warp in warps:
         asked = [method.look(example, warp) for example in dataset.examples]
-        # Each example stands there at each tempo, to be learned, and warped, to be asked.
+        # Each example is there at each stretch, for learning, and warped, for testing.
         score = method.prepare(learned + asked, every, classes)
         right = [
             score(np.concatenate([learn + copy * count for copy in range(copies)]), ask + copies * count).argmin(1)

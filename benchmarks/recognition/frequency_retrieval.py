@@ -23,14 +23,14 @@ FREQUENCIES = np.array([n for n in range(NUMBERS_A_PART * len(PARTS)) if n % NUM
 ALL_NUMBERS = np.arange(NUMBERS_A_PART * len(PARTS))
 
 
-def frequency_vector(example: Example, tempo: float) -> Array:
+def frequency_vector(example: Example, stretch: float) -> Array:
     """What a clip is known by (see `signature`), shape (1, 9).
 
     Raises:
         MotiondeckError: if the clip is too short to tell frequencies.
     """
     encoding = encoding_of(example.clip.skeleton)
-    return signature(encoding, encoding.encode(example.clip), example.clip.rate / tempo)[None]
+    return signature(encoding, encoding.encode(example.clip), example.clip.rate / stretch)[None]
 
 
 def nearest_frequencies(numbers: NDArray[np.int64]) -> Prepare:

@@ -32,7 +32,7 @@ from controller.rotations import Array
 
 # (learn, ask) -> the cost of each class for each asked example, shape (len(ask), classes); least is nearest.
 Scorer: TypeAlias = Callable[[Indices, Indices], Array]
-Look: TypeAlias = Callable[[Example, float], Array]  # an example, played at a tempo, as a signal (T, C)
+Look: TypeAlias = Callable[[Example, float], Array]  # an example, stretched in time by a factor, as a signal (T, C)
 Prepare: TypeAlias = Callable[[list[Array], Indices, int], Scorer]  # signals, labels, how many classes
 
 
@@ -53,13 +53,13 @@ class Method:
 
 def looking_at(recipe: FeatureRecipe) -> Look:
     """A look at the features of a recipe."""
-    return lambda example, tempo: features(example.clip, recipe, tempo)
+    return lambda example, stretch: features(example.clip, recipe, stretch)
 
 
-def at_recorded_angles(example: Example, tempo: float) -> Array:
+def at_recorded_angles(example: Example, stretch: float) -> Array:
     """What the proposal looks at: the 59 angles as they stand in the file, at the rate of the recording."""
     angles = recorded_angles(example.path)
-    return angles if tempo == 1.0 else resampled(angles, 1.0, tempo)
+    return angles if stretch == 1.0 else resampled(angles, 1.0, stretch)
 
 
 def learned_by_class(learn: Indices, labels: Indices, classes: int) -> list[Indices]:

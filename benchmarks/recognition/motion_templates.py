@@ -27,7 +27,7 @@ NEEDED = tuple(side + bone for bone in ("femur", "tibia", "foot", "humerus", "ra
 NEEDED = (*NEEDED, "thorax", "head")
 
 
-def relations(example: Example, tempo: float) -> Array:
+def relations(example: Example, stretch: float) -> Array:
     """Yes (1) or no (0) to each relation, frame by frame, shape (T, 34); lengths are shares of the leg's.
 
     Raises:
@@ -39,10 +39,10 @@ def relations(example: Example, tempo: float) -> Array:
         raise MotiondeckError(
             f"{example.path}: motion templates need a bone '{missing[0]}', which is not in its skeleton."
         )
-    world = resampled(clip.joints().reshape(len(clip), -1), clip.rate / tempo, RATE).reshape(
+    world = resampled(clip.joints().reshape(len(clip), -1), clip.rate / stretch, RATE).reshape(
         -1, len(clip.skeleton) + 1, 3
     )
-    facing = resampled(np.unwrap(heading_of(clip))[:, None], clip.rate / tempo, RATE)[:, 0]
+    facing = resampled(np.unwrap(heading_of(clip))[:, None], clip.rate / stretch, RATE)[:, 0]
     leg = clip.skeleton.leg_length
     seen = rotate(conjugate(yaw(facing))[:, None], world - world[:, :1]) / leg
     joint = {name: seen[:, clip.skeleton.index(name) + 1] for name in NEEDED}

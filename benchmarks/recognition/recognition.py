@@ -16,13 +16,13 @@ from benchmarks.recognition.contenders import (
     COMMITTEE,
     OURS,
     WITH_VELOCITY,
-    at_any_tempo,
     contenders,
     doubters,
+    learned_stretched,
     ours,
 )
 from benchmarks.recognition.first_check import checks
-from benchmarks.recognition.folds import TEMPOS, dimension_curves, measure, warp_curve
+from benchmarks.recognition.folds import STRETCHES, dimension_curves, measure, warp_curve
 from benchmarks.recognition.recognition_cost import cost
 from benchmarks.recognition.recognition_plots import draw
 from benchmarks.recognition.unknown import Doubter, nested_unknown_auc, unknown_auc
@@ -120,8 +120,8 @@ def _more(dataset: Dataset, protocols: list[Any], seeds: int) -> dict[str, Any]:
         for protocol in protocols:
             done(f"time warp, {protocol}")
             out["time_warp"][protocol] = msgspec.to_builtins(warp_curve(ours(1)[0], dataset, protocol))
-            taught = warp_curve(at_any_tempo(1), dataset, protocol, taught=TEMPOS)
-            out["time_warp"][f"{protocol}, learned at three tempos"] = msgspec.to_builtins(taught)
+            taught = warp_curve(learned_stretched(1), dataset, protocol, taught=STRETCHES)
+            out["time_warp"][f"{protocol}, learned at three stretches"] = msgspec.to_builtins(taught)
             done(f"dimensions, {protocol}")
             out["dimensions"][protocol] = msgspec.to_builtins(dimension_curves(dataset, protocol, ExpertRecipe()))
             done(f"unknown motions, {protocol}")

@@ -31,8 +31,8 @@ FRAMES, KERNELS = 96, 4000
 SEEDS = (1, 2, 3)
 
 
-def at_one_length(example: Example, tempo: float):
-    signal = features(example.clip, POSITIONS, tempo)
+def at_one_length(example: Example, stretch: float):
+    signal = features(example.clip, POSITIONS, stretch)
     return resampled(signal, (len(signal) - 1) / (FRAMES - 1), 1.0)[:FRAMES]
 
 

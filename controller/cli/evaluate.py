@@ -17,51 +17,39 @@ if TYPE_CHECKING:
 
 MEASURES = ("accuracy", "robustness", "stability", "transitions")
 
-# What was measured here once, and the benchmark that measures it now.
-MOVED = {
-    "cost": "training_cost RECIPE --data DIR",
-    "segments": "vakulenko RECORDING segments",
-    "models": "vakulenko RECORDING models",
-    "coordinates": "vakulenko RECORDING coordinates",
-    "reconstruction": "vakulenko RECORDING reconstruction",
-    "centralized-table1": "vakulenko_table1 DIR",
-}
-
 
 def evaluate(
     subject: Annotated[str, typer.Argument(metavar="LIBRARY|RECIPE", help="A library, or a recipe (.toml).")],
-    measure: Annotated[str, typer.Argument(metavar="|".join(MEASURES), help="What to measure.")] = "",
-    data: Annotated[Path | None, typer.Option("--data", metavar="DIR", help="The folder with the recordings.")] = None,
-    seeds: Annotated[int, typer.Option("--seeds", min=1, max=1000, help="Networks to train from a recipe.")] = 3,
+    measure: Annotated[str, typer.Argument(metavar="|".join(MEASURES), help="What to measure.")],
+    data: Annotated[Path, typer.Option("--data", metavar="DIR", help="The folder with the recordings.")],
+    seeds: Annotated[
+        int, typer.Option("--seeds", min=1, max=1000, help="Number of networks to train from a recipe.")
+    ] = 3,
     first_seed: Annotated[int, typer.Option("--first-seed", min=0, help="Seed of the first network.")] = 0,
     runs: Annotated[int, typer.Option("--runs", min=1, max=100_000, help="Runs per motion and network.")] = 100,
     jobs: Annotated[int, typer.Option("--jobs", help="Parallel processes; -1 for one per core.")] = -1,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
     table: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Write the table as CSV.")] = None,
-    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw it (.png, .svg, .pdf).")] = None,
-    paper: Annotated[bool, typer.Option("--paper", hidden=True)] = False,
+    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw a plot (.png, .svg, .pdf).")] = None,
 ) -> None:
     """Measure how well networks learn, whether they survive disturbances, and how they switch.
 
-    accuracy: training errors and self-test of a recipe's networks. robustness: failures of runs that start from a
-    disturbed state. stability: failures of runs with noise in every step. transitions: all pairs of motions, joined
-    in four ways.
+    accuracy: training errors and self-tests of a recipe's networks. robustness: failures after a start from a
+    disturbed state. stability: failures under noise in every step. transitions: switches between all pairs of
+    motions, joined in four ways.
 
-    Networks of a recipe are trained with consecutive seeds; a library is evaluated as it is. Runs are judged by the
-    criterion of the self-test (docs/evaluation.md).
+    A recipe is trained with consecutive seeds; a library is measured as it is. Runs are judged by the criterion of
+    the self-test (docs/evaluation.md).
 
     [bold]Example[/]
 
       motiondeck evaluate configs/libraries/thesis15.toml robustness --data recordings --seeds 3 --runs 100
     """
     from controller.evaluation.evaluation import read_evaluation
-    from motiondeck_base.errors import MotiondeckError, UnknownNameError
+    from motiondeck_base.errors import UnknownNameError
 
-    _refuse_moved(subject, measure, paper)
     if measure not in MEASURES:
         raise UnknownNameError.among("measure", measure, MEASURES)
-    if data is None:
-        raise MotiondeckError("--data is missing: the folder that holds the recordings")
     check_folder(table)
     if plot is not None:
         from controller.cli.pictures.figures import check_picture
@@ -80,21 +68,6 @@ def evaluate(
     else:
         result = failures(evaluation, "stability" if measure == "stability" else "robustness", chosen, runs, jobs)
     deliver(result, csv_file=table, plot=plot, draw=draw, as_json=as_json)
-
-
-def _refuse_moved(subject: str, measure: str, paper: bool) -> None:
-    """Names the new command to whoever types an old one.
-
-    Raises:
-        MotiondeckError: for what the benchmarks measure now.
-    """
-    from motiondeck_base.errors import MotiondeckError
-
-    moved = MOVED.get(subject) or MOVED.get(measure)
-    if moved is None and paper:
-        moved = f"thesis RECIPE {measure or '|'.join(MEASURES[:3])} --data DIR"
-    if moved is not None:
-        raise MotiondeckError(f"this is a benchmark now; from a source checkout: python -m benchmarks {moved}")
 
 
 def accuracy(evaluation: Evaluation, seeds: range) -> Table:

@@ -19,23 +19,25 @@ def fit(
         list[Path],
         typer.Argument(
             metavar="RECIPE | CLIP...",
-            help="The recipe, a TOML file such as configs/libraries/thesis15.toml; or clips taught to a rig by hand.",
+            help="A recipe (TOML), such as configs/libraries/thesis15.toml, or clips from `motiondeck rig teach`.",
         ),
     ],
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where the library goes (.safetensors).")],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The library to write (.safetensors).")],
     data: Annotated[
         Path | None, typer.Option("--data", metavar="DIR", help="The folder with the recipe's recordings.")
     ] = None,
     centers: Annotated[
         str | None,
-        typer.Option("--centers", metavar="N|auto", help="Of a centralized network, not the recipe's."),
+        typer.Option(
+            "--centers", metavar="N|auto", help="Number of centers of a centralized network; default: the recipe's."
+        ),
     ] = None,
     satellites: Annotated[
-        str | None, typer.Option("--satellites", metavar="N|auto", help="The same; auto lets AICc choose.")
+        str | None, typer.Option("--satellites", metavar="N|auto", help="Number of satellites; auto: chosen by AICc.")
     ] = None,
     plot: Annotated[
         Path | None,
-        typer.Option("--plot", metavar="DIR", help="Draw feet and hands of each motion, recorded and played."),
+        typer.Option("--plot", metavar="DIR", help="Plot feet and hands of each motion as recorded and as played."),
     ] = None,
     trim: Annotated[
         bool,
@@ -50,12 +52,12 @@ def fit(
 ) -> None:
     """Train a motion library: read the recordings, close their loops, train the network, and test every motion.
 
-    Each motion then runs free for three times its length and is compared with all recordings. A library in which a
-    motion fails is only written with --allow-failing.
+    In the self-test each motion runs free for three times its length and is compared with all recordings. If a
+    motion fails, the library is only written with --allow-failing.
 
-    What `motiondeck rig teach` has recorded needs no recipe: each clip becomes a motion that bears its file's name, a
-    loop or a one-shot as it was taught. Clips named NAME.clip, NAME.2.clip and so on are takes of one motion and are
-    averaged. Of a loop the part is learned that comes back to its start best; what is left out is said.
+    Clips recorded by `motiondeck rig teach` need no recipe: each becomes a motion with the name of its file, a loop or
+    a one-shot as it was taught. Clips named NAME.clip, NAME.2.clip and so on are takes of one motion and are averaged.
+    Of a loop the part is learned that comes back to its start best; what is left out is said.
 
     [bold]Examples[/]
 

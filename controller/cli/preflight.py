@@ -1,4 +1,4 @@
-"""`motiondeck preflight`: whether a robot can play a library, motion by motion and switch by switch, and how fast."""
+"""`motiondeck preflight`: whether a robot can play the motions and switches of a library, and at which tempo."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def preflight(
     library: Annotated[str, typer.Argument(help="A library file, or a shipped one by its name.")] = "thesis15",
     robot: Annotated[str, typer.Option("--robot", help="A robot file, or: mannequin, servo20.")] = "servo20",
     rig: Annotated[
-        str | None, typer.Option("--rig", help="A rig file, whose limits of position, speed and current count too.")
+        str | None, typer.Option("--rig", help="A rig file, whose limits of position, velocity and current apply too.")
     ] = None,
     root: Annotated[
         str, typer.Option("--root", help="What holds the robot up: gantry, fixed, or nothing (free).")
@@ -35,11 +35,11 @@ def preflight(
         bool, typer.Option("--balance", help="A free robot keeps its feet in place and its weight above them.")
     ] = False,
     tempo: Annotated[float, typer.Option("--tempo", help="The tempo to judge at, 0.1 to 3.")] = 1.0,
-    motions_only: Annotated[bool, typer.Option("--motions-only", help="Leave the switches out.")] = False,
+    motions_only: Annotated[bool, typer.Option("--motions-only", help="Check no switches.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw it (.png, .svg, .pdf).")] = None,
 ) -> None:
-    """Find out what would go wrong before a robot plays a library, and at what tempo it goes well.
+    """Check before a robot plays a library what would go wrong, and at which tempo it goes well.
 
     Every motion and every switch is checked against limits of position and speed, torque, heat and collisions with
     itself; motions are also played in physics. With `--root free` it counts whether the robot stands. The exit code

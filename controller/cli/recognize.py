@@ -17,29 +17,20 @@ if TYPE_CHECKING:
 app = typer.Typer(help="Train a recognizer, and name the motion of a recording.", no_args_is_help=True)
 
 
-@app.command("benchmark", hidden=True, context_settings={"ignore_unknown_options": True})
-def benchmark(arguments: Annotated[list[str] | None, typer.Argument()] = None) -> None:
-    """Names the command that measures recognition now."""
-    from motiondeck_base.errors import MotiondeckError
-
-    words = " ".join(arguments or ["DATA"])
-    raise MotiondeckError(f"this is a benchmark now; from a source checkout: python -m benchmarks recognition {words}")
-
-
 @app.command("train")
 def train(
     data: DataArgument,
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where the recognizer goes (.safetensors).")],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The recognizer to write (.safetensors).")],
     neurons: Annotated[int, typer.Option("--neurons", help="Neurons of the reservoir.", min=1, max=2000)] = 100,
     rate: Annotated[float, typer.Option("--rate", help="Frame rate at which motions are compared, Hz.")] = 30.0,
     joints: Annotated[
         str, typer.Option("--joints", help="Names of the joints to compare, separated by commas; default: 14 joints.")
     ] = "",
     seed: Annotated[int, typer.Option("--seed", help="Seed of the reservoir.", min=0)] = 1,
-    tempo: Annotated[
+    stretch: Annotated[
         list[float] | None,
         typer.Option(
-            "--tempo", help="Learn each recording as if it took so many times as long; more than once. Default: 1."
+            "--stretch", help="Learn each recording as if it took this many times as long; repeatable. Default: 1."
         ),
     ] = None,
     licence: Annotated[str, typer.Option("--licence", help="Licence of the recordings, kept in the file.")] = "",
@@ -47,16 +38,16 @@ def train(
 ) -> None:
     """Train a recognizer from labelled recordings.
 
-    The folder holds one folder a motion; the skeletons (.asf) lie beside the recordings or above them, and a recording
-    belongs to the one whose name begins its own. A file that cannot be used is named and left out; the exit code is
-    then 3. Where few people teach motions that others do faster or slower, learn them at several tempos; it takes as
-    many times as long.
+    The folder has one folder per motion. Skeletons (.asf) lie beside the recordings or above them; the name of a
+    recording begins with the name of its skeleton. A file that cannot be used is named and skipped; the exit code is
+    then 3. If few people are recorded and others move faster or slower, give several --stretch; training then takes
+    that many times as long.
 
-    Example:  motiondeck recognize train hdm05 --out hdm05.safetensors --tempo 0.7 --tempo 1 --tempo 1.4
+    Example:  motiondeck recognize train hdm05 --out hdm05.safetensors --stretch 0.7 --stretch 1 --stretch 1.4
     """
     import msgspec
 
-    from controller.recognition.experts import ANY_TEMPO_LEAK, ExpertRecipe
+    from controller.recognition.experts import STRETCHED_LEAK, ExpertRecipe
     from controller.recognition.features import FeatureRecipe
     from controller.recognition.recognizer import train_recognizer
     from controller.recognition.recognizer_file import save_recognizer
@@ -66,11 +57,11 @@ def train(
         raise MotiondeckError(f"{out.parent}: there is no such folder to write the recognizer to")
     look = FeatureRecipe(rate=rate, joints=tuple(name.strip() for name in joints.split(",") if name.strip()))
     dataset = read(data)
-    tempos = tuple(dict.fromkeys(tempo or (1.0,)))
+    stretches = tuple(dict.fromkeys(stretch or (1.0,)))
     experts = ExpertRecipe(neurons=neurons, seed=seed)
-    if len(tempos) > 1:
-        experts = msgspec.structs.replace(experts, leak=ANY_TEMPO_LEAK)
-    recognizer = train_recognizer(dataset, look, experts, tempos)
+    if len(stretches) > 1:
+        experts = msgspec.structs.replace(experts, leak=STRETCHED_LEAK)
+    recognizer = train_recognizer(dataset, look, experts, stretches)
     save_recognizer(recognizer, out, licence)
     said = describe(recognizer) | {"written": str(out), "skipped": dataset.skipped}
     if as_json:

@@ -1,4 +1,4 @@
-"""`motiondeck replay`: a recorded run once more, on the simulated robot or on servos."""
+"""`motiondeck replay`: plays a recorded run again, on the simulated robot or on servos."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from controller.wire.command_socket import DEFAULT_PORT
 
 
 def replay(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="What `play --record FILE` has made.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording made with `play --record FILE`.")],
     library: Annotated[
         str | None, typer.Option("--library", help="The library that was played; default: found by its name.")
     ] = None,
@@ -25,13 +25,15 @@ def replay(
         str | None, typer.Option("--rig", help="Stream to servos: a rig file, or 'emulated' for emulated ones.")
     ] = None,
     scrub: Annotated[
-        bool, typer.Option("--scrub", help="Show it on a page with a bar to drag through time; nothing is driven.")
+        bool, typer.Option("--scrub", help="Show the targets on a page with a time bar; nothing is driven.")
     ] = False,
     headless: Annotated[bool, typer.Option("--headless", help="No page and no terminal.")] = False,
     rate: Annotated[
-        float | None, typer.Option("--rate", help="Ticks of the loop a second; default: as recorded.")
+        float | None, typer.Option("--rate", help="Ticks of the loop per second, Hz; default: as recorded.")
     ] = None,
-    kinematic: Annotated[bool, typer.Option("--kinematic", help="Show the targets themselves.")] = False,
+    kinematic: Annotated[
+        bool, typer.Option("--kinematic", help="Show the targets without simulated servos and masses.")
+    ] = False,
     page_port: Annotated[int, typer.Option("--port", help="The page's port; 0 for any free one.")] = PAGE_PORT,
     command_port: Annotated[
         int, typer.Option("--command-port", help="Where `motiondeck send` reaches it; 0 for any free one.")
@@ -42,7 +44,7 @@ def replay(
 
     Commands for tempo, pause, home and the emergency stop work as in `play`.
 
-    With --scrub the targets are shown on a page where one can drag a bar through time and step from frame to frame.
+    With --scrub nothing is driven: a page shows the targets, with a time bar and single steps.
 
     Example:  motiondeck replay show.rec --rig emulated
     """

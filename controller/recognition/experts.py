@@ -29,7 +29,7 @@ from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
 SMALLEST_ERROR = 1e-12
-ANY_TEMPO_LEAK = 1.0  # neurons without a time constant of their own suit motions that are learned at several tempos
+STRETCHED_LEAK = 1.0  # neurons without a time constant of their own suit motions that are learned at several durations
 WASHOUT_SHARE = 3  # no more than a third of a clip is spent on washing the reservoir's start out
 
 

@@ -73,7 +73,7 @@ def common_joints(clips: Sequence[Clip]) -> tuple[str, ...]:
     return tuple(CANONICAL[joint] for joint in JOINTS)
 
 
-def features(clip: Clip, recipe: FeatureRecipe, tempo: float = 1.0) -> Array:
+def features(clip: Clip, recipe: FeatureRecipe, stretch: float = 1.0) -> Array:
     """The features of a clip, shape (frames at the recipe's rate, channels).
 
     A clip that lacks the recipe's joints is looked at on the canonical body, which has the same ones.
@@ -81,7 +81,7 @@ def features(clip: Clip, recipe: FeatureRecipe, tempo: float = 1.0) -> Array:
     Args:
         clip: what is looked at.
         recipe: which features.
-        tempo: as if the motion took `tempo` times as long (time warp).
+        stretch: as if the motion took that many times as long (time warp).
 
     Raises:
         MotiondeckError: if the skeleton lacks a joint of the recipe; it names both.
@@ -105,7 +105,7 @@ def features(clip: Clip, recipe: FeatureRecipe, tempo: float = 1.0) -> Array:
         base = _rotations(clip, index) / ANGLE_UNIT
     if recipe.height:
         base = np.column_stack([base, clip.root_position[:, 2] / POSITION_UNIT])
-    base = resampled(base, clip.rate / tempo, recipe.rate)
+    base = resampled(base, clip.rate / stretch, recipe.rate)
     return with_velocity(base, recipe.rate) if recipe.velocity else base
 
 

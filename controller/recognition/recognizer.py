@@ -18,7 +18,7 @@ from motiondeck_base.errors import MotiondeckError
 
 # A known motion is called unknown this often, by its own training set.
 FALSE_REJECTIONS = 0.05
-SHORTEST_TEMPO, LONGEST_TEMPO = 0.1, 10.0
+SHORTEST_STRETCH, LONGEST_STRETCH = 0.1, 10.0
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class Recognizer:
 
 
 def train_recognizer(
-    dataset: Dataset, look: FeatureRecipe, experts: ExpertRecipe, tempos: Sequence[float] = (1.0,)
+    dataset: Dataset, look: FeatureRecipe, experts: ExpertRecipe, stretches: Sequence[float] = (1.0,)
 ) -> Recognizer:
     """A recognizer of the classes of a dataset.
 
@@ -95,17 +95,19 @@ def train_recognizer(
 
     Args:
         dataset: what is learned.
-        look: at what.
-        experts: how they are made.
-        tempos: each clip is learned as if it took so many times as long, once for each; at least one.
+        look: the features.
+        experts: their recipe.
+        stretches: each clip is learned as if it took so many times as long, once for each factor; at least one.
 
     Raises:
-        MotiondeckError: if there are fewer than two classes, a clip lacks a joint the features need, or a tempo is not
-            between SHORTEST_TEMPO and LONGEST_TEMPO.
+        MotiondeckError: if there are fewer than two classes, a clip lacks a joint the features need, or a stretch is
+            not between SHORTEST_STRETCH and LONGEST_STRETCH.
     """
-    for tempo in tempos:
-        if not SHORTEST_TEMPO <= tempo <= LONGEST_TEMPO:
-            raise MotiondeckError(f"a tempo of {tempo:g} is not between {SHORTEST_TEMPO:g} and {LONGEST_TEMPO:g}")
+    for stretch in stretches:
+        if not SHORTEST_STRETCH <= stretch <= LONGEST_STRETCH:
+            raise MotiondeckError(
+                f"a stretch of {stretch:g} is not between {SHORTEST_STRETCH:g} and {LONGEST_STRETCH:g}"
+            )
     if len(dataset.classes) < 2:
         raise MotiondeckError(
             f"there is only one class, '{dataset.classes[0]}'; a recognizer needs two folders or more."
@@ -118,7 +120,7 @@ def train_recognizer(
         velocity=look.velocity,
         rate=look.rate,
     )
-    signals = [[features(example.clip, look, tempo) for tempo in tempos] for example in dataset.examples]
+    signals = [[features(example.clip, look, stretch) for stretch in stretches] for example in dataset.examples]
     short = [e.path for e, own in zip(dataset.examples, signals, strict=True) if min(map(len, own)) < 2]
     if short:
         raise MotiondeckError(f"{short[0]}: too short for {look.rate:g} Hz features. Remove it, or raise --rate.")

@@ -136,9 +136,9 @@ class LimbSolver:
         hessian.flat[:: len(self._q) + 1] += POSTURE + DAMPING
         slope = POSTURE * (self._q - self._rest) - miss @ jacobian
         step, _, flag, _ = daqp.solve(hessian, slope, self._no_rows, high, np.minimum(low, high), self._any_sense)
-        if flag < 1:
-            # It is a strictly convex problem with bounds that never cross, so this is a number gone wrong: hold.
-            step = np.zeros_like(self._q)
+        if flag < 1 or not np.isfinite(step).all():
+            # The problem is strictly convex and its bounds never cross, so the pose has a NaN in it: hold.
+            return 0.0
         step = np.minimum(np.maximum(step, low), high)
         self._q = self._q + step
         left = (miss - jacobian @ step).reshape(-1, 3) / self._weight

@@ -1,4 +1,4 @@
-"""`motiondeck clip`: looks into a motion capture file, converts it, draws it, and plays it on a body in the browser."""
+"""`motiondeck clip`: shows what a motion capture file holds, converts it, draws it, and plays it in the browser."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from controller.mocap.reading_options import ReadingOptions
 
 app = typer.Typer(
-    help="Look into motion capture files of any format: facts, pictures, other formats.",
+    help="Show, draw and convert motion capture files of any format.",
     no_args_is_help=True,
 )
 
@@ -110,7 +110,9 @@ def plot(
     unit: UnitOption = None,
     up: UpOption = None,
     rename: RenameOption = None,
-    sheet: Annotated[bool, typer.Option("--sheet", help="Mannequins instead of curves: one row a recording.")] = False,
+    sheet: Annotated[
+        bool, typer.Option("--sheet", help="Draw mannequins instead of curves, one row per recording.")
+    ] = False,
 ) -> None:
     """Draw a recording: stick figures through the motion, heights and speeds, and for markers their gaps.
 
@@ -143,8 +145,8 @@ def view(
 ) -> None:
     """View a recording in the browser: the human with its bones, and with --robot a robot doing the same beside it.
 
-    The page has a bar to drag through time, single steps, speed, footprints and contacts, and a camera that follows.
-    It is on 127.0.0.1 alone; Ctrl-C ends it.
+    The page has a time bar, single steps, a tempo, footprints and contacts, and a camera that follows. It is served
+    on 127.0.0.1 only; Ctrl-C ends it.
 
     Example:  motiondeck clip view dance.c3d --robot servo20
     """

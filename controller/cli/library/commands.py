@@ -1,4 +1,4 @@
-"""`motiondeck library`: what a motion library holds, in words and in pictures; and one motion more."""
+"""`motiondeck library`: shows and draws what a motion library holds, and adds a motion to it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-app = typer.Typer(help="Look into motion libraries, and add motions to them.", no_args_is_help=True)
+app = typer.Typer(help="Show, search and extend motion libraries.", no_args_is_help=True)
 
 LibraryArgument = Annotated[
     str, typer.Argument(metavar="LIBRARY", help="A library file (.safetensors), or a shipped one by its name.")
@@ -42,23 +42,25 @@ def show(
 @app.command("add")
 def add(
     library: LibraryArgument,
-    clip: Annotated[Path, typer.Argument(help="The recording to learn (what `motiondeck fit` reads).")],
-    name: Annotated[str, typer.Option("--name", help="What the motion is called when it plays.")],
-    once: Annotated[bool, typer.Option("--once", help="It ends in a pose and holds it; otherwise a loop.")] = False,
+    clip: Annotated[Path, typer.Argument(help="The recording to learn: any file that `motiondeck fit` reads.")],
+    name: Annotated[str, typer.Option("--name", help="Name of the motion.")],
+    once: Annotated[
+        bool, typer.Option("--once", help="A one-shot, which holds its last pose; default: a loop.")
+    ] = False,
     frames: Annotated[
         tuple[int, int] | None,
         typer.Option("--frames", metavar="FIRST END", help="Only these frames of the recording."),
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE", help="Where the longer library goes; by default into LIBRARY."),
+        typer.Option("--out", metavar="FILE", help="The library to write; default: LIBRARY itself."),
     ] = None,
     allow_failing: Annotated[
         bool, typer.Option("--allow-failing", help="Write the library even if the motion fails its self-test.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
 ) -> None:
-    """Add a motion to a library without training it again: what is stored stays as it is, bit by bit.
+    """Add a motion to a library without training the others again: their weights do not change.
 
     A conceptor network that runs by itself loads the motion into what is left of its reservoir, which is printed;
     other networks get one more readout or one more motion. The new motion has to pass the self-test.
@@ -107,7 +109,7 @@ def add(
 def sheet(
     library: LibraryArgument,
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The picture to write (.png).")],
-    robot: Annotated[str, typer.Option("--robot", help="Whose body does the motions.")] = "mannequin",
+    robot: Annotated[str, typer.Option("--robot", help="The robot that is drawn.")] = "mannequin",
 ) -> None:
     """Draw a contact sheet: one row a motion, eight moments each, as the network plays them.
 

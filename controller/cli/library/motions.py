@@ -1,4 +1,4 @@
-"""`motiondeck library similar, index, anticipate, restyle`: what the frequencies of motions are good for."""
+"""`motiondeck library similar, index, anticipate, restyle`: what uses the frequencies of motions."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ def similar(
     library: Annotated[
         str, typer.Argument(metavar="LIBRARY", help="A library, or a file of `motiondeck library index` (.index).")
     ],
-    clip: Annotated[Path, typer.Argument(metavar="CLIP", help="The recording to find the like of.")],
+    clip: Annotated[Path, typer.Argument(metavar="CLIP", help="The recording to compare with.")],
     count: Annotated[int, typer.Option("--count", min=1, help="How many to list.")] = 5,
     weight: Annotated[
         list[str] | None,
-        typer.Option("--weight", metavar="PART=W", help="How much legs, arms or trunk count; 0 leaves one out."),
+        typer.Option("--weight", metavar="PART=W", help="Weight of legs, arms or trunk; 0 leaves one out. Repeatable."),
     ] = None,
     frames: Annotated[
         tuple[int, int] | None, typer.Option("--frames", metavar="FIRST END", help="Only this part of the recording.")
@@ -38,9 +38,9 @@ def similar(
     skeleton: Annotated[Path | None, typer.Option("--skeleton", help="The .asf of an .amc recording.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
 ) -> None:
-    """List the motions whose legs, arms and trunk move most like those of a recording: as fast, and as far.
+    """List the motions whose legs, arms and trunk move as fast and as far as those of a recording.
 
-    Distances are those of logarithms: 0.1 is about a tenth faster, slower, wider or narrower.
+    A distance of 0.1 is about 10 % faster, slower, wider or narrower (distances are differences of logarithms).
 
     Example:  motiondeck library similar cmu86 recordings/35_02.amc --weight arms=0
     """
@@ -66,12 +66,12 @@ def index(
     sources: Annotated[
         list[str], typer.Argument(metavar="SOURCE...", help="Libraries, recordings, and folders of recordings.")
     ],
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where the index goes (.index).")],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The index to write (.index).")],
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """Write down by what many motions are known, so that `similar` finds their like at once.
+    """Store the frequencies and ranges of many motions in a file that `similar` searches quickly.
 
-    Recordings that cannot be read, or are too short, are named and left out.
+    Recordings that cannot be read or are too short are named and skipped.
 
     Example:  motiondeck library index cmu86 recordings --out all.index
     """
@@ -122,7 +122,7 @@ def anticipate(
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw it (.png, .svg, .pdf).")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
 ) -> None:
-    """Predict a recording half a second ahead from its past, again and again, and say how far off that is.
+    """Predict each moment of a recording half a second ahead, and print the errors.
 
     A centralized network's motions are laid beside the last 0.4 s and go on. Beside it: holding the last pose, and
     going on at the last velocity. A recording that the network has learned is no test; give other --frames.
@@ -161,12 +161,12 @@ def anticipate(
 @app.command("restyle")
 def restyle(
     library: LibraryArgument,
-    motion: Annotated[str, typer.Argument(metavar="MOTION", help="The motion whose satellites move.")],
-    like: Annotated[str, typer.Option("--like", metavar="OTHER", help="The motion whose frequencies they get.")],
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where the library with one more motion goes.")],
+    motion: Annotated[str, typer.Argument(metavar="MOTION", help="The motion to change.")],
+    like: Annotated[str, typer.Option("--like", metavar="OTHER", help="The motion whose frequencies it gets.")],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The library to write, with one more motion.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """Carry the frequencies of one motion to another: a library with one more motion, MOTION-like-OTHER.
+    """Write a library with one more motion: MOTION with the frequencies of OTHER.
 
     Satellites and weights stay, centers turn as in OTHER: the tempo is another, and so is the rhythm. How far joints
     leave the places they had in MOTION is printed, for a network may be driven to where it has not been trained.
@@ -225,7 +225,7 @@ def _cut(file: Path, frames: tuple[int, int] | None, skeleton: Path | None) -> C
 
 
 def _of_library(library: str) -> tuple[list[str], Array]:
-    """The motions of a library and what they are known by."""
+    """The motions of a library with their frequencies and ranges."""
     import numpy as np
 
     from controller.library.motion_library import load_library

@@ -13,13 +13,13 @@ import typer
 from controller.cli.common.options import PAGE_PORT
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
-app = typer.Typer(help="Robots: list them, look into one, and fit motions to any MJCF or URDF.", no_args_is_help=True)
+app = typer.Typer(help="List and show robots, and write a robot file for any MJCF or URDF.", no_args_is_help=True)
 
 RobotArgument = Annotated[str, typer.Argument(metavar="ROBOT", help="A robot file (.toml), or: mannequin, servo20.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
 
 SolverOption = Annotated[
-    str | None, typer.Option("--solver", help="angles or ik, in place of what the robot file says.")
+    str | None, typer.Option("--solver", help="The solver: angles or ik; default: the robot file's.")
 ]
 
 CATALOGUE_KINDS = ("humanoid", "biped")
@@ -29,14 +29,14 @@ PICTURE_SECONDS, VIEW_SECONDS = 2.0, 8.0
 @app.command("list")
 def list_robots(
     catalogue: Annotated[
-        bool, typer.Option("--catalogue", help="Also those of MuJoCo Menagerie that have two legs.")
+        bool, typer.Option("--catalogue", help="Also list the two-legged robots of MuJoCo Menagerie.")
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """List the robots that come along, and those that can be fetched.
+    """List the robots that are included, and with --catalogue those that can be downloaded.
 
-    `motiondeck robot calibrate NAME` fetches one of the catalogue (pip install "motiondeck[menagerie]") and writes its
-    robot file.
+    `motiondeck robot calibrate NAME` downloads a robot of the catalogue, which needs the extra `menagerie`, and writes
+    its robot file.
 
     Example:  motiondeck robot list --catalogue
     """

@@ -105,21 +105,6 @@ def test_what_is_unknown_is_refused(tmp_path):
     )
 
 
-@pytest.mark.parametrize(
-    ("words", "command"),
-    [
-        (("esn-4.1.toml", "robustness", "--paper"), "thesis RECIPE robustness --data DIR"),
-        (("--paper", "centralized-table1"), "vakulenko_table1 DIR"),
-        (("esn-4.1.toml", "cost"), "training_cost RECIPE --data DIR"),
-        (("86_01.amc", "segments"), "vakulenko RECORDING segments"),
-    ],
-)
-def test_whoever_types_an_old_command_is_given_the_new_one(words, command, tmp_path):
-    result = invoke(*words, "--data", tmp_path)
-    assert isinstance(result.exception, MotiondeckError)
-    assert str(result.exception).endswith(f"python -m benchmarks {command}")
-
-
 def test_the_shipped_library_survives_noise(mocap_data):
     result = invoke("thesis15", "stability", "--data", mocap_data, "--runs", 1, "--jobs", 1, "--json")
     assert result.exception is None

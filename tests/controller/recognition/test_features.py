@@ -80,7 +80,7 @@ def test_resampling_keeps_a_straight_line_and_its_length_in_time(count, rate, wa
 
 def test_a_slower_motion_has_more_frames_of_the_same_postures():
     recipe = FeatureRecipe(velocity=False)
-    plain, slow = features(clip("wave"), recipe), features(clip("wave"), recipe, tempo=2.0)
+    plain, slow = features(clip("wave"), recipe), features(clip("wave"), recipe, stretch=2.0)
     assert np.allclose(slow[::2][: len(plain)], plain[: len(slow[::2])], atol=1e-9)
 
 

@@ -76,15 +76,15 @@ def test_train_and_run(folder, tmp_path):
     assert streamed["spans"][-1]["to_s"] == pytest.approx(streamed["frames"] / 30.0)
 
 
-def test_train_at_several_tempos(folder, tmp_path):
-    out = tmp_path / "tempos.safetensors"
-    tempos = ("--tempo", 0.7, "--tempo", 1, "--tempo", 1.4)
-    said = json.loads(invoke("recognize", "train", folder, "--out", out, *tempos, "--json").stdout)
+def test_train_at_several_stretches(folder, tmp_path):
+    out = tmp_path / "stretches.safetensors"
+    stretches = ("--stretch", 0.7, "--stretch", 1, "--stretch", 1.4)
+    said = json.loads(invoke("recognize", "train", folder, "--out", out, *stretches, "--json").stdout)
     assert (said["clips"], said["leak"]) == (12, 1.0)
     result = json.loads(invoke("recognize", "run", out, folder / "leg" / "P2_leg_1.amc", "--json").stdout)
     assert result["results"][0]["motion"] == "leg"
-    with pytest.raises(MotiondeckError, match="a tempo of 0 "):
-        invoke("recognize", "train", folder, "--out", out, "--tempo", 0)
+    with pytest.raises(MotiondeckError, match="a stretch of 0 "):
+        invoke("recognize", "train", folder, "--out", out, "--stretch", 0)
 
 
 def test_one_wrong_clip_among_several_is_skipped_and_alone_it_is_an_error(folder, tmp_path):
@@ -95,11 +95,6 @@ def test_one_wrong_clip_among_several_is_skipped_and_alone_it_is_an_error(folder
     assert len(json.loads(result.stdout)["results"]) == 1
     with pytest.raises(MotiondeckError, match="no such file"):
         invoke("recognize", "run", out, folder / "none.amc")
-
-
-def test_whoever_types_the_old_benchmark_is_given_the_new_one():
-    with pytest.raises(MotiondeckError, match=r"python -m benchmarks recognition hdm05 --seeds 8$"):
-        invoke("recognize", "benchmark", "hdm05", "--seeds", 8)
 
 
 @pytest.fixture(scope="module")

@@ -123,7 +123,7 @@ def test_a_folder_that_is_not_there_cannot_be_written_to(trained, tmp_path):
         save_recognizer(trained, tmp_path / "none" / "x.safetensors")
 
 
-def test_learned_at_several_tempos_a_motion_is_known_at_each_of_them():
+def test_learned_at_several_stretches_a_motion_is_known_at_each_of_them():
     experts = ExpertRecipe(neurons=50, leak=1.0)
     once = train_recognizer(dataset(("ann", "bob")), FeatureRecipe(), experts)
     trained = train_recognizer(dataset(("ann", "bob")), FeatureRecipe(), experts, (0.5, 1.0, 2.0))
@@ -136,7 +136,7 @@ def test_learned_at_several_tempos_a_motion_is_known_at_each_of_them():
         assert trained.recognize(asked).costs["march"] < once.recognize(asked).costs["march"]
 
 
-@pytest.mark.parametrize("tempo", [0.0, -1.0, 11.0, float("nan")])
-def test_an_impossible_tempo_is_refused(tempo):
-    with pytest.raises(MotiondeckError, match=r"a tempo of .* is not between 0\.1 and 10"):
-        train_recognizer(dataset(("ann", "bob")), FeatureRecipe(), ExpertRecipe(neurons=10), (1.0, tempo))
+@pytest.mark.parametrize("stretch", [0.0, -1.0, 11.0, float("nan")])
+def test_an_impossible_stretch_is_refused(stretch):
+    with pytest.raises(MotiondeckError, match=r"a stretch of .* is not between 0\.1 and 10"):
+        train_recognizer(dataset(("ann", "bob")), FeatureRecipe(), ExpertRecipe(neurons=10), (1.0, stretch))

@@ -1,5 +1,6 @@
 """The serial port: held alone, found again by a lasting name, and an error that names the remedy."""
 
+import contextlib
 import fcntl
 import os
 import pty
@@ -78,3 +79,74 @@ def test_a_rig_opens_and_reopens_its_port_by_the_lasting_name(rig_of_four, monke
     assert rig.recoveries == 1
     assert opened[0] == "by-id/U2D2"
     assert set(opened) == {"by-id/U2D2"}
+
+
+@pytest.fixture
+def linked():
+    """A port on a pseudo-terminal and the descriptor of its other end."""
+    master, slave = pty.openpty()
+    port = SerialPort(os.ttyname(slave), 1_000_000)
+    os.close(slave)
+    yield port, master
+    port.close()
+    with contextlib.suppress(OSError):
+        os.close(master)
+
+
+def test_bytes_go_both_ways_and_nothing_waits(linked):
+    port, other = linked
+    began = port.now()
+    assert (port.receive(), port.wait(0.0), port.wait(-1.0)) == (b"", False, False)
+    assert port.send(b"\xff\x00\x11\n")
+    assert os.read(other, 100) == b"\xff\x00\x11\n"
+    os.write(other, b"\x13\r\x00")
+    assert port.wait(1.0)
+    assert port.receive() == b"\x13\r\x00"
+    assert port.receive() == b""
+    assert not port.wait(0.02)
+    assert 0.02 <= port.now() - began < 1.0
+
+
+def test_a_port_that_takes_no_more_bytes_says_so(linked):
+    port, _ = linked
+    assert not all(port.send(bytes(65536)) for _ in range(20))
+
+
+@pytest.mark.parametrize(
+    "call", [lambda port: port.send(b"\x00"), lambda port: port.receive(), lambda port: port.wait(1)]
+)
+@pytest.mark.parametrize("how", ["pulled", "closed"])
+def test_a_port_that_is_gone_is_one_clear_error(linked, call, how):
+    port, other = linked
+    if how == "pulled":
+        os.close(other)
+    else:
+        port.close()
+    with pytest.raises(SerialPortError, match=rf"the port {port.name} is gone: plug the adapter in again"):
+        call(port)
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (OSError(16, "Device or resource busy"), "another program is using it. Close that one first"),
+        (OSError(11, "Resource temporarily unavailable"), "another program is using it"),
+        (OSError("Could not exclusively lock port"), "another program is using it"),
+        (OSError(2, "No such file or directory"), "no such device. Plug the adapter in"),
+        (ValueError("Invalid baud rate: 3"), "Invalid baud rate: 3"),
+        (OSError(5, "Input/output error"), "Input/output error"),
+    ],
+)
+def test_a_port_that_cannot_be_opened_says_why(monkeypatch, error, said):
+    def refuse(*_, **__):
+        raise error
+
+    monkeypatch.setattr("serial.Serial", refuse)
+    with pytest.raises(SerialPortError, match=rf"cannot open the port /dev/x at 9600 baud: .*{said}"):
+        SerialPort("/dev/x", 9600)
+
+
+def test_a_second_program_is_told_that_the_port_is_taken(linked):
+    port, _ = linked
+    with pytest.raises(SerialPortError, match="another program is using it"):
+        SerialPort(port.name, 1_000_000)

@@ -264,3 +264,61 @@ def test_a_file_is_no_port(tmp_path):
     path.write_text("")
     with pytest.raises(SerialPortError, match="cannot open the port"):
         Bus.open(str(path), 1_000_000)
+
+
+def test_all_who_answer_are_found_at_once_with_model_and_firmware(bus, servos):
+    servos[3].dead = True
+    assert bus.ping_all() == [bus.ping(id) for id in (1, 2, 4)]
+    for id in (1, 2, 4):
+        servos[id].dead = True
+    assert bus.ping_all() == []
+
+
+def test_other_answers_are_not_taken_for_those_of_a_ping(port):
+    late = build_status(9, 0, b"\x01\x02") + build_status(8)
+    sent = iter([late])
+    bus = Bus(DamagedPort(port, lambda data: next(sent, b"") + data), 1_000_000)
+    bus._discard = lambda: None
+    assert [identity.id for identity in bus.ping_all()] == [1, 2, 3, 4]
+
+
+def test_settings_are_stored_in_the_servo_and_brought_back(bus, servos):
+    with pytest.raises(RefusedError, match="refused to restore"):
+        bus.backup(1, restore=True)
+    bus.write(1, 11, b"\x04")
+    assert bus.backup(1).error == 0
+    bus.write(1, 11, b"\x03")
+    assert bus.backup(1, restore=True).error == 0
+    assert servos[1]["operating_mode"] == 4
+
+
+def test_a_factory_reset_keeps_the_id_and_what_is_set_is_gone(bus, servos, port):
+    bus.write(1, 11, b"\x04")
+    assert bus.factory_reset(1).id == 1
+    port.elapse(1.0)
+    assert bus.ping(1) is not None
+    assert servos[1]["operating_mode"] == 3
+
+
+def test_turns_are_cleared(bus, servos):
+    servos[1].bank.shaft[servos[1].row] = 2048 + 3 * 4096
+    servos.advance(0.1)
+    bus.clear_turns(1)
+    assert servos[1]["present_position"] == 2048
+    with pytest.raises(NoReplyError, match="clear turns"):
+        bus.clear_turns(77)
+
+
+def test_half_an_answer_is_waited_for_and_counts_at_the_deadline(bus, port):
+    """Two of three statuses: not complete, so it is not given out before its time."""
+    answers = []
+    whole = port.receive
+    port.receive = lambda: answers.pop(0) if answers else b""
+    bus.request(blocks(1, 2, 3), fast=False)
+    port.wait(0.01)
+    arrived = whole()
+    answers.append(arrived[: 2 * len(arrived) // 3])
+    assert bus.collect() is None
+    assert bus.collect() is None
+    port.elapse(0.06)
+    assert list(bus.collect().statuses) == [1, 2]

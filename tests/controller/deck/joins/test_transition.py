@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.deck.joins.transition import LONGEST, SHORTEST, best_anchor, difference
+from controller.deck.joins.transition import LONGEST, SHORTEST, Fade, best_anchor, difference, peak_acceleration
 from controller.mocap.posture import Posture
 from controller.rotations import conjugate, from_rotation_vector, multiply, normalise, rotate, to_rotation_vector, yaw
 
@@ -60,7 +60,7 @@ def test_velocity_in_the_world_is_continuous_at_the_switch(seed):
     assert np.abs(after_step - before_step).max() < 0.15
 
 
-def accelerations(fade, target, dt=1e-3):
+def accelerations(fade, target, dt=2.5e-3):
     """Of the joints, m/s^2, while a difference to a target at rest fades."""
     places = []
     for t in np.arange(0.0, fade.duration + 3 * dt, dt):
@@ -136,3 +136,78 @@ def test_the_anchor_that_moves_the_same_way_is_chosen():
     places = np.array([[0.0], [0.0], [1.0]])
     velocities = np.array([[-1.0], [1.0], [1.0]])
     assert best_anchor(np.array([0.05]), np.array([0.9]), places, velocities, reach=0.1) == 1
+
+
+def quintic(duration, value, slope):
+    """The polynomial with this value and slope at 0 and none at the end, without curvature at either."""
+    rows = [[1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0], [0, 0, 2, 0, 0, 0]]
+    rows += [[duration**k for k in range(6)], [k * duration ** max(k - 1, 0) for k in range(6)]]
+    rows += [[k * (k - 1) * duration ** max(k - 2, 0) for k in range(6)]]
+    return np.polynomial.Polynomial(np.linalg.solve(np.array(rows, float), [value, slope, 0, 0, 0, 0]))
+
+
+STILL = Posture(np.array(1.0), np.zeros(2), np.array(0.0), np.tile([1.0, 0.0, 0.0, 0.0], (BONES, 1)))
+
+
+@given(st.integers(0, 200), st.floats(SHORTEST, LONGEST), st.floats(0.0, 1.0))
+def test_what_is_left_runs_out_along_a_quintic_that_stays_fixed_in_the_world(seed, duration, share):
+    rng = np.random.default_rng(seed)
+    turn, turn_rate = 0.5 * rng.standard_normal((2, BONES, 3))
+    drift, drift_rate = rng.standard_normal((2, 3))
+    fade = Fade(duration, turn, turn_rate, drift, drift_rate)
+    t, turned = share * duration, float(rng.uniform(-3.0, 3.0))
+    shown = fade.apply(STILL, t, turned)
+    assert fade.lasts(t) == (share < 1.0)
+    back = yaw(-turned)
+
+    def left(value, slope):
+        return np.array([quintic(duration, *pair)(t) for pair in zip(value, slope, strict=True)])
+
+    for bone in range(BONES):
+        found = to_rotation_vector(shown.rotation[bone])
+        assert found == pytest.approx(rotate(back, left(turn[bone], turn_rate[bone])), abs=1e-6)
+    height, *velocity = left(drift, drift_rate)
+    assert float(shown.height) == pytest.approx(1.0 + height, abs=1e-9)
+    assert shown.velocity == pytest.approx(rotate(back, np.array([*velocity, 0.0]))[:2], abs=1e-9)
+
+
+def test_a_one_shot_gets_going_while_the_fade_lasts():
+    fade = Fade(0.8, *np.zeros((4, 1, 3)))
+    pace = [fade.onset(t) for t in (0.0, 0.2, 0.4, 0.8, 3.0)]
+    assert pace == pytest.approx([0.0, 0.0625, 0.25, 1.0, 1.0])
+    assert [fade.lasts(t) for t in (0.0, 0.79, 0.8, 3.0)] == [True, True, False, False]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_peak_that_is_foreseen_is_that_of_the_fade_itself(seed):
+    """Seen finely, over a target whose bones turn on as the forecast takes them to, and for the root's drift too."""
+    rng = np.random.default_rng(seed)
+    spin = 0.0 if seed % 2 else 4.0
+    fade = Fade(0.7, *rng.standard_normal((2, BONES, 3)) * 0.7, *rng.standard_normal((2, 3)))
+    rate = np.tile([0.0, 0.0, spin], (BONES, 1))
+    foreseen = peak_acceleration(fade, STILL.rotation, rate, limbs)
+    dt = 5e-3
+    beyond = []
+    for t in np.arange(0.0, fade.duration + dt, dt):
+        aim = replace(STILL, rotation=from_rotation_vector(0.3 * np.tanh(t / 0.3) * rate))
+        shown = fade.apply(aim, t, 0.0)
+        beyond.append(limbs(shown.rotation) - limbs(aim.rotation) + np.array([0.0, 0.0, float(shown.height)]))
+    acceleration = np.diff(beyond, n=2, axis=0) / dt**2
+    velocity = np.array([fade.apply(STILL, t, 0.0).velocity for t in np.arange(0.0, fade.duration + dt, dt)])
+    acceleration[..., :2] += ((velocity[2:] - velocity[:-2]) / (2.0 * dt))[:, None]
+    assert foreseen == pytest.approx(np.linalg.norm(acceleration, axis=-1).max(), rel=0.1)
+
+
+def test_a_fade_is_as_long_as_is_asked_and_never_longer_than_the_longest():
+    assert difference((STILL, STILL), (STILL, STILL), 0.005, limbs, 50.0).duration == SHORTEST
+    assert difference((STILL, STILL), (STILL, STILL), 0.005, limbs, 50.0, at_least=0.9).duration == 0.9
+    assert difference((STILL, STILL), (STILL, STILL), 0.005, limbs, 50.0, at_least=9.0).duration == LONGEST
+    far = replace(STILL, rotation=from_rotation_vector(np.full((BONES, 3), 1.5)))
+    assert difference((far, far), (STILL, STILL), 0.005, limbs, 0.1).duration == LONGEST
+
+
+def test_how_much_velocity_counts_against_place_is_the_reach():
+    place, velocity = np.zeros(2), np.array([1.0, 0.0])
+    places, velocities = np.array([[0.0, 0.0], [0.2, 0.0]]), np.array([[0.0, 0.0], [1.0, 0.0]])
+    assert best_anchor(place, velocity, places, velocities, reach=0.19) == 0
+    assert best_anchor(place, velocity, places, velocities, reach=0.21) == 1

@@ -1,0 +1,210 @@
+"""Tests of the inverse kinematics: a robot is asked to hold poses of its own, which it must find again."""
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from controller.deck.interfaces import JointLimits
+from controller.mocap.rest_pose import FOOT_SLOPE
+from controller.rotations import from_rotation_vector, normalise, rotate
+from sim.models.model_file import read_model
+from sim.retargeting.human_limbs import LIMBS
+from sim.retargeting.inverse_kinematics import LimbSolver, sole
+from sim.retargeting.robot_limbs import RobotLimbs
+from sim.robots.body_matching import match
+from small_robots import SERVOS, humanoid
+
+UP = np.array([0.0, 0.0, 1.0])
+# Upper arm, forearm, thigh and shank, as long as a human's, m; the robot's are shorter and of other proportions.
+HUMAN = np.array([0.32, 0.26, 0.32, 0.26, 0.45, 0.43, 0.16, 0.45, 0.43, 0.16, 1.0, 1.0, 1.0, 1.0])
+DT = 0.01
+SIDES = {"r": "right", "l": "left"}
+
+
+@pytest.fixture(scope="module")
+def limbs(tmp_path_factory):
+    path = tmp_path_factory.mktemp("ik") / "small.xml"
+    path.write_text(humanoid())
+    model = read_model(path).compile()
+    found = match(path, model)
+    return RobotLimbs(path, model, found.parts, found.root_rotation, tuple(SERVOS))
+
+
+def solver_of(limbs, human=HUMAN):
+    lower, upper = limbs._model.jnt_range[[limbs._model.joint(name).id for name in SERVOS]].T.copy()
+    limits = JointLimits(lower, upper, *(np.full(len(SERVOS), rate) for rate in (4.0, 100.0, 1e4)))
+    return LimbSolver(limbs, human, limits, np.clip(np.full(len(SERVOS), 0.1), lower, upper), DT), limits
+
+
+def standing():
+    """Limbs that hang and stand straight, feet ahead: the ankle is above the ball of the foot by FOOT_SLOPE."""
+    foot = [np.cos(FOOT_SLOPE), 0.0, -np.sin(FOOT_SLOPE)]
+    rows = {"foot": foot, "ahead": [1.0, 0.0, 0.0], "chest_left": [0.0, 1.0, 0.0], "head_left": [0.0, 1.0, 0.0]}
+    return np.array([next((v for k, v in rows.items() if name.endswith(k)), [0.0, 0.0, -1.0]) for name in LIMBS])
+
+
+def seen(limbs, q):
+    """The directions of arms and legs of the robot itself, from where MuJoCo has the anchors of its joints."""
+    model, data = limbs._model, mujoco.MjData(limbs._model)
+    for name, angle in zip(SERVOS, q, strict=True):
+        data.joint(name).qpos[0] = angle
+    data.qpos[:7] = [0, 0, 0, 1, 0, 0, 0]
+    mujoco.mj_kinematics(model, data)
+    out = standing()
+    for side, name in SIDES.items():
+        hip, knee, ankle = (data.joint(f"{name}_{joint}").xanchor for joint in ("hip_pitch", "knee", "ankle"))
+        shoulder, elbow = data.joint(f"{name}_arm_roll").xanchor, data.joint(f"{name}_elbow").xanchor
+        hand = data.body(f"{name}_fore").xmat.reshape(3, 3) @ [0.0, 0.0, -1.0]
+        sole_turn = data.body(f"{name}_sole").xmat.reshape(3, 3)
+        foot = sole_turn @ [np.cos(FOOT_SLOPE), 0.0, -np.sin(FOOT_SLOPE)]
+        limbs_of = {"thigh": knee - hip, "shank": ankle - knee, "upper_arm": elbow - shoulder}
+        for part, vector in {**limbs_of, "forearm": hand, "foot": foot}.items():
+            out[LIMBS.index(f"{side}_{part}")] = normalise(np.array(vector))
+    return out
+
+
+def degrees_between(a, b):
+    return np.degrees(np.arccos(np.clip((a * b).sum(-1), -1.0, 1.0)))
+
+
+@settings(max_examples=15)
+@given(st.integers(0, 2**32 - 1))
+def test_a_pose_of_its_own_is_found_again(limbs, seed):
+    random = np.random.default_rng(seed)
+    own = np.array([limbs.segments[name].length if name in limbs.segments else 1.0 for name in LIMBS])
+    solver, limits = solver_of(limbs, own)
+    q = limits.lower + random.uniform(0.2, 0.8, len(SERVOS)) * (limits.upper - limits.lower)
+    for side in ("left", "right"):
+        q[SERVOS.index(f"{side}_arm_pitch")] = random.uniform(
+            -1.5, 1.0
+        )  # farther from rest another branch may be nearer
+        for name in ("hip_yaw", "hip_roll", "ankle_roll"):  # a foot's roll is not the human's: it is kept level
+            q[SERVOS.index(f"{side}_{name}")] = 0.0
+    wanted = seen(limbs, q)
+    there = seen(limbs, solver(wanted, UP))
+    rows = [k for k, name in enumerate(LIMBS) if name[2:] in ("upper_arm", "forearm", "thigh", "shank")]
+    assert degrees_between(wanted, there)[rows].max() < 0.5
+    feet = [LIMBS.index("r_foot"), LIMBS.index("l_foot")]
+    assert degrees_between(wanted, there)[feet].max() < 0.5
+
+
+@pytest.mark.parametrize("side", ["r", "l"])
+def test_a_foot_turned_out_turns_the_hip_and_stays_flat(limbs, side):
+    solver, _ = solver_of(limbs)
+    wanted = standing()
+    row = LIMBS.index(f"{side}_foot")
+    wanted[row] = rotate(from_rotation_vector(np.array([0.0, 0.0, 0.5])), wanted[row])
+    q = dict(zip(SERVOS, solver(wanted, UP), strict=True))
+    assert q[f"{SIDES[side]}_hip_yaw"] == pytest.approx(0.5, abs=0.05)
+    for joint in ("hip_roll", "ankle", "ankle_roll"):
+        assert abs(q[f"{SIDES[side]}_{joint}"]) < 0.06
+    other = "left" if side == "r" else "right"
+    assert abs(q[f"{other}_hip_yaw"]) < 0.05
+
+
+def test_the_first_pose_is_answered_settled_and_later_ones_in_no_more_than_the_pace(limbs):
+    solver, limits = solver_of(limbs)
+    bent = standing()
+    bent[[LIMBS.index("r_thigh"), LIMBS.index("r_forearm")]] = [[0.9, 0.0, -0.44], [0.9, 0.0, -0.44]]
+    first = solver(bent, UP).copy()
+    assert np.abs(solver(bent, UP) - first).max() < 1e-3
+    path = np.array([solver(bent, UP).copy(), *(solver(standing(), UP).copy() for _ in range(80))])
+    steps = np.abs(np.diff(path, axis=0))
+    assert (steps <= limits.velocity * DT + 1e-12).all()
+    assert steps[:20].max(axis=1) == pytest.approx(4.0 * DT)  # as fast as it may, until it is there
+    solver.reset()
+    assert path[-1] == pytest.approx(solver(standing(), UP), abs=5e-3)
+
+
+def kicked_back():
+    """Limbs of a body that stands, but for the right leg, which points straight back, as no hip of the robot can."""
+    limbs = standing()
+    limbs[[LIMBS.index("r_thigh"), LIMBS.index("r_shank")]] = [-1.0, 0.0, 0.0]
+    return limbs
+
+
+def test_what_is_out_of_range_ends_at_the_range_and_is_told(limbs):
+    solver, limits = solver_of(limbs)
+    for _ in range(3):
+        q = solver(kicked_back(), UP)
+        assert ((q >= limits.lower) & (q <= limits.upper)).all()
+    hip = SERVOS.index("right_hip_pitch")
+    assert q[hip] == pytest.approx(limits.upper[hip])
+    limbs.place(q)
+    start, end = limbs.positions()
+    goal = limbs.reach["r_leg"] * np.array([-1.0, 0.0, 0.0])
+    missed = np.linalg.norm(goal - (end - start)[solver.names.index("r_leg")])
+    assert missed > 0.05
+    told = solver.shortfall()
+    assert told["r_leg"]["worst_m"] == pytest.approx(missed, rel=0.02)
+    assert told["r_leg"]["rms_m"] == pytest.approx(missed, rel=0.02)
+    assert told["l_leg"]["worst_m"] < 0.02
+
+
+def test_after_a_reset_nothing_is_left_of_what_was_missed(limbs):
+    solver, _ = solver_of(limbs)
+    solver(kicked_back(), UP)
+    solver.reset()
+    assert solver.shortfall()["r_leg"] == {"rms_m": 0.0, "worst_m": 0.0}
+    solver(standing(), UP)
+    assert solver.shortfall()["r_leg"]["worst_m"] < 0.02
+
+
+def test_numbers_gone_wrong_hold_the_joints(limbs):
+    solver, _ = solver_of(limbs)
+    before = solver(standing(), UP).copy()
+    broken = standing()
+    broken[LIMBS.index("r_thigh")] = np.nan
+    assert np.array_equal(solver(broken, UP), before)
+    assert solver(standing(), UP) == pytest.approx(before, abs=1e-3)
+
+
+vectors = st.tuples(*[st.floats(-1.0, 1.0)] * 3).map(np.array).filter(lambda v: np.linalg.norm(v) > 0.2)
+directions = vectors.map(normalise)
+
+
+def well_posed(thigh, shank, foot, up):
+    """Whether the leg's two planes are there: neither foot nor knee lies along the shank, and none is upside down."""
+    upright = max(-float(shank @ up), 0.0) ** 2
+    left = upright * np.cross(up, foot) + (1.0 - upright) * np.cross(2.0 * thigh + foot, shank)
+    left -= (left @ foot) * foot
+    return np.linalg.norm(left) > 0.05
+
+
+@given(directions, directions, directions, directions, vectors)
+def test_a_sole_turns_with_the_body_it_is_seen_from(thigh, shank, foot, up, turn):
+    if not well_posed(thigh, shank, foot, up):
+        return
+    ahead, left = sole(thigh, shank, foot, up)
+    assert np.array([ahead @ ahead, left @ left, ahead @ left, foot @ left]) == pytest.approx([1, 1, 0, 0], abs=1e-9)
+    assert ahead @ foot == pytest.approx(np.cos(FOOT_SLOPE))
+    assert ahead @ np.cross(foot, left) == pytest.approx(np.sin(FOOT_SLOPE))  # the toes are lower than the ankle
+    q = from_rotation_vector(3.0 * turn)
+    turned = sole(*(rotate(q, v) for v in (thigh, shank, foot, up)))
+    assert turned == pytest.approx(rotate(q, np.array([ahead, left])), abs=1e-4)
+    mirror = np.array([1.0, -1.0, 1.0])
+    mirrored = sole(*(v * mirror for v in (thigh, shank, foot, up)))
+    assert mirrored == pytest.approx(np.array([ahead * mirror, -left * mirror]), abs=1e-4)
+
+
+def test_a_standing_leg_keeps_its_sole_level_and_a_lying_one_takes_it_along():
+    ahead, level = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+    knee_out = normalise(np.array([0.6, 0.6, -0.5]))
+    assert sole(knee_out, -UP, ahead, UP)[1] == pytest.approx(level, abs=1e-5)
+    # On the side, the knee bent ahead: left is across the leg's own plane, here straight down or up.
+    lying = sole(normalise(np.array([1.0, 1.0, 0.0])), level, ahead, UP)[1]
+    assert lying == pytest.approx([0.0, 0.0, 1.0], abs=1e-5)
+    # Half way between, shank 45 degrees to the side, it is between level and what the leg alone would have.
+    shank, thigh = normalise(np.array([0.0, 1.0, -1.0])), normalise(np.array([0.5, 0.7, -0.7]))
+    half = sole(thigh, shank, ahead, UP)[1]
+    assert degrees_between(half, level) == pytest.approx(45.0 / 2.0, abs=8.0)
+    assert degrees_between(half, np.array([0.0, 1.0, 1.0]) / np.sqrt(2.0)) < 45.0
+
+
+def test_a_leg_and_foot_in_one_line_have_no_side_and_still_get_one():
+    down = np.array([0.0, 0.0, -1.0])
+    ahead, left = sole(down, down, down, UP)
+    assert np.isfinite(ahead).all()
+    assert left.tolist() == [0.0, 1.0, 0.0]
