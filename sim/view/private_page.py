@@ -1,7 +1,8 @@
 """A viser page that stays on this machine: bound to loopback, opened only by itself, never shared.
 
 viser can publish a page on the internet through a tunnel, and does so whenever a client asks; it also takes commands
-from any web page that happens to be open in the same browser. Neither may happen to the panel of a robot.
+from any web page that happens to be open in the same browser, and lets itself be framed by one, so that a click meant
+for that page is a command. None of this may happen to the panel of a robot.
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ from collections.abc import Iterator
 import viser
 import viser._messages
 import websockets.asyncio.server
+from websockets.asyncio.server import ServerConnection
+from websockets.http11 import Request, Response
 
 from motiondeck_base.errors import MotiondeckError
 
@@ -77,14 +80,21 @@ def _taken(port: int) -> str:
 
 @contextlib.contextmanager
 def _own_pages_only(port: int) -> Iterator[None]:
-    """Makes a server started within refuse websockets that were not opened by its own page.
+    """Makes a server started within refuse websockets that its own page has not opened, and frames around that page.
 
     A browser lets any page open a websocket to any address, but says truthfully which page it was.
     """
     serve = websockets.asyncio.server.serve
     pages = [f"http://{host}:{port}" for host in (LOOPBACK, "localhost")]
-    websockets.asyncio.server.serve = functools.partial(serve, origins=pages)  # pyright: ignore
+    own = functools.partial(serve, origins=pages, process_response=_forbid_frames)  # pyright: ignore
+    websockets.asyncio.server.serve = own  # pyright: ignore
     try:
         yield
     finally:
         websockets.asyncio.server.serve = serve  # pyright: ignore
+
+
+def _forbid_frames(connection: ServerConnection, request: Request, response: Response) -> None:
+    """Has the browser show the page in no frame, whatever page that stands in."""
+    response.headers["Content-Security-Policy"] = "frame-ancestors 'none'"
+    response.headers["X-Frame-Options"] = "DENY"

@@ -1,3 +1,4 @@
+import http.server
 import socket
 import threading
 
@@ -99,6 +100,49 @@ def test_pages_from_elsewhere_in_the_same_browser_are_turned_away():
                 pass
         with open_socket(port, origin=f"http://localhost:{port}") as client:
             assert client.recv(timeout=20)
+    finally:
+        page.stop()
+
+
+@pytest.fixture
+def other_site():
+    """A site of somebody else's, whose pages are what it is given."""
+
+    class Handler(http.server.BaseHTTPRequestHandler):
+        page = ""
+
+        def do_GET(self):
+            self.send_response(200)
+            self.send_header("Content-Type", "text/html")
+            self.end_headers()
+            self.wfile.write(self.page.encode())
+
+        def log_message(self, *_):
+            pass
+
+    site = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    threading.Thread(target=site.serve_forever, daemon=True).start()
+    yield f"http://127.0.0.1:{site.server_port}", Handler
+    site.shutdown()
+    site.server_close()
+
+
+@pytest.mark.parametrize("ours", [True, False])
+def test_another_site_cannot_frame_the_page(ours, browser, other_site):
+    # The plain viser page guards the test: it is framed, so what keeps ours out is ours.
+    address, handler = other_site
+    port = free_port()
+    page = PrivatePage(port, "test") if ours else viser.ViserServer(host="127.0.0.1", port=port, verbose=False)
+    handler.page = f'<title>a game</title><iframe id="f" src="http://127.0.0.1:{port}"></iframe>'
+    try:
+        tab = browser.new_page()
+        tab.goto(address)
+        frame = tab.frames[1]
+        frame.wait_for_load_state()
+        shown = frame.evaluate("document.getElementById('root') !== null")
+        assert shown != ours
+        assert frame.url.startswith("chrome-error") == ours
+        tab.close()
     finally:
         page.stop()
 
