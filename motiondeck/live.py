@@ -6,7 +6,6 @@ from __future__ import annotations
 import contextlib
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -40,6 +39,7 @@ from controller.wire.command_socket import (
 )
 from controller.wire.command_socket import State as DeckStatus
 from controller.wire.command_table import checked
+from controller.wire.run_folder import run_folder
 from motiondeck.libraries import Library
 from motiondeck_base.errors import MotiondeckError
 
@@ -357,7 +357,7 @@ def play(
     """
     with contextlib.ExitStack() as opening:
         if isinstance(library, Library):
-            file = Path(opening.enter_context(tempfile.TemporaryDirectory(prefix="motiondeck-"))) / "played.safetensors"
+            file = opening.enter_context(run_folder()) / "played.safetensors"
             library.save(file)
             library = file
         request = LiveRequest(

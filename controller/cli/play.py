@@ -199,7 +199,8 @@ def play(
     ) as session:
         report = session.run()
     _print(report, as_json, summary(report))
-    if any(output["parked"] for output in report["outputs"]) or report.get("recognition", {}).get("stopped"):
+    incomplete = not report.get("recording", {"complete": True})["complete"]
+    if incomplete or any(o["parked"] for o in report["outputs"]) or report.get("recognition", {}).get("stopped"):
         raise typer.Exit(1)
 
 

@@ -19,22 +19,28 @@ from motiondeck_base.errors import MotiondeckError
 CHUNK_SECONDS = 0.25
 
 
-def record(state: Path, out: Path) -> None:
+def record(state: Path, out: Path) -> int:
     """Records until the deck ends or its process is gone, including what is still in shared memory then.
+
+    Returns:
+        How many ticks are missing, because this process was held up for longer than the shared memory keeps them.
 
     Raises:
         FileFormatError: if there is no such deck, or the file cannot be written.
     """
     reader = StateReader.open(state)
     writer = RecordingWriter(out, reader.description, reader.fields)
-    number, ended = 0, False
+    number, lost, ended = 0, 0, False
     while not ended:
         time.sleep(CHUNK_SECONDS)
         ended = reader.ended  # read before the last ticks are
-        number, rows = reader.since(number)
+        before = number
+        number, rows = reader.since(before)
         if len(rows):
             writer.append(rows)
+        lost += number - before - len(rows)
     writer.close()
+    return lost
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -47,11 +53,13 @@ def main(arguments: list[str] | None = None) -> int:
         signal.signal(number, signal.SIG_IGN)
     os.nice(5)
     try:
-        record(options.state, options.out)
+        lost = record(options.state, options.out)
     except MotiondeckError as error:
         print(f"motiondeck: the recording has ended: {error}", file=sys.stderr)
         return 1
-    return 0
+    if lost:
+        print(f"motiondeck: {options.out} lacks {lost} ticks: its process was held up for too long", file=sys.stderr)
+    return int(lost > 0)
 
 
 if __name__ == "__main__":

@@ -23,7 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.rotations import Array
-from motiondeck_base.errors import FileFormatError
+from controller.wire.run_folder import allocate
+from motiondeck_base.errors import FileFormatError, MotiondeckError
 
 _MAGIC = b"MDTELEM1"
 _SLOTS = 8
@@ -89,6 +90,9 @@ class StateWriter:
             description: any JSON values.
             fields: the name of each field and how many numbers it holds.
             slots: how many states are kept, for readers that need every one of them; at least 2.
+
+        Raises:
+            MotiondeckError: if there is no room for it.
         """
         header = msgspec.json.encode(_StateHeader(dict(description), dict(fields), os.getpid(), slots))
         layout = _Layout(len(header), fields, slots)
@@ -96,8 +100,11 @@ class StateWriter:
         draft.unlink(missing_ok=True)
         handle = os.open(draft, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600)
         try:
-            os.ftruncate(handle, layout.size)
+            allocate(handle, layout.size, path)
             memory = mmap.mmap(handle, layout.size)
+        except MotiondeckError:
+            draft.unlink(missing_ok=True)
+            raise
         finally:
             os.close(handle)
         memory[: 16 + len(header)] = _MAGIC + struct.pack("<Q", len(header)) + header

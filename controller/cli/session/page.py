@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-import shutil
 import socket
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +17,7 @@ from controller.cli.session.robot_on_deck import RobotOnDeck, Simulation
 from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
 from controller.mocap.skeleton import Skeleton
+from controller.wire.run_folder import run_folder
 from controller.wire.run_recording import MODES
 from controller.wire.telemetry import StateWriter
 from motiondeck_base.errors import MotiondeckError
@@ -52,15 +51,12 @@ _NUMBERS = (
 def viewer(command_port: int, port: int) -> Iterator[tuple[Path, subprocess.Popen[bytes], int]]:
     """The browser view in its own process; yields the state file that it waits for, the process, and its port."""
     port = free_port(port)
-    folder = Path(tempfile.mkdtemp(prefix="motiondeck-"))
-    try:
+    with run_folder() as folder:
         state = folder / "state"
         arguments = ("--state", str(state), "--command-port", str(command_port), "--port", str(port))
         with child_process("sim.view.viewer", *arguments, own_session=True) as viewer:
             print(f"page: http://127.0.0.1:{port}", file=sys.stderr, flush=True)
             yield state, viewer, port
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
 
 
 class Showable(Protocol):

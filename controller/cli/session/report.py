@@ -74,6 +74,8 @@ def summary(report: dict[str, Any]) -> str:
     if kept := report.get("kept_apart"):
         most = sorted(kept.items(), key=lambda item: -item[1])[:3]
         lines.append("kept apart: " + ", ".join(f"{pair} ({count} ticks)" for pair, count in most))
+    if not report.get("recording", {"complete": True})["complete"]:
+        lines.append(f"the recording {report['recording']['file']} is not complete")
     lines += summary_lines(report["recognition"]) if "recognition" in report else []
     lines += [f"output {o['name']} was parked: {o['fault']}" for o in report["outputs"] if o["parked"]]
     return "\n".join(lines)

@@ -222,7 +222,9 @@ class Session:
             "root": simulation.root,
             "balance": simulation.balance,
         }
-        return opening.enter_context(recording(settings.record, description, len(joints), settings.rate))
+        recorder = opening.enter_context(recording(settings.record, description, len(joints), settings.rate))
+        self._children.append(("the recorder", recorder.process))
+        return recorder
 
     def _start_terminal(self, opening: ExitStack) -> None:
         if not self._settings.terminal:
@@ -267,10 +269,11 @@ class Session:
             channel.output.close()
         if self._page:
             self._page.close()
+        recorded = {"recording": self._recorder.finish()} if self._recorder else {}
         names = [name for robot in self.robots for name in robot.joints]
         full = run_report(report, names, self._deck.switches, self._permissions)
         full |= {"refused": self._refused, "restarts": self._deck.restarts}
-        full |= {"library": self._source_name, "robot": self._first.name}
+        full |= {"library": self._source_name, "robot": self._first.name} | recorded
         return full | self._kept_apart() | ({"recognition": self._watch.report()} if self._watch else {})
 
     def _request_permissions(self) -> None:
@@ -307,7 +310,7 @@ class Session:
         return None if measured is None else measured[: len(self._first.own_joints)]
 
     def _report_dead_children(self) -> None:
-        """Prints a line when the page or the prompt has died: the deck plays on without them."""
+        """Prints a line when the page, the prompt or the recorder has died: the deck plays on without them."""
         for name, process in [*self._children]:
             if process.poll() is not None:
                 self._children.remove((name, process))

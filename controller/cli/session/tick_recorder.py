@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-import tempfile
+import subprocess
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,12 +16,15 @@ from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
 from controller.rotations import Array
 from controller.wire.command_socket import Blend, GetStatus, Jump, Message, Queue, Refused, Reply, SetTempo, Switch
+from controller.wire.run_folder import run_folder
 from controller.wire.run_recording import COMMANDS, MODES
 from controller.wire.telemetry import StateWriter
 from motiondeck_base.errors import FileFormatError
 
 KEPT_SECONDS = 8.0
 """How far the recorder may fall behind before ticks are lost, s."""
+
+_PATIENCE = 10.0  # s for the recorder to write the last ticks
 
 _NUMBERS = (
     *("tick", "time_s", "late_us", "work_us", "overruns"),
@@ -37,11 +40,28 @@ class TickRecorder:
     Args:
         writer: with the fields that `recording` makes.
         motions: the names that commands use.
+        process: the recorder.
+        file: the recording.
+
+    Attributes:
+        process: the recorder; the deck plays on without it.
     """
 
-    def __init__(self, writer: StateWriter, motions: Sequence[str]) -> None:
+    def __init__(
+        self, writer: StateWriter, motions: Sequence[str], process: subprocess.Popen[bytes], file: Path
+    ) -> None:
         self._writer, self._motions = writer, motions
+        self.process, self._file = process, file
         self._forget()
+
+    def finish(self) -> dict[str, object]:
+        """Has the recorder write the last ticks and end; the recording's file, and whether it has every tick."""
+        self._writer.close()
+        try:
+            complete = self.process.wait(_PATIENCE) == 0
+        except subprocess.TimeoutExpired:
+            complete = False
+        return {"file": str(self._file), "complete": complete}
 
     def note(self, message: Message, reply: Reply) -> None:
         """Remembers a command and whether it was refused."""
@@ -110,6 +130,7 @@ def recording(out: Path, description: Mapping[str, Any], joints: int, rate: floa
 
     Raises:
         FileFormatError: if the file cannot be written.
+        MotiondeckError: if there is no room for what the processes share.
     """
     try:
         out.open("ab").close()
@@ -117,11 +138,12 @@ def recording(out: Path, description: Mapping[str, Any], joints: int, rate: floa
         raise FileFormatError(f"{out}: cannot be written ({error.strerror or error})") from None
     fields = dict.fromkeys(_NUMBERS, 1) | {"targets": joints, "measured": joints}
     fields |= {"root_position": 3, "heading": 1, "root_rotation": 4, "robot_root": 7}
-    with tempfile.TemporaryDirectory(prefix="motiondeck-") as folder:
-        state = Path(folder) / "ticks"
+    with run_folder() as folder:
+        state = folder / "ticks"
         writer = StateWriter.create(state, description, fields, slots=max(2, int(np.ceil(KEPT_SECONDS * rate))))
-        with child_process("controller.wire.recorder", "--state", str(state), "--out", str(out), patience=10.0):
+        arguments = ("--state", str(state), "--out", str(out))
+        with child_process("controller.wire.recorder", *arguments, patience=_PATIENCE) as process:
             try:
-                yield TickRecorder(writer, description["motions"])
+                yield TickRecorder(writer, description["motions"], process, out)
             finally:
                 writer.close()

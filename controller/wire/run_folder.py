@@ -1,0 +1,72 @@
+"""Folders for what a run shares with its other processes; a folder whose run was killed is removed by the next run."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from motiondeck_base.errors import MotiondeckError
+
+_PREFIX = "motiondeck-"
+_LOCK = "in-use"
+
+
+@contextmanager
+def run_folder() -> Iterator[Path]:
+    """A folder of the user's own (0700) in TMPDIR, gone after the block.
+
+    Raises:
+        MotiondeckError: if there can be none; it says what to do.
+    """
+    try:
+        root = Path(tempfile.gettempdir())
+        _remove_abandoned(root)
+        folder = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=root))
+    except OSError as error:
+        raise MotiondeckError(
+            f"no temporary folder can be made ({error.strerror or error}). Free some room, or set TMPDIR to a folder "
+            "that can be written"
+        ) from error
+    # The system lets go of the lock when this process ends, however it ends.
+    lock = os.open(folder / _LOCK, os.O_CREAT | os.O_RDWR, 0o600)
+    fcntl.flock(lock, fcntl.LOCK_EX)
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+        os.close(lock)
+
+
+def allocate(file: int, size: int, path: Path) -> None:
+    """Gives an open file its size with all its room on the disk: a sparse one would kill who writes into its map later.
+
+    Raises:
+        MotiondeckError: if there is no such room.
+    """
+    try:
+        os.posix_fallocate(file, 0, size)
+    except OSError as error:
+        raise MotiondeckError(
+            f"{path.parent}: no room for {size / 1e6:.1f} MB that the processes of a run share "
+            f"({error.strerror or error}). Free some, or set TMPDIR to a folder with room"
+        ) from error
+
+
+def _remove_abandoned(root: Path) -> None:
+    """Removes the folders of runs that were killed."""
+    for folder in root.glob(f"{_PREFIX}*"):
+        with contextlib.suppress(OSError):
+            if folder.is_symlink() or folder.stat().st_uid != os.getuid():
+                continue
+            lock = os.open(folder / _LOCK, os.O_RDWR)
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                shutil.rmtree(folder)
+            finally:
+                os.close(lock)
