@@ -59,24 +59,55 @@ class Surface:
 
 
 class LowestPoint:
-    """Finds the lowest point of all that moves, exactly; looks at the solids that `Surface` looks at."""
+    """Finds the lowest point of all that moves, exactly; looks at the solids that `Surface` looks at.
+
+    A mesh is looked at by its vertices only if the box around it reaches below all that is known already.
+
+    Attributes:
+        body: which body each of the G solids is fixed to, shape (G,).
+    """
 
     def __init__(self, model: mujoco.MjModel) -> None:
         """Looks at the solids of a model."""
         self._geoms = _solids(model)
+        self.body = model.geom_bodyid[self._geoms]
         shapes = [_shape(model, int(geom)) for geom in self._geoms]
         self._radius = np.array([shape[0] for shape in shapes])
         self._round, self._flat = (np.array([shape[k] for shape in shapes]).reshape(-1, 3) for k in (1, 2))
-        self._meshes = np.repeat(np.arange(len(shapes)), [len(shape[3]) for shape in shapes])
-        self._vertices = np.concatenate([shape[3] for shape in shapes]) if shapes else np.zeros((0, 3))
+        self._centre = np.zeros((len(shapes), 3))
+        self._meshes: dict[int, Array] = {}
+        for row, (_, _, _, vertices) in enumerate(shapes):
+            if len(vertices) > 1:
+                low, high = vertices.min(axis=0), vertices.max(axis=0)
+                self._centre[row], self._flat[row], self._meshes[row] = (low + high) / 2.0, (high - low) / 2.0, vertices
+        self._has_round = bool(self._round.any())
 
-    def __call__(self, data: mujoco.MjData) -> float:
-        """How high it is in a state whose kinematics are up to date, m."""
-        up = data.geom_xmat[self._geoms, 6:9]
-        across = up * self._round
-        reach = self._radius + np.sqrt(np.einsum("ij,ij->i", across, across)) + np.abs(up * self._flat).sum(axis=1)
-        low = data.geom_xpos[self._geoms, 2] - reach
-        return float((low[self._meshes] + np.einsum("ij,ij->i", up[self._meshes], self._vertices)).min())
+    def bounds(self, data: mujoco.MjData) -> Array:
+        """A height below which no point of each solid is, shape (G,), m; for all but meshes the lowest point's own."""
+        up = data.geom_xmat.take(self._geoms, axis=0)[:, 6:]
+        low = np.einsum("ij,ij->i", up, self._centre)
+        low -= np.einsum("ij,ij->i", np.abs(up), self._flat)
+        low += data.geom_xpos[:, 2].take(self._geoms)
+        low -= self._radius
+        if self._has_round:
+            low -= np.sqrt(np.square(up * self._round).sum(axis=1))
+        return low
+
+    def __call__(self, data: mujoco.MjData, bounds: Array | None = None) -> float:
+        """How high it is in a state whose kinematics are up to date, m; `bounds` if they are known."""
+        left = self.bounds(data).copy() if bounds is None else bounds.copy()
+        lowest = np.inf
+        while len(left):
+            row = int(left.argmin())
+            if not left[row] < lowest:
+                break
+            vertices = self._meshes.get(row)
+            if vertices is None:
+                return float(left[row])
+            geom = self._geoms[row]
+            own = float((vertices @ data.geom_xmat[geom, 6:]).min()) + float(data.geom_xpos[geom, 2])
+            lowest, left[row] = min(lowest, own), np.inf
+        return float(lowest)
 
 
 def reach(model: mujoco.MjModel, geom: int, direction: Array) -> Array:

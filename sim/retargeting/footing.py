@@ -5,8 +5,8 @@ A robot with other proportions than the human's slides and floats if its root ju
 - the lowest point of its soles is as high above the floor as that of the human's soles, to scale, and nothing of it is
   ever below the floor: no fixed offset;
 - what stands stays where it is: the root goes back by as much as the touching points of the robot's skin would have
-  gone on, those of a foot counting as far as the human's foot is still. Where nothing touches, or slides on purpose,
-  the root takes the human's way, to scale.
+  gone on. Those of a foot count as far as the human's heel or ball is still and low. Where nothing touches, or slides
+  on purpose, the root takes the human's way, to scale.
 
 The floor of the human is where its still foot is, because recordings stand a few centimetres off and even drift.
 """
@@ -17,63 +17,35 @@ The floor of the human is where its still foot is, because recordings stand a fe
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import exp, hypot
 
 import mujoco
 import numpy as np
 
-from controller.mocap.anatomy import anatomy
 from controller.mocap.posture import Pose
-from controller.mocap.rest_pose import FOOT_SLOPE
 from controller.mocap.skeleton import Skeleton
-from controller.rotations import Array, multiply, rotate
+from controller.rotations import Array
 from sim.models.kinematic_tree import below
 from sim.models.surface import LowestPoint, Surface
+from sim.retargeting.flat_feet import FlatFeet
+from sim.retargeting.human_soles import Sole, Soles, distance
 
 # In lengths of the leg: how far a sole may seem to be off the floor and still stand on it, and how close to the floor a
 # point of the skin touches it.
 STANDS = 0.02
 TOUCHES = 0.006
-# A foot is still if its ball is slower than this, in lengths of the leg a second. Hands and knees, whose stillness is
+# So many times as high as that a point counts no more.
+CLOSE = 3.0
+# Heel or ball is still if it is slower than this, in lengths of the leg a second. Hands and knees, whose stillness is
 # not looked at, count as much as a foot of such a share.
-STILL = 0.2
+STILL = 0.3
 OTHERS = 0.2
-# So fast the floor follows a still foot upwards, 1/s; down it follows any foot at once.
-FOLLOWS = 15.0
+NEAR = 0.05  # lengths of the leg above the floor: so high a still foot hardly stands
+# So fast the floor follows a foot upwards, 1/s, that has been still for so long, s: at the top of a leap it is still
+# for a moment. Down it follows any foot at once.
+FOLLOWS, SURE = 60.0, 0.08
 TELEPORT = 0.3  # lengths of the leg in one tick: nobody walked there
-
-
-class Soles:
-    """The lowest points of a human's feet: heel and ball of each.
-
-    A skeleton without feet stands on the lowest of its joints.
-    """
-
-    def __init__(self, skeleton: Skeleton) -> None:
-        self._skeleton = skeleton
-        parts = anatomy(skeleton)
-        self._feet = np.array(
-            [foot for side in ("right", "left") if (foot := parts.first("foot", side)) is not None], dtype=np.int64
-        )
-        on_way = np.flatnonzero(skeleton.chain[self._feet].any(axis=0)) if len(self._feet) else np.arange(0)
-        self._bones = on_way
-        self._offset = (skeleton.rest_direction * skeleton.length[:, None])[on_way]
-        self._chain = skeleton.chain[np.ix_(self._feet, on_way)]
-        self._at = np.searchsorted(on_way, self._feet)
-        self._length = skeleton.length[self._feet]
-
-    def __call__(self, pose: Pose) -> tuple[Array, Array]:
-        """Where the balls of the F feet are, shape (F, 3), and how high each foot's lowest point is, shape (F,), m."""
-        if not len(self._feet):
-            joints = self._skeleton.joints(pose.root_position, pose.rotation)
-            lowest = joints[[np.argmin(joints[:, 2])]]
-            return lowest, lowest[:, 2]
-        bones = rotate(pose.rotation[self._bones + 1], self._offset)
-        ball = pose.root_position + self._chain @ bones
-        foot = bones[self._at]
-        # A foot that slopes down by FOOT_SLOPE is flat: then heel and ball are level.
-        slope = np.arctan2(-foot[:, 2], np.sqrt(foot[:, 0] ** 2 + foot[:, 1] ** 2)) - FOOT_SLOPE
-        heel = ball[:, 2] + 1.25 * np.cos(FOOT_SLOPE) * self._length * np.sin(slope)
-        return ball, np.minimum(ball[:, 2], heel)
+NOWHERE = -1e9  # the radius of what fills up the rows of soles with fewer points, m
 
 
 class Footing:
@@ -87,6 +59,7 @@ class Footing:
         root_rotation: Array,
         scale: float,
         dt: float,
+        flat: FlatFeet | None = None,
     ) -> None:
         """Looks at the robot's skin.
 
@@ -97,18 +70,38 @@ class Footing:
             root_rotation: of the root body while the robot stands upright and faces x, shape (4,).
             scale: the robot's size over the human's.
             dt: seconds from one pose to the next.
+            flat: the slopes of the human's feet, shared with who poses the robot's.
         """
-        self._soles, self._leg = Soles(skeleton), max(skeleton.leg_length * scale, 1e-3)
+        self.flat = flat or FlatFeet(dt)
+        self._soles, self._human_leg = Soles(skeleton), max(skeleton.leg_length, 1e-3)
         self._model, self._data = model, mujoco.MjData(model)
-        self._turned, self._scale, self._dt = root_rotation, scale, dt
+        self._xmat = self._data.xmat.reshape(-1, 3, 3)
+        self._turned, self._scale, self._dt = root_rotation.tolist(), scale, dt
+        self._touches = TOUCHES * max(skeleton.leg_length * scale, 1e-3)
         self._surface, self._lowest = Surface.of(model), LowestPoint(model)
-        self._foot_of = np.full(len(self._surface.body), -1)
-        for side, foot in enumerate(feet):
-            self._foot_of[np.isin(self._surface.body, below(model, foot))] = side
-        self._sole = self._foot_of >= 0
-        if not self._sole.any():  # no feet, or none that has solids
-            self._sole[:] = True
+        self._find_soles(feet)
         self.reset()
+
+    def _find_soles(self, feet: Sequence[int]) -> None:
+        """The points of the bodies of the soles, as rows of equal length."""
+        model, surface = self._model, self._surface
+        sides = {body: side for side, foot in enumerate(feet) for body in below(model, foot)}
+        sides = {body: side for body, side in sides.items() if (surface.body == body).any()}
+        self._feet_known = len(set(sides.values())) == 2 == self._soles.count
+        if not self._feet_known:  # then whatever is lowest stands
+            sides = dict.fromkeys(sides or map(int, np.unique(surface.body)), 0)
+        self._bodies, self._side = np.array([*sides], np.int64), np.array([*sides.values()], np.int64)
+        self._sides = sorted(set(sides.values()))
+        self._one_each = len(sides) == len(self._sides)
+        most = max(int((surface.body == body).sum()) for body in sides)
+        self._points, self._radius = np.zeros((len(sides), 3, most)), np.full((len(sides), most), NOWHERE)
+        for row, body in enumerate(sides):
+            mine = np.flatnonzero(surface.body == body)
+            self._points[row, :, : len(mine)] = surface.centre[mine].T
+            self._radius[row, : len(mine)] = surface.radius[mine]
+        # The rest of the skin is looked at only where it comes close to the floor.
+        self._other = surface.part(np.setdiff1d(surface.body, self._bodies))
+        self._other_solids = np.flatnonzero(~np.isin(self._lowest.body, self._bodies))
 
     def reset(self, dt: float | None = None) -> None:
         """Forgets where it was: the next pose stands where the human stands.
@@ -117,13 +110,15 @@ class Footing:
             dt: seconds from one pose to the next from now on; as before by itself.
         """
         self._dt = dt or self._dt
+        self.flat.tick(self._dt)
         self._floor: float | None = None
-        self._human = self._root = np.zeros(2)
-        self._balls = self._points = np.zeros((0, 3))
+        self._still_for = 0.0
+        self._human = self._root = (0.0, 0.0)
+        self._others: Array | None = None
 
     def place(self, pose: Pose, qpos: Array) -> None:
         """Writes the root's position and rotation into qpos (nq,), whose joints are in place already."""
-        qpos[3:7] = multiply(pose.rotation[0], self._turned)
+        qpos[3:7] = _product(pose.rotation[0].tolist(), self._turned)
         if len(pose.rotation) == 1:
             # Of a run recorded by version 1 only the human's root is known: the robot goes along its path.
             qpos[:3] = self._scale * pose.root_position
@@ -132,33 +127,99 @@ class Footing:
         data.qpos[:] = qpos
         data.qpos[:3] = 0.0
         mujoco.mj_kinematics(self._model, data)
-        points = self._surface.positions(data)
-        heights = points[:, 2] - self._surface.radius
-        human = self._scale * pose.root_position[:2]
-        balls, lows = self._soles(pose)
-        balls, low = self._scale * balls, self._scale * float(lows.min())
+        turn, at = self._xmat.take(self._bodies, axis=0), data.xpos.take(self._bodies, axis=0)
+        soles = self._soles(pose, self.flat.slope)
+        x, y = pose.root_position[:2].tolist()
+        if self._floor is None or hypot(x - self._human[0], y - self._human[1]) > TELEPORT * self._human_leg:
+            self._floor, self._before = min(sole.lowest for sole in soles), soles
+            self._human, self._root = (x, y), (self._scale * x, self._scale * y)
+            self._turn, self._at, self._others = turn, at, None
+        still = self._stillness(soles)
+        raised = self._raised(soles, still)
 
-        going = human - self._human
-        if self._floor is None or going @ going > (TELEPORT * self._leg) ** 2:
-            self._floor, self._root, self._human = low, human.copy(), human
-            self._points, self._balls = points, balls
-            going = np.zeros(2)
-        speed = np.sqrt(np.einsum("ij,ij->i", balls - self._balls, balls - self._balls)) / (self._dt * self._leg)
-        still = 1.0 / (1.0 + (speed / STILL) ** 4)
-        rise = low - self._floor
-        self._floor += rise if rise < 0.0 else rise * float(still[np.argmin(lows)]) * min(FOLLOWS * self._dt, 1.0)
-
-        height = max(low - self._floor - STANDS * self._leg, 0.0) - float(heights[self._sole].min())
-        height = max(height, -self._lowest(data))
-        # What is nearest to the floor decides, whatever it is: soles, knees, hands.
-        weight = np.exp(-(heights + height) / (TOUCHES * self._leg))
-        weight *= np.append(still, OTHERS)[self._foot_of] if len(still) == 2 else OTHERS
+        heights = np.matmul(turn[:, 2:], self._points)[:, 0]
+        heights += at[:, 2:]
+        heights -= self._radius
+        lows = heights.min(axis=1)
+        bounds = self._lowest.bounds(data)
+        height = max(self._scale * raised - float(lows.min()), -self._lowest(data, bounds))
+        # A foot stands on its own lowest points if the human's is still and low: a toe that trails may hold it up.
+        if not self._one_each:
+            lows = np.array([lows[self._side == foot].min() for foot in self._sides]).take(self._side)
+        heights -= lows[:, None]
+        weight = np.exp(heights * (-1.0 / self._touches))
+        counts = np.array(self._standing(soles, still))
+        weight *= (counts if self._one_each else counts.take(self._side))[:, None]
         touching = float(weight.max())
-        weight = weight**2
+        weight *= weight
+        sums = weight.sum(axis=1)
+        moved = np.matmul(turn - self._turn, np.matmul(self._points, weight[:, :, None]))[:, :2, 0]
+        moved += sums[:, None] * (at - self._at)[:, :2]
+        slides = [(*way, share) for way, share in zip(moved.tolist(), sums.tolist(), strict=True)]
+        others = self._others_gone(bounds, height)
+        if others is not None:
+            slides.append(others[:3])
+            touching = max(touching, others[3])
+
+        dx, dy = self._scale * (x - self._human[0]), self._scale * (y - self._human[1])
         if touching > 1e-6:
-            gone = weight @ (points - self._points)[:, :2] / weight.sum()
-            going = (1.0 - touching) * going - touching * gone
-        self._root = self._root + going
-        self._human, self._points, self._balls = human, points, balls
-        qpos[:2] = self._root
-        qpos[2] = height
+            total = sum(share for _, _, share in slides)
+            dx = (1.0 - touching) * dx - touching * sum(slide[0] for slide in slides) / total
+            dy = (1.0 - touching) * dy - touching * sum(slide[1] for slide in slides) / total
+        self._root = self._root[0] + dx, self._root[1] + dy
+        self._human, self._before, self._turn, self._at = (x, y), soles, turn, at
+        qpos[0], qpos[1], qpos[2] = *self._root, height
+
+    def _stillness(self, soles: list[Sole]) -> list[float]:
+        """How still the heel and the ball of each foot are: 1 if they stand, towards 0 the faster they go."""
+        slow = STILL * self._human_leg * self._dt
+        still = []
+        for foot, (now, before) in enumerate(zip(soles, self._before, strict=True)):
+            heel, ball = distance(now.heel, before.heel), distance(now.ball, before.ball)
+            still.append(1.0 / (1.0 + (min(heel, ball) / slow) ** 8))
+            if max(ball, distance(now.ankle, before.ankle)) < 0.5 * slow and now is not before:
+                self.flat.stood(foot, now.slope)
+        return still
+
+    def _standing(self, soles: list[Sole], still: list[float]) -> list[float]:
+        """How much the points of each foot count: 1 for those of one that stands."""
+        if not self._feet_known:
+            return [OTHERS]
+        assert self._floor is not None
+        near = NEAR * self._human_leg
+        return [share * exp((self._floor - sole.lowest) / near) for share, sole in zip(still, soles, strict=True)]
+
+    def _raised(self, soles: list[Sole], still: list[float]) -> float:
+        """How high the human's lowest sole is above its floor, m; the floor goes along with feet that stand."""
+        assert self._floor is not None
+        lowest = min(range(len(soles)), key=lambda k: soles[k].lowest)
+        low = soles[lowest].lowest
+        rise = low - self._floor
+        self._still_for = self._still_for + self._dt if still[lowest] > 0.5 else 0.0
+        if rise > 0.0:
+            rise *= min(FOLLOWS * self._dt, 1.0) if self._still_for > SURE else 0.0
+        self._floor += rise
+        return max(low - self._floor - STANDS * self._human_leg, 0.0)
+
+    def _others_gone(self, bounds: Array, height: float) -> tuple[float, float, float, float] | None:
+        """What of the other skin touches: how far it has gone, times its weight, x and y; its weight; how close."""
+        if not len(self._other_solids) or bounds[self._other_solids].min() + height > CLOSE * self._touches:
+            self._others = None
+            return None
+        points = self._other.positions(self._data)
+        weight = OTHERS * np.exp((points[:, 2] - self._other.radius + height) * (-1.0 / self._touches))
+        before, self._others = points if self._others is None else self._others, points
+        x, y = (np.square(weight) @ (points - before)[:, :2]).tolist()
+        return x, y, float(np.square(weight).sum()), float(weight.max())
+
+
+def _product(p: list[float], q: list[float]) -> list[float]:
+    """The product of two quaternions."""
+    a, b, c, d = p
+    w, x, y, z = q
+    return [
+        a * w - b * x - c * y - d * z,
+        a * x + b * w + c * z - d * y,
+        a * y - b * z + c * w + d * x,
+        a * z + b * y - c * x + d * w,
+    ]

@@ -69,7 +69,7 @@ class LimbView:
         # Where the entries of the quaternions, and of their matrices, are in a pose's rotations laid out flat.
         self._quaternions = (4 * (np.array(bones) + 1)[:, None] + np.arange(4))[:, :, None]
         self._entries = 4 * (np.array(seen_from) + 1)[:, None, None] + ENTRY
-        self._turn = np.stack([_turning(v) for v in vector])
+        self._turn = np.stack([turning(v) for v in vector])
 
     def __call__(self, pose: Pose) -> Array:
         """The unit vectors of LIMBS, shape (14, 3)."""
@@ -85,7 +85,7 @@ def up_of(pose: Pose) -> tuple[float, float, float]:
     return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
 
 
-def _turning(v: Array) -> Array:
+def turning(v: Array) -> Array:
     """The matrix that turns the 16 products q_i q_j of a quaternion into the vector q v q*, shape (16, 3)."""
 
     def turned(q: Array) -> Array:

@@ -22,8 +22,10 @@ from controller.mocap.posture import Pose
 from controller.mocap.rest_pose import FOOT_SLOPE
 from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array
+from sim.retargeting.flat_feet import FlatFeet
 from sim.retargeting.human_limbs import LIMBS, LimbView, up_of
 from sim.retargeting.robot_limbs import SIDES, RobotLimbs
+from sim.retargeting.stuck_limbs import StuckLimbs
 
 # How much a vector counts that is as long as a leg.
 WEIGHT = {"leg": 4.0, "thigh": 1.0, "arm": 3.0, "upper_arm": 1.5, "foot": 2.0, "head": 1.5, "chest": 3.0}
@@ -45,9 +47,17 @@ class InverseKinematics:
         solver: what does it.
     """
 
-    def __init__(self, skeleton: Skeleton, limbs: RobotLimbs, limits: JointLimits, rest: Array, dt: float) -> None:
-        """As for the solver, for a skeleton; FileFormatError if it lacks a limb."""
-        self._view = LimbView(skeleton)
+    def __init__(
+        self,
+        skeleton: Skeleton,
+        limbs: RobotLimbs,
+        limits: JointLimits,
+        rest: Array,
+        dt: float,
+        flat: FlatFeet | None = None,
+    ) -> None:
+        """As for the solver, for a skeleton whose feet slope as `flat` says; FileFormatError if it lacks a limb."""
+        self._view, self._flat = LimbView(skeleton), flat
         self.solver = LimbSolver(limbs, self._view.length, limits, rest, dt)
 
     def reset(self) -> None:
@@ -56,7 +66,10 @@ class InverseKinematics:
 
     def __call__(self, pose: Pose) -> Array:
         """Targets (N,), rad, within the robot's range and pace."""
-        return self.solver(self._view(pose), np.array(up_of(pose)))
+        directions = self._view(pose)
+        if self._flat is not None:
+            directions = self._flat(directions)
+        return self.solver(directions, np.array(up_of(pose)))
 
 
 class LimbSolver:
@@ -86,35 +99,44 @@ class LimbSolver:
         self._weight = np.array([WEIGHT[kind] for kind in kinds])[:, None] / longest
         self._no_rows = np.zeros((0, len(rest)))
         self._any_sense = np.zeros(len(rest), dtype=np.int32)
+        vectors = limbs.vectors
+        self._stuck = StuckLimbs(vectors.names, limbs.moved, vectors.length, rest, self._advance, dt)
         self.reset()
 
     def reset(self) -> None:
         """Forgets the last pose: the next one is reached from rest, however far it is, before it is answered."""
         self._q = np.clip(self._rest, self._limits.lower, self._limits.upper)
         self._started = False
-        self._missed = np.zeros(len(self.names))
+        self._stuck.reset()
         self._count, self._square, self._worst = 0, np.zeros(len(self.names)), np.zeros(len(self.names))
 
     def __call__(self, directions: Array, up: Array) -> Array:
         """Targets (N,), rad, for limbs that point in the directions (14, 3) and a vertical (3,), seen from the root."""
         lower, upper = self._limits.lower, self._limits.upper
-        goals = self._goals(directions, up)
+        goals, q = self._goals(directions, up), self._q
+        missed = self._square
         if not self._started:
             self._started = True
             for _ in range(FIRST_STEPS):
-                low, high = np.maximum(lower - self._q, -FIRST_REACH), np.minimum(upper - self._q, FIRST_REACH)
-                if self._advance(goals, low, high) < SETTLED:
+                before = q
+                low, high = np.maximum(lower - q, -FIRST_REACH), np.minimum(upper - q, FIRST_REACH)
+                q, missed = self._advance(q, goals, low, high)
+                if np.abs(q - before).max() < SETTLED:
                     break
         else:
-            lowest = np.maximum(lower, self._q - self._step)
-            highest = np.minimum(upper, self._q + self._step)
+            lowest = np.maximum(lower, q - self._step)
+            highest = np.minimum(upper, q + self._step)
             for _ in range(STEPS):
-                if self._advance(goals, lowest - self._q, highest - self._q) < FAR:
+                before = q
+                q, missed = self._advance(q, goals, lowest - q, highest - q)
+                if np.abs(q - before).max() < FAR:
                     break
+            q = self._stuck(q, missed, goals, lower, upper, lowest, highest)
+        self._q = q
         self._count += 1
-        self._square += self._missed
-        np.maximum(self._worst, self._missed, out=self._worst)
-        return self._q
+        self._square += missed
+        np.maximum(self._worst, missed, out=self._worst)
+        return q
 
     def shortfall(self) -> dict[str, dict[str, float]]:
         """How far the goals were missed since the last reset: root mean square and worst, m, by the goal's name."""
@@ -124,26 +146,24 @@ class LimbSolver:
             for k, name in enumerate(self.names)
         }
 
-    def _advance(self, goals: Array, low: Array, high: Array) -> float:
-        """One step of at least low and at most high (N,), rad; returns how far the joint went that went farthest."""
+    def _advance(self, q: Array, goals: Array, low: Array, high: Array) -> tuple[Array, Array]:
+        """One step from q of at least low and at most high (N,), rad: the next q, and the squared misses (K,), m^2."""
         limbs = self._limbs
-        limbs.place(self._q)
+        limbs.place(q)
         positions = limbs.positions()
         goals = self._goals.seen_from_root(goals, limbs.chest_rotation())
         miss = (self._weight * (goals - (positions[1] - positions[0]))).ravel()
         jacobian = (self._weight[:, :, None] * limbs.jacobian(positions)).reshape(len(miss), -1)
         hessian = jacobian.T @ jacobian
-        hessian.flat[:: len(self._q) + 1] += POSTURE + DAMPING
-        slope = POSTURE * (self._q - self._rest) - miss @ jacobian
+        hessian.flat[:: len(q) + 1] += POSTURE + DAMPING
+        slope = POSTURE * (q - self._rest) - miss @ jacobian
         step, _, flag, _ = daqp.solve(hessian, slope, self._no_rows, high, np.minimum(low, high), self._any_sense)
         if flag < 1 or not np.isfinite(step).all():
             # The problem is strictly convex and its bounds never cross, so the pose has a NaN in it: hold.
-            return 0.0
+            return q, np.zeros(len(self.names))
         step = np.minimum(np.maximum(step, low), high)
-        self._q = self._q + step
         left = (miss - jacobian @ step).reshape(-1, 3) / self._weight
-        self._missed = np.einsum("ij,ij->i", left, left)
-        return float(np.abs(step).max())
+        return q + step, np.einsum("ij,ij->i", left, left)
 
 
 class Goals:

@@ -18,6 +18,7 @@ from controller.rotations import Array, dot, to_rotation_vector
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 from sim.models.joint_layout import nearest_turn
 from sim.models.robot_file import Angle
+from sim.retargeting.flat_feet import FlatFeet
 from sim.retargeting.human_limbs import ENTRY, SIGN, LimbView, up_of
 
 Vector = Sequence[float]
@@ -83,6 +84,7 @@ class ServoHumanoidRetargeter:
         upper: Array,
         angles: Mapping[str, Angle] | None = None,
         rest: Array | None = None,
+        flat: FlatFeet | None = None,
     ) -> None:
         """Finds the limbs, and the joints that turn as these angles do.
 
@@ -92,6 +94,7 @@ class ServoHumanoidRetargeter:
             lower, upper: their ranges, shape (J,), rad.
             angles: which of SERVO_HUMANOID_JOINTS is which joint; none where they have the same names.
             rest: where the joints stay that none of the angles is, shape (J,), rad; zero by itself.
+            flat: the slopes of the human's feet; none for feet that slope by FOOT_SLOPE when they are flat.
 
         Raises:
             FileFormatError: if the skeleton lacks a limb, or no angles are given and the robot has other joints.
@@ -110,7 +113,7 @@ class ServoHumanoidRetargeter:
                 raise UnknownNameError(f"angles: {UnknownNameError.among('angle', name, SERVO_HUMANOID_JOINTS)}")
             if angle.joint not in joints:
                 raise UnknownNameError(f"angles.{name}: {UnknownNameError.among('joint', angle.joint, joints)}")
-        self._view = LimbView(skeleton)
+        self._view, self._flat = LimbView(skeleton), flat
         self._angle = np.array([SERVO_HUMANOID_JOINTS.index(name) for name in angles], np.int64)
         self._joint = np.array([list(joints).index(angle.joint) for angle in angles.values()], np.int64)
         self._sign = np.array([float(angle.sign) for angle in angles.values()])
@@ -136,7 +139,10 @@ class ServoHumanoidRetargeter:
 
     def __call__(self, pose: Pose) -> Array:
         """Targets (J,), rad, within the robot's range; overwritten by the next call."""
-        angles = np.array(self._limbs(self._view(pose), up_of(pose)))
+        directions = self._view(pose)
+        if self._flat is not None:
+            directions = self._flat(directions)
+        angles = np.array(self._limbs(directions, up_of(pose)))
         if self._same:
             return angles
         self._targets[self._joint] = self._zero + self._sign * angles[self._angle]

@@ -132,6 +132,11 @@ class RobotLimbs:
         ]
 
     @property
+    def moved(self) -> NDArray[np.bool_]:
+        """Which of the N joints turn or move each of the K vectors, shape (K, N)."""
+        return np.any(self._moves[:, :, 0] != 0.0, axis=0)
+
+    @property
     def data(self) -> mujoco.MjData:
         """MuJoCo's state at the last `place`."""
         return self._data

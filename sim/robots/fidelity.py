@@ -63,6 +63,8 @@ def carry(clip: Clip, robot: Robot) -> Carried:
     envelope = SafetyEnvelope(limits, 1.0 / clip.rate)
     wanted, played, qpos, limbs = [], [], [], []
     state = np.zeros(robot.model.nq)
+    if robot.footing is not None:
+        robot.footing.flat.learn(clip)
     for frame in range(len(clip)):
         pose = Pose(clip.root_position[frame], np.zeros(()), clip.rotation[frame])
         targets = np.clip(robot.retarget(pose), limits.lower, limits.upper)

@@ -24,6 +24,7 @@ from sim.models.model_file import read_model
 from sim.models.robot_file import RobotFile, Solver, read_robot_file
 from sim.models.scenery import add_gantry, add_lamp, set_stage
 from sim.models.servo_motor import ServoMotor
+from sim.retargeting.flat_feet import FlatFeet
 from sim.retargeting.footing import Footing
 from sim.retargeting.retarget import MannequinRetargeter, ServoHumanoidRetargeter
 from sim.retargeting.robot_limbs import RobotLimbs
@@ -116,9 +117,10 @@ def load_robot(path: Path, skeleton: Skeleton, solver: Solver | None = None, dt:
     if isinstance(skeleton, JointBody):
         taught = JointRetargeter(skeleton, layout.joints, rest)
         return Robot(file.name, spec, model, layout, limits, rest, taught, scale, file.servo)
-    retarget = _retargeter(path, file, solver or file.solver, skeleton, model, layout, limits, rest, dt)
+    flat = FlatFeet(dt)
+    retarget = _retargeter(path, file, solver or file.solver, skeleton, model, layout, limits, rest, dt, flat)
     feet = [model.body(file.parts[foot]).id for foot in ("r_foot", "l_foot") if foot in file.parts]
-    footing = Footing(skeleton, model, feet, np.array(file.root_rotation), scale, dt)
+    footing = Footing(skeleton, model, feet, np.array(file.root_rotation), scale, dt, flat)
     return Robot(file.name, spec, model, layout, limits, rest, retarget, scale, file.servo, footing)
 
 
@@ -132,13 +134,14 @@ def _retargeter(
     limits: JointLimits,
     rest: Array,
     dt: float,
+    flat: FlatFeet,
 ) -> Retargeter:
     parts = file.parts
     if solver == "angles":
         if parts:
             RobotLimbs(path, model, parts, np.array(file.root_rotation), layout.joints)
         try:
-            return ServoHumanoidRetargeter(skeleton, layout.joints, limits.lower, limits.upper, file.angles, rest)
+            return ServoHumanoidRetargeter(skeleton, layout.joints, limits.lower, limits.upper, file.angles, rest, flat)
         except UnknownNameError as error:
             raise UnknownNameError(f"{path}: {error}") from None
     from sim.retargeting.inverse_kinematics import InverseKinematics
@@ -146,7 +149,7 @@ def _retargeter(
     if not parts:
         raise FileFormatError(f"{path}: solver 'ik' needs a table [parts]: `motiondeck robot calibrate` writes one")
     limbs = RobotLimbs(path, model, parts, np.array(file.root_rotation), layout.joints)
-    return InverseKinematics(skeleton, limbs, limits, rest, dt)
+    return InverseKinematics(skeleton, limbs, limits, rest, dt, flat)
 
 
 def _load_spec(path: Path, file: RobotFile) -> mujoco.MjSpec:

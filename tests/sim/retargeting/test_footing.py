@@ -11,7 +11,8 @@ from controller.mocap.rest_pose import FOOT_SLOPE
 from controller.rotations import from_rotation_vector, multiply
 from sim.models.model_file import read_model
 from sim.models.surface import LowestPoint
-from sim.retargeting.footing import FOLLOWS, STANDS, TELEPORT, Footing, Soles
+from sim.retargeting.footing import FOLLOWS, STANDS, SURE, TELEPORT, Footing
+from sim.retargeting.human_soles import Soles
 from simulated_bodies import bent_pose, human, smooth_poses
 from small_robots import humanoid
 
@@ -85,10 +86,18 @@ def test_a_recording_that_stands_off_the_floor_stands_on_it(footing, model):
 def test_the_floor_follows_a_still_foot_upwards_at_its_pace(footing, model):
     stand = bent_pose(human(), **FLAT)
     raised = moved(stand, (0.0, 0.0, 0.2))
-    _, lowest = placed(footing, model, [stand, raised, raised, raised])
-    # In its first tick the foot moves, so the floor stays; then the gap shrinks by FOLLOWS dt a tick.
-    gap = SCALE * 0.2 * (1.0 - FOLLOWS * DT) ** np.arange(3)
-    assert lowest[1:] == pytest.approx(gap - SCALE * STANDS * LEG, abs=1e-3)
+    wait = int(SURE / DT) + 1  # ticks of stillness, and the one in which the foot moves
+    _, lowest = placed(footing, model, [stand, *[raised] * (wait + 3)])
+    # Until it is sure that the foot stands the floor stays; then the gap shrinks by FOLLOWS dt a tick.
+    gap = SCALE * 0.2 * (1.0 - FOLLOWS * DT) ** np.array([0, 1, 2])
+    assert lowest[wait : wait + 3] == pytest.approx(np.maximum(gap - SCALE * STANDS * LEG, 0.0), abs=1e-3)
+
+
+def test_at_the_top_of_a_leap_the_floor_stays_where_it_was(footing, model):
+    stand, top = bent_pose(human(), **FLAT), 0.25
+    up = [moved(stand, (0.0, 0.0, top - 4.9 * (DT * k) ** 2)) for k in range(-22, 23)]
+    _, lowest = placed(footing, model, [stand, *up])
+    assert lowest.max() == pytest.approx(SCALE * (top - STANDS * LEG), abs=2e-3)
 
 
 def test_feet_that_stand_stay_where_they_are(footing, model):
@@ -163,14 +172,58 @@ def test_of_a_run_that_knows_the_root_only_its_path_is_taken(footing, model):
     assert qpos[:3] == pytest.approx([0.5, 1.0, 1.5])
 
 
-def test_soles_are_heel_and_ball(model):
-    body = human()
-    for slope, lowest in ((FOOT_SLOPE, 0.0), (FOOT_SLOPE + 0.5, 0.0), (FOOT_SLOPE - 0.5, None)):
-        pose = bent_pose(body, rfoo=(0.0, slope, 0.0), lfoo=(0.0, slope, 0.0))
-        balls, lows = Soles(body)(pose)
+def test_soles_are_heel_and_ball():
+    body, flat = human(), (FOOT_SLOPE, FOOT_SLOPE)
+    for more in (0.0, 0.5, -0.5):
+        pose = bent_pose(body, rfoo=(0.0, FOOT_SLOPE + more, 0.0), lfoo=(0.0, FOOT_SLOPE + more, 0.0))
+        soles = Soles(body)(pose, flat)
         joints = body.joints(pose.root_position, pose.rotation)
-        assert np.allclose(balls, joints[[1 + body.index("rfoo"), 1 + body.index("lfoo")]])
-        if lowest is not None:
-            assert lows == pytest.approx(balls[:, 2])  # flat, or on its toes: the ball is lowest
-        else:  # on its heels, which are 1.25 feet behind the ball
-            assert lows == pytest.approx(balls[:, 2] - 1.25 * 0.16 * np.cos(FOOT_SLOPE) * np.sin(0.5))
+        for sole, foot in zip(soles, ("rfoo", "lfoo"), strict=True):
+            assert sole.ball == pytest.approx(joints[1 + body.index(foot)])
+            assert sole.ankle == pytest.approx(joints[1 + body.parent[body.index(foot)]])
+            # The heel is 1.25 feet behind the ball, level with it on a flat foot.
+            reach = 1.25 * 0.16 * np.cos(FOOT_SLOPE)
+            there = np.array(sole.ball) + reach * np.array([-np.cos(more), 0.0, np.sin(more)])
+            assert sole.heel == pytest.approx(there)
+            assert sole.slope == pytest.approx(FOOT_SLOPE + more)
+
+
+def test_a_foot_that_rolls_from_heel_to_toe_stays_where_it_stands(footing, model):
+    """First the heel stands and the toes come down, then the ball stands and the heel rises."""
+    body, slopes = human(), np.concatenate([np.linspace(-0.4, -0.01, 20), np.linspace(0.01, 0.6, 30)])
+    data, corners = mujoco.MjData(model), []
+    geom = model.body("left_sole").geomadr[0]
+    for frame, slope in enumerate(slopes):
+        sway = 0.2 * np.sin(0.1 * frame)  # of the robot's legs alone: only the root can make up for it
+        pose = bent_pose(body, **dict.fromkeys(FLAT, (0.0, FOOT_SLOPE + slope, 0.0)))
+        sole = Soles(body)(pose, (FOOT_SLOPE, FOOT_SLOPE))[0]
+        behind = np.array([1.25 * 0.16 * np.cos(FOOT_SLOPE), 0.0, 0.0])
+        stands = np.array(sole.heel) if slope < 0.0 else np.array(sole.ball) - behind
+        for side, sign in (("left", 1.0), ("right", -1.0)):
+            data.joint(f"{side}_hip_pitch").qpos[0] = -sway
+            data.joint(f"{side}_ankle").qpos[0] = sign * (slope + sway)
+        footing.place(moved(pose, -stands), data.qpos)
+        mujoco.mj_kinematics(model, data)
+        turn = data.geom_xmat[geom].reshape(3, 3)
+        corners.append([(data.geom_xpos[geom] + turn @ [x, 0.0, -0.01])[0] for x in (-0.07, 0.07)])
+    heel, toe = np.array(corners).T
+    assert np.ptp(heel[1:20]) < 0.003
+    assert np.ptp(toe[21:]) < 0.003
+    assert min(np.ptp(heel[21:]), np.ptp(toe[1:20])) > 0.005
+
+
+def test_a_toe_that_trails_does_not_drag_the_foot_that_stands(footing, model):
+    """The right foot stands, held off the floor by the left one that swings back with its toes down."""
+    stand = bent_pose(human(), **FLAT)
+    data, places = mujoco.MjData(model), []
+    for frame in range(40):
+        swing = 0.02 * frame
+        pose = bent_pose(human(), rfoo=FLAT["rfoo"], lkne=(0.0, swing, 0.0), lank=(0.0, 1.2, 0.0))
+        sway = 0.2 * np.sin(0.1 * frame)  # of the robot's leg alone: only the root can make up for it
+        data.joint("right_hip_pitch").qpos[0], data.joint("right_ankle").qpos[0] = -sway, -sway
+        data.joint("left_hip_pitch").qpos[0], data.joint("left_ankle").qpos[0] = swing, 0.9
+        footing.place(Pose(stand.root_position, stand.heading, pose.rotation), data.qpos)
+        mujoco.mj_kinematics(model, data)
+        places.append(data.body("right_sole").xpos.copy())
+    assert np.array(places)[:, 2].max() > 0.02 + 0.01  # it does hang in the air
+    assert np.ptp(np.array(places)[3:, :2], axis=0).max() < 0.003

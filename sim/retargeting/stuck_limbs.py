@@ -1,0 +1,103 @@
+"""Stuck limbs: a second solution, started from rest, for limbs that small steps do not bring to their goals.
+
+Steps of least squares end where any small step is a loss, and a limb that a joint's range stops there stays there,
+though the goal is in reach by another way: an arm that swung behind the back, say. While a limb is far off, a scout
+follows the same goals from rest, unseen and without limits of speed. If it gets much closer, the limb's own joints go
+over to it as fast as they may.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.rotations import Array
+
+# A limb is far off if one of its vectors misses its goal by this share of its length; a scout that misses by half of
+# what the limb does is better.
+FAR, BETTER = 0.4, 0.5
+# Steps of the scout in a second, and in how many of them it must find a better way; the seconds until another looks.
+STEP_RATE, LOOKS, PAUSE = 400.0, 20, 0.25
+SETTLED, THERE = 0.02, 0.02  # rad
+
+Advance = Callable[[Array, Array, Array, Array], tuple[Array, Array]]
+"""q (N,), goals (K, 3), least and greatest step (N,) to the next q and the squared misses (K,), m^2."""
+
+
+class StuckLimbs:
+    """Watches the limbs of one robot and leads those that are stuck out.
+
+    Attributes:
+        crossing: the joints that are on their way to another solution, shape (N,).
+    """
+
+    def __init__(
+        self, names: Sequence[str], moved: NDArray[np.bool_], length: Array, rest: Array, advance: Advance, dt: float
+    ) -> None:
+        """Args: the K vectors, which of the N joints move each (K, N), their lengths, the rest pose, one step, tick."""
+        self._rest, self._advance = rest, advance
+        self._far, self._pause = np.square(FAR * length), round(PAUSE / dt)
+        self._steps = max(round(STEP_RATE * dt), 1)
+        limbs = [
+            np.array([name.startswith(f"{side}_") and ("arm" in name) == arm for name in names])
+            for side in "rl"
+            for arm in (True, False)
+        ]
+        self._limbs = np.array([limb for limb in limbs if limb.any()]).reshape(-1, len(names))
+        # A limb's own joints move nothing but that limb.
+        self._joints = np.array(
+            [moved[limb].any(axis=0) & ~moved[~limb].any(axis=0) for limb in self._limbs], dtype=bool
+        ).reshape(-1, len(rest))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets what it saw."""
+        self.crossing = np.zeros(len(self._rest), dtype=bool)
+        self._scout: Array | None = None
+        self._looked = self._waiting = 0
+
+    def __call__(
+        self, q: Array, missed: Array, goals: Array, low: Array, high: Array, lowest: Array, highest: Array
+    ) -> Array:
+        """The joints (N,), rad, with those of a stuck limb a step of their way further.
+
+        Args:
+            q: the joints after this tick's steps, shape (N,).
+            missed: how far the goals were missed, squared, shape (K,), m^2.
+            goals: the goals, shape (K, 3).
+            low, high: the joints' range, shape (N,).
+            lowest, highest: where the joints may be after this tick, shape (N,).
+        """
+        if self._scout is None:
+            self._waiting -= 1
+            if self._waiting > 0 or not (missed > self._far).any():
+                return q
+            self._scout, self._looked = np.clip(self._rest, low, high), 0
+        scout, there = self._scout, missed
+        before = scout
+        for _ in range(self._steps):
+            before = scout
+            scout, there = self._advance(scout, goals, low - scout, high - scout)
+        self._scout = scout
+        if self.crossing.any():
+            return self._crossed(q, scout, lowest, highest)
+        self._looked += self._steps
+        if self._looked < LOOKS and np.abs(scout - before).max() > SETTLED:
+            return q
+        for limb, joints in zip(self._limbs, self._joints, strict=True):
+            far = (missed[limb] > self._far[limb]).any()
+            if far and there[limb].sum() < BETTER**2 * missed[limb].sum():
+                self.crossing |= joints
+        if not self.crossing.any():
+            self._scout, self._waiting = None, self._pause
+            return q
+        return self._crossed(q, scout, lowest, highest)
+
+    def _crossed(self, q: Array, scout: Array, lowest: Array, highest: Array) -> Array:
+        crossing = self.crossing
+        q = np.where(crossing, np.clip(scout, lowest, highest), q)
+        if np.abs(scout - q)[crossing].max() < THERE:
+            self.reset()
+        return q

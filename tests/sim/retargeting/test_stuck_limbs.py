@@ -1,0 +1,64 @@
+"""Tests of limbs that small steps do not bring to their goals."""
+
+import numpy as np
+import pytest
+
+from sim.retargeting.human_limbs import LIMBS, LimbView
+from sim.retargeting.stuck_limbs import FAR
+from sim.robots.calibrate import calibrate, limb_directions
+from sim.robots.robot import load_robot
+from simulated_bodies import bent_pose, human
+from small_robots import humanoid
+
+DT = 0.01
+
+
+@pytest.fixture
+def robot(tmp_path):
+    (tmp_path / "small.xml").write_text(humanoid())
+    file = tmp_path / "small.toml"
+    file.write_text(calibrate(tmp_path / "small.xml").to_toml(tmp_path))
+    return load_robot(file, human(), "ik", DT)
+
+
+def miss(robot, pose, limb):
+    there = limb_directions(robot.retarget.solver._limbs)[LIMBS.index(limb)]
+    return np.degrees(np.arccos(np.clip(there @ LimbView(human())(pose)[LIMBS.index(limb)], -1.0, 1.0)))
+
+
+def stuck(robot, pose):
+    """Starts the robot with its left arm wound to the wrong side, up against the end of a joint's range."""
+    solver = robot.retarget.solver
+    robot.retarget(pose)
+    q = solver._q.copy()
+    q[robot.joints.index("left_arm_pitch")] = robot.limits.lower[robot.joints.index("left_arm_pitch")]
+    q[robot.joints.index("left_arm_roll")] = 2.0
+    solver._q = q
+    return q
+
+
+def test_a_limb_that_is_stuck_finds_its_way_no_faster_than_it_may(robot):
+    pose = bent_pose(human(), lelb=(-0.9, 0, 0), relb=(0.9, 0, 0))
+    before = stuck(robot, pose)
+    for _ in range(100):
+        q = robot.retarget(pose)
+        assert np.abs(q - before).max() <= robot.limits.velocity.max() * DT + 1e-9
+        before = q.copy()
+    assert miss(robot, pose, "l_upper_arm") < 5.0
+
+
+def test_without_a_second_look_it_stays_there(robot, monkeypatch):
+    pose = bent_pose(human(), lelb=(-0.9, 0, 0), relb=(0.9, 0, 0))
+    monkeypatch.setattr(type(robot.retarget.solver._stuck), "__call__", lambda self, q, *rest: q)
+    stuck(robot, pose)
+    for _ in range(100):
+        robot.retarget(pose)
+    assert miss(robot, pose, "l_upper_arm") > np.degrees(FAR)
+
+
+def test_a_goal_out_of_reach_keeps_the_limb_where_it_is(robot):
+    pose = bent_pose(human(), rank=(0, -1.5, 0))  # a knee cannot bend forward
+    robot.retarget(pose)
+    path = np.array([robot.retarget(pose).copy() for _ in range(100)])
+    assert not robot.retarget.solver._stuck.crossing.any()
+    assert np.abs(np.diff(path[50:], axis=0)).max() < 1e-3
