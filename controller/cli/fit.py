@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,7 +12,7 @@ import typer
 if TYPE_CHECKING:
     from controller.library.motion_library import MotionLibrary
     from controller.training.recipe import LibraryRecipe
-    from controller.training.training_set import TrainingSet
+    from controller.training.training_set import LearnedPart, TrainingSet
 
 
 def fit(
@@ -67,12 +68,13 @@ def fit(
 
       motiondeck fit configs/libraries/cmu86.toml --data cmu --centers auto --satellites auto --out small.safetensors
     """
-    from controller.cli.common.library_report import print_table, report
+    from controller.cli.common.library_report import part_fields, print_table, report
+    from controller.cli.common.options import check_folder
     from controller.cli.common.progress import progress
     from controller.library.motion_library import save_library
     from controller.mocap.formats.reading import RECORDINGS
     from controller.training import fit as training
-    from controller.training.recipe import gesture_recipe, read_recipe
+    from controller.training.recipe import gesture_recipe, read_recipe, warnings
     from controller.training.training_set import prepare
     from motiondeck_base.errors import MotiondeckError
 
@@ -99,16 +101,17 @@ def fit(
         raise MotiondeckError("--data is missing: the folder that holds the recordings which the recipe names")
     if not data.is_dir():
         raise MotiondeckError(f"{data}: there is no such folder; --data is the folder that holds the recordings")
-    if not out.parent.is_dir():
-        raise MotiondeckError(f"{out.parent}: there is no such folder to write the library to")
+    check_folder(out)
     plan = sized(plan, centers, satellites)
     if plot is not None:
         from controller.cli.pictures.figures import check_picture
 
         check_picture(plot / "motion.png")
+    for warning in warnings(plan):
+        print(f"motiondeck: warning: {what[0]}: {warning}", file=sys.stderr)
     with progress("", training.steps(plan)) as tick:
-        library = training.fit(plan, data, tick)
-    training_set = prepare(plan, data)
+        training_set = prepare(plan, data, tick)
+        library = training.fit_prepared(plan, training_set, tick)
     closeness = compare(library, training_set, plan.network.anchor_every, plot)
     learned = learned_parts(plan, training_set) if gestures else []
     failing = [motion.name for motion in library.info.motions if not motion.passed]
@@ -120,12 +123,13 @@ def fit(
             json.dumps(
                 report(library)
                 | {"beside_the_recording": closeness, "written": str(out) if written else None}
+                | {"learned_from": {name: part_fields(part) for name, part in training_set.parts.items()}}
                 | ({"learned": learned} if gestures else {})
             )
         )
     else:
         print_table(library)
-        print_closeness(library, closeness)
+        print_closeness(library, {} if gestures else training_set.parts, closeness)
         for part in learned:
             print(described(part))
     if not written:
@@ -226,11 +230,16 @@ def compare(library: MotionLibrary, training_set: TrainingSet, every: int, plot:
     return rows
 
 
-def print_closeness(library: MotionLibrary, rows: list[dict[str, Any]]) -> None:
-    """One row a motion: its network and its errors."""
+def print_closeness(library: MotionLibrary, parts: dict[str, LearnedPart], rows: list[dict[str, Any]]) -> None:
+    """One row a motion: what was learned of its recording, where its loop is closed, its network and its errors."""
+    from controller.cli.common.library_report import part_of, seam_of
     from controller.cli.common.tables import show_table
 
     unit = "mrad" if library.info.encoding == "joint angles" else "mm"
     headings = [name.replace("_mm", f", {unit}").replace("_", " ") for name in rows[0]]
     cells = [[f"{value:.4g}" if isinstance(value, float) else str(value) for value in row.values()] for row in rows]
+    if parts:
+        headings[1:1] = ["of the recording", "seam"]
+        for row in cells:
+            row[1:1] = [part_of(parts[row[0]]), seam_of(parts[row[0]])]
     show_table(headings, cells, title="joints beside the recording, seen from the root")

@@ -21,7 +21,6 @@ from controller.cli.common.options import (
 
 if TYPE_CHECKING:
     from controller.training.learn import LearnedLibrary
-    from controller.training.training_set import LearnedPart
 
 
 def learn(
@@ -98,6 +97,8 @@ def learn(
 
 def _rows(learned: LearnedLibrary) -> list[dict[str, Any]]:
     """One entry a recording; what is not known of one that was left out is null."""
+    from controller.cli.common.library_report import part_fields
+
     rows: list[dict[str, Any]] = []
     for motion in learned.motions:
         part = motion.part
@@ -107,11 +108,7 @@ def _rows(learned: LearnedLibrary) -> list[dict[str, Any]]:
                 "file": str(motion.file),
                 "plays": motion.plays or None,
                 "seconds": motion.seconds if part else None,
-                "from_s": part.first if part else None,
-                "to_s": part.end if part else None,
-                "recorded_s": part.recorded if part else None,
-                "seam_mm": part.seam_mm if part else None,
-                "seam_degrees": part.seam_degrees if part else None,
+                **part_fields(part),
                 "error_mm": motion.error_mm if part else None,
                 "passed": motion.passed,
                 "remedy": motion.remedy,
@@ -123,6 +120,7 @@ def _rows(learned: LearnedLibrary) -> list[dict[str, Any]]:
 
 def _print(learned: LearnedLibrary) -> None:
     """One row a recording, then what to do about those that failed, and what is doubtful."""
+    from controller.cli.common.library_report import part_of, seam_of
     from controller.cli.common.tables import show_table
 
     rows: list[tuple[str, ...]] = []
@@ -147,13 +145,3 @@ def _print(learned: LearnedLibrary) -> None:
             doubtful.setdefault(doubt, []).append(motion.name)
     for doubt, names in doubtful.items():
         print(f"doubt: {', '.join(names)}: {doubt}")
-
-
-def part_of(part: LearnedPart) -> str:
-    """Which part of its recording a motion was learned from."""
-    return f"{part.first:.2f} to {part.end:.2f} of {part.recorded:.2f} s"
-
-
-def seam_of(part: LearnedPart) -> str:
-    """How well a loop closes, or how well a one-shot would at best."""
-    return "" if part.seam_mm is None else f"{part.seam_mm:.0f} mm, {part.seam_degrees:.0f}°"

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from controller.cli.common.options import RenameOption, SkeletonOption, UnitOption, UpOption, reading_options
 from controller.cli.recognition_data import SKIPPED_EXIT, AsJson, DataArgument, leave, read
 
 if TYPE_CHECKING:
@@ -38,10 +39,10 @@ def train(
 ) -> None:
     """Train a recognizer from labelled recordings.
 
-    The folder has one folder per motion. Skeletons (.asf) lie beside the recordings or above them; the name of a
-    recording begins with the name of its skeleton. A file that cannot be used is named and skipped; the exit code is
-    then 3. If few people are recorded and others move faster or slower, give several --stretch; training then takes
-    that many times as long.
+    The folder has one folder per motion, with recordings of any format. Skeletons (.asf) lie beside the recordings or
+    above them; the name of a recording begins with the name of its skeleton. A file that cannot be used is named and
+    skipped; the exit code is then 3. If few people are recorded and others move faster or slower, give several
+    --stretch; training then takes that many times as long.
 
     Example:  motiondeck recognize train hdm05 --out hdm05.safetensors --stretch 0.7 --stretch 1 --stretch 1.4
     """
@@ -76,10 +77,11 @@ def train(
 @app.command("run")
 def run(
     recognizer: Annotated[Path, typer.Argument(metavar="RECOGNIZER", help="A recognizer file (.safetensors).")],
-    clips: Annotated[list[Path], typer.Argument(metavar="CLIP...", help="Recordings (.amc, .mat).")],
-    skeleton: Annotated[
-        Path | None, typer.Option("--skeleton", help="The .asf of .amc recordings; default: found by name.")
-    ] = None,
+    clips: Annotated[list[Path], typer.Argument(metavar="CLIP...", help="Recordings of any format.")],
+    skeleton: SkeletonOption = None,
+    unit: UnitOption = None,
+    up: UpOption = None,
+    rename: RenameOption = None,
     stream: Annotated[
         bool,
         typer.Option("--stream", help="Recognize frame by frame, as on a robot, and print when each motion was seen."),
@@ -91,10 +93,10 @@ def run(
     Example:  motiondeck recognize run hdm05.safetensors squat.amc --skeleton HDM_bd.asf
     """
     from controller.mocap.formats.reading import read_clip
-    from controller.mocap.reading_options import ReadingOptions
     from controller.recognition.recognizer_file import load_recognizer
     from motiondeck_base.errors import MotiondeckError
 
+    options = reading_options(skeleton, unit, up, rename)
     loaded = load_recognizer(recognizer)
     out: list[dict[str, Any]] = []
     failed: list[str] = []
@@ -102,7 +104,7 @@ def run(
         try:
             if not path.is_file():
                 raise MotiondeckError(f"{path}: there is no such file")
-            clip = read_clip(path, ReadingOptions(skeleton))
+            clip = read_clip(path, options)
             if stream:
                 out.append({"file": str(path)} | _streamed(loaded, clip))
             else:

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from controller.library.motion_library import MotionLibrary
+
+if TYPE_CHECKING:
+    from controller.training.training_set import LearnedPart
 
 
 def report(library: MotionLibrary) -> dict[str, object]:
@@ -47,3 +52,24 @@ def print_table(library: MotionLibrary) -> None:
         title=f"{info.name}: {info.network}, {library.network.neurons} neurons, {info.rate:g} Hz",
         left=("plays", "self-test"),
     )
+
+
+def part_fields(part: LearnedPart | None) -> dict[str, float | None]:
+    """Which part of a recording was learned and how well it closes, for scripts; null where that is not known."""
+    return {
+        "from_s": part and part.first,
+        "to_s": part and part.end,
+        "recorded_s": part and part.recorded,
+        "seam_mm": part and part.seam_mm,
+        "seam_degrees": part and part.seam_degrees,
+    }
+
+
+def part_of(part: LearnedPart) -> str:
+    """Which part of its recording a motion was learned from."""
+    return f"{part.first:.2f} to {part.end:.2f} of {part.recorded:.2f} s"
+
+
+def seam_of(part: LearnedPart) -> str:
+    """How well a loop closes, or how well a one-shot would at best."""
+    return "" if part.seam_mm is None else f"{part.seam_mm:.0f} mm, {part.seam_degrees:.0f}°"

@@ -8,6 +8,15 @@ from typing import Annotated
 
 import typer
 
+from controller.cli.common.options import (
+    RenameOption,
+    SkeletonOption,
+    UnitOption,
+    UpOption,
+    check_folder,
+    reading_options,
+)
+
 app = typer.Typer(help="Show, search and extend motion libraries.", no_args_is_help=True)
 
 LibraryArgument = Annotated[
@@ -42,7 +51,7 @@ def show(
 @app.command("add")
 def add(
     library: LibraryArgument,
-    clip: Annotated[Path, typer.Argument(help="The recording to learn: any file that `motiondeck fit` reads.")],
+    clip: Annotated[Path, typer.Argument(help="The recording to learn, of any format, skeleton and rate.")],
     name: Annotated[str, typer.Option("--name", help="Name of the motion.")],
     once: Annotated[
         bool, typer.Option("--once", help="A one-shot, which holds its last pose; default: a loop.")
@@ -51,6 +60,10 @@ def add(
         tuple[int, int] | None,
         typer.Option("--frames", metavar="FIRST END", help="Only these frames of the recording."),
     ] = None,
+    skeleton: SkeletonOption = None,
+    unit: UnitOption = None,
+    up: UpOption = None,
+    rename: RenameOption = None,
     out: Annotated[
         Path | None,
         typer.Option("--out", metavar="FILE", help="The library to write; default: LIBRARY itself."),
@@ -67,7 +80,7 @@ def add(
 
     Example:  motiondeck library add my.safetensors skip.bvh --name skip
     """
-    from controller.cli.common.library_report import print_table, report
+    from controller.cli.common.library_report import part_fields, part_of, print_table, report, seam_of
     from controller.library.motion_library import load_library, save_library
     from controller.mocap.formats.reading import read_clip
     from controller.training.adding import add_motion
@@ -79,18 +92,30 @@ def add(
     if out is None and not Path(library).is_file():
         raise MotiondeckError(f"'{library}' is a shipped library, which stays as it is; say with --out where to write")
     target = out or path
-    if not target.absolute().parent.is_dir():
-        raise MotiondeckError(f"{target.parent}: there is no such folder to write {target.name} to")
-    plan = MotionRecipe(name=name, file=str(clip), plays="once" if once else "loop", frames=frames)
-    found = add_motion(load_library(path), path, read_clip(clip), plan)
+    check_folder(target)
+    options = reading_options(skeleton, unit, up, rename)
+    plan = MotionRecipe(
+        name=name,
+        file=str(clip),
+        plays="once" if once else "loop",
+        frames=frames,
+        skeleton=None if skeleton is None else str(skeleton),
+        unit=unit,
+        up=up,
+        rename=dict(options.rename),
+    )
+    found = add_motion(load_library(path), path, read_clip(clip, options), plan)
     passed = found.verdict.passed
     if passed or allow_failing:
         save_library(found.library, target)
     if as_json:
         written = str(target) if passed or allow_failing else None
-        print(json.dumps(report(found.library) | {"written": written, "quota": found.quota}))
+        told = {"written": written, "quota": found.quota, "learned_from": part_fields(found.part)}
+        print(json.dumps(report(found.library) | told))
     else:
         print_table(found.library)
+        seam = f", seam {seam_of(found.part)}" if found.part.seam_mm is not None else ""
+        print(f"{name}: {part_of(found.part)}{seam}")
         if found.quota is not None and found.quota_before is not None:
             share = found.quota - found.quota_before
             print(

@@ -1,4 +1,5 @@
 import json
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
@@ -74,6 +75,23 @@ def test_train_and_run(folder, tmp_path):
     streamed = json.loads(invoke("recognize", "run", out, asked, "--stream", "--json").stdout)["results"][0]
     assert "arm" in {span["motion"] for span in streamed["spans"]}
     assert streamed["spans"][-1]["to_s"] == pytest.approx(streamed["frames"] / 30.0)
+
+
+def test_recordings_of_any_format_train_and_are_recognized_together(mocap_data, tmp_path):
+    """Two motions by five people in three formats, at 30 and 120 Hz; asked about two others."""
+    classes = {
+        "walk": ["bvh/bandai/walk_normal_001.bvh", "cmu/35/35.asf", "cmu/35/35_01.amc"],
+        "run": ["bvh/bandai/run_normal_001.bvh", "cmu/09/09.asf", "cmu/09/09_06.amc", "c3d/16_36_runjog.c3d"],
+    }
+    for motion, files in classes.items():
+        (tmp_path / "all" / motion).mkdir(parents=True)
+        for file in files:
+            (tmp_path / "all" / motion / Path(file).name).symlink_to((mocap_data / file).resolve())
+    out = tmp_path / "two.safetensors"
+    assert "5 clips of 2 motions: run, walk" in invoke("recognize", "train", tmp_path / "all", "--out", out).stdout
+    asked = [mocap_data / file for file in ("bvh/bandai/walk_old_001.bvh", "cmu/02/02_03.amc")]
+    said = json.loads(invoke("recognize", "run", out, *asked, "--json").stdout)["results"]
+    assert [one["motion"] for one in said] == ["walk", "run"]
 
 
 def test_train_at_several_stretches(folder, tmp_path):

@@ -166,3 +166,14 @@ def test_a_recipe_without_a_licence_is_warned_about(tmp_path):
     assert warnings(recipe_of(tmp_path, SMALL)) == []
     (warning,) = warnings(recipe_of(tmp_path, SMALL.replace('licence = "for tests"', "")))
     assert "set licence in the recipe" in warning
+
+
+def test_a_mirrored_copy_exchanges_left_and_right(tmp_path, mocap_data):
+    copy = '[[motions]]\nname = "other"\nfile = "jaeger/nnRawStandup.mat"\nplays = "once"\nmirrored = true\n'
+    known = prepare(recipe_of(tmp_path, SMALL + copy), mocap_data)
+    one, other, bones = known.frames["standup"], known.frames["other"], known.encoding.skeleton.bones
+    assert other[:, 0] == pytest.approx(one[:, 0], abs=0.02)  # left and right thighs differ by millimetres
+    assert other[:, 1] == pytest.approx(-one[:, 1], abs=1e-6)
+    for bone, partner in (("lkne", "rkne"), ("rwri", "lwri"), ("head", "head")):
+        at, there = (4 + 3 * bones.index(name) for name in (bone, partner))
+        assert other[:, at : at + 3] == pytest.approx(one[:, there : there + 3] * [1.0, -1.0, 1.0], abs=1e-6)

@@ -195,3 +195,30 @@ def test_the_first_motion_is_played_on_the_robot_that_is_named(folder, tmp_path,
     assert started[0][-6:] == ["play", "swing", "--library", str(out), "--robot", "servo20"]
     refused = CliRunner().invoke(app, ["learn", str(folder), "--out", str(out), "--robot", "servo20"])
     assert "give --play too" in str(refused.exception)
+
+
+def test_any_file_is_added_to_what_was_learned(folder, tmp_path):
+    out = tmp_path / "mine.safetensors"
+    assert CliRunner().invoke(app, ["learn", str(folder / "swing.bvh"), "--out", str(out)]).exit_code == 0
+    bow = ["library", "add", str(out), str(folder / "my bow (1).bvh"), "--name", "bow", "--once"]
+    added = json.loads(CliRunner().invoke(app, [*bow, "--json"]).stdout)
+    assert [motion["name"] for motion in added["motions"]] == ["swing", "bow"]
+    assert added["learned_from"]["recorded_s"] == pytest.approx(1.0, abs=0.01)
+    again = CliRunner().invoke(app, [*bow[:-3], "--name", "loop", "--rename", "nobody=head"])
+    assert "nothing to rename is called 'nobody'" in str(again.exception)
+    looped = CliRunner().invoke(app, ["library", "add", str(out), str(folder / "swing.bvh"), "--name", "loop"])
+    assert re.search(r"loop: \d\.\d\d to \d\.\d\d of 6\.00 s, seam \d mm", looped.stdout)
+
+
+def test_fit_of_a_recording_says_what_to_type_and_of_a_recipe_tells_parts(folder, tmp_path):
+    out = tmp_path / "mine.safetensors"
+    refused = CliRunner().invoke(app, ["fit", str(folder / "swing.bvh"), "--out", str(out)])
+    assert f"Type: motiondeck learn {folder / 'swing.bvh'} --out {out}" in str(refused.exception)
+    learned = learn([folder / "swing.bvh"], "mine", network=PhaseRecipe(neurons=100, rank=20), seeds=[0])
+    (tmp_path / "mine.toml").write_text(recipe_text(learned.recipe))
+    assert 'licence = "unknown"  #' in (tmp_path / "mine.toml").read_text()
+    fitted = CliRunner().invoke(app, ["fit", str(tmp_path / "mine.toml"), "--data", "/", "--out", str(out)])
+    assert "warning" in fitted.stderr
+    assert "set licence in the recipe" in fitted.stderr
+    part = learned.motions[0].part
+    assert f"{part.first:.2f} to {part.end:.2f} of 6.00 s" in fitted.stdout
