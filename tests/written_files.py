@@ -3,8 +3,10 @@
 import base64
 import json
 import struct
+import warnings
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from people import KEYS, OFFSET, PARENT
 
@@ -187,3 +189,85 @@ def gltf_file(motion, names=MIXAMO, scale=1.0, rotations="<f4"):
     file.json["animations"] = [{"samplers": samplers, "channels": channels}]
     file.json["skins"] = [{"joints": list(index.values())}]
     return file
+
+
+LAFAN1 = {key: name for key, name in MIXAMO.items() if not key.endswith(" end")} | {
+    "chest": "Spine1",
+    "l toes": "LeftToe",
+    "r toes": "RightToe",
+}
+SOMA = MIXAMO | {
+    "spine": "Spine1",
+    "chest": "Chest",
+    "neck": "Neck1",
+    "head end": "HeadEnd",
+    **{
+        f"{letter} {key}": side + name
+        for letter, side in (("l", "Left"), ("r", "Right"))
+        for key, name in (("thigh", "Leg"), ("shank", "Shin"), ("toes end", "ToeEnd"), ("hand end", "HandMiddleEnd"))
+    },
+}
+
+
+def own_axes():
+    """How each joint's axes stand in the T pose of files whose bones lie along x: towards the joint's first child."""
+    turn = {}
+    for key in KEYS:
+        child = next((child for child in KEYS if PARENT[child] == key), None)
+        way = OFFSET[child] if child else np.array([1.0, 0.0, 0.0])
+        turn[key] = Rotation.align_vectors([way / np.linalg.norm(way)], [[1.0, 0.0, 0.0]])[0]
+    return turn
+
+
+def bvh_text(motion, names=MIXAMO, *, order="ZYX", along_x=False, floor=None, everywhere=False, offset_words=3):
+    """BVH in cm, y up.
+
+    Args:
+        motion: whose.
+        names: of the joints that are written.
+        order: of rotations.
+        along_x: bones lie along the x axis of their own joint, so that the zero pose means nothing.
+        floor: the name of a joint at the origin that carries the hips.
+        everywhere: every joint has position channels.
+        offset_words: how many numbers an OFFSET has; SOMA writes six.
+    """
+    axes = own_axes() if along_x else dict.fromkeys(KEYS, Rotation.identity())
+    keys = [key for key in KEYS if key in names]
+    lines, columns = ["HIERARCHY"], []
+    frames = len(motion.root)
+
+    def offset(values):
+        return "OFFSET " + " ".join(f"{value:.6f}" for value in [*values, *[0.5] * (offset_words - 3)])
+
+    def write(key, depth):
+        above = PARENT[key]
+        local = axes[above].inv().apply(OFFSET[key]) if above else np.zeros(3)
+        head = "ROOT" if above is None and floor is None else "JOINT"
+        moves = above is None or everywhere
+        turns = " ".join(f"{axis}rotation" for axis in order)
+        places = "6 Xposition Yposition Zposition" if moves else "3"
+        lines.extend([f"{head} {names[key]}", "{", offset(100.0 * local), f"CHANNELS {places} {turns}"])
+        if moves:
+            columns.append(100.0 * (motion.root if above is None else np.tile(local, (frames, 1))))
+        world = motion.world[key] * axes[key]
+        own = world if above is None else (motion.world[above] * axes[above]).inv() * world
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # where two axes fall together, one of the angles is as good as another
+            columns.append(own.as_euler(order, degrees=True))
+        children = [child for child in keys if PARENT[child] == key]
+        for child in children:
+            write(child, depth + 1)
+        if not children:
+            lines.extend(["End Site", "{", offset(np.zeros(3)), "}"])
+        lines.append("}")
+
+    if floor:
+        lines.extend([f"ROOT {floor}", "{", offset(np.zeros(3)), "CHANNELS 6 Xposition Yposition Zposition "])
+        lines[-1] += "Zrotation Yrotation Xrotation"
+        columns.append(np.zeros((frames, 6)))
+    write("hips", 1)
+    if floor:
+        lines.append("}")
+    lines += ["MOTION", f"Frames: {frames}", f"Frame Time: {1.0 / motion.rate:.7f}"]
+    lines += [" ".join(f"{value:.8f}" for value in row) for row in np.concatenate(columns, axis=1)]
+    return "\n".join(lines) + "\n"

@@ -1,14 +1,17 @@
 """What the usual names of bones and joints mean: which part of the body, and which side.
 
-One table serves CMU and HDM05, LAFAN1, Mixamo, MotionBuilder, 3ds Max Biped, Rokoko, Xsens, SMPL, Bandai-Namco, VRM,
-iClone and the names of OpenSim and OpenPose: prefixes and separators are dropped, the side is taken from words such as
-"Left", "L" or "lt", and what is left is looked up. A bone is called after the joint that it starts from ("LeftLeg" is a
-shank) or after itself ("ltibia"); where a joint has several bones each bears both names ("Hips-LeftUpLeg").
+One table serves CMU and HDM05, LAFAN1, SOMA, Mixamo, MotionBuilder, 3ds Max Biped, Rokoko, Xsens, SMPL, Bandai-Namco,
+VRM, iClone and the names of OpenSim and OpenPose: prefixes and separators are dropped, the side is taken from words
+such as "Left", "L" or "lt", and what is left is looked up. A bone is called after the joint that it starts from
+("LeftLeg" is a shank) or after itself ("ltibia"); where a joint has several bones each bears both names
+("Hips-LeftUpLeg"). Some words depend on the others: a "leg" above a "shin" is a thigh, a "foot" below an "ankle" are
+the toes, a "shoulder" above an "elbow" is an upper arm. A word that most names share ("Robot_Hips") says nothing.
 """
 
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable
 from functools import lru_cache
 from typing import Literal, NamedTuple
@@ -39,9 +42,9 @@ class NamedPart(NamedTuple):
 
 
 _MIDDLE: dict[Part, str] = {
-    "pelvis": "hips hip pelvis",
+    "pelvis": "hips hip pelvis midhip hipcenter",
     "trunk": "spine chest upperchest lowerback upperback back thorax torso abdomen waist lowerchest lumbar rib ribs "
-    "l5 l3 t12 t8 midspine",
+    "l5 l3 t12 t8 midspine ab spinenavel spinechest",
     "neck": "neck lowerneck upperneck necktwist",
     "head": "head skull",
 }
@@ -51,22 +54,24 @@ _SIDED: dict[Part, str] = {
     "shank": "lowerleg lowleg leg calf shin shank tibia knee",
     "foot": "foot ankle",
     "toes": "toe toes toebase ball bigtoe",
-    "clavicle": "clavicle collar collarbone shoulder",
-    "upper arm": "upperarm uparm arm humerus shldr",
-    "forearm": "forearm lowerarm lowarm radius elbow",
+    "clavicle": "clavicle collar collarbone shoulder thorax",
+    "upper arm": "upperarm uparm arm uarm humerus shldr",
+    "forearm": "forearm lowerarm lowarm farm radius elbow",
     "hand": "hand wrist",
 }
 _KEYS: dict[str, Part] = {
     word: part for table in (_MIDDLE, _SIDED) for part, words in table.items() for word in words.split()
 }
-_KEYS |= {"hip": "pelvis"}  # with a side it is a thigh, which `_part` knows
+_KEYS |= {"hip": "pelvis", "thorax": "trunk"}  # with a side they are limbs, which `_Style.part` knows
 _PREFIXES = re.compile(
     r"^(mixamorig\d*|character\d*|bip\d*|cc base|j bip|joint|jnt|def|org|mch|rl|b|[mf] avg|avg|bone|valvebiped)\b"
 )
 _RIGGED = re.compile(r"^(DEF|ORG|MCH)-")  # Blender's rigs
 _LEFT, _RIGHT = {"left", "l", "lt", "lf"}, {"right", "r", "rt", "rg"}
-# Where joints are called after themselves, "shoulder" is where the upper arm starts, and "leg" never stands alone.
-_JOINT_STYLE = {"elbow", "knee"}
+_SIDED_ONLY: dict[str, Part] = {"hip": "thigh", "thorax": "clavicle"}
+# "LFArm" is a left forearm, though "lf" elsewhere means left.
+_WHOLE = {f"{letter}{key}" for letter in "lr" for key in ("farm", "uarm")}
+_SHARED = 0.6  # of the names bear a word that says nothing
 # What a bone may lead to: a bone "A-B" belongs to A only where B continues it.
 _FOLLOWS: dict[Part, tuple[Part, ...]] = {
     "pelvis": ("trunk", "neck", "head", "pelvis"),
@@ -103,23 +108,73 @@ for _letter, _side in _SIDES:
     _THESIS |= {_letter + end: NamedPart(part, _side) for end, part in THESIS_LIMBS}
 
 
+class _Style(NamedTuple):
+    """What the names of one skeleton have in common.
+
+    Attributes:
+        shared: words that say nothing, because most names bear them.
+        joints: bones are called after joints, such as elbow and knee.
+        shins: a leg is a thigh, because what follows it is called shin.
+        ankles: a foot is what follows the ankle: the toes.
+    """
+
+    shared: frozenset[str]
+    joints: bool
+    shins: bool
+    ankles: bool
+
+    @classmethod
+    def of(cls, names: Iterable[str]) -> _Style:
+        """The style of some names, of joints or of bones between two ("A-B")."""
+        joints = {joint for name in names for joint in _RIGGED.sub("", name).split("-")}
+        said = [frozenset(_words(joint)) for joint in joints]
+        counts = Counter(word for words in said for word in words)
+        known = _LEFT | _RIGHT | set(_KEYS)
+        shared = frozenset(
+            word
+            for word, count in counts.items()
+            if len(said) > 3 and count > _SHARED * len(said) and word not in known
+        )
+        keys = {key for joint in joints for key, _ in [_key(joint, shared)]}
+        thighs = bool(keys & {"upleg", "upperleg", "thigh", "femur"})
+        shins = bool(keys & {"shin", "calf", "shank", "lowerleg", "lowleg"})
+        return cls(shared, bool(keys & {"elbow", "knee"}), "leg" in keys and shins and not thighs, "ankle" in keys)
+
+    def part(self, name: str) -> NamedPart | None:
+        """What the name of a joint means."""
+        key, side = _key(name, self.shared)
+        part = _KEYS.get(key)
+        if part is None:
+            return None
+        if side == "middle":
+            return NamedPart(part, side) if part in _MIDDLE else None
+        if key in _SIDED_ONLY:
+            return NamedPart(_SIDED_ONLY[key], side)
+        if key == "shoulder" and self.joints:
+            return NamedPart("upper arm", side)
+        if key == "leg" and self.shins:
+            return NamedPart("thigh", side)
+        if key == "foot" and self.ankles:
+            return NamedPart("toes", side)
+        return None if part in _MIDDLE else NamedPart(part, side)
+
+
 def named_parts(names: Iterable[str]) -> list[NamedPart | None]:
     """The part that each name of a skeleton means; None where it means none of a human's."""
     names = tuple(names)
     if set(_THESIS) <= set(names):
         return [_THESIS.get(name) for name in names]
-    style = {_key(start)[0] for name in names for start in name.split("-")}
-    joint_style = bool(style & _JOINT_STYLE)
-    return [_named(name, joint_style) for name in names]
+    style = _Style.of(names)
+    return [_named(name, style) for name in names]
 
 
-def _named(name: str, joint_style: bool) -> NamedPart | None:
+def _named(name: str, style: _Style) -> NamedPart | None:
     """The part of one bone: its own, or that of the way to the joint it leads to."""
     start, *end = _RIGGED.sub("", name).split("-", 1)
-    own = _part(start, joint_style)
+    own = style.part(start)
     if not end:
         return own
-    next_part = _part(end[0], joint_style)
+    next_part = style.part(end[0])
     if own is not None and own.part in ("hand", "foot"):
         return own
     if own is None or next_part is None:
@@ -132,32 +187,27 @@ def _named(name: str, joint_style: bool) -> NamedPart | None:
     return own if follows else None
 
 
-def _part(name: str, joint_style: bool) -> NamedPart | None:
-    key, side = _key(name)
-    part = _KEYS.get(key)
-    if part is None:
-        return None
-    if side == "middle":
-        return NamedPart(part, side) if part in _MIDDLE else None
-    if key == "hip":
-        return NamedPart("thigh", side)
-    if key == "shoulder" and joint_style:
-        return NamedPart("upper arm", side)
-    return None if part in _MIDDLE else NamedPart(part, side)
-
-
 @lru_cache(maxsize=4096)
-def _key(name: str) -> tuple[str, Side]:
-    """A name without prefix, separators, numbers and side; and the side."""
+def _words(name: str) -> tuple[str, ...]:
+    """The words of a name in small letters, without the prefixes of the usual exporters."""
     name = name.rsplit(":", 1)[-1]
     name = re.sub(r"([a-z0-9])([A-Z])", r"\1 \2", name)
     name = re.sub(r"([A-Z])([A-Z][a-z])", r"\1 \2", name)
     spaced = " ".join(re.sub(r"[^a-z0-9]+", " ", name.lower()).split())
     while (shorter := _PREFIXES.sub("", spaced).strip()) and shorter != spaced:
         spaced = shorter
-    words = spaced.split()
+    return tuple(spaced.split())
+
+
+@lru_cache(maxsize=4096)
+def _key(name: str, shared: frozenset[str]) -> tuple[str, Side]:
+    """A name without prefix, separators, numbers and side; and the side."""
+    words = [word for word in _words(name) if word not in shared]
     side: Side = "middle"
     kept: list[str] = []
+    whole = "".join(words)
+    if whole in _WHOLE:
+        return whole[1:], "left" if whole[0] == "l" else "right"
     for word in words:
         bare = word.rstrip("0123456789")
         if bare in _LEFT | _RIGHT and side == "middle" and len(words) > 1 and not word[-1].isdigit():

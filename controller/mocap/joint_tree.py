@@ -16,17 +16,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.mocap.bone_names import named_parts
+from controller.mocap.bone_names import NamedPart, named_parts
 from controller.mocap.rest_pose import RecordedBody
 from controller.rotations import Array, between, conjugate, dot, multiply, normalise, rotate
 from motiondeck_base.errors import FileFormatError
 
 MOST_POSES = 15_000_000  # joints times frames: what fits into the memory of a laptop
 COINCIDENT = 1e-4  # of the body's size: exporters write 0.000069 for joints that sit in one place
+Parts: TypeAlias = list[NamedPart | None]  # what the name of each joint means
 # How long a bone is whose end the file does not give: a head against the spine below it, a hand against its arm.
 HEAD_PER_SPINE, HAND_PER_ARM = 0.25, 0.35
 
@@ -96,16 +98,17 @@ def body_of(tree: JointTree, path: object) -> RecordedBody:
         raise FileFormatError(f"{path}: no body has joints like these. Is it the right file?")
     rigid = _median(offset)
     bends = np.abs(offset - rigid).max(axis=(0, 2)) > COINCIDENT * size
-    root = _root(tree, children)
+    parts = named_parts(tree.names)
+    root = _root(parts, children)
 
     names: list[str] = []
     parents: list[int] = []
     vectors: list[Array] = []
     rotations: list[Array] = []
-    for joint, child, bone_above in _bones(tree, children, rigid, COINCIDENT * size, root, names):
+    for joint, child, bone_above in _bones(tree, parts, children, rigid, COINCIDENT * size, root, names):
         turned = tree.rotation[:, joint]
         if child is None:
-            vector = _assumed(tree, joint, rigid)
+            vector = _assumed(tree, parts, joint, rigid)
         else:
             vector = rigid[child]
             if bends[child]:
@@ -132,9 +135,8 @@ def _median(frames: Array) -> Array:
     return np.median(frames[:: max(1, len(frames) // 400)], axis=0)
 
 
-def _root(tree: JointTree, children: list[list[int]]) -> int:
+def _root(parts: Parts, children: list[list[int]]) -> int:
     """The joint that the body hangs from."""
-    parts = named_parts(tree.names)
     named = (j for j, part in enumerate(parts) if part is not None and part.part == "pelvis" and children[j])
     root = next(named, 0)
     while len(children[root]) == 1:
@@ -152,7 +154,13 @@ def _forks(children: list[list[int]], joint: int) -> bool:
 
 
 def _bones(
-    tree: JointTree, children: list[list[int]], offset: Array, least: float, root: int, names: list[str]
+    tree: JointTree,
+    parts: Parts,
+    children: list[list[int]],
+    offset: Array,
+    least: float,
+    root: int,
+    names: list[str],
 ) -> Iterator[tuple[int, int | None, int]]:
     """Names each bone and gives the joints it leads from and to (None: assumed), and the bone it hangs from."""
     waiting = [(root, -1)]  # a joint, and the bone that ends in it
@@ -160,7 +168,7 @@ def _bones(
         joint, above = waiting.pop()
         apart = [child for child in children[joint] if np.abs(offset[child]).max() > least]
         ways = _distinct([offset[child] for child in apart], least)
-        if not apart and _unfinished(tree, children, joint):
+        if not apart and _unfinished(tree, parts, children, joint):
             names.append(tree.names[joint])
             yield joint, None, above
         below: list[tuple[int, int]] = []
@@ -174,7 +182,7 @@ def _bones(
                     bone = len(names)
                     begun.append((offset[child], bone))
                     one, together = tree.names[joint], [c for c in apart if _near(offset[c], offset[child], least)]
-                    known = (tree.names[c] for c in together if named_parts([tree.names[c]])[0] is not None)
+                    known = (tree.names[c] for c in together if parts[c] is not None)
                     names.append(one if len(ways) == 1 else f"{one}-{next(known, tree.names[child])}")
                     yield joint, child, above
             below.append((child, bone))
@@ -193,23 +201,23 @@ def _distinct(vectors: list[Array], tolerance: float) -> list[Array]:
     return kept
 
 
-def _unfinished(tree: JointTree, children: list[list[int]], joint: int) -> bool:
+def _unfinished(tree: JointTree, parts: Parts, children: list[list[int]], joint: int) -> bool:
     """Whether a joint is a head or a hand without an end."""
-    (part,) = named_parts([tree.names[joint]])
+    part = parts[joint]
     if part is None or not tree.turns[joint]:
         return False
     last = all(not children[child] for child in children[joint])
     return part.part == "head" or (part.part == "hand" and last)
 
 
-def _assumed(tree: JointTree, joint: int, offset: Array) -> Array:
+def _assumed(tree: JointTree, parts: Parts, joint: int, offset: Array) -> Array:
     """A bone that continues the one before it, seen from its own joint."""
     way = [joint]
-    (part,) = named_parts([tree.names[joint]])
+    part = parts[joint]
     reach = 2 if part is not None and part.part == "hand" else len(tree.names)
-    while len(way) < reach and tree.parent[way[-1]] >= 0 and named_parts([tree.names[way[-1]]])[0] is not None:
+    while len(way) < reach and tree.parent[way[-1]] >= 0 and parts[way[-1]] is not None:
         above = int(tree.parent[way[-1]])
-        if named_parts([tree.names[above]])[0] is None:
+        if parts[above] is None:
             break
         way.append(above)
     before = joint

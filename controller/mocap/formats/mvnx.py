@@ -119,7 +119,7 @@ class _MvnxReader:
         try:
             with Path(self._path).open("rb") as file:
                 self._parser.ParseFile(file)
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, LookupError) as error:  # LookupError: an encoding that nobody knows
             reason = getattr(error, "strerror", None) or str(error)
             raise FileFormatError(f"{self._path}: cannot be read ({reason}). Check the name.") from None
         except expat.ExpatError as error:

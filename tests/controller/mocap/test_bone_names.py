@@ -1,51 +1,63 @@
-"""The usual vocabularies name every limb of a body, and sides in every usual spelling."""
+"""The usual vocabularies name every bone of a body, and sides in every usual spelling."""
+
+import re
 
 import pytest
 
 from controller.mocap.bone_names import named_parts
+from vocabularies import CONVENTIONS
 
-LEG_AND_ARM = ("thigh", "shank", "foot", "upper arm", "forearm", "hand")
-
-
-@pytest.mark.parametrize(
-    "names",
-    [
-        "LeftUpLeg LeftLeg LeftFoot LeftArm LeftForeArm LeftHand",  # LAFAN1, MotionBuilder
-        "mixamorig:LeftUpLeg mixamorig:LeftLeg mixamorig:LeftFoot mixamorig1:LeftArm mixamorig:LeftForeArm "
-        "mixamorig:LeftHand",
-        "lfemur ltibia lfoot lhumerus lradius lhand",  # CMU, HDM05
-        "UpperLeg_L LowerLeg_L Foot_L UpperArm_L LowerArm_L Hand_L",  # Bandai-Namco
-        "left_hip left_knee left_ankle left_shoulder left_elbow left_wrist",  # SMPL
-        "J_Bip_L_UpperLeg J_Bip_L_LowerLeg J_Bip_L_Foot J_Bip_L_UpperArm J_Bip_L_LowerArm J_Bip_L_Hand",  # VRM
-        "leftUpperLeg leftLowerLeg leftFoot leftUpperArm leftLowerArm leftHand",
-        "LeftThigh LeftShin LeftFoot LeftArm LeftForeArm LeftHand",  # Rokoko
-        "LeftUpperLeg LeftLowerLeg LeftFoot LeftUpperArm LeftForeArm LeftHand",  # Xsens
-        "LeftHip LeftKnee LeftAnkle LeftShoulder LeftElbow LeftWrist",
-        "thigh_l calf_l foot_l upperarm_l lowerarm_l hand_l",  # Unreal
-        "thigh.L shin.L foot.L upper_arm.L forearm.L hand.L",  # Blender
-        "DEF-thigh.L DEF-shin.L DEF-foot.L DEF-upper_arm.L DEF-forearm.L DEF-hand.L",
-        "CC_Base_L_Thigh CC_Base_L_Calf CC_Base_L_Foot CC_Base_L_Upperarm CC_Base_L_Forearm CC_Base_L_Hand",
-        "Character1_LeftUpLeg Character1_LeftLeg Character1_LeftFoot Character1_LeftArm Character1_LeftForeArm "
-        "Character1_LeftHand",
-        "lThigh lShin lFoot lShldr lForeArm lHand",  # Poser
-        "LHip LKnee LAnkle LShoulder LElbow LWrist",  # OpenPose
-        "lkne lank lfoo lelb lwri lhan back neck head lhip rhip rkne rank rfoo lsho rsho relb rwri rhan",  # the thesis
-    ],
-)
-def test_limbs_of_each_vocabulary(names):
-    left = names.split()
-    for side, bones in (("left", left), ("right", [mirrored(name) for name in left])):
-        found = named_parts(bones)[: len(LEG_AND_ARM)]
-        assert [part and tuple(part) for part in found] == [(part, side) for part in LEG_AND_ARM], bones
+SIDED = ("hip", "thigh", "shank", "foot", "toes", "clavicle", "upper arm", "forearm", "hand")
 
 
 def mirrored(name):
-    pairs = (("Left", "Right"), ("left", "right"), ("_L_", "_R_"), ("_L", "_R"), ("_l", "_r"), (".L", ".R"))
-    for one, other in pairs:
-        if one in name:
-            return name.replace(one, other)
-    swap = {"l": "r", "L": "R", "r": "l"}
-    return name if name in ("back", "neck", "head") else swap[name[0]] + name[1:]
+    """The same bone of the right side."""
+    for left, right in (("Left", "Right"), ("left", "right"), ("LEFT", "RIGHT")):
+        if left in name:
+            return name.replace(left, right)
+    swap = {"l": "r", "L": "R"}
+    other = re.sub(r"(^|[_.: ])([lL])(?=[_. ]|$)", lambda found: found[1] + swap[found[2]], name, count=1)
+    return other if other != name else swap[name[0]] + name[1:]
+
+
+def check(convention, spelled=str):
+    names, expected = [], []
+    for part, words in convention.items():
+        for word in words.split():
+            if part in SIDED:
+                names += [spelled(word), spelled(mirrored(word))]
+                expected += [(part, "left"), (part, "right")]
+            else:
+                names.append(spelled(word))
+                expected.append(None if part == "other" else (part, "middle"))
+    found = [part and tuple(part) for part in named_parts(names)]
+    wrong = [(n, e, f) for n, e, f in zip(names, expected, found, strict=True) if e != f]
+    assert wrong == []
+
+
+@pytest.mark.parametrize("name", CONVENTIONS)
+def test_every_bone_of_a_vocabulary(name):
+    check(CONVENTIONS[name])
+
+
+@pytest.mark.parametrize(
+    "spelled",
+    [
+        lambda name: f"Ben:{name}",
+        lambda name: f"Armature|{name}",
+        lambda name: f"Robot_{name}",
+        lambda name: f"hero_rig.{name}",
+        lambda name: f"{name}_jnt",
+    ],
+)
+@pytest.mark.parametrize("name", ["Bandai-Namco", "Unreal", "SMPL", "Mixamo, of Blender", "Biped", "VRM"])
+def test_words_that_all_names_share_say_nothing(name, spelled):
+    check(CONVENTIONS[name], spelled)
+
+
+@pytest.mark.parametrize("name", ["Bandai-Namco", "Unreal", "SMPL", "Biped"])
+def test_capitals_do_not_matter(name):
+    check(CONVENTIONS[name], str.upper)
 
 
 def test_biped_names_with_blanks():
@@ -57,6 +69,33 @@ def test_biped_names_with_blanks():
         ("trunk", "middle"),
         None,
     ]
+
+
+def test_the_bones_of_the_thesis():
+    names = [
+        "lkne",
+        "lank",
+        "lfoo",
+        "lelb",
+        "lwri",
+        "lhan",
+        "back",
+        "neck",
+        "head",
+        "lhip",
+        "rhip",
+        "rkne",
+        "rank",
+        "rfoo",
+        "lsho",
+        "rsho",
+        "relb",
+        "rwri",
+        "rhan",
+    ]
+    found = named_parts(names)
+    assert found[:3] == [("thigh", "left"), ("shank", "left"), ("foot", "left")]
+    assert found[3:7] == [("upper arm", "left"), ("forearm", "left"), ("hand", "left"), ("trunk", "middle")]
 
 
 def test_a_shoulder_is_a_collar_bone_unless_joints_are_named():

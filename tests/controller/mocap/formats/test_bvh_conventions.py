@@ -1,0 +1,32 @@
+"""BVH as LAFAN1, SOMA and others write it, beyond names: axes of the joints, floors, ends, position channels."""
+
+import numpy as np
+import pytest
+
+from controller.mocap.canonical.body_doubts import doubts
+from controller.mocap.canonical.canonical_body import landmarks_of
+from controller.mocap.formats.reading import read_clip
+from people import check_person, moving
+from written_files import LAFAN1, MIXAMO, SOMA, bvh_text
+
+MOTION = moving(frames=60, reach=0.4)
+ENDS = tuple(key for key in MIXAMO if key.endswith(" end"))
+FILES = {
+    "LAFAN1": (bvh_text(MOTION, LAFAN1, along_x=True), ENDS),
+    "SOMA": (bvh_text(MOTION, SOMA, along_x=True, floor="Root", everywhere=True, offset_words=6), ()),
+    "Mixamo": (bvh_text(MOTION, {key: f"mixamorig:{name}" for key, name in MIXAMO.items()}), ()),
+    "a reference on the floor": (bvh_text(MOTION, floor="Reference"), ()),
+    **{f"rotations {order}": (bvh_text(MOTION, order=order), ()) for order in ("XYZ", "YXZ", "ZXY", "YZX", "XZY")},
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_person_is_read_as_recorded(tmp_path, name):
+    text, lacking = FILES[name]
+    (tmp_path / "walk.bvh").write_text(text)
+    clip = read_clip(tmp_path / "walk.bvh")
+    check_person(clip, MOTION, tolerance=1e-5, lacking=lacking)
+    assert landmarks_of(clip.skeleton).lacking == []
+    assert doubts(clip) == []
+    assert 0.8 < np.median(clip.root_position[:, 2]) < 1.1
+    assert clip.rate == pytest.approx(60.0)
