@@ -2,9 +2,9 @@
 
 Three shares of each blend, from several moments.
 
-Each mixture is played inside the network, as its paper has it, and side by side. It stands still if in some half second
-after the share was reached no joint moves a tenth as far as in the motion that moves less; it turns over if a joint
-goes farther in one frame than two and a half times what it ever does in either motion.
+Each mixture is played inside the network, as its paper has it, and bone by bone, as the deck does. It stands still if
+in some half second after the share was reached no joint moves a tenth as far as in the motion that moves less; it turns
+over if a joint goes farther in one frame than two and a half times what it ever does in either motion.
 """
 
 from __future__ import annotations
@@ -22,54 +22,50 @@ import numpy as np  # noqa: E402
 
 from controller.deck.joins.blend_check import STILL, TURNS_OVER  # noqa: E402
 from controller.deck.joins.deck_motions import read_motions  # noqa: E402
+from controller.deck.joins.posture_blend import PostureBlend  # noqa: E402
 from controller.deck.routes import Routes  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
 from controller.measures.motion_matching import joint_features  # noqa: E402
-from controller.networks.base import Channels, FrameNetwork  # noqa: E402
+from controller.mocap.encodings.bone_directions import BoneDirections  # noqa: E402
 from controller.networks.reservoirs.morph import ReservoirNetwork, morph  # noqa: E402
 from controller.quintic import rise  # noqa: E402
 from controller.rotations import Array  # noqa: E402
 from motiondeck_base.shipped import find_library  # noqa: E402
 
-WAYS = ("inside", "side by side")
+WAYS = ("inside", "bone by bone")
 SHARES = (0.25, 0.5, 0.75)
 SECONDS = 8.0
 
 
-class SideBySide:
-    """Two runs of a network, their frames mixed."""
-
-    def __init__(self, first: FrameNetwork, second: FrameNetwork) -> None:
-        self._runs, self._frames = (first, second), np.zeros((2, first.channels))
-
-    def advance(self, mu: float, out: Channels) -> None:
-        """Steps both one frame on and writes their mixture, mu of the second, into out."""
-        for run, frame in zip(self._runs, self._frames, strict=True):
-            run.advance(frame)
-        out[:] = (1.0 - mu) * self._frames[0] + mu * self._frames[1]
-
-
 def played(library: MotionLibrary, first: str, second: str, share: float, seed: int, inside: bool) -> Array:
     """Joint positions of a mixture from a random moment of the first motion on, shape (frames, F), mm."""
-    network, rate = library.network.twin(), library.info.rate
-    frame = np.zeros(network.channels)
-    anchors = joint_features(library.encoding, network.anchors(second))
-    network.cue(first, int(np.random.default_rng(seed).integers(len(network.anchors(first)))))
+    encoding, rate = library.encoding, library.info.rate
+    one, other = library.network.twin(), library.network.twin()
+    frames = np.zeros((2, one.channels))
+    one.cue(first, int(np.random.default_rng(seed).integers(len(one.anchors(first)))))
     for _ in range(10):
-        network.advance(frame)
+        one.advance(frames[0])
+    weights = [share * rise(min(1.0, k / round(share * rate))) for k in range(1, round(SECONDS * rate) + 1)]
     if inside:
-        assert isinstance(network, ReservoirNetwork)
-        mixture = morph(network, first, second)
-    else:
-        near = np.square(anchors - joint_features(library.encoding, frame[None])).sum(1).argmin()
-        other = library.network.twin()
-        other.cue(second, int(near))
-        mixture = SideBySide(network, other)
-    out = []
-    for k in range(1, round(SECONDS * rate) + 1):
-        mixture.advance(share * rise(min(1.0, k / round(share * rate))), frame)
-        out.append(frame.copy())
-    return joint_features(library.encoding, np.array(out))
+        assert isinstance(one, ReservoirNetwork)
+        mixture, out = morph(one, first, second), np.zeros((len(weights), one.channels))
+        for weight, frame in zip(weights, out, strict=True):
+            mixture.advance(weight, frame)
+        return joint_features(encoding, out)
+    anchors = joint_features(encoding, one.anchors(second))
+    near = int(np.square(anchors - joint_features(encoding, frames[:1])).sum(1).argmin())
+    other.cue(second, near)
+    twist_by_rule = type(encoding) is BoneDirections
+    start = encoding.decode(frames[0]), encoding.decode(one.anchors(second)[near])
+    blend = PostureBlend(*start, encoding.skeleton.rest_direction if twist_by_rule else None)
+    postures = []
+    for weight in weights:
+        one.advance(frames[0])
+        other.advance(frames[1])
+        postures.append(blend.advance(encoding.decode(frames[0]), encoding.decode(frames[1]), weight, 1.0 / rate))
+    rotation, height = np.array([p.rotation for p in postures]), np.array([p.height for p in postures])
+    joints = encoding.skeleton.joints(np.zeros((len(postures), 3)), rotation)[:, 1:]
+    return 1e3 * np.concatenate([joints.reshape(len(postures), -1), height[:, None]], axis=1)
 
 
 def alone(library: MotionLibrary) -> dict[str, tuple[float, float]]:
