@@ -14,7 +14,7 @@ import sys
 from controller.library.motion_library import load_library
 from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.loads import loads_of
-from sim.physics.played_motions import load_for_takes, motion_takes
+from sim.physics.played_motions import load_sampled_robot, play_motions
 from sim.physics.preflight import Preflight
 from sim.robots.self_collision import SelfCollision
 
@@ -31,19 +31,19 @@ def main() -> None:
     library = load_library(find_library(given.library))
     rows = []
     for name in ROBOTS:
-        robot = load_for_takes(find_robot(name), library.skeleton)
+        robot = load_sampled_robot(find_robot(name), library.skeleton)
         free = Preflight(robot, robot.limits, "free")
         collisions = SelfCollision(robot)
-        for take in motion_takes(library, robot):
-            hanging = loads_of(robot, take, free=False, collisions=collisions)
+        for played in play_motions(library, robot):
+            hanging = loads_of(robot, played, free=False, collisions=collisions)
             for tempo in TEMPOS:
                 gantry = Preflight(robot, robot.limits, "gantry")
-                said = {f.check: f.ok for f in gantry.findings(take, hanging, tempo, simulate=False)}
+                said = {f.check: f.ok for f in gantry.findings(played, hanging, tempo, simulate=False)}
                 said |= {f.check: f.ok for f in free.standing(hanging, tempo)}
-                done = {f.check: f.ok for f in free.simulated(take, tempo)}
+                done = {f.check: f.ok for f in free.simulated(played, tempo)}
                 rows.append(
                     {
-                        "motion": take.name,
+                        "motion": played.name,
                         "robot": name,
                         "tempo": tempo,
                         "follows": (all(said.get(check, True) for check in FOLLOWS), done["physics: off target"]),

@@ -60,9 +60,9 @@ def preflight(
     from sim.physics.physics_model import physics_model
     from sim.physics.played_motions import (
         count_switches,
-        load_for_takes,
-        motion_takes,
-        switch_takes,
+        load_sampled_robot,
+        play_motions,
+        play_switches,
         switches_by_way_of,
     )
     from sim.physics.preflight import Preflight
@@ -76,20 +76,20 @@ def preflight(
 
         check_picture(plot)
     loaded = load_library(find_library(library))
-    body = load_for_takes(find_robot(robot), loaded.skeleton)
+    body = load_sampled_robot(find_robot(robot), loaded.skeleton)
     physics_model(body, root)  # an unknown root is better refused now
     body, limits = _on_rig(body, rig)
     judge = Preflight(body, limits, root, balance)
     verdicts: list[PreflightVerdict] = []
     with progress("motions", len(loaded.network.motions)) as tick:
-        for take in motion_takes(loaded, body):
-            verdicts.append(judge.judge(take, simulate=True, tempo=tempo))
+        for played in play_motions(loaded, body):
+            verdicts.append(judge.judge(played, simulate=True, tempo=tempo))
             tick()
     motions = len(verdicts)
     if not motions_only:
         with progress("switches", count_switches(loaded)) as tick:
-            for take in switch_takes(loaded, body):
-                verdicts.append(judge.judge(take, simulate=False, tempo=tempo))
+            for played in play_switches(loaded, body):
+                verdicts.append(judge.judge(played, simulate=False, tempo=tempo))
                 tick()
         verdicts += _by_their_parts({v.name: v for v in verdicts}, switches_by_way_of(loaded))
     report = _report(verdicts, motions, loaded.info.name, body.name, root, balance, tempo)

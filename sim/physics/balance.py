@@ -4,8 +4,9 @@ Each tick makes one damped least-squares step on a robot of its own, from where 
 
     min over dv of   |W_f (J_f dv - e_f)|^2 + |W_c (J_c dv - e_c)|^2 + |W_q (dv - e_q)|^2
 
-with e_f what the soles are off their places on the floor, e_c what the centre of mass is off its goal, and e_q what
-root and joints are off what is played: the legs give way, the rest plays on. The goal of the centre of mass:
+where e_f is the distance of the soles from their places on the floor, e_c that of the centre of mass from its goal, and
+e_q that of root and joints from the played motion: the legs give way, the rest of the body keeps playing. The goal of
+the centre of mass:
 
     c = middle of the support - K (xi - xi planned),      xi = com + velocity / omega,      omega^2 = g / height
 
@@ -43,15 +44,15 @@ STARTING_STEPS = 60
 
 
 class Balance:
-    """Bends what is played so that a free robot stays on its feet.
+    """Adjusts the played motion so that a free robot stays on its feet.
 
     Args:
-        robot: whose motion it is.
+        robot: which is to stand.
         model: the robot with a free root on a solid floor.
         dt: between two targets, s.
 
     Raises:
-        MotiondeckError: if the robot has not two feet.
+        MotiondeckError: if the robot does not have two feet.
     """
 
     def __init__(self, robot: Robot, model: mujoco.MjModel, dt: float) -> None:
@@ -88,7 +89,7 @@ class Balance:
         self._first_height: float | None = None
 
     def adjust(self, data: mujoco.MjData, goal: Array, heading: float) -> None:
-        """Bends a goal (nq,) to one that balances, given the robot's state and the heading of what is played, rad."""
+        """Makes a goal (nq,) one that balances, given the robot's state and the heading of the played motion, rad."""
         if self._heading is None:
             self._heading, self._first_height = heading, float(goal[2])
         wanted = goal.copy()
@@ -103,7 +104,7 @@ class Balance:
         goal[:] = self._plan.qpos
 
     def _plant(self) -> None:
-        """Chooses where the feet stay: on the floor below where they are, within what can be stood on."""
+        """Chooses where the feet stay: on the floor below their present places, in a stance that can balance."""
         plan = self._plan
         facing = _azimuth(_turned(plan.qpos[3:7]))
         ahead = np.array([np.cos(facing), np.sin(facing)])

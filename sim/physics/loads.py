@@ -1,12 +1,12 @@
-"""Loads: what a take asks of a robot's body and its servos, by inverse dynamics, without simulating it.
+"""Loads: what a motion demands of a robot's body and its servos, by inverse dynamics, without simulating it.
 
-At a tempo s all velocities are s times and all accelerations s^2 times those of the take, so one pass gives the joint
+At a tempo s all velocities are s times and all accelerations s^2 times those at tempo 1, so one pass gives the joint
 torques of every tempo:
 
     tau(s) = gravity + s damping + s^2 inertia + sign(velocity) friction
 
-With a free root what holds the body up comes from the floor: forces within their friction cones on those corners of the
-soles that are lowest, which come closest to the force and moment that the root would else have to be held with.
+With a free root the floor carries the body: forces within their friction cones on the lowest corners of the soles,
+chosen to come closest to the force and moment that would hold the root.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -26,7 +26,7 @@ from sim.models.feet import Foot
 from sim.models.kinematic_tree import below
 from sim.models.surface import LowestPoint, Surface
 from sim.physics.physics_model import feet_of
-from sim.physics.played_motions import DT, Take
+from sim.physics.played_motions import DT, PlayedMotion
 from sim.physics.support_polygon import convex_hull, margin
 from sim.robots.robot import Robot
 from sim.robots.self_collision import SelfCollision
@@ -37,22 +37,22 @@ from sim.robots.self_collision import SelfCollision
 CONTACT, STANDS = 0.06, 0.03
 _FRICTION = 0.7
 _CONE = np.array([[_FRICTION, 0.0, 1.0], [-_FRICTION, 0.0, 1.0], [0.0, _FRICTION, 1.0], [0.0, -_FRICTION, 1.0]])
-# It slides if a corner so near to the floor moves: a foot that swings through is higher, and one that rolls is still.
+# A foot slides if a corner this near to the floor moves: a swinging foot is higher, and a rolling one is still.
 TOUCHES = 0.008
-# What it costs to share out forces unevenly, against what it costs to leave the root unsupported.
+# The cost of uneven forces relative to that of leaving the root unsupported.
 _EVENLY = 1e-3
 
 
 @dataclass(frozen=True)
 class Loads:
-    """What T samples of a take ask of J joints at its own tempo.
+    """What T samples of a motion demand of J joints at tempo 1.
 
     Attributes:
         velocity: of the joints, shape (T, J), rad/s.
         gravity, damping, inertia, friction: joint torques, shape (T, J), N m.
-        collision: how deep bodies are in one another, shape (T,), m, and which ones at worst.
+        collision, colliding: how deep bodies overlap, shape (T,), m, and which ones overlap most.
         lowest: height of the lowest point, shape (T,), m.
-        slide: how fast what touches the ground of the soles moves along it, shape (T,), m/s.
+        slide: how fast the touching parts of the soles move along the ground, shape (T,), m/s.
         support: the polygon that the robot stands on in each sample, length T.
         lies: whether something else than its feet is on the ground, shape (T,).
         com: of the centre of mass along the ground and its height, shape (T, 3), m.
@@ -85,17 +85,17 @@ class Loads:
         return np.array([margin(hull, point) for hull, point in zip(self.support, capture, strict=True)])
 
 
-def loads_of(robot: Robot, take: Take, *, free: bool, collisions: SelfCollision) -> Loads:
-    """Goes through a take once.
+def loads_of(robot: Robot, played: PlayedMotion, *, free: bool, collisions: SelfCollision) -> Loads:
+    """The loads of a played motion.
 
     Args:
-        robot: who plays it.
-        take: what is played.
-        free: whether the floor has to carry the robot, or a gantry does.
-        collisions: finds what runs into what.
+        robot: which plays it.
+        played: the motion or switch.
+        free: whether the floor carries the robot, or a gantry.
+        collisions: finds bodies that overlap.
     """
     model, data = robot.model, mujoco.MjData(robot.model)
-    qpos, qvel, qacc = _motion(robot, take)
+    qpos, qvel, qacc = _motion(robot, played)
     count, feet = len(qpos), feet_of(robot)
     dof, lowest_point, surface = _actuated(robot), LowestPoint(model), Surface.of(model)
     soles = [body for foot in feet for body in below(model, model.body(foot.body).id)]
@@ -155,14 +155,14 @@ def loads_of(robot: Robot, take: Take, *, free: bool, collisions: SelfCollision)
     )
 
 
-def _motion(robot: Robot, take: Take) -> tuple[Array, Array, Array]:
-    """Positions (T, nq), velocities and accelerations (T, nv) of a take as it is played within the joints' range."""
-    model, count = robot.model, len(take.targets)
+def _motion(robot: Robot, played: PlayedMotion) -> tuple[Array, Array, Array]:
+    """Positions (T, nq), velocities and accelerations (T, nv) of a motion, clipped to the joints' ranges."""
+    model, count = robot.model, len(played.targets)
     qpos = np.empty((count, model.nq))
     if robot.footing is not None:
         robot.footing.reset(DT)
-    for k, pose in enumerate(take.poses):
-        robot.place(np.clip(take.targets[k], robot.limits.lower, robot.limits.upper), pose, qpos[k])
+    for k, pose in enumerate(played.poses):
+        robot.place(np.clip(played.targets[k], robot.limits.lower, robot.limits.upper), pose, qpos[k])
     qvel, step = np.empty((count, model.nv)), np.empty(model.nv)
     for k in range(count):
         first, last = max(k - 1, 0), min(k + 1, count - 1)

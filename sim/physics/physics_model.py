@@ -22,7 +22,7 @@ FRICTION = (1.0, 0.005, 0.0001)
 # The sole under a foot of rounded solids is this thick, m, and drawn in a group that is not shown.
 _SOLE = 0.004
 _HIDDEN = 4
-# Contacts take more rounds than a robot that hangs in the air.
+# Contacts need more solver iterations than a robot that hangs in the air.
 _ITERATIONS = 60
 
 

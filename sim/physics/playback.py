@@ -1,4 +1,4 @@
-"""Playback: outputs that show joint targets on a MuJoCo robot, either exactly or through its servos and its masses."""
+"""Playback: outputs that show joint targets on a MuJoCo robot, either exactly or with its servos and masses."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's names come from compiled modules, which have no type stubs.)
@@ -19,7 +19,7 @@ from sim.physics.physics_model import physics_model
 from sim.physics.simulated_servos import Servos
 from sim.robots.robot import Robot
 
-# MuJoCo starts afresh by itself when its state breaks, and leaves a note.
+# MuJoCo resets itself when its state becomes invalid, and counts a warning.
 _BROKEN = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 
 
@@ -30,12 +30,12 @@ FALLEN_TILT = 1.0
 
 
 class KinematicPlayback:
-    """Puts the robot exactly where it is told to be.
+    """Puts the robot exactly at its targets.
 
     Attributes:
         name: "kinematics".
         data: MuJoCo's state, with the position of every body.
-        placed: where the root was meant to be with the last write, position and quaternion, shape (7,), m.
+        placed: the commanded root of the last write, position (m) and quaternion, shape (7,).
     """
 
     name = "kinematics"
@@ -67,11 +67,11 @@ class KinematicPlayback:
         return self._measured
 
     def report(self) -> Mapping[str, object]:
-        """What it is and how often it was written to."""
+        """Its kind and the number of writes."""
         return {"kind": "kinematics", "robot": self._robot.name, "joints": len(self._measured), "writes": self._writes}
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        """Does nothing."""
 
 
 class PhysicsPlayback:
@@ -84,8 +84,8 @@ class PhysicsPlayback:
     Attributes:
         name: "physics".
         data: MuJoCo's state.
-        model: what it is the state of; the playback's own.
-        placed: where the root was meant to be with the last write, position and quaternion, shape (7,), m.
+        model: the model of that state; the playback's own.
+        placed: the commanded root of the last write, position (m) and quaternion, shape (7,).
         fell_s: when a free robot fell, s since the first write; None as long as it stands.
     """
 
@@ -95,13 +95,13 @@ class PhysicsPlayback:
         """Rests the robot.
 
         Args:
-            robot: whom to drive.
+            robot: the one to drive.
             dt: how much time passes with each write, s; rounded to whole steps of the simulation.
-            root: whether a gantry carries its root along, holds it where it is, or lets it go.
+            root: "gantry" carries the root along, "fixed" holds it in place, "free" lets it go.
             balance: whether a free robot keeps its feet where they are and its centre of mass above them.
 
         Raises:
-            MotiondeckError: for another root, or to balance what is not free or has no two feet.
+            MotiondeckError: if root is another word, or balance is asked of a robot that is not free or lacks two feet.
         """
         self._robot, self._root = robot, root
         self.model = model = physics_model(robot, root)
@@ -133,7 +133,7 @@ class PhysicsPlayback:
         robot.layout.place(robot.rest, self.data.qpos)
         self.placed[:] = self.data.qpos[:7]
         mujoco.mj_forward(model, self.data)
-        # Left alone, MuJoCo writes each warning to a file in the working directory: not from inside a loop.
+        # By default MuJoCo writes each warning to a file in the working directory; a loop must not.
         mujoco.set_mju_user_warning(lambda _: None)
 
     @property
@@ -181,12 +181,12 @@ class PhysicsPlayback:
         return self._measured
 
     def push(self, force: Array) -> None:
-        """Pushes the root with a force (3,), N, in the world, from now on until told otherwise."""
+        """Pushes the root with a force (3,), N, in the world, until the next call."""
         root = int(self.model.jnt_bodyid[0])
         self.data.xfrc_applied[root, :3] = force
 
     def report(self) -> Mapping[str, object]:
-        """How closely the servos followed: root mean square over joints and time, and the worst joint at any time."""
+        """Tracking errors of the servos: root mean square over joints and time, and the largest of any joint."""
         samples = max(self._writes, 1) * len(self._measured)
         said: dict[str, object] = {
             "kind": "physics",
@@ -206,10 +206,10 @@ class PhysicsPlayback:
         return said
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        """Does nothing."""
 
     def _aim(self) -> None:
-        """What the servos of hinges are told in all steps of a write, and those of ball joints besides their error."""
+        """Sets the controls that stay the same in all steps of a write."""
         layout, ahead = self._robot.layout, self._ahead
         mujoco.mj_differentiatePos(self.model, self._turned, self._dt, self._goal_before, self._goal)
         ahead[:] = self._lead * self._turned[self._dof]
@@ -219,13 +219,13 @@ class PhysicsPlayback:
         ctrl, balls = self.data.ctrl, self._robot.layout.ball
         ctrl[:] = self._ahead
         if len(balls):
-            # MuJoCo takes from what it is told the rotation vector that the joint has; what is left shall be the error.
+            # MuJoCo subtracts the joint's rotation vector from the control; the difference is to be the error.
             mujoco.mj_differentiatePos(self.model, self._turned, 1.0, self._straight, self.data.qpos)
             mujoco.mj_differentiatePos(self.model, self._error, 1.0, self.data.qpos, self._goal)
             ctrl[balls] += (self._turned + self._error)[self._dof[balls]]
 
     def _put_in_place(self) -> None:
-        """Starts afresh at the goal, at rest; a free robot with its lowest point on the floor."""
+        """Starts at the goal, at rest; a free robot with its lowest point on the floor."""
         mujoco.mj_resetData(self.model, self.data)
         self.data.qpos[:] = self._goal
         mujoco.mj_kinematics(self.model, self.data)
@@ -250,7 +250,7 @@ class PhysicsPlayback:
 
 
 def has_fallen(qpos: Array, played: Array) -> bool:
-    """Whether a root at qpos (>= 7,) is too low or leans over too far, seen from the played one (>= 7,)."""
+    """Whether a root at qpos (>= 7,) is too low or leans too far, compared with the commanded one (>= 7,)."""
     upright = rotate(np.stack([qpos[3:7], played[3:7]]), np.array([0.0, 0.0, 1.0]))[:, 2]
     lean, played_lean = np.arccos(np.clip(upright, -1.0, 1.0))
     return bool(qpos[2] < FALLEN_HEIGHT * played[2] or lean > played_lean + FALLEN_TILT)

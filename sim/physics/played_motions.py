@@ -1,4 +1,4 @@
-"""Takes: what a library plays on a robot, motion by motion and switch by switch, as the deck would play it."""
+"""Plays the motions and switches of a library as the deck would, and samples the targets of a robot."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ from controller.rotations import Array
 from sim.robots.robot import Robot, load_robot
 
 DT = 0.01
-"""s from sample to sample of a take."""
+"""s from sample to sample."""
 
-# A loop is taken from here on, s, when nothing is left of how it began; a switch from so long before it, s, to so long
-# after it has settled, and for LONGEST at most.
+# A loop is sampled after SETTLED, s, when nothing is left of its start; a switch from BEFORE it to AFTER it has
+# settled, for at most LONGEST.
 SETTLED, BEFORE, AFTER, LONGEST = 0.5, 0.2, 0.3, 6.0
 
 
 @dataclass(frozen=True)
-class Take:
-    """What was played, T samples DT apart.
+class PlayedMotion:
+    """A motion or a switch as it was played, T samples DT apart.
 
     Attributes:
         name: "walk", or "walk > jog".
-        loop: whether its end goes over into its beginning.
+        loop: whether its end continues in its beginning.
         targets: joint targets as retargeted, shape (T, J), rad.
-        poses: where they come from, length T.
+        poses: of the human, from which the targets come, length T.
     """
 
     name: str
@@ -45,27 +45,27 @@ class Take:
 
     @property
     def seconds(self) -> float:
-        """How long it takes."""
+        """Its duration."""
         return len(self.targets) * DT
 
 
-def load_for_takes(path: Path, skeleton: Skeleton) -> Robot:
-    """Loads a robot as `load_robot` does, to be posed once a sample: its joints may go as far as DT allows."""
+def load_sampled_robot(path: Path, skeleton: Skeleton) -> Robot:
+    """Loads a robot that is posed once per sample: its joints may move as far as their limits allow in DT."""
     return load_robot(path, skeleton, dt=DT)
 
 
-def motion_takes(library: MotionLibrary, robot: Robot) -> Iterator[Take]:
-    """Each motion: one round of a loop, or all of what happens once."""
+def play_motions(library: MotionLibrary, robot: Robot) -> Iterator[PlayedMotion]:
+    """Each motion: one round of a loop, or a whole one-shot."""
     for motion in read_motions(library).values():
         deck = Deck(library, deepcopy(robot.retarget), motion.name)
         if motion.loop:
             for _ in range(round(SETTLED / DT)):
                 deck.update(DT)
-        yield _take(motion.name, deck, max(2, round(motion.seconds / DT)), loop=motion.loop)
+        yield _played(motion.name, deck, max(2, round(motion.seconds / DT)), loop=motion.loop)
 
 
-def switch_takes(library: MotionLibrary, robot: Robot) -> Iterator[Take]:
-    """Each switch that goes straight from one motion to another; what happens once is left at its end."""
+def play_switches(library: MotionLibrary, robot: Robot) -> Iterator[PlayedMotion]:
+    """Each direct switch between two motions; one-shots are left at their end."""
     repertoire = read_motions(library)
     routes = Routes.between(repertoire)
     for source in repertoire.values():
@@ -86,11 +86,11 @@ def switch_takes(library: MotionLibrary, robot: Robot) -> Iterator[Take]:
                 joints, pose = branch.update(DT)
                 targets.append(joints.copy())
                 poses.append(pose)
-            yield Take(f"{source.name} > {target}", False, np.array(targets), tuple(poses))
+            yield PlayedMotion(f"{source.name} > {target}", False, np.array(targets), tuple(poses))
 
 
 def switches_by_way_of(library: MotionLibrary) -> dict[tuple[str, str], tuple[str, ...]]:
-    """The switches that go by way of other motions, and which."""
+    """The switches that go by way of other motions, with those motions."""
     repertoire = read_motions(library)
     routes = Routes.between(repertoire)
     pairs = ((a, b) for a in repertoire for b in repertoire if a != b)
@@ -98,22 +98,22 @@ def switches_by_way_of(library: MotionLibrary) -> dict[tuple[str, str], tuple[st
 
 
 def count_switches(library: MotionLibrary) -> int:
-    """How many takes `switch_takes` has."""
+    """The number of switches that `play_switches` yields."""
     motions = len(read_motions(library))
     return motions * (motions - 1) - len(switches_by_way_of(library))
 
 
-def _take(name: str, deck: Deck, count: int, *, loop: bool) -> Take:
+def _played(name: str, deck: Deck, count: int, *, loop: bool) -> PlayedMotion:
     targets, poses = [], []
     for _ in range(count):
         joints, pose = deck.update(DT)
         targets.append(joints.copy())
         poses.append(pose)
-    return Take(name, loop, np.array(targets), tuple(poses))
+    return PlayedMotion(name, loop, np.array(targets), tuple(poses))
 
 
 def as_clip(library: MotionLibrary, motion: str, seconds: float, rate: float) -> Clip:
-    """What a library plays of one motion, as a clip of so many seconds at some rate, Hz."""
+    """One motion of a library as a clip of so many seconds at a rate, Hz."""
     deck = Deck(library, _no_joints, motion)
     places, turns = [], []
     for _ in range(round(seconds * rate)):
@@ -124,5 +124,5 @@ def as_clip(library: MotionLibrary, motion: str, seconds: float, rate: float) ->
 
 
 def _no_joints(pose: Pose) -> Array:
-    """For a deck that is asked for its poses only."""
+    """Stands in for a retargeter where only poses are needed."""
     return np.zeros(0)

@@ -1,7 +1,7 @@
-"""Preflight: what would happen to a robot that plays a motion or a switch, and the speed at which it goes well.
+"""Preflight: what would happen to a robot that plays a motion or a switch, and the tempo at which it goes well.
 
-Each finding is a number with its limit; what is beyond the limit would hurt the robot or not be the motion any more.
-Numbers that tell about standing count where the root is free, and are told otherwise.
+Each finding is a number with its limit; beyond the limit the robot would be damaged, or not play the motion any more.
+Findings about standing are judged if the root is free, and only reported otherwise.
 """
 
 from __future__ import annotations
@@ -19,26 +19,26 @@ from controller.rotations import Array, continuous, normalise
 from sim.models.servo_motor import ROOM
 from sim.physics.loads import Loads, loads_of
 from sim.physics.playback import PhysicsPlayback
-from sim.physics.played_motions import DT, Take
+from sim.physics.played_motions import DT, PlayedMotion
 from sim.robots.robot import Robot
 from sim.robots.self_collision import OVERLAP, SelfCollision
 
 TICK = 0.005
 TEN_MINUTES = 600.0
-# A motion is no longer the motion when a joint is so far from where it is played, rad, for longer than BRIEFLY, s.
+# A motion is not played any more if a joint is farther than this from its target, rad, for longer than BRIEFLY, s.
 ASTRAY = 0.17
 BRIEFLY = 0.05
 # A body that is off balance for longer than this, s, falls.
 OFF_BALANCE = 0.25
-# What lies on something else than its soles, its centre of mass below this share of the height of a standing root,
-# is down already.
+# A robot that touches the floor with more than its soles, its centre of mass below this share of the height of a
+# standing root, is lying down already.
 DOWN = 0.7
-# Played freely for so long, s, what falls has fallen.
+# After so long on a free root, s, a robot that falls has fallen.
 FALL_SECONDS = 10.0
 SLOWEST = 0.1
 _AT_ANY_TEMPO = ("out of reach", "self-collision")
 _HALVINGS = 5
-# What passes without simulating and fails in physics is tried again so much slower.
+# A motion that passes without physics and fails in it is tried again at this share of the tempo.
 _SLOWER = 0.9
 
 
@@ -47,11 +47,11 @@ class Finding:
     """One number of a preflight.
 
     Attributes:
-        check: what was looked at.
-        value: what was found, in the unit.
-        limit: beyond which it is not all right; None where the number only informs.
+        check: its name.
+        value: in the unit.
+        limit: the largest value that passes; None if the number only informs.
         unit: of both.
-        where: the joint or the bodies at fault, or "".
+        where: the joint or the bodies concerned, or "".
         ok: whether it is within its limit.
     """
 
@@ -65,13 +65,13 @@ class Finding:
 
 @dataclass(frozen=True)
 class PreflightVerdict:
-    """What was found out about one take.
+    """The findings about one motion or switch.
 
     Attributes:
-        name: of the take.
+        name: of the motion or switch.
         findings: all of them.
-        passes_at: the largest tempo up to the take's own at which all is well; None where slowing down does not help.
-        by_way_of: for a switch that is made by way of other motions, those; it is judged by its parts.
+        passes_at: the largest tempo, up to the judged one, at which all passes; None if no slower tempo helps.
+        by_way_of: the motions on the way of a switch that is not direct; it is judged by its parts.
     """
 
     name: str
@@ -86,17 +86,17 @@ class PreflightVerdict:
 
     @property
     def troubles(self) -> tuple[Finding, ...]:
-        """What is not all right."""
+        """The findings beyond their limits."""
         return tuple(finding for finding in self.findings if not finding.ok)
 
 
 @dataclass
 class Preflight:
-    """Judges takes on one robot.
+    """Judges played motions on one robot.
 
     Attributes:
-        robot: who plays.
-        limits: of its joints, narrowed to those of a rig where there is one.
+        robot: which robot.
+        limits: of its joints, narrowed to those of a rig if there is one.
         root: "gantry", "fixed" or "free": what holds the robot.
         balance: whether a free robot keeps its balance.
     """
@@ -110,50 +110,52 @@ class Preflight:
     def __post_init__(self) -> None:
         self._collisions = SelfCollision(self.robot)
 
-    def judge(self, take: Take, *, simulate: bool, tempo: float = 1.0) -> PreflightVerdict:
-        """What a take does to the robot.
+    def judge(self, played: PlayedMotion, *, simulate: bool, tempo: float = 1.0) -> PreflightVerdict:
+        """Judges what playing a motion does to the robot.
 
         Args:
-            take: a motion or a switch.
-            simulate: whether to play it in physics too, once through its servos, and freely where the root is free.
-            tempo: how fast it is played.
+            played: a motion or a switch.
+            simulate: whether to play it in physics too: once with its servos and, with a free root, for FALL_SECONDS.
+            tempo: at which it is played.
         """
-        loads = loads_of(self.robot, take, free=self.root == "free", collisions=self._collisions)
-        findings = self.findings(take, loads, tempo, simulate=simulate)
+        loads = loads_of(self.robot, played, free=self.root == "free", collisions=self._collisions)
+        findings = self.findings(played, loads, tempo, simulate=simulate)
         if all(finding.ok for finding in findings):
-            return PreflightVerdict(take.name, findings, tempo)
+            return PreflightVerdict(played.name, findings, tempo)
         if any(finding.check in _AT_ANY_TEMPO for finding in findings if not finding.ok):
-            return PreflightVerdict(take.name, findings, None)
-        passes = fastest_passing(lambda slow: self._passes(take, loads, slow, simulate=False), tempo)
-        while simulate and passes is not None and not self._passes(take, loads, passes, simulate=True):
+            return PreflightVerdict(played.name, findings, None)
+        passes = fastest_passing(lambda slow: self._passes(played, loads, slow, simulate=False), tempo)
+        while simulate and passes is not None and not self._passes(played, loads, passes, simulate=True):
             passes = _SLOWER * passes if _SLOWER * passes >= SLOWEST else None
-        return PreflightVerdict(take.name, findings, passes)
+        return PreflightVerdict(played.name, findings, passes)
 
-    def findings(self, take: Take, loads: Loads, tempo: float, *, simulate: bool) -> tuple[Finding, ...]:
-        """All numbers at a tempo."""
-        found = [*self._joints(take, loads, tempo), *self._servos(loads, tempo), self._collision(loads)]
+    def findings(self, played: PlayedMotion, loads: Loads, tempo: float, *, simulate: bool) -> tuple[Finding, ...]:
+        """All findings at a tempo."""
+        found = [*self._joints(played, loads, tempo), *self._servos(loads, tempo), self._collision(loads)]
         found += self.standing(loads, tempo)
         if simulate:
-            found += self.simulated(take, tempo)
+            found += self.simulated(played, tempo)
         return tuple(found)
 
-    def simulated(self, take: Take, tempo: float) -> list[Finding]:
-        """What physics makes of it: whether the servos follow, and whether a free robot stands."""
-        astray, joint, _ = self.play(take, tempo, self.root if self.root != "free" else "gantry", rounds=1)
+    def simulated(self, played: PlayedMotion, tempo: float) -> list[Finding]:
+        """Findings of playing it in physics: whether the servos follow, and whether a free robot stands."""
+        astray, joint, _ = self.play(played, tempo, self.root if self.root != "free" else "gantry", rounds=1)
         found = [_finding("physics: off target", astray, ASTRAY, "rad", self.robot.joints[joint])]
         if self.root == "free":
-            _, _, fell = self.play(take, tempo, "free", rounds=None)
+            _, _, fell = self.play(played, tempo, "free", rounds=None)
             stood = FALL_SECONDS if fell is None else fell
             found.append(replace(Finding("physics: stands", stood, FALL_SECONDS, "s"), ok=fell is None))
         return found
 
-    def play(self, take: Take, tempo: float, root: str, rounds: int | None) -> tuple[float, int, float | None]:
-        """Plays a take in physics; `rounds` of it, or for FALL_SECONDS.
+    def play(
+        self, played: PlayedMotion, tempo: float, root: str, rounds: int | None
+    ) -> tuple[float, int, float | None]:
+        """Plays a motion in physics, once, or for FALL_SECONDS if `rounds` is None.
 
         Returns:
             how far a joint was from its target for longer than BRIEFLY, rad; which; when the robot fell, s, or None.
         """
-        targets, poses = _targets(take, tempo), _poses(take, tempo)
+        targets, poses = _targets(played, tempo), _poses(played, tempo)
         envelope = SafetyEnvelope(self.limits, TICK)
         envelope.start(np.clip(targets[0], self.limits.lower, self.limits.upper))
         if self.robot.footing is not None:
@@ -162,8 +164,8 @@ class Preflight:
         ticks = len(targets) if rounds is not None else round(FALL_SECONDS / TICK)
         off = np.zeros((ticks, targets.shape[1]))
         for k in range(ticks):
-            # What happens once holds its end, a loop goes round.
-            at = k % len(targets) if take.loop else min(k, len(targets) - 1)
+            # A one-shot holds its end, a loop goes round.
+            at = k % len(targets) if played.loop else min(k, len(targets) - 1)
             stage.write(envelope(targets[at]), poses[at])
             off[k] = np.abs(stage.measured() - np.clip(targets[at], self.limits.lower, self.limits.upper))
             if stage.fell_s is not None:
@@ -171,16 +173,16 @@ class Preflight:
         worst = _lasting(off)
         return float(worst.max()), int(np.argmax(worst)), stage.fell_s
 
-    def _passes(self, take: Take, loads: Loads, tempo: float, *, simulate: bool) -> bool:
-        return all(finding.ok for finding in self.findings(take, loads, tempo, simulate=simulate))
+    def _passes(self, played: PlayedMotion, loads: Loads, tempo: float, *, simulate: bool) -> bool:
+        return all(finding.ok for finding in self.findings(played, loads, tempo, simulate=simulate))
 
-    def _joints(self, take: Take, loads: Loads, tempo: float) -> list[Finding]:
+    def _joints(self, played: PlayedMotion, loads: Loads, tempo: float) -> list[Finding]:
         joints, limits = self.robot.joints, self.limits
-        beyond = _lasting(np.maximum(limits.lower - take.targets, take.targets - limits.upper), DT)
-        ends = np.minimum(take.targets - limits.lower, limits.upper - take.targets) < 1e-6
+        beyond = _lasting(np.maximum(limits.lower - played.targets, played.targets - limits.upper), DT)
+        ends = np.minimum(played.targets - limits.lower, limits.upper - played.targets) < 1e-6
         share = ends.mean(axis=0)
         speed = tempo * np.abs(loads.velocity).max(axis=0) / limits.velocity
-        held = self._held_back(take, tempo)
+        held = self._held_back(played, tempo)
         return [
             Finding("at a joint's end", 100.0 * float(share.max()), None, "%", _of(joints, share)),
             _finding("out of reach", max(float(beyond.max()), 0.0), ASTRAY, "rad", _of(joints, beyond)),
@@ -188,14 +190,14 @@ class Preflight:
             _finding("held back", float(held.max()), ASTRAY, "rad", _of(joints, held)),
         ]
 
-    def _held_back(self, take: Take, tempo: float) -> Array:
+    def _held_back(self, played: PlayedMotion, tempo: float) -> Array:
         """How far the safety envelope keeps each joint from its target for longer than BRIEFLY, shape (J,), rad."""
-        targets = _targets(take, tempo)
+        targets = _targets(played, tempo)
         inside = np.clip(targets, self.limits.lower, self.limits.upper)
         envelope = SafetyEnvelope(self.limits, TICK)
         envelope.start(inside[0])
         off = np.array([np.abs(envelope(target) - goal) for target, goal in zip(targets, inside, strict=True)])
-        # It starts at rest, and so behind.
+        # The envelope starts at rest, and so lags at first.
         return _lasting(off[min(len(off) - 1, round(0.2 / TICK)) :])
 
     def _servos(self, loads: Loads, tempo: float) -> list[Finding]:
@@ -222,7 +224,7 @@ class Preflight:
         return _finding("self-collision", 1e3 * depth, 1e3 * OVERLAP, "mm", loads.colliding)
 
     def standing(self, loads: Loads, tempo: float) -> list[Finding]:
-        """What feet and balance do, told without simulating."""
+        """Findings about feet and balance, without physics."""
         inside = loads.balance(tempo)
         root = self.robot.model.body(int(self.robot.model.jnt_bodyid[0]))
         down = loads.lies & (loads.com[:, 2] < DOWN * float(root.pos[2]))
@@ -236,44 +238,44 @@ class Preflight:
             Finding("balance margin", 1e3 * margin, None, "mm"),
             replace(Finding("off balance", off, OFF_BALANCE if free else None, "s"), ok=not free or off <= OFF_BALANCE),
         ]
-        # What has no feet, or has them in the air for most of the time, has no margin.
+        # A robot without feet, or with its feet in the air most of the time, has no margin.
         return [finding for finding in found if np.isfinite(finding.value)]
 
 
-def _ticks(take: Take, tempo: float) -> tuple[NDArray[np.int64], Array]:
+def _ticks(played: PlayedMotion, tempo: float) -> tuple[NDArray[np.int64], Array]:
     """Which sample comes before each of the K ticks of a loop, and how far the tick is on the way to the next one."""
-    at = np.arange(0.0, len(take.targets) - 1, TICK * tempo / DT)
+    at = np.arange(0.0, len(played.targets) - 1, TICK * tempo / DT)
     before = at.astype(np.int64)
     return before, at - before
 
 
-def _targets(take: Take, tempo: float) -> Array:
-    """The targets of a take at the ticks, shape (K, J), rad."""
-    k, share = _ticks(take, tempo)
-    return take.targets[k] + share[:, None] * (take.targets[k + 1] - take.targets[k])
+def _targets(played: PlayedMotion, tempo: float) -> Array:
+    """The targets at the ticks, shape (K, J), rad."""
+    k, share = _ticks(played, tempo)
+    return played.targets[k] + share[:, None] * (played.targets[k + 1] - played.targets[k])
 
 
-def _poses(take: Take, tempo: float) -> list[Pose]:
-    """The poses of a take at the ticks, length K."""
-    k, share = _ticks(take, tempo)
-    root = np.array([pose.root_position for pose in take.poses])
-    heading = np.unwrap([float(pose.heading) for pose in take.poses])
-    rotation = continuous(np.array([pose.rotation for pose in take.poses]))
+def _poses(played: PlayedMotion, tempo: float) -> list[Pose]:
+    """The poses at the ticks, length K."""
+    k, share = _ticks(played, tempo)
+    root = np.array([pose.root_position for pose in played.poses])
+    heading = np.unwrap([float(pose.heading) for pose in played.poses])
+    rotation = continuous(np.array([pose.rotation for pose in played.poses]))
     root = root[k] + share[:, None] * (root[k + 1] - root[k])
     heading = heading[k] + share * (heading[k + 1] - heading[k])
-    # From sample to sample a bone turns so little that the chord does for the arc.
+    # From sample to sample a bone turns so little that linear interpolation is enough.
     rotation = normalise(rotation[k] + share[:, None, None] * (rotation[k + 1] - rotation[k]))
     return [Pose(*pose) for pose in zip(root, heading, rotation, strict=True)]
 
 
 def _lasting(off: Array, dt: float = TICK) -> Array:
-    """The largest value of each column of (T, J) that is not undercut for BRIEFLY, shape (J,)."""
+    """The largest value that each column of (T, J) exceeds for a whole BRIEFLY, shape (J,)."""
     window = min(len(off), max(1, round(BRIEFLY / dt)))
     return np.lib.stride_tricks.sliding_window_view(off, window, axis=0).min(axis=-1).max(axis=0)
 
 
 def _longest(flags: NDArray[np.bool_]) -> int:
-    """How many samples in a row are set at most."""
+    """The length of the longest run of set samples."""
     longest = run = 0
     for flag in flags:
         run = run + 1 if flag else 0
@@ -312,5 +314,5 @@ def fastest_passing(passes: Callable[[float], bool], tempo: float) -> float | No
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if passes(middle) else (low, middle)
-    # The slowest takes longest to look at, and is rarely asked about.
+    # The slowest tempo takes longest to check, and is rarely needed.
     return low if low > SLOWEST or passes(SLOWEST) else None

@@ -1,4 +1,4 @@
-"""A robot's body as what an emulated rig turns: the servos give torques, MuJoCo says where the joints go.
+"""A robot's body as the mechanism that an emulated rig turns: the servos give torques, MuJoCo moves the joints.
 
 So a load, a stall or a fall is felt by the servos: as current, heat, and an angle that is not the goal. Fits
 `hardware.emulator.plant.JointPlant`.

@@ -13,7 +13,7 @@ import numpy as np
 from controller.rotations import Array
 from sim.models.servo_motor import ROOM, ServoMotor
 
-# A servo that gives this share of what it can just now counts as at its limit.
+# A servo that pushes with this share of its present limit counts as at its limit.
 _AT_THE_LIMIT = 0.999
 
 
@@ -47,12 +47,12 @@ class Servos:
         self._at_limit = np.zeros(joints, dtype=np.int64)
 
     def delayed(self, goal: Array) -> Array:
-        """The goal that arrives when this one is sent; the first ones arrive at once."""
+        """The goal that arrives at the servos when this one is sent, `latency` later; the first ones arrive at once."""
         self._on_the_bus.append(goal.copy())
         return self._on_the_bus[0]
 
     def limit(self, data: mujoco.MjData) -> None:
-        """Sets what the servos can push at their present speed, and takes the play out of what they are told."""
+        """Sets the torque limits at the present speed, and applies the backlash to the goals."""
         line = self._servo.line(data.actuator_velocity)
         np.maximum(line, self._floor, out=line)
         np.minimum(line, self._ceiling, out=self._model.actuator_forcerange)
@@ -62,7 +62,7 @@ class Servos:
             data.ctrl[:] = data.actuator_length + np.sign(error) * np.maximum(np.abs(error) - half, 0.0)
 
     def note(self, data: mujoco.MjData) -> None:
-        """Adds up what the step that was just made has drawn."""
+        """Adds the torques of the last step to the statistics."""
         force, share = data.actuator_force, _AT_THE_LIMIT * self._model.actuator_forcerange
         torque = np.abs(force)
         self._steps += 1
@@ -77,11 +77,11 @@ class Servos:
 
     @property
     def at_limit(self) -> Array:
-        """The share of the time in which each servo gave all it could, shape (J,)."""
+        """The share of the time in which each servo was at its torque limit, shape (J,)."""
         return self._at_limit / max(self._steps, 1)
 
     def report(self) -> dict[str, object]:
-        """What the hardest-worked servos have been through."""
+        """The load of the servos, for the report."""
         servo, square = self._servo, self.mean_square_current
         seconds = self._steps * self._model.opt.timestep
         return {

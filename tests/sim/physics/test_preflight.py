@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from controller.mocap.posture import Pose
 from controller.rotations import multiply, yaw
 from sim.physics.loads import loads_of
-from sim.physics.played_motions import DT, Take
+from sim.physics.played_motions import DT, PlayedMotion
 from sim.physics.preflight import ASTRAY, SLOWEST, Preflight, fastest_passing, servo_lag
 from sim.robots.robot import load_robot
 from sim.robots.self_collision import SelfCollision
@@ -25,7 +25,7 @@ def swinging(rate, reach=0.6, robot=SERVO20, seconds=1.5, joint="l_shoulder_pitc
     targets = np.tile(robot.rest, (len(at), 1))
     targets[:, robot.joints.index(joint)] += reach * np.sin(rate * at)
     pose = bent_pose(human())
-    return Take("swing", True, targets, (pose,) * len(at))
+    return PlayedMotion("swing", True, targets, (pose,) * len(at))
 
 
 def checks(verdict):
@@ -41,21 +41,21 @@ def test_a_gentle_swing_passes_and_physics_agrees():
 
 def test_a_swing_that_is_too_fast_fails_and_passes_at_the_speed_offered():
     judge = Preflight(SERVO20, SERVO20.limits)
-    take = swinging(25.0, seconds=0.4)
-    verdict = judge.judge(take, simulate=True)
+    played = swinging(25.0, seconds=0.4)
+    verdict = judge.judge(played, simulate=True)
     assert {"held back", "physics: off target"} <= checks(verdict)
     assert "l_shoulder_pitch" in {finding.where for finding in verdict.troubles}
     assert verdict.passes_at is not None
     assert SLOWEST < verdict.passes_at < 1.0
-    assert judge.judge(take, simulate=True, tempo=verdict.passes_at).ok
+    assert judge.judge(played, simulate=True, tempo=verdict.passes_at).ok
 
 
 def test_no_tempo_mends_a_collision():
     targets = np.tile(SERVO20.rest, (20, 1))
     for name, angle in (("l_hip_roll", -0.8), ("r_hip_roll", 0.8)):
         targets[:, SERVO20.joints.index(name)] = angle
-    take = Take("crossed", True, targets, (bent_pose(human()),) * 20)
-    verdict = Preflight(SERVO20, SERVO20.limits).judge(take, simulate=False)
+    played = PlayedMotion("crossed", True, targets, (bent_pose(human()),) * 20)
+    verdict = Preflight(SERVO20, SERVO20.limits).judge(played, simulate=False)
     assert "self-collision" in checks(verdict)
     assert verdict.passes_at is None
 
@@ -73,13 +73,13 @@ def test_joints_that_a_rig_does_not_let_so_far_are_out_of_reach():
 
 
 def test_what_is_out_of_reach_for_an_instant_only_is_let_pass():
-    take, found = swinging(0.0), {}
+    played, found = swinging(0.0), {}
     upper = SERVO20.limits.upper.copy()
     upper[3] = SERVO20.rest[3] + 0.01
     limits = replace(SERVO20.limits, upper=upper)
     for samples in (4, 6):
-        take.targets[20 : 20 + samples, 3] = upper[3] + 0.3
-        found[samples] = Preflight(SERVO20, limits).judge(take, simulate=False).findings[1]
+        played.targets[20 : 20 + samples, 3] = upper[3] + 0.3
+        found[samples] = Preflight(SERVO20, limits).judge(played, simulate=False).findings[1]
     assert found[4].ok
     assert found[6].value == pytest.approx(0.3)
 
@@ -89,7 +89,7 @@ def test_poses_go_evenly_from_tick_to_tick():
 
     turns = 0.02 * np.arange(9)
     poses = tuple(Pose(np.array([0.01 * k, 0.0, 1.0]), turns[k], yaw(turns[k])[None]) for k in range(9))
-    played = _poses(Take("go", False, np.zeros((9, 1)), poses), 0.7)
+    played = _poses(PlayedMotion("go", False, np.zeros((9, 1)), poses), 0.7)
     x = np.array([pose.root_position[0] for pose in played])
     assert np.allclose(np.diff(x), 0.7 * TICK)
     assert np.allclose([pose.rotation[0] for pose in played], [yaw(float(pose.heading)) for pose in played], atol=1e-6)
@@ -97,10 +97,10 @@ def test_poses_go_evenly_from_tick_to_tick():
 
 @pytest.mark.parametrize("robot", [SERVO20, MANNEQUIN], ids=["servo20", "mannequin"])
 def test_on_the_floor_the_legs_carry_what_a_gantry_would(robot):
-    take = Take("stand", True, np.tile(robot.rest, (4, 1)), (bent_pose(human()),) * 4)
+    played = PlayedMotion("stand", True, np.tile(robot.rest, (4, 1)), (bent_pose(human()),) * 4)
     collisions = SelfCollision(robot)
-    hanging = loads_of(robot, take, free=False, collisions=collisions)
-    standing = loads_of(robot, take, free=True, collisions=collisions)
+    hanging = loads_of(robot, played, free=False, collisions=collisions)
+    standing = loads_of(robot, played, free=True, collisions=collisions)
     assert np.allclose(hanging.inertia, 0.0, atol=1e-9)
     knees = [j for j, name in enumerate(robot.joints) if "kne" in name or "ank" in name]
     assert np.abs(standing.gravity[:, knees]).max() > 2.0 * np.abs(hanging.gravity[:, knees]).max()
@@ -117,8 +117,8 @@ def test_torque_grows_with_the_square_of_the_tempo():
 def test_a_robot_that_leans_too_far_falls_in_both_ways():
     pose = bent_pose(human(), rkne=(0.0, -0.5, 0.0), lkne=(0.0, -0.5, 0.0))
     targets = np.clip(SERVO20.retarget(pose), SERVO20.limits.lower, SERVO20.limits.upper)
-    take = Take("lean", True, np.tile(targets, (60, 1)), (pose,) * 60)
-    verdict = Preflight(SERVO20, SERVO20.limits, "free").judge(take, simulate=True)
+    played = PlayedMotion("lean", True, np.tile(targets, (60, 1)), (pose,) * 60)
+    verdict = Preflight(SERVO20, SERVO20.limits, "free").judge(played, simulate=True)
     assert {"off balance", "physics: stands"} <= checks(verdict)
     assert verdict.passes_at is None
 
@@ -129,11 +129,11 @@ def test_a_robot_that_leans_too_far_falls_in_both_ways():
 def test_who_stands_still_or_is_down_already_cannot_fall(rotation):
     upright = bent_pose(human())
     pose = Pose(upright.root_position, upright.heading, multiply(np.array(rotation), upright.rotation))
-    take = Take("still", True, np.tile(SERVO20.rest, (40, 1)), (pose,) * 40)
+    played = PlayedMotion("still", True, np.tile(SERVO20.rest, (40, 1)), (pose,) * 40)
     judge = Preflight(SERVO20, SERVO20.limits, "free")
-    loads = loads_of(SERVO20, take, free=False, collisions=COLLISIONS)
+    loads = loads_of(SERVO20, played, free=False, collisions=COLLISIONS)
     assert {f.check: f.ok for f in judge.standing(loads, 1.0)}["off balance"]
-    assert {f.check: f.ok for f in judge.simulated(take, 1.0)}["physics: stands"]
+    assert {f.check: f.ok for f in judge.simulated(played, 1.0)}["physics: stands"]
 
 
 @given(st.floats(0.15, 1.0))

@@ -12,7 +12,7 @@ from sim.models.joint_layout import JointLayout
 from sim.models.model_file import read_model
 from sim.models.surface import LowestPoint
 from sim.models.urdf_speeds import urdf_speeds
-from sim.physics.played_motions import DT, load_for_takes
+from sim.physics.played_motions import DT, load_sampled_robot
 from sim.retargeting.human_limbs import LIMBS, LimbView
 from sim.retargeting.robot_limbs import RobotLimbs
 from sim.robots.body_matching import match
@@ -75,9 +75,9 @@ def test_a_joint_that_rests_at_the_very_end_of_its_range_can_be_loaded(tmp_path)
     assert robot.rest[robot.joints.index("left_elbow")] == 0.71234549
 
 
-def test_takes_let_joints_go_as_fast_as_they_may(tmp_path):
+def test_a_sampled_robot_lets_joints_go_as_fast_as_they_may(tmp_path):
     path = robot_file(tmp_path, humanoid())
-    robot = load_for_takes(path, human())
+    robot = load_sampled_robot(path, human())
     robot.retarget(bent_pose(human()))
     before = robot.retarget.solver._q.copy()
     step = np.abs(robot.retarget(bent_pose(human(), rank=(0, 1.5, 0))) - before) / robot.limits.velocity / DT
