@@ -181,3 +181,14 @@ def test_a_rig_that_has_lost_every_joint_stops():
         device.fail(32)
     with pytest.raises(RigError, match="has shut down: overload"):
         play(rig, port, 2.0)
+
+
+def test_a_servo_that_keeps_restarting_is_given_up_and_not_set_up_again():
+    rig, port = build(on_loss="go on")
+    for _ in range(10):
+        play(rig, port, 0.4)
+        port.bus[4].reboot(port.now() + BOOT_TIME)
+    play(rig, port, 1.0, target=0.2)
+    assert rig.lost.tolist() == [False, False, False, True, False, False]
+    assert rig.recoveries == 5
+    assert rig.positions[[0, 1, 2, 4, 5]] == pytest.approx(np.full(5, 0.2), abs=0.02)

@@ -123,3 +123,18 @@ def test_a_rig_that_cannot_be_switched_on_names_who_may_still_have_torque(rig_of
     port.bus[2].dead = True
     with pytest.raises(RigError, match=r"no answer .* joint_2 \(id 2\).* torque may still be on: joint_2\."):
         SupervisedRig(rig_of_four, lambda: Bus(port, rig_of_four.baud))
+
+
+def test_ctrl_c_while_the_second_port_opens_leaves_no_torque_on_the_first(config, monkeypatch):
+    first = EmulatedPort(EmulatedBus(config.parts[0]))
+
+    def open_bus(name, baud):
+        if name == "second":
+            return Bus(first, baud)
+        assert [device["torque_enable"] for device in first.bus.devices] == [1, 1]
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Bus, "open", open_bus)
+    with pytest.raises(KeyboardInterrupt):
+        connect_rig(config)
+    assert [device["torque_enable"] for device in first.bus.devices] == [0, 0]

@@ -277,3 +277,41 @@ def test_mending_beside_the_loop_never_holds_it_up(rig_of_four):
     assert rig.recoveries == 1
     assert rig.positions == pytest.approx(0.2, abs=0.01)
     assert rig.close() == []
+
+
+@pytest.mark.parametrize("seconds", [0.6, 2.5])
+def test_a_vanished_port_is_waited_for_as_long_as_the_rig_file_asks(build, seconds):
+    rig, port = build("unplug:at=0.5", reconnect_s=seconds)
+    with pytest.raises(RigError, match="is gone"):
+        play(rig, port, [0.1] * 4, 5.0)
+    assert port.now() - 0.5 == pytest.approx(seconds, abs=0.1)
+
+
+def test_a_stopped_rig_whose_servo_is_another_one_is_tried_for_two_seconds_and_moves_nobody(build):
+    rig, port = build()
+    play(rig, port, [0.1] * 4, 0.5)
+    port.bus[3]["model_number"] = 1060
+    port.elapse(0.5)  # the watchdogs trip
+    began = port.now()
+    with pytest.raises(RigError, match=r"the rig has stopped: joint_3 \(id 3\) is a XL430-W250"):
+        play(rig, port, [1.0] * 4, 5.0)
+    assert 2.0 <= port.now() - began < 4.0
+    assert not port.bus.moving
+
+
+def test_targets_that_a_rig_takes_no_more_are_counted(build):
+    rig, port = build("unplug:at=0.2", reconnect_s=0.0)
+    with pytest.raises(RigError):
+        play(rig, port, [0.1] * 4, 1.0)
+    before = rig.faults.unsent.copy()
+    play(rig, port, [0.1] * 4, 10 * TICK)
+    assert (rig.faults.unsent - before).tolist() == [10] * 4
+    assert not rig.collect_state()
+
+
+def test_incidents_name_the_port_that_went_and_came(build):
+    rig, port = build("unplug:at=0.5,for=0.4", reconnect_s=2.0)
+    play(rig, port, [0.1] * 4, 2.0)
+    assert rig.recoveries == 1
+    assert ("the port emulated", "is gone") in [(incident.who, incident.what) for incident in rig.incidents]
+    assert [incident.time for incident in rig.incidents] == sorted(incident.time for incident in rig.incidents)
