@@ -3,9 +3,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from controller.rotations import conjugate, from_rotation_vector, multiply, rotate
+from controller.rotations import between, conjugate, from_rotation_vector, multiply, rotate
 from motiondeck_base.errors import FileFormatError
+from sim.retargeting.human_limbs import LIMBS, up_of
 from sim.retargeting.retarget import GAIN, SETTLE, MannequinRetargeter, ServoHumanoidRetargeter
+from sim.robots.calibrate import limb_directions
 from sim.robots.robot import load_robot
 from simulated_bodies import ROBOTS, bent_pose, human, random_pose, smooth_poses
 
@@ -145,3 +147,57 @@ def test_a_pose_held_is_reached_wherever_one_comes_from(servo20):
 def test_other_joints_are_refused():
     with pytest.raises(FileFormatError, match="head_pan, head_tilt, r_shoulder_pitch"):
         ServoHumanoidRetargeter(human(), ("a", "b"), np.zeros(2), np.ones(2))
+
+
+@pytest.fixture(scope="module")
+def limbs():
+    """The limbs of servo20 as MuJoCo has them, for measuring where they point."""
+    return load_robot(ROBOTS / "servo20.toml", human(), "ik").retarget.solver._limbs
+
+
+def posed(wanted):
+    """The pose of a human whose limbs point in the directions (14, 3)."""
+    body = human()
+    pose = bent_pose(body)
+    names = {"upper_arm": "elb", "forearm": "wri", "thigh": "kne", "shank": "ank", "foot": "foo"}
+    for name, direction in zip(LIMBS, wanted, strict=True):
+        if name[2:] in names:
+            bone = body.index(name[0] + names[name[2:]])
+            pose.rotation[bone + 1] = between(body.rest_direction[bone], direction)
+    return pose
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 2**32 - 1))
+def test_a_pose_of_the_robots_own_is_found_again(servo20, limbs, seed):
+    """Its feet level sideways, as those of a standing human are kept; where the arms' pitch is certain."""
+    random = np.random.default_rng(seed)
+    lower, upper = np.maximum(servo20.limits.lower, -1.2), np.minimum(servo20.limits.upper, 1.2)
+    q = lower + random.uniform(0.1, 0.9, len(lower)) * (upper - lower)
+    for joint, angle in {"roll": 0.0, "yaw": 0.0, "pan": 0.0, "tilt": 0.0, "shoulder_roll": 0.3, "elbow": 0.7}.items():
+        for k, name in enumerate(servo20.joints):
+            if name.endswith(joint):
+                q[k] = -angle if name.startswith("r_shoulder_roll") else angle
+    limbs.place(q)
+    wanted = limb_directions(limbs)
+    servo20.retarget.reset()
+    found = servo20.retarget(posed(wanted)).copy()
+    limbs.place(found)
+    rows = [k for k, name in enumerate(LIMBS) if name[1] == "_"]
+    assert limb_directions(limbs)[rows] == pytest.approx(wanted[rows], abs=1e-6)
+    assert found == pytest.approx(q, abs=1e-6)
+
+
+def test_goals_out_of_range_are_waited_for_at_the_end_and_counted(servo20):
+    reach = servo20.limits.upper[servo20.joints.index("l_hip_pitch")]
+    pose = angles(servo20, bent_pose(human(), lkne=(0, float(reach) + 0.2, 0), lank=(0, -0.2, 0)))
+    assert pose["l_hip_pitch"] == pytest.approx(reach)
+    assert servo20.retarget.beyond > 0
+    angles(servo20, bent_pose(human()))
+    assert servo20.retarget.beyond == 0
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_the_vertical_is_seen_from_the_root(seed):
+    pose = random_pose(human(), np.random.default_rng(seed))
+    assert up_of(pose) == pytest.approx(rotate(conjugate(pose.rotation[0]), np.array([0.0, 0.0, 1.0])), abs=1e-12)
