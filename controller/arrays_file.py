@@ -18,6 +18,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
 from motiondeck_base.errors import FileFormatError
+from motiondeck_base.printable import printable
 
 LARGEST_BYTES = 2**30
 
@@ -87,6 +88,8 @@ def read_arrays(path: Path, kind: Kind) -> tuple[object, StoredArrays]:
         header = msgspec.json.decode(metadata[kind.key])
     except (msgspec.DecodeError, RecursionError):
         raise FileFormatError(f"{path}: its header is damaged") from None
+    if found := _controls_in(header):
+        raise FileFormatError(f"{path}: its header has control characters in '{printable(found)}'")
     version = header.get("version") if isinstance(header, dict) else None
     if version not in (kind.version, *kind.older):
         raise FileFormatError(
@@ -94,6 +97,14 @@ def read_arrays(path: Path, kind: Kind) -> tuple[object, StoredArrays]:
             f"Make it again with {kind.made_by}."
         )
     return header, StoredArrays(path, arrays)
+
+
+def _controls_in(tree: object) -> str:
+    """A text in a header that a terminal would obey; "" if there is none."""
+    if isinstance(tree, str):
+        return tree if printable(tree) != tree else ""
+    parts = [*tree.keys(), *tree.values()] if isinstance(tree, dict) else tree if isinstance(tree, list) else ()
+    return next((found for part in parts if (found := _controls_in(part))), "")
 
 
 class StoredArrays:

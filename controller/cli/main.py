@@ -35,6 +35,7 @@ from controller.cli.library import motions  # noqa: E402
 from controller.cli.rig import commands as rig  # noqa: E402
 from controller.cli.robot import commands as robot  # noqa: E402
 from motiondeck_base.errors import MotiondeckError  # noqa: E402
+from motiondeck_base.printable import printable  # noqa: E402
 
 app = typer.Typer(
     name="motiondeck",
@@ -90,7 +91,7 @@ def main() -> None:
     except Exception as error:
         if "MOTIONDECK_DEBUG" in os.environ or not isinstance(error, MotiondeckError):
             raise
-        print(f"motiondeck: {error}", file=sys.stderr)
+        print(f"motiondeck: {printable(str(error))}", file=sys.stderr)
         sys.exit(1)
 
 

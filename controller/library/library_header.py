@@ -20,6 +20,7 @@ from motiondeck_base.toml_file import shaped
 VERSION = 2
 OLDER = (1,)  # read as well: what has come since is only the network that is driven by its phase
 MOST_NEURONS, MOST_HARMONICS = 20_000, 100
+LONGEST_BONE = 10.0  # m
 FEWEST_ANCHORS = 3  # with fewer nobody can tell how a motion moves
 
 
@@ -162,6 +163,9 @@ def _bones(path: Path, header: LibraryInfo) -> BoneDirections:
         )
     except (FileFormatError, ValueError, OverflowError) as error:
         raise FileFormatError(f"{path}: {error}") from None
+    if skeleton.length.max() > LONGEST_BONE:
+        longest = skeleton.bones[int(skeleton.length.argmax())]
+        raise FileFormatError(f"{path}: bone '{longest}' is {skeleton.length.max():.3g} m long, which no body has")
     for hip in (info.right_hip, info.left_hip):
         if hip not in skeleton.bones:
             raise FileFormatError(f"{path}: hip bone '{hip}' is not in its skeleton")

@@ -10,12 +10,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from controller.arrays_file import Kind, read_arrays, write_arrays
 from controller.library.library_header import OLDER, VERSION, LibraryInfo, encoding_in, read_header
 from controller.library.network_arrays import AnyNetwork, Network, arrays_of, network_in
 from controller.mocap.encodings.encoding import Encoding
 from controller.mocap.skeleton import Skeleton
-from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.errors import FileFormatError, MotiondeckError
+
+LARGEST_CHANNEL = 100.0  # of a frame: m, m/s, rad/s or rad; the shipped libraries stay below 10
 
 KIND = Kind("motion library", "motiondeck", VERSION, "`motiondeck fit`", OLDER)
 
@@ -71,4 +75,13 @@ def load_library(path: Path) -> MotionLibrary:
     header, stored = read_arrays(path, KIND)
     info = read_header(path, header)
     encoding = encoding_in(path, info)
-    return MotionLibrary(info, network_in(stored, info, encoding.channels), encoding)
+    network = network_in(stored, info, encoding.channels)
+    for motion in network.motions:
+        with np.errstate(over="ignore", invalid="ignore"):
+            largest = float(np.abs(network.recall(motion)).max(initial=0.0))
+        if not largest < LARGEST_CHANNEL:
+            raise FileFormatError(
+                f"{path}: motion '{motion}' reads out {largest:.3g}, which no body does (m, m/s, rad/s; "
+                f"{LARGEST_CHANNEL:g} is the most). The file is damaged, or not made by {KIND.made_by}"
+            )
+    return MotionLibrary(info, network, encoding)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.printable import printable
 
 if TYPE_CHECKING:
     from controller.evaluation.tables import Table, Value
@@ -34,16 +35,16 @@ def show_table(
     from rich.console import Console
     from rich.table import Table as RichTable
 
-    table = RichTable(title=title or None, box=box.SIMPLE_HEAD)
+    table = RichTable(title=printable(title) or None, box=box.SIMPLE_HEAD)
     for column, heading in enumerate(headings):
         justify = "left" if not column or heading in left else "right"
-        table.add_column(heading, justify=justify, no_wrap=not column, overflow="fold")
+        table.add_column(printable(heading), justify=justify, no_wrap=not column, overflow="fold")
     for row in rows:
-        table.add_row(*row)
+        table.add_row(*map(printable, row))
     console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH)
     console.print(table)
     for note in notes:
-        console.print(note, style="dim", highlight=False, markup=False)
+        console.print(printable(note), style="dim", highlight=False, markup=False)
 
 
 def show_facts(facts: Mapping[str, str]) -> None:
@@ -53,7 +54,7 @@ def show_facts(facts: Mapping[str, str]) -> None:
 
     grid = RichTable.grid(padding=(0, 2))
     for name, value in facts.items():
-        grid.add_row(f"[bold]{name}[/]", value)
+        grid.add_row(f"[bold]{printable(name)}[/]", printable(value))
     Console().print(grid)
 
 

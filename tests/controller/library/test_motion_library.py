@@ -10,9 +10,12 @@ from safetensors import safe_open
 from safetensors.numpy import save_file
 
 import synthetic
+from controller.cli.common.tables import show_table
+from controller.cli.main import main
 from controller.library.motion_library import MotionLibrary, load_library, save_library
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
 from motiondeck_base.errors import FileFormatError, MotiondeckError
+from motiondeck_base.printable import printable
 
 
 @pytest.fixture(scope="module")
@@ -175,6 +178,14 @@ def no_rate(arrays, header):
     header["rate"] = 0.0
 
 
+def bursting(arrays, header):
+    arrays["motion/march/readout"][:] = 1e30
+
+
+def giant(arrays, header):
+    header["skeleton"]["length"][2] = 1e300
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [
@@ -189,6 +200,8 @@ def no_rate(arrays, header):
         (no_hip, r"hip bone 'hip'"),
         (twice, r"names no motion, or one twice"),
         (no_rate, r"rate 0.0"),
+        (bursting, r"motion 'march' reads out .*, which no body does"),
+        (giant, r"bone '\w+' is 1e\+300 m long, which no body has"),
     ],
 )
 def test_what_is_wrong_with_a_library_is_named(saved, tmp_path, change, says):
@@ -197,6 +210,22 @@ def test_what_is_wrong_with_a_library_is_named(saved, tmp_path, change, says):
         load_library(path)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_no_name_in_a_file_can_command_the_terminal(saved, tmp_path, capsys, monkeypatch):
+    def rename(arrays, header):
+        header["acknowledgement"] = "walk\x1b]0;owned\x07\x1b[2J\u202e"
+
+    path = rewritten(saved, tmp_path, rename)
+    monkeypatch.setattr("sys.argv", ["motiondeck", "library", "show", str(path)])
+    with pytest.raises(SystemExit):
+        main()
+    said = capsys.readouterr().err
+    assert "control characters in 'walk\\x1b]0;owned\\x07" in said
+    assert set("\x1b\x07\u202e").isdisjoint(said)
+    show_table(["a\x1b[31m"], [["b\x9b2J"]], title="c\x07")
+    assert "b\\x9b2J" in capsys.readouterr().out
+    assert printable("tab\tand\nnewline \u00e9") == "tab\tand\nnewline \u00e9"
 
 
 def test_other_files_are_refused(tmp_path):
