@@ -19,6 +19,8 @@ from controller.networks.centralized.centers import (
     control_for,
 )
 from controller.networks.centralized.centralized import CentralizedGenerator, CentralizedMotion
+from controller.networks.centralized.low_rank import LowRankWeights
+from controller.networks.centralized.movement_primitive import MovementPrimitive, ViaPoints
 from controller.networks.centralized.satellite_network import SatelliteNetwork, learn_weights
 from controller.networks.centralized.satellites import (
     GaussianSatellites,
@@ -61,6 +63,7 @@ from controller.networks.reservoirs.reservoir import Reservoir, drive, random_re
 from controller.ridge import ridge
 from controller.training.centralized.centralized_training import CentralizedRecipe
 from controller.training.centralized.motion_training import train_centralized
+from controller.training.centralized.primitive_learning import learn_primitive
 from controller.training.own_signals import (
     SMALL_RESERVOIR,
     ReservoirResponse,
@@ -93,8 +96,10 @@ __all__ = [
     "HarmonicCenters",
     "HarmonicSatellites",
     "LoadedSignals",
+    "LowRankWeights",
     "ModuleDesign",
     "Morph",
+    "MovementPrimitive",
     "NonlinearCenters",
     "Pendulum",
     "PhaseConceptorNetwork",
@@ -110,6 +115,7 @@ __all__ = [
     "Spring",
     "SwitchingModule",
     "SwitchingModuleError",
+    "ViaPoints",
     "adapt_aperture",
     "attenuation",
     "clamp",
@@ -123,6 +129,7 @@ __all__ = [
     "drive",
     "excite",
     "grid_places",
+    "learn_primitive",
     "learn_response",
     "learn_signals",
     "learn_weights",

@@ -1,19 +1,18 @@
-"""Whole-body errors on CMU 86_01 beside pydmps, splines and Fourier.
+"""Whole-body errors on CMU 86_01 beside pydmps.
 
-Mean over segments of the mean absolute error of a coordinate, mm, 31 joints (93 outputs). In the second table every
-method has the same number of parameters for each output; satellites and frequencies are shared by all outputs and
-counted once. pydmps (rhythmic, 100 basis functions, GPL) is measured where it is installed: pip install pydmps. The
-picture is figure 15 of the paper: the first table by segments.
+Mean over segments of the mean absolute error of a coordinate, mm, 31 joints (93 outputs); methods at equal numbers of
+parameters are in `accuracy`. pydmps (rhythmic, 100 basis functions, GPL) is measured where it is installed: pip
+install pydmps. The picture is figure 15 of the paper: the table by segments.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
-from scipy.interpolate import BSpline
 
 from benchmarks import command
 from benchmarks.papers.segment_network import play_segment
@@ -24,33 +23,6 @@ from controller.mocap.segmentation import body_features, find_segments
 from controller.training.centralized.model_choice import mean_absolute, mean_distance
 
 SEGMENTS = 11
-
-
-def least_squares(basis: np.ndarray, part: np.ndarray) -> np.ndarray:
-    flat = part.reshape(len(part), -1)
-    return (basis @ np.linalg.lstsq(basis, flat, rcond=1e-10)[0]).reshape(part.shape)
-
-
-def spline(part: np.ndarray, count: int) -> np.ndarray:
-    knots = np.concatenate([np.zeros(3), np.linspace(0, 1, count - 2), np.ones(3)])
-    return least_squares(BSpline.design_matrix(np.linspace(0, 1, len(part)), knots, 3).toarray(), part)
-
-
-def cosines(part: np.ndarray, count: int) -> np.ndarray:
-    x = (np.arange(len(part)) + 0.5) / len(part)
-    return least_squares(np.cos(np.pi * np.multiply.outer(x, np.arange(count))), part)
-
-
-def fourier(part: np.ndarray, count: int) -> np.ndarray:
-    """Constant, trend, sines and cosines of the best of some base periods."""
-    x = np.linspace(0, 1, len(part))
-    tries = []
-    for stretch in np.linspace(1.0, 2.0, 11):
-        angle = 2 * np.pi * np.multiply.outer(x / stretch, np.arange(1, count // 2 + 1))
-        waves = np.stack([np.cos(angle), np.sin(angle)], axis=-1).reshape(len(x), -1)
-        basis = np.column_stack([np.ones(len(x)), x, waves])[:, :count]
-        tries.append(least_squares(basis, part))
-    return min(tries, key=lambda output: float(np.square(output - part).sum()))
 
 
 def movement_primitives(part: np.ndarray) -> np.ndarray:
@@ -78,14 +50,12 @@ def main(
 
     curves: dict[str, tuple[np.ndarray, np.ndarray]] = {}
 
-    def row(name: str, method, drawn: str | None = None) -> float:
+    def row(name: str, method: Callable[[np.ndarray], np.ndarray], drawn: str) -> None:
         outputs = [method(part) for part in parts]
         errors = [mean_absolute(o, p) for o, p in zip(outputs, parts, strict=True)]
         far = [mean_distance(o, p) for o, p in zip(outputs, parts, strict=True)]
-        if drawn:
-            curves[drawn] = np.arange(1, SEGMENTS + 1), np.array(errors)
+        curves[drawn] = np.arange(1, SEGMENTS + 1), np.array(errors)
         print(f"{name:44} {np.mean(errors):8.2f} mm a coordinate {np.mean(far):8.2f} mm a joint", flush=True)
-        return float(np.mean(errors))
 
     try:
         row("pydmps rhythmic, 100 basis functions", movement_primitives, "pydmps, 100 functions")
@@ -100,21 +70,6 @@ def main(
     if picture is not None:
         title = "86_01, 31 joints"
         draw_lines(curves, ("segment", "mean absolute error of a coordinate, mm"), title, picture, yscale="log")
-    outputs = places[0].size
-    for satellites in (8, 16, 32):
-        shared = satellites * 5 + 4
-        count = int(np.ceil(satellites + 1 + shared / outputs))
-        print(f"at {satellites + 1 + shared / outputs:.1f} parameters for each output (others: {count})")
-        ours = row(
-            f"  learned network, 2 centers, {satellites} satellites",
-            lambda p, m=satellites: play_segment(p, clip.rate, m),
-        )
-        best = min(
-            row("  cubic spline", lambda p, c=count: spline(p, c)),
-            row("  Fourier with trend, best of 11 periods", lambda p, c=count: fourier(p, c)),
-            row("  cosines (DCT)", lambda p, c=count: cosines(p, c)),
-        )
-        print(f"  the best other has {best / ours:.2f} times our error", flush=True)
 
 
 if __name__ == "__main__":

@@ -17,8 +17,8 @@ from controller.networks.reservoirs.phase_conceptor import PhaseScales
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.toml_file import shaped
 
-VERSION = 2
-OLDER = (1,)  # read as well: what has come since is only the network that is driven by its phase
+VERSION = 3
+OLDER = (1, 2)  # read as well: 2 brought phase-driven networks, 3 centralized ones with weights of low rank
 MOST_NEURONS, MOST_HARMONICS = 20_000, 100
 LONGEST_BONE = 10.0  # m
 FEWEST_ANCHORS = 3  # with fewer nobody can tell how a motion moves

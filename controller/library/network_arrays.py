@@ -12,6 +12,7 @@ from controller.arrays_file import StoredArrays
 from controller.library.library_header import FEWEST_ANCHORS, LibraryInfo
 from controller.mocap.encodings.normalisation import Normalisation
 from controller.networks.centralized.centralized_frames import CentralizedNetwork, StoredMotion
+from controller.networks.centralized.low_rank import LowRankWeights, PackedWeights
 from controller.networks.reservoirs.conceptor import ConceptorMotion, ConceptorNetwork, Memory
 from controller.networks.reservoirs.echo_state import EchoStateMotion, EchoStateNetwork
 from controller.networks.reservoirs.phase_conceptor import (
@@ -41,7 +42,12 @@ def arrays_of(network: AnyNetwork) -> dict[str, NDArray[Any]]:
             arrays[f"motion/{motion}/held"] = np.array([part.course.held], dtype=np.int32)
             part = part.stored
         for field in fields(part):
-            arrays[f"motion/{motion}/{field.name}"] = getattr(part, field.name)
+            value = getattr(part, field.name)
+            if isinstance(value, LowRankWeights):
+                packed = PackedWeights.of(value)
+                arrays |= {f"motion/{motion}/{each.name}": getattr(packed, each.name) for each in fields(packed)}
+            else:
+                arrays[f"motion/{motion}/{field.name}"] = value
     if isinstance(network, ConceptorNetwork) and network.memory is not None:
         memory, normalisation = network.memory, network.memory.normalisation
         arrays |= {f"memory/{name}": getattr(memory, name) for name in ("estimate", "readout", "means")}
@@ -198,7 +204,7 @@ class _Reader:
                 phase=self.take(at + "phase", n, kind=np.float64),
                 places=self.take(at + "places", m, 2 * n, kind=np.float64),
                 sharpness=self.take(at + "sharpness", m, kind=np.float64),
-                weights=self.take(at + "weights", channels, m, kind=np.float64),
+                weights=self.centralized_weights(at, channels, m),
                 rest=self.take(at + "rest", channels, kind=np.float64),
             )
             try:
@@ -206,6 +212,20 @@ class _Reader:
             except MotiondeckError as error:
                 raise FileFormatError(f"{self.path}: motion '{motion.name}': {error}") from None
         return CentralizedNetwork(motions, info.rate)
+
+    def centralized_weights(self, at: str, channels: int, satellites: int) -> NDArray[np.float64] | LowRankWeights:
+        if at + "nonzero" not in self.stored:
+            return self.take(at + "weights", channels, satellites, kind=np.float64)
+        packed = PackedWeights(
+            nonzero=self.take(at + "nonzero", self.size(at + "nonzero"), kind=np.uint8),
+            shares=self.take(at + "shares", self.size(at + "shares")),
+            used=self.take(at + "used", self.size(at + "used"), kind=np.int32),
+            curves=self.take(at + "curves", self.size(at + "curves")),
+        )
+        try:
+            return packed.unpack(channels, satellites)
+        except MotiondeckError as error:
+            raise FileFormatError(f"{self.path}: '{at}': {error}") from None
 
     def anchors(self, at: str) -> int:
         """How many stored states a motion has."""

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from controller.networks.base import Channels
 from controller.networks.centralized.centers import pairs_at, require_frequencies
+from controller.networks.centralized.low_rank import LowRankWeights
 from controller.networks.centralized.satellites import GaussianSatellites
 from controller.networks.centralized.switching_module import SwitchingModule, clamp, design_module
 from controller.networks.entry_points import Entries
@@ -42,7 +43,7 @@ class CentralizedMotion:
     Attributes:
         frequency, phase: of the centers at the beginning, shape (n,), rad/s and rad.
         satellites: in the 2 n coordinates of the centers.
-        weights: W, shape (D, m).
+        weights: W, shape (D, m), or its two factors.
         rest: shape (D,).
         seconds: how long the motion is, or how long one round of it.
         loop: whether its centers return after that time, so that it goes on for ever; otherwise it holds its end.
@@ -55,7 +56,7 @@ class CentralizedMotion:
     frequency: Array
     phase: Array
     satellites: GaussianSatellites
-    weights: Array
+    weights: Array | LowRankWeights
     rest: Array
     seconds: float
     loop: bool
@@ -66,23 +67,28 @@ class CentralizedMotion:
             raise MotiondeckError(
                 f"{n} centers do not fit satellites at places of shape {self.satellites.places.shape}"
             )
-        if self.weights.shape != (len(self.rest), m):
-            raise MotiondeckError(f"{m} satellites and {len(self.rest)} channels do not fit W of {self.weights.shape}")
+        if self.matrix.shape != (len(self.rest), m):
+            raise MotiondeckError(f"{m} satellites and {len(self.rest)} channels do not fit W of {self.matrix.shape}")
         require_frequencies(self.frequency)
         turns = self.frequency * self.seconds / (2.0 * np.pi)
         if self.loop and np.abs(turns - np.round(turns)).max() > 1e-6:
             raise MotiondeckError(f"a loop whose centers make {turns} turns does not close; they must be whole numbers")
 
+    @cached_property
+    def matrix(self) -> Array:
+        """W, shape (D, m)."""
+        return self.weights.matrix if isinstance(self.weights, LowRankWeights) else self.weights
+
     @property
     def largest_weight(self) -> float:
         """max |W|: a network that would explode where it has not been trained shows it here."""
-        return float(np.abs(self.weights).max())
+        return float(np.abs(self.matrix).max())
 
     def at(self, time: Array) -> Channels:
         """The channels at times (T,) since the beginning, shape (T, D)."""
         if not self.loop:
             time = np.clip(time, 0.0, self.seconds)
-        return self.satellites.respond(pairs_at(self.frequency, self.phase, time)) @ self.weights.T + self.rest
+        return self.satellites.respond(pairs_at(self.frequency, self.phase, time)) @ self.matrix.T + self.rest
 
     def with_frequencies(self, frequency: Array) -> CentralizedMotion:
         """The same satellites driven by other frequencies, those of another clip: its style on this motion.
@@ -106,7 +112,7 @@ class CentralizedMotion:
         square = np.square(self.satellites.sharpness)
         reach = np.square(self.satellites.places).sum(1) + len(self.frequency)
         exponent = np.column_stack([square[:, None] * self.satellites.places, -0.5 * square * reach])
-        return exponent, np.column_stack([self.weights, self.rest])
+        return exponent, np.column_stack([self.matrix, self.rest])
 
 
 class Voice:
@@ -311,7 +317,7 @@ class CentralizedGenerator:
     def weights_at(self, z: float) -> Array:
         """W(z) of eq. 13 over the satellites of all motions side by side, shape (D, sum of m)."""
         shares = self.module.design.memberships(z)
-        return np.concatenate([s * part.weights for s, part in zip(shares, self._of.values(), strict=True)], axis=1)
+        return np.concatenate([s * part.matrix for s, part in zip(shares, self._of.values(), strict=True)], axis=1)
 
     def snapshot(self) -> Score:
         """A copy of the state: two runs from one snapshot are identical."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from controller.networks.base import Channels
 from controller.networks.centralized.centralized import CentralizedMotion, Passage, Voice, mix
+from controller.networks.centralized.low_rank import LowRankWeights
 from controller.networks.centralized.satellites import GaussianSatellites
 from controller.networks.entry_points import Entries
 from controller.rotations import Array
@@ -27,7 +28,7 @@ class StoredMotion:
     Attributes:
         frequency, phase: of the centers, shape (n,), rad/s and rad.
         places, sharpness: of the satellites, shape (m, 2 n) and (m,).
-        weights: W, shape (C, m).
+        weights: W, shape (C, m), or its two factors.
         rest: shape (C,).
     """
 
@@ -35,7 +36,7 @@ class StoredMotion:
     phase: Array
     places: Array
     sharpness: Array
-    weights: Array
+    weights: Array | LowRankWeights
     rest: Array
 
     @classmethod

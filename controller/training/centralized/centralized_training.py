@@ -11,7 +11,7 @@ from controller.networks.centralized.centralized_frames import ANCHOR_EVERY, Cen
 from controller.networks.centralized.switching_module import design_module
 from controller.rotations import Array
 from controller.training.centralized.model_search import CENTERS, SATELLITES, score_models
-from controller.training.centralized.motion_training import train_centralized
+from controller.training.centralized.motion_training import Rank, train_centralized
 from controller.training.preparation.training_motion import TrainingMotion
 
 
@@ -21,11 +21,14 @@ class CentralizedRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True,
     Attributes:
         centers: n of each motion, or "auto" for what Akaike's criterion prefers.
         satellites: m of each motion, or a third of its frames where those are few; or "auto" likewise.
+        rank: of W: "full", or "auto" for few weights, those that Akaike's criterion prefers; `satellites` is then the
+            largest m.
         iterations: of the joint refinement of all satellites.
     """
 
     centers: int | Literal["auto"] = 2
     satellites: int | Literal["auto"] = 60
+    rank: Rank = "full"
     iterations: int = 150
 
     @property
@@ -54,6 +57,7 @@ def train_centralized_network(
             loop=motion.loop,
             centers=centers,
             satellites=satellites,
+            rank=recipe.rank,
             iterations=recipe.iterations,
             seed=seed,
         )

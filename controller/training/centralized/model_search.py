@@ -10,14 +10,11 @@ import numpy as np
 from controller.networks.centralized.centralized import CentralizedMotion
 from controller.rotations import Array
 from controller.training.centralized.model_choice import aicc
-from controller.training.centralized.motion_training import train_centralized
+from controller.training.centralized.motion_training import RATE, train_centralized
 from motiondeck_base.errors import MotiondeckError
 
 CENTERS = (1, 2, 3)
 SATELLITES = (9, 16, 25, 36, 49, 64, 81, 100)
-
-# Neighbouring frames of a fast recording say the same twice and would be counted twice: the criterion sees so many, Hz.
-RATE = 30.0
 
 # Of the refinement of a network that is only to be compared.
 ITERATIONS = 15

@@ -8,11 +8,14 @@ starts with a quarter, 0.45 or one turn and is moved with everything else.
 from __future__ import annotations
 
 from itertools import combinations
+from typing import Literal
 
 import numpy as np
 
 from controller.networks.centralized.centralized import CentralizedMotion
+from controller.networks.centralized.low_rank import LowRankWeights
 from controller.rotations import Array
+from controller.training.centralized.low_rank_learning import learn_low_rank
 from controller.training.centralized.satellite_learning import learn, ridge_readout, slow_and_fast
 from motiondeck_base.errors import MotiondeckError
 
@@ -20,6 +23,11 @@ from motiondeck_base.errors import MotiondeckError
 LARGEST_WEIGHT = 1e3
 
 MOST_TURNS = 8
+
+# Neighbouring frames of a fast recording say the same twice and would be counted twice: criteria see so many, Hz.
+RATE = 30.0
+
+Rank = Literal["full", "auto"]
 FREQUENCY_TRIES = 30
 
 
@@ -30,6 +38,7 @@ def train_centralized(
     loop: bool,
     centers: int = 2,
     satellites: int = 49,
+    rank: Rank = "full",
     iterations: int = 150,
     seed: int = 0,
 ) -> CentralizedMotion:
@@ -39,7 +48,8 @@ def train_centralized(
         channels: the motion, shape (K, D); of a loop one period, whose first frame follows its last.
         rate: frames per second.
         loop: whether it goes on for ever.
-        centers, satellites: n and m.
+        centers, satellites: n and m; with a rank that is chosen, m at most.
+        rank: of W; "auto" takes the curves, satellites and shares that Akaike's criterion prefers, seen at 30 Hz.
         iterations: of the joint refinement of all satellites.
         seed: of the frequencies that are tried.
 
@@ -56,15 +66,31 @@ def train_centralized(
     scale = np.maximum(scale, 1e-3 * max(1e-12, float(scale.max())))
     target = (channels - rest) / scale
     starts = _closed(seconds, centers, seed) if loop else slow_and_fast(seconds, centers, FREQUENCY_TRIES, seed)
-    learned = learn(target, time, satellites, starts, iterations=iterations, move_frequencies=not loop)
-    weights = ridge_readout(learned.respond(time), target)
-    if np.abs(weights).max() > LARGEST_WEIGHT:
-        raise MotiondeckError(
-            f"the weights grow to {np.abs(weights).max():.0f}: {satellites} satellites are too many for {frames} frames"
+    weights: Array | LowRankWeights
+    if rank == "auto" and target.any():
+        sparse = learn_low_rank(
+            target,
+            time,
+            starts,
+            satellites=satellites,
+            independent=min(frames, round(seconds * RATE)),
+            iterations=iterations,
+            move_frequencies=not loop,
         )
-    return CentralizedMotion(
-        learned.frequency, learned.phase, learned.satellites, weights * scale[:, None], rest, seconds, loop
-    )
+        learned, weights = sparse.satellites, sparse.weights
+        shares = (scale[:, None] * weights.shares).astype(np.float32)  # as they are stored
+        scaled = LowRankWeights(shares.astype(np.float64), weights.curves)
+        largest = float(np.abs(weights.matrix).max())
+    else:
+        learned = learn(target, time, satellites, starts, iterations=iterations, move_frequencies=not loop)
+        weights = ridge_readout(learned.respond(time), target)
+        scaled = weights * scale[:, None]
+        largest = float(np.abs(weights).max())
+    if largest > LARGEST_WEIGHT:
+        raise MotiondeckError(
+            f"the weights grow to {largest:.0f}: {satellites} satellites are too many for {frames} frames"
+        )
+    return CentralizedMotion(learned.frequency, learned.phase, learned.satellites, scaled, rest, seconds, loop)
 
 
 def _closed(seconds: float, centers: int, seed: int) -> list[Array]:

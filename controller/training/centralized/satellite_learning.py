@@ -10,6 +10,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +31,9 @@ LEAST_NEW = 1e-6
 
 # The logarithm of the sharpness stays within these bounds.
 LEAST_SHARPNESS, GREATEST_SHARPNESS = 0.05, 60.0
+
+ReadOut = Callable[[Array, Array], Array]
+"""W, shape (D, m), from responses (K, m) and a target (K, D)."""
 
 
 def principal_scores(target: Array, keep: int = 40) -> Array:
@@ -74,18 +78,47 @@ def choose_satellites(states: Array, target: Array, count: int) -> tuple[Gaussia
     Raises:
         MotiondeckError: if there are fewer frames than satellites.
     """
+    size = float(np.square(target).sum())
+    satellites, explained = rank_satellites(states, target, count)
+    left = size - float(explained.sum())
+    spare = count - len(satellites)
+    if spare:
+        # Everything is explained already; what is still wanted is spread over the visited states.
+        places, sharpness = _candidates(states, count, WIDTHS)
+        more = (np.arange(spare) * len(places)) // spare
+        satellites = GaussianSatellites(
+            np.concatenate([satellites.places, places[more]]), np.concatenate([satellites.sharpness, sharpness[more]])
+        )
+    return satellites, max(0.0, left / size) if size else 0.0
+
+
+def rank_satellites(
+    states: Array, target: Array, count: int, widths: tuple[float, ...] = WIDTHS
+) -> tuple[GaussianSatellites, Array]:
+    """At most `count` satellites, each the one that explains most of what those before it leave.
+
+    Args:
+        states: of the centers, shape (K, d).
+        target: the motion, shape (K, D).
+        count: m < K; there are fewer where nothing is left that one could explain.
+        widths: how sharp they may be.
+
+    Returns:
+        The satellites in their order, and how much of the sum of squares of each column each explains, shape (m, D).
+
+    Raises:
+        MotiondeckError: if there are fewer frames than satellites.
+    """
     if count >= len(states):
         raise MotiondeckError(f"{count} satellites cannot be chosen from {len(states)} frames")
-    places = np.repeat(states[:: 2 if len(states) >= 2 * count else 1], len(WIDTHS), axis=0)
-    sharpness = np.tile(np.array(WIDTHS), len(places) // len(WIDTHS))
-    candidates = GaussianSatellites(places, sharpness)
-    response = candidates.respond(states)
+    places, sharpness = _candidates(states, count, widths)
+    response = GaussianSatellites(places, sharpness).respond(states)
     response /= np.linalg.norm(response, axis=0)
     gram, explained = response.T @ response, response.T @ target
     new = np.ones(len(places))
     basis = np.zeros((len(places), count))
-    left = size = float(np.square(target).sum())
     chosen: list[int] = []
+    taken: list[Array] = []
     for k in range(count):
         gain = np.where(new > LEAST_NEW, np.square(explained).sum(1) / np.maximum(new, LEAST_NEW), -1.0)
         gain[chosen] = -1.0
@@ -93,19 +126,28 @@ def choose_satellites(states: Array, target: Array, count: int) -> tuple[Gaussia
         if gain[best] < 0.0:
             break
         chosen.append(best)
-        left -= float(gain[best])
+        taken.append(np.square(explained[best]) / new[best])
         column = (gram[best] - basis[:, :k] @ basis[best, :k]) / np.sqrt(new[best])
         explained = explained - np.multiply.outer(column, explained[best] / np.sqrt(new[best]))
         new = new - np.square(column)
         basis[:, k] = column
-    for spare in range(count - len(chosen)):
-        # Everything is explained already; what is still wanted is spread over the visited states.
-        chosen.append(int(spare * len(places) / max(1, count - len(chosen))) % len(places))
-    return GaussianSatellites(places[chosen], sharpness[chosen]), max(0.0, left / size) if size else 0.0
+    return GaussianSatellites(places[chosen], sharpness[chosen]), np.array(taken)
+
+
+def _candidates(states: Array, count: int, widths: tuple[float, ...]) -> tuple[Array, Array]:
+    """Visited states, with every width each: places (c, d) and sharpness (c,)."""
+    places = np.repeat(states[:: 2 if len(states) >= 2 * count else 1], len(widths), axis=0)
+    return places, np.tile(np.array(widths), len(places) // len(widths))
 
 
 def learn_jointly(
-    start: LearnedSatellites, target: Array, time: Array, iterations: int, *, move_frequencies: bool = True
+    start: LearnedSatellites,
+    target: Array,
+    time: Array,
+    iterations: int,
+    *,
+    move_frequencies: bool = True,
+    read_out: ReadOut | None = None,
 ) -> LearnedSatellites:
     """Variable projection from a start; the result is never worse than the start.
 
@@ -115,8 +157,10 @@ def learn_jointly(
         time: of each frame, shape (K,), s.
         iterations: of L-BFGS at most.
         move_frequencies: whether frequencies and phases move too; they must not where the motion is a closed loop.
+        read_out: the best W for responses and target; without it any W may be, by ridge regression.
     """
-    problem = _Projection(start, principal_scores(target), time, move_frequencies)
+    scores = target if read_out is not None else principal_scores(target)
+    problem = _Projection(start, scores, time, move_frequencies, read_out or ridge_readout)
     x = problem.pack(start)
     found = minimize(
         problem.loss,
@@ -211,7 +255,8 @@ def _learn(
 class _Projection:
     """log J over (log frequency, phase, places, log sharpness), with its gradient."""
 
-    def __init__(self, start: LearnedSatellites, target: Array, time: Array, move: bool) -> None:
+    def __init__(self, start: LearnedSatellites, target: Array, time: Array, move: bool, read_out: ReadOut) -> None:
+        self.read_out = read_out
         self.frequency, self.phase = start.frequency, start.phase
         self.shape = start.satellites.places.shape
         self.target, self.time, self.move = target, time, move
@@ -248,7 +293,7 @@ class _Projection:
         satellites, frequency, phase = self.split(x)
         learned = LearnedSatellites(frequency, phase, satellites, 0.0)
         response = learned.respond(self.time)
-        left = self.target - response @ ridge_readout(response, self.target).T
+        left = self.target - response @ self.read_out(response, self.target).T
         return LearnedSatellites(frequency, phase, satellites, float(np.square(left).sum()) / self.size)
 
     def loss(self, x: Array) -> tuple[float, Array]:
@@ -258,7 +303,7 @@ class _Projection:
         states = pairs_at(frequency, phase, self.time) if self.move else self.states
         distances = satellites.distances(states)
         response = np.exp(-0.5 * square * distances)
-        weights = ridge_readout(response, self.target)
+        weights = self.read_out(response, self.target)
         left = self.target - response @ weights.T
         value = float(np.square(left).sum()) + RIDGE_SHARE * len(response) * float(np.square(weights).sum())
         pull = (-2.0 / value) * (left @ weights) * response

@@ -3,6 +3,7 @@
 import msgspec
 import numpy as np
 import pytest
+from safetensors import safe_open
 from safetensors.numpy import save_file
 
 import synthetic
@@ -12,6 +13,7 @@ from controller.library.motion_library import MotionLibrary, load_library, save_
 from controller.measures.motion_matching import joint_features
 from controller.measures.self_test import Judge, self_test
 from controller.networks.centralized.centralized_frames import CentralizedNetwork
+from controller.networks.centralized.low_rank import LowRankWeights
 from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network
 from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
 from motiondeck_base.shipped import find_library
@@ -50,6 +52,51 @@ def test_a_library_comes_back_as_it_was(library, tmp_path):
     for motion in library.network.motions:
         assert np.array_equal(played(loaded.network, motion), played(library.network, motion))
         assert np.array_equal(loaded.network.anchors(motion), library.network.anchors(motion))
+
+
+@pytest.fixture(scope="module")
+def small_library(library):
+    """The same motions, with weights of low rank."""
+    taught, normalisation = synthetic.lessons()
+    recipe = msgspec.structs.replace(RECIPE, rank="auto")
+    network = train_centralized_network(taught, normalisation, recipe, synthetic.RATE, 0)
+    return MotionLibrary(library.info, network, library.encoding)
+
+
+def test_weights_of_low_rank_come_back_bit_by_bit_from_a_smaller_file(library, small_library, tmp_path):
+    save_library(small_library, tmp_path / "small.safetensors")
+    save_library(library, tmp_path / "full.safetensors")
+    loaded = load_library(tmp_path / "small.safetensors").network
+    assert isinstance(loaded, CentralizedNetwork)
+    for motion in loaded.motions:
+        assert isinstance(loaded[motion].weights, LowRankWeights)
+        assert np.array_equal(played(loaded, motion), played(small_library.network, motion))
+    assert (tmp_path / "small.safetensors").stat().st_size < (tmp_path / "full.safetensors").stat().st_size
+
+
+@pytest.mark.parametrize(
+    ("spoilt", "change", "says"),
+    [
+        (
+            "shares",
+            lambda a: a[:-1],
+            r"motion/march/.*shares and \d+ weights of curves, where flags and counts ask for",
+        ),
+        ("used", lambda a: a + 100, "curves of .* satellites, of which there are"),
+        ("nonzero", lambda a: a[:-1], r"\d+ bytes of flags for \d+ channels"),
+        ("curves", lambda a: np.full_like(a, np.nan), "curves' holds a number that is not finite"),
+    ],
+)
+def test_damaged_weights_of_low_rank_are_refused(small_library, tmp_path, spoilt, change, says):
+    path = tmp_path / "small.safetensors"
+    save_library(small_library, path)
+    with safe_open(path, framework="numpy") as file:
+        arrays, metadata = {name: file.get_tensor(name) for name in file.keys()}, file.metadata()  # noqa: SIM118
+    name = f"motion/march/{spoilt}"
+    arrays[name] = np.ascontiguousarray(change(arrays[name]))
+    save_file(arrays, path, metadata=metadata)
+    with pytest.raises(FileFormatError, match=says):
+        load_library(path)
 
 
 def test_anchors_are_the_frames_that_are_played_from_them(library):

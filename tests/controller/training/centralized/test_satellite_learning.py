@@ -69,7 +69,7 @@ def test_the_gradient_is_that_of_the_loss(seed, move):
     rng = np.random.default_rng(seed)
     satellites = GaussianSatellites(rng.normal(size=(7, 4)), rng.uniform(0.5, 2.0, 7))
     problem = _Projection(
-        LearnedSatellites(FREQUENCY, np.array([0.2, -0.4]), satellites, 1.0), wiggle(seed), TIME, move
+        LearnedSatellites(FREQUENCY, np.array([0.2, -0.4]), satellites, 1.0), wiggle(seed), TIME, move, ridge_readout
     )
     x = problem.pack(LearnedSatellites(FREQUENCY, np.array([0.2, -0.4]), satellites, 1.0))
     _, gradient = problem.loss(x)

@@ -1,0 +1,111 @@
+"""Weights of low rank: a few curves made of satellites, and how much of each curve a channel has.
+
+    W = B A,    x(t) = rest + B (A Phi(q(t)))
+
+The outputs of a body move together, so W need not know each of them by itself. A curve is a sum of the first satellites
+only, a strong one of many and a weak one of few; a channel has a share in those curves that matter to it. What is zero
+is not stored.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.rotations import Array
+from motiondeck_base.errors import MotiondeckError
+
+
+@dataclass(frozen=True, eq=False)
+class LowRankWeights:
+    """W of rank r for D channels and m satellites.
+
+    Attributes:
+        shares: B, shape (D, r), mostly zeros.
+        curves: A, shape (r, m); a row holds zeros from some satellite on.
+
+    Raises:
+        MotiondeckError: if the shapes disagree.
+    """
+
+    shares: Array
+    curves: Array
+
+    def __post_init__(self) -> None:
+        if self.shares.ndim != 2 or self.curves.ndim != 2 or self.shares.shape[1] != len(self.curves):
+            raise MotiondeckError(f"shares of shape {self.shares.shape} in curves of shape {self.curves.shape}")
+
+    @property
+    def rank(self) -> int:
+        """r."""
+        return len(self.curves)
+
+    @property
+    def matrix(self) -> Array:
+        """W, shape (D, m)."""
+        return self.shares @ self.curves
+
+    @property
+    def used(self) -> NDArray[np.int32]:
+        """How many satellites each curve is a sum of, shape (r,)."""
+        reversed_ = self.curves[:, ::-1] != 0.0
+        last = np.where(reversed_.any(axis=1), reversed_.argmax(axis=1), self.curves.shape[1])
+        return (self.curves.shape[1] - last).astype(np.int32)
+
+    @property
+    def numbers(self) -> int:
+        """How many numbers it takes to store it; 32 flags that say where shares are zero count as one."""
+        used = self.used
+        return int(np.count_nonzero(self.shares) + used.sum() + len(used) + -(-self.shares.size // 32))
+
+
+@dataclass(frozen=True, eq=False)
+class PackedWeights:
+    """Low-rank weights as a library stores them.
+
+    Attributes:
+        nonzero: where B is not zero, D r bits row by row, the first the highest of its byte.
+        shares: B there, in the same order.
+        used: of how many satellites each curve is a sum, shape (r,).
+        curves: A, what is used of its rows one after the other.
+    """
+
+    nonzero: NDArray[np.uint8]
+    shares: NDArray[np.float32]
+    used: NDArray[np.int32]
+    curves: NDArray[np.float32]
+
+    @classmethod
+    def of(cls, weights: LowRankWeights) -> PackedWeights:
+        """What is stored of weights; their numbers are rounded to single precision."""
+        there, used = weights.shares != 0.0, weights.used
+        return cls(
+            np.packbits(there.ravel()),
+            weights.shares[there].astype(np.float32),
+            used,
+            weights.curves[np.arange(weights.curves.shape[1]) < used[:, None]].astype(np.float32),
+        )
+
+    def unpack(self, channels: int, satellites: int) -> LowRankWeights:
+        """The weights for some channels and satellites.
+
+        Raises:
+            MotiondeckError: if there are more or fewer numbers than flags and counts ask for.
+        """
+        rank = len(self.used)
+        if len(self.nonzero) != -(-channels * rank // 8):
+            raise MotiondeckError(f"{len(self.nonzero)} bytes of flags for {channels} channels and {rank} curves")
+        there = np.unpackbits(self.nonzero, count=channels * rank).reshape(channels, rank).astype(bool)
+        if (self.used < 0).any() or (self.used > satellites).any():
+            raise MotiondeckError(f"curves of {self.used} satellites, of which there are {satellites}")
+        filled = np.arange(satellites) < self.used[:, None]
+        if len(self.shares) != there.sum() or len(self.curves) != filled.sum():
+            raise MotiondeckError(
+                f"{len(self.shares)} shares and {len(self.curves)} weights of curves, where flags and counts ask for "
+                f"{there.sum()} and {filled.sum()}"
+            )
+        shares, curves = np.zeros((channels, rank)), np.zeros((rank, satellites))
+        shares[there], curves[filled] = self.shares, self.curves
+        return LowRankWeights(shares, curves)

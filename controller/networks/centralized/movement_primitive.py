@@ -1,0 +1,171 @@
+"""Movement primitives: several demonstrations of one motion as mean and spread, bent at run time through given points.
+
+Satellites are driven by a phase that goes from 0 to 1 (Vakulenko et al. 2017, eq. 2); each of N demonstrations is one
+W. Their mean is the motion and their deviations say how channels and phases vary together (Paraschos et al. 2013):
+
+    mean   y(phi) = rest + W Phi(phi),    cov(y_c(phi), y_d(psi)) = sum_i dev_i,c(phi) dev_i,d(psi) / (N - 1)
+                                                       + (c = d) bend_c^2 exp(-(phi - psi)^2 / (2 REACH^2))
+
+A motion that has to pass through points is the conditional distribution given these. What was demonstrated to vary
+together moves together; the second term lets a motion reach a point that no mixture of demonstrations does, by bending
+it near there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from controller.networks.centralized.centers import pairs_at
+from controller.networks.centralized.satellites import GaussianSatellites
+from controller.rotations import Array
+from motiondeck_base.errors import MotiondeckError
+
+REACH = 0.1  # of a bend on either side, in phase
+
+
+@dataclass(frozen=True, eq=False)
+class ViaPoints:
+    """What a motion has to pass through: the value of one channel at one phase each.
+
+    Attributes:
+        phase: shape (V,).
+        channel: shape (V,).
+        value: shape (V,).
+        deviation: standard deviation that is allowed, shape (V,).
+    """
+
+    phase: Array
+    channel: NDArray[np.int64]
+    value: Array
+    deviation: Array
+
+
+NOWHERE = ViaPoints(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0))
+
+
+@dataclass(frozen=True, eq=False)
+class MovementPrimitive:
+    """A motion of D channels that was demonstrated N times.
+
+    Attributes:
+        frequency, start: angular frequency and phase of its centers, rad per unit of phase and rad, shape (n,).
+        satellites: m of them, in the 2 n coordinates of the centers.
+        weights: of each demonstration, shape (N, D, m).
+        rest: shape (D,).
+        bend: how far a channel may be bent beyond what was demonstrated, standard deviation, shape (D,).
+        seconds: how long the demonstrations were, shape (N,).
+        via: what it has to pass through.
+    """
+
+    frequency: Array
+    start: Array
+    satellites: GaussianSatellites
+    weights: Array
+    rest: Array
+    bend: Array
+    seconds: Array
+    via: ViaPoints = NOWHERE
+
+    def mean(self, phase: Array) -> Array:
+        """The motion at phases (T,) in [0, 1], shape (T, D)."""
+        found = self._demonstrated(phase).mean(0)
+        if len(self.via.phase):
+            found += np.einsum("tdv,v->td", self._covariance_with_via(phase), self._pull)
+        return found
+
+    def spread(self, phase: Array) -> Array:
+        """The standard deviation of each channel at phases (T,), shape (T, D)."""
+        deviations = self._deviations(phase)
+        variance = np.square(deviations).sum(0) + np.square(self.bend)
+        if len(self.via.phase):
+            with_via = self._covariance_with_via(phase)
+            solved = cho_solve(self._factor, with_via.reshape(-1, with_via.shape[2]).T).T.reshape(with_via.shape)
+            variance -= (with_via * solved).sum(2)
+        return np.sqrt(np.maximum(variance, 0.0))
+
+    def play(self, rate: float, seconds: float | None = None) -> Array:
+        """The motion at a rate in Hz, as long as the demonstrations on average or as long as is said, shape (T, D)."""
+        lasts = float(self.seconds.mean()) if seconds is None else seconds
+        if not (lasts > 0.0 and rate > 0.0):
+            raise MotiondeckError(f"{lasts:g} s at {rate:g} Hz cannot be played; both have to be above 0")
+        return self.mean(np.linspace(0.0, 1.0, max(2, round(lasts * rate) + 1)))
+
+    def through(
+        self, phase: float, point: Array, *, channels: NDArray[np.int64] | None = None, deviation: float = 0.0
+    ) -> MovementPrimitive:
+        """The same motion through one point more.
+
+        Args:
+            phase: when, in [0, 1].
+            point: the values there, shape (D,), or one for each of the channels.
+            channels: which ones are given; without it all.
+            deviation: standard deviation that is allowed, in the unit of the channels.
+
+        Raises:
+            MotiondeckError: if the phase, a channel or a number makes no sense.
+        """
+        given = np.arange(len(self.rest)) if channels is None else np.asarray(channels)
+        value = np.asarray(point, dtype=np.float64)
+        if not 0.0 <= phase <= 1.0:
+            raise MotiondeckError(f"a point at phase {phase:g}; a motion goes from 0 to 1")
+        if value.shape != given.shape or not np.isfinite(value).all():
+            raise MotiondeckError(f"a point of shape {value.shape} for {len(given)} channels, all finite, is needed")
+        if not ((given >= 0) & (given < len(self.rest))).all():
+            raise MotiondeckError(f"channels {given.tolist()}; there are {len(self.rest)}, counted from 0")
+        if not 0.0 <= deviation < np.inf:
+            raise MotiondeckError(f"a deviation of {deviation:g}; it is not negative")
+        via = self.via
+        return replace(
+            self,
+            via=ViaPoints(
+                np.append(via.phase, np.full(len(given), phase)),
+                np.append(via.channel, given),
+                np.append(via.value, value),
+                np.append(via.deviation, np.full(len(given), deviation)),
+            ),
+        )
+
+    def ending_at(self, point: Array, *, deviation: float = 0.0) -> MovementPrimitive:
+        """The same motion with another end; see `through`."""
+        return self.through(1.0, point, deviation=deviation)
+
+    def _demonstrated(self, phase: Array) -> Array:
+        """Each demonstration as the satellites say it, shape (N, T, D)."""
+        response = self.satellites.respond(pairs_at(self.frequency, self.start, phase))
+        return np.einsum("tm,idm->itd", response, self.weights) + self.rest
+
+    def _deviations(self, phase: Array) -> Array:
+        """Each demonstration less their mean, over the root of N - 1, shape (N, T, D)."""
+        each = self._demonstrated(phase)
+        return (each - each.mean(0)) / np.sqrt(max(1, len(each) - 1))
+
+    def _covariance_with_via(self, phase: Array) -> Array:
+        """Of every channel at phases (T,) with every via point, shape (T, D, V)."""
+        via = self.via
+        at_via = self._deviations(via.phase)[:, np.arange(len(via.phase)), via.channel]
+        together = np.einsum("itd,iv->tdv", self._deviations(phase), at_via)
+        near = np.exp(-0.5 * np.square(np.subtract.outer(phase, via.phase) / REACH))
+        steps = np.arange(len(via.phase))
+        together[:, via.channel, steps] += near * np.square(self.bend[via.channel])
+        return together
+
+    @cached_property
+    def _factor(self) -> tuple[Array, bool]:
+        """The Cholesky factor of the covariance of the via points."""
+        via, steps = self.via, np.arange(len(self.via.phase))
+        covariance = self._covariance_with_via(via.phase)[steps, via.channel, :]
+        size = np.square(self.bend[via.channel])
+        covariance[steps, steps] += np.square(via.deviation) + 1e-9 * np.maximum(size, 1e-12)
+        return cho_factor(covariance, lower=True)
+
+    @cached_property
+    def _pull(self) -> Array:
+        """What each via point contributes, shape (V,)."""
+        via = self.via
+        there = self._demonstrated(via.phase).mean(0)[np.arange(len(via.phase)), via.channel]
+        return cho_solve(self._factor, via.value - there)
