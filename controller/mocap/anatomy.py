@@ -4,23 +4,28 @@ Names count where both legs bear them (`bone_names`); arms without such names ar
 a name of its own belongs to what it leads to: on the way to a thigh it is hip, on the way to an upper arm clavicle,
 on the way to the head trunk or neck. Fingers belong to the hand, toes to the foot.
 
-By shape: in the rest pose a body stands with its arms out. The spine is the way from the root to the highest end near
-the middle. What branches off at the root and ends below it is a leg, what branches off further up is an arm; the
-longest on each side, for faces and twist bones branch off too. Along a leg the two neighbours that are longest
-together are thigh and shank; along an arm the longest bone is the upper arm.
+By shape: limbs come in twos of the same length. Two that branch off at the root are the legs, two that branch off
+further up the arms, and the spine is the way between them and on to the highest end near the middle. Where that is not
+clear, the body is taken to stand with its arms out: what branches off at the root and ends below it is a leg, what
+branches off further up is an arm; the longest on each side, for faces and twist bones branch off too. Along a leg the
+two neighbours that are longest together are thigh and shank; along an arm the longest bone is the upper arm.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Literal
 
 import numpy as np
 
 from controller.mocap.bone_names import NamedPart, named_parts
 from controller.mocap.skeleton import ROOT, Skeleton
+from controller.rotations import Array
 
+SHORTEST_LIMB = 0.25  # of the longest way through the body: fingers and eyes come in twos as well
+SAME_LENGTH = 0.06  # the share by which a limb's length may differ from its counterpart's
 # Forearm and hand, as recorded mostly without the fingers, over the upper arm.
 BEYOND_ELBOW = 1.25
 
@@ -161,34 +166,46 @@ def shaped_anatomy(skeleton: Skeleton) -> Anatomy:
     side: list[Side] = ["middle"] * len(skeleton)
 
     leaves = [bone for bone in range(len(skeleton)) if len(skeleton.children(bone)) == 0]
-    top = max(leaves, key=lambda leaf: ends[leaf, 2] - abs(ends[leaf, 1]))
-    spine = _path(skeleton, top) if ends[top, 2] > 0.0 else []
+    pairs = _limb_pairs(skeleton, leaves)
+    limbs = [branch for pair in pairs for branch in pair]
+    # With both arms known, the head is what else there is beyond them, wherever a hand is raised to.
+    beyond = [leaf for leaf in leaves if pairs and skeleton.chain[leaf, _parent(skeleton, limbs[-1])]]
+    beyond = [leaf for leaf in beyond if not skeleton.chain[leaf, limbs].any()]
+    top = max(beyond or leaves, key=lambda leaf: ends[leaf, 2] - abs(ends[leaf, 1]))
+    if pairs:
+        spine = _path(skeleton, top if beyond else _parent(skeleton, limbs[-1]))
+    else:
+        spine = _path(skeleton, top) if ends[top, 2] > 0.0 else []
 
     branches = [
         bone for bone in range(len(skeleton)) if bone not in spine and _parent(skeleton, bone) in (ROOT, *spine)
     ]
     ways = {branch: _main_path(skeleton, branch, leaves) for branch in branches}
+    on_left = {branch: bool(ends[ways[branch][-1], 1] > 0.0) for branch in branches}
+    for pair in pairs:
+        left = max(pair, key=lambda branch: _first_aside(ends, ways[pair[0]], ways[pair[1]], branch == pair[1]))
+        on_left |= {branch: branch == left for branch in pair}
     arms: list[int] = []  # how far up the spine they branch off
     for branch, way in ways.items():
-        which: Side = "left" if ends[way[-1], 1] > 0.0 else "right"
+        which: Side = "left" if on_left[branch] else "right"
         limb = np.flatnonzero(skeleton.chain[:, branch])
         for bone in limb:
             side[bone] = which
         rivals = [
             other
             for other in branches
-            if (ends[ways[other][-1], 1] > 0.0) == (which == "left")
+            if on_left[other] == on_left[branch]
             and (_parent(skeleton, other) == ROOT) == (_parent(skeleton, branch) == ROOT)
         ]
         # Breasts, faces and twist bones branch off too: a limb is the longest of its side.
-        if branch != max(rivals, key=lambda other: skeleton.length[ways[other]].sum()):
+        if branch not in (limbs or [max(rivals, key=lambda other: skeleton.length[ways[other]].sum())]):
             continue
-        if _parent(skeleton, branch) != ROOT:
+        if branch in limbs[2:] or (not limbs and _parent(skeleton, branch) != ROOT):
             _name_arm(skeleton, way, limb, part)
             # Some skeletons fork below the chest: what goes up beside the arms is then trunk too.
             rises = float(skeleton.rest_direction[branch, 2]) > 0.7
             arms.append(spine.index(_parent(skeleton, branch)) + rises)
-        elif ends[limb, 2].min() < 0.0:
+        elif limbs or ends[limb, 2].min() < 0.0:
             _name_leg(skeleton, way, limb, part)
 
     # The spine below the arms is trunk, above them neck, and its last bone the head.
@@ -197,6 +214,39 @@ def shaped_anatomy(skeleton: Skeleton) -> Anatomy:
     if len(spine) > 1:
         part[spine[-1]] = "head"
     return Anatomy(tuple(part), tuple(side))
+
+
+def _limb_pairs(skeleton: Skeleton, leaves: list[int]) -> list[tuple[int, int]]:
+    """The branches that are both legs, then those that are both arms; empty where two such pairs are not clear.
+
+    Limbs come in twos of the same length, whatever the pose. Legs fork off at the root, arms farther up.
+    """
+    length = {bone: skeleton.length[_main_path(skeleton, bone, leaves)] for bone in range(len(skeleton))}
+    least = SHORTEST_LIMB * max((float(way.sum()) for way in length.values()), default=0.0)
+    found: list[tuple[int, int]] = []
+    for fork in (ROOT, *range(len(skeleton))):
+        long = [int(bone) for bone in skeleton.children(fork) if len(length[bone]) > 1 and length[bone].sum() > least]
+        alike = [(a, b) for a, b in combinations(long, 2) if _unlike(length[a], length[b]) < SAME_LENGTH]
+        if alike:
+            found.append(min(alike, key=lambda pair: _unlike(length[pair[0]], length[pair[1]])))
+    legs = [pair for pair in found if _parent(skeleton, pair[0]) == ROOT]
+    in_legs = [leg for pair in legs for leg in pair]
+    arms = [pair for pair in found if pair not in legs and not skeleton.chain[pair[0], in_legs].any()]
+    return [legs[0], arms[0]] if legs and len(arms) == 1 else []
+
+
+def _unlike(one: Array, other: Array) -> float:
+    """By what share two limbs differ in their whole length and in their longest bones."""
+    sums = [abs(a - b) / max(a, b) for a, b in ((one.sum(), other.sum()), (one.max(), other.max()))]
+    return float(max(sums))
+
+
+def _first_aside(ends: Array, one: Sequence[int], other: Sequence[int], second: bool) -> float:
+    """How far left a limb of a pair is of its counterpart, where they first come apart: at the hips, the shoulders."""
+    apart = [float(ends[a, 1] - ends[b, 1]) for a, b in zip(one, other, strict=False)]
+    size = max(map(abs, apart), default=0.0)
+    first = next((way for way in apart if abs(way) > 0.1 * size), 0.0)
+    return -first if second else first
 
 
 def _parent(skeleton: Skeleton, bone: int) -> int:

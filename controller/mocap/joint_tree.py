@@ -99,7 +99,7 @@ def body_of(tree: JointTree, path: object) -> RecordedBody:
     rigid = _median(offset)
     bends = np.abs(offset - rigid).max(axis=(0, 2)) > COINCIDENT * size
     parts = named_parts(tree.names)
-    root = _root(parts, children)
+    root = _root(tree, parts, children)
 
     names: list[str] = []
     parents: list[int] = []
@@ -135,16 +135,30 @@ def _median(frames: Array) -> Array:
     return np.median(frames[:: max(1, len(frames) // 400)], axis=0)
 
 
-def _root(parts: Parts, children: list[list[int]]) -> int:
-    """The joint that the body hangs from."""
-    named = (j for j, part in enumerate(parts) if part is not None and part.part == "pelvis" and children[j])
+def _root(tree: JointTree, parts: Parts, children: list[list[int]]) -> int:
+    """The joint that the body hangs from: the hips, or what is above them if thighs or a spine hang from there."""
+    named = (
+        joint for joint, part in enumerate(parts) if part is not None and part.part == "pelvis" and children[joint]
+    )
     root = next(named, 0)
+    for joint, part in enumerate(parts):
+        if part is not None and part.part in ("thigh", "trunk"):
+            while root not in _above(tree, joint) and tree.parent[root] >= 0:
+                root = int(tree.parent[root])
     while len(children[root]) == 1:
         child = children[root][0]
         if not _forks(children, child):
             break
         root = child
     return root
+
+
+def _above(tree: JointTree, joint: int) -> list[int]:
+    """A joint and what it hangs from."""
+    way = [joint]
+    while tree.parent[way[-1]] >= 0:
+        way.append(int(tree.parent[way[-1]]))
+    return way
 
 
 def _forks(children: list[list[int]], joint: int) -> bool:

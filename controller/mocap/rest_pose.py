@@ -35,6 +35,7 @@ UPRIGHT = 0.8  # cosine: a leg within 37 degrees of straight down still stands
 STANDING = 0.5  # of a frame that can be straightened into standing
 # A foot bone runs from the ankle down to the toes: this far below the horizontal when the sole is flat, rad.
 FOOT_SLOPE = 0.30
+KNEES_TELL = 0.3  # what a bent knee counts against a foot when it is asked which way is ahead
 NEARLY = np.radians(10.0)  # a body turned by less than this already faces ahead
 
 
@@ -148,25 +149,27 @@ def _facing(body: RecordedBody, vector: Array) -> float | None:
     sided = _named_across(skeleton, vector)
     if sided is not None:
         return float(np.arctan2(-sided[0], sided[1]))
-    legs: list[tuple[float, Array, Array]] = []  # how long it is, where its thigh begins, where its foot points
+    legs: list[tuple[float, Array, Array]] = []  # how long it is, where its thigh begins, what points ahead
     for branch in skeleton.children(ROOT):
         limb = np.flatnonzero(skeleton.chain[:, branch])
         way = np.flatnonzero(skeleton.chain[max(limb, key=lambda bone: skeleton.chain[bone] @ skeleton.length)])
         if vector[way].sum(axis=0)[2] < 0.0 and len(way) > 1:
             thigh = int(np.argmax(skeleton.length[way][:-1] + skeleton.length[way][1:]))
-            legs.append(
-                (skeleton.length[way].sum(), vector[way[:thigh]].sum(axis=0), vector[way[thigh + 2 :]].sum(axis=0))
-            )
+            long = skeleton.length[way].sum()
+            # Feet point ahead, and knees bend so that they do.
+            knee = skeleton.rest_direction[way[thigh]] - skeleton.rest_direction[way[thigh + 1]]
+            ahead = vector[way[thigh + 2 :]].sum(axis=0) + KNEES_TELL * long * knee
+            legs.append((long, vector[way[:thigh]].sum(axis=0), ahead))
     if len(legs) < 2:
         return None
-    (length, one, one_foot), (_, other, other_foot) = sorted(legs, key=lambda leg: -leg[0])[:2]
+    (length, one, one_points), (_, other, other_points) = sorted(legs, key=lambda leg: -leg[0])[:2]
     across = (one - other)[:2]
     if np.linalg.norm(across) < 1e-3 * length:
         return None
     ahead = np.array([across[1], -across[0]])
-    feet = (one_foot + other_foot)[:2]
-    pointed = np.linalg.norm(feet) > 0.02 * length
-    if ahead @ (feet if pointed else np.array([1.0, 0.0])) < 0.0:
+    points = (one_points + other_points)[:2]
+    pointed = np.linalg.norm(points) > 0.02 * length
+    if ahead @ (points if pointed else np.array([1.0, 0.0])) < 0.0:
         ahead = -ahead
     return float(np.arctan2(ahead[1], ahead[0]))
 

@@ -5,63 +5,32 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.recordings.independent_readings import (
+    ACCLAIM,
+    BANDAI,
+    ENDS,
+    ICLONE,
+    MAX,
+    MOTIONBUILDER,
+    amc_joints,
+    bvh_joints,
+    landmarks,
+)
 from bodies import random_body, random_clip, small_body
 from controller.mocap.canonical.canonical_body import CANONICAL_BONES, carried, is_canonical, landmarks_of, to_canonical
 from controller.mocap.formats.reading import read_clip, skeleton_of
 from controller.mocap.reading_options import ReadingOptions
 from controller.mocap.skeleton import Skeleton
 from controller.rotations import conjugate, multiply, normalise, rotate
-from independent_readings import amc_joints, bvh_joints
 from motiondeck_base.errors import FileFormatError
 from simulated_bodies import human, smooth_poses
 
-# Where the landmarks of each source are: joints of the files by their own names. Limbs: hip, knee, ankle, toe base,
-# shoulder, elbow, wrist, then a point on the hand; a middle point is the mean of those given.
-BANDAI = (
-    ("UpperLeg_{}", "LowerLeg_{}", "Foot_{}", "Toes_{}", "UpperArm_{}", "LowerArm_{}", "Hand_{}", None),
-    {"waist": "Chest", "neck": "Neck", "head": None},
-    ("L", "R"),
-)
-MOTIONBUILDER = (
-    ("{}UpLeg", "{}Leg", "{}Foot", "{}ToeBase", "{}Arm", "{}ForeArm", "{}Hand", "{}HandIndex1"),
-    {"waist": "Spine", "neck": "Neck", "head": "Head end"},
-    ("Left", "Right"),
-)
-MAX = (
-    ("{}Hip", "{}Knee", "{}Ankle", "{}Toe", "{}Shoulder", "{}Elbow", "{}Wrist", None),
-    {"waist": "Chest", "neck": "lowerneck", "head": "Head end"},
-    ("Left", "Right"),
-)
-ICLONE = (
-    ("{}_Thigh", "{}_Calf", "{}_Foot", None, "{}_Upperarm", "{}_Forearm", "{}_Hand", None),
-    {"waist": "CC_Base_Spine02", "neck": "CC_Base_NeckTwist01", "head": None},
-    ("CC_Base_L", "CC_Base_R"),
-)
-ACCLAIM = (
-    ("{}hipjoint", "{}femur", "{}tibia", "{}foot", "{}clavicle", "{}humerus", "{}radius", None),
-    {"waist": None, "neck": "thorax", "head": "head"},
-    ("l", "r"),
-)
 BVH_FILES = {
     "bvh/cgspeed-motionbuilder_cmu_12_01.bvh": MOTIONBUILDER,
     "bvh/cgspeed-3dsmax_cmu_131_01.bvh": MAX,
     "bvh/iclone_cmu_02_03.bvh": ICLONE,
 }
-ENDS = ("hip", "kne", "ank", "foo", "sho", "elb", "wri", "han")
 EVERY = slice(None, None, 7)
-
-
-def landmarks(joints, table):
-    """Where the file has the landmarks that its source names, by canonical bone; the root is between the hips."""
-    limbs, middle, sides = table
-    found = {
-        letter + end: joints[name.format(side)]
-        for letter, side in zip("lr", sides, strict=True)
-        for end, name in zip(ENDS, limbs, strict=True)
-        if name is not None
-    }
-    found |= {{"waist": "back"}.get(end, end): joints[name] for end, name in middle.items() if name is not None}
-    return found | {"root": 0.5 * (found["lhip"] + found["rhip"])}
 
 
 def worst_degrees(clip, seen):

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from benchmarks.recordings.independent_readings import bvh_joints
 from controller.mocap.anatomy import anatomy
 from controller.mocap.formats.bvh import read_bvh
 from controller.mocap.formats.reading import read_clip
 from controller.mocap.formats.writing import bvh_text
 from controller.mocap.reading_options import ReadingOptions
-from independent_readings import bvh_joints
 from motiondeck_base.errors import FileFormatError
 from recordings import BVH
 

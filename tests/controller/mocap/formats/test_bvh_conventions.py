@@ -20,6 +20,19 @@ FILES = {
 }
 
 
+@pytest.mark.parametrize("along_x", [False, True])
+@pytest.mark.parametrize("seed", range(6))
+def test_a_person_is_told_by_shape_where_names_say_nothing(tmp_path, seed, along_x):
+    """Limbs and their sides, whatever the arms do, in poses that nothing was chosen on."""
+    motion = moving(frames=80, seed=seed, reach=0.9)
+    (tmp_path / "walk.bvh").write_text(
+        bvh_text(motion, {key: f"n{n}" for n, key in enumerate(MIXAMO)}, along_x=along_x)
+    )
+    clip = read_clip(tmp_path / "walk.bvh")
+    check_person(clip, motion, tolerance=1e-5, lacking=("l toes", "r toes"))
+    assert doubts(clip)[0].startswith("no names of legs were understood")
+
+
 @pytest.mark.parametrize("name", FILES)
 def test_a_person_is_read_as_recorded(tmp_path, name):
     text, lacking = FILES[name]

@@ -1,9 +1,42 @@
-"""BVH and AMC read once more, from the formats' specifications and with scipy: where every joint is, in file axes."""
+"""BVH, AMC, C3D and Jaeger's patterns read once more, from their specifications and with scipy, in the files' axes.
+
+Nothing here is shared with the readers that it judges.
+"""
 
 import re
 
 import numpy as np
+import scipy.io
 from scipy.spatial.transform import Rotation
+
+# Where the landmarks of each source are: joints of the files by their own names. Limbs: hip, knee, ankle, toe base,
+# shoulder, elbow, wrist, then a point on the hand; a middle point is the mean of those given.
+BANDAI = (
+    ("UpperLeg_{}", "LowerLeg_{}", "Foot_{}", "Toes_{}", "UpperArm_{}", "LowerArm_{}", "Hand_{}", None),
+    {"waist": "Chest", "neck": "Neck", "head": None},
+    ("L", "R"),
+)
+MOTIONBUILDER = (
+    ("{}UpLeg", "{}Leg", "{}Foot", "{}ToeBase", "{}Arm", "{}ForeArm", "{}Hand", "{}HandIndex1"),
+    {"waist": "Spine", "neck": "Neck", "head": "Head end"},
+    ("Left", "Right"),
+)
+MAX = (
+    ("{}Hip", "{}Knee", "{}Ankle", "{}Toe", "{}Shoulder", "{}Elbow", "{}Wrist", None),
+    {"waist": "Chest", "neck": "lowerneck", "head": "Head end"},
+    ("Left", "Right"),
+)
+ICLONE = (
+    ("{}_Thigh", "{}_Calf", "{}_Foot", None, "{}_Upperarm", "{}_Forearm", "{}_Hand", None),
+    {"waist": "CC_Base_Spine02", "neck": "CC_Base_NeckTwist01", "head": None},
+    ("CC_Base_L", "CC_Base_R"),
+)
+ACCLAIM = (
+    ("{}hipjoint", "{}femur", "{}tibia", "{}foot", "{}clavicle", "{}humerus", "{}radius", None),
+    {"waist": None, "neck": "thorax", "head": "head"},
+    ("l", "r"),
+)
+ENDS = ("hip", "kne", "ank", "foo", "sho", "elb", "wri", "han")
 
 
 def bvh_joints(text, frames=slice(None)):
@@ -95,3 +128,39 @@ def amc_joints(asf, amc, frames=slice(None)):
 
 def _fixed(letters, angles):
     return Rotation.from_euler(letters, np.array(angles).T, degrees=True)
+
+
+def landmarks(joints, table):
+    """Where the file has the landmarks that its source names, by canonical bone; the root is between the hips."""
+    limbs, middle, sides = table
+    found = {
+        letter + end: joints[name.format(side)]
+        for letter, side in zip("lr", sides, strict=True)
+        for end, name in zip(ENDS, limbs, strict=True)
+        if name is not None
+    }
+    found |= {{"waist": "back"}.get(end, end): joints[name] for end, name in middle.items() if name is not None}
+    return found | {"root": 0.5 * (found["lhip"] + found["rhip"])}
+
+
+def c3d_points(path):
+    """The points of a C3D of Intel floats or DEC integers, shape (T, M, 3), in the file's unit; NaN where not seen."""
+    raw = path.read_bytes()
+    dec = raw[512 + 3] == 85
+    header = np.frombuffer(raw[:512], "<u2")
+    points, frames, start = int(header[1]), int(header[4]) - int(header[3]) + 1, 512 * (int(header[8]) - 1)
+    whole = np.frombuffer(raw[12:16], "<u2")
+    scale = float(np.frombuffer(whole[::-1].tobytes() if dec else whole.tobytes(), "<f4")[0]) / (4.0 if dec else 1.0)
+    kind, by = ("<f4", 1.0) if scale < 0 else ("<i2", scale)
+    values = np.frombuffer(raw[start:], kind)[: frames * points * 4].reshape(frames, points, 4).astype(float)
+    values[(values[..., 3] < 0) | (values[..., :3] == 0).all(axis=-1)] = np.nan
+    return values[..., :3] * by
+
+
+def pattern_channels(path):
+    """The channels of one of Jaeger's patterns, shape (T, 61), in the units that ours has them in."""
+    fields = scipy.io.loadmat(path)
+    raw = next(value for name, value in fields.items() if name.startswith("nnRawData"))
+    channels = raw * np.array([1e-3, 120.0, 0.12, 0.12, *np.ones(57)])  # mm, rad a frame, mm a frame
+    channels[:, [4, 16]] = 0.0
+    return channels
