@@ -5,6 +5,7 @@ import numpy as np
 from controller.mocap.clip import Clip
 from controller.mocap.skeleton import Skeleton
 from controller.rotations import normalise
+from simulated_bodies import human
 
 SMALL = (
     ("rhip", -1, (0, -1, 0), 0.1),
@@ -33,3 +34,27 @@ def random_body(rng, bones):
 def random_clip(rng, skeleton, frames):
     rotation = normalise(rng.normal(size=(frames, 1 + len(skeleton), 4)))
     return Clip("random", skeleton, 60.0, rng.normal(size=(frames, 3)), rotation)
+
+
+def turned(angle, axis=1):
+    q = np.zeros((len(angle), 4))
+    q[:, 0], q[:, 1 + axis] = np.cos(0.5 * angle), np.sin(0.5 * angle)
+    return q
+
+
+def waving(rate, seconds, hertz=1.0, still=0.0, ends=False):
+    """A standing body that swings arms and legs; with `ends` it bows once; before and after it stands still."""
+    body = human()
+    t = np.arange(round(rate * seconds)) / rate
+    swing = 0.5 * np.sin(2.0 * np.pi * hertz * t) if not ends else 1.2 * (0.5 - 0.5 * np.cos(np.pi * t / t[-1]))
+    pause = np.zeros(round(rate * still))
+    swing = np.concatenate([pause, swing, pause + swing[-1]])
+    rotation = np.tile([1.0, 0.0, 0.0, 0.0], (len(swing), 1 + len(body), 1))
+    for bones, sign in ((("lkne", "lank", "lfoo"), 1.0), (("rkne", "rank", "rfoo"), 1.0 if ends else -1.0)):
+        for bone in bones:
+            rotation[:, 1 + body.index(bone)] = turned(sign * swing)
+    for bone in ("relb", "rwri", "rhan"):
+        rotation[:, 1 + body.index(bone)] = turned(0.8 * swing, axis=2)
+    place = np.zeros((len(swing), 3))
+    place[:, 2] = 0.9
+    return Clip("wave", body, rate, place, rotation)

@@ -24,6 +24,9 @@ from motiondeck_base.errors import FileFormatError
 # Between the frames of a recording a body moves on; slower than this in every joint it stands still.
 STILL_SPEED = 0.05  # m/s
 STILL_KEPT = 0.1  # s of stillness left before and after the motion
+# A pose before the motion is told by the jump after it: within so many s of the beginning, at least so far (m), and so
+# many times as far as any joint moves in a frame of the s that follow.
+JUMP_WITHIN, JUMP, JUMP_TIMES, AFTER_JUMP = 0.1, 0.1, 5.0, 0.25
 SMOOTHED = 0.1  # s over which speeds are averaged: marker noise is fast
 
 
@@ -74,19 +77,41 @@ def _cubic(points: list[Array], share: Array) -> Array:
 
 
 def moving_part(clip: Clip) -> tuple[int, int]:
-    """First frame and the one after the last of what lies between the still ends; (0, 0) if nothing moves."""
+    """First frame and the one after the last of what lies between the still ends; (0, 0) if nothing moves.
+
+    A pose for reference that stands before the motion (often a first frame with arms held out) is no part of it.
+    """
     if len(clip) < 2:
         return 0, 0
-    width = max(1, round(SMOOTHED * clip.rate))
     joints = clip.joints()
-    ahead = joints[width:] - joints[:-width] if len(clip) > width else joints[-1:] - joints[:1]
-    speed = np.sqrt(np.square(ahead).sum(-1)).max(axis=1) * clip.rate / min(width, len(clip) - 1)
+    skipped = _reference_frames(joints, clip.rate)
+    first, end = _between_still_ends(joints[skipped:], clip.rate)
+    return (first + skipped, end + skipped) if end else (0, 0)
+
+
+def _reference_frames(joints: Array, rate: float) -> int:
+    """How many frames lie before a jump at the beginning that is no movement."""
+    step = np.sqrt(np.square(np.diff(joints, axis=0)).sum(-1)).max(1)
+    after = max(2, round(AFTER_JUMP * rate))
+    for frame in range(min(max(1, round(JUMP_WITHIN * rate)), len(step) - 2)):
+        following = step[frame + 1 : frame + 1 + after]
+        if step[frame] > max(JUMP, JUMP_TIMES * float(following.max())):
+            return frame + 1
+    return 0
+
+
+def _between_still_ends(joints: Array, rate: float) -> tuple[int, int]:
+    """First frame and the one after the last of joints (T, J, 3) that move; (0, 0) if none does."""
+    width = max(1, round(SMOOTHED * rate))
+    count = len(joints)
+    ahead = joints[width:] - joints[:-width] if count > width else joints[-1:] - joints[:1]
+    speed = np.sqrt(np.square(ahead).sum(-1)).max(axis=1) * rate / max(1, min(width, count - 1))
     moving = np.flatnonzero(speed > STILL_SPEED)
     if len(moving) == 0:
         return 0, 0
-    kept = round(STILL_KEPT * clip.rate)
+    kept = round(STILL_KEPT * rate)
     first = max(0, int(moving[0]) + width // 2 - kept)
-    return (0 if first < kept else first), min(len(clip), int(moving[-1]) + width + 1 + kept)
+    return (0 if first < kept else first), min(count, int(moving[-1]) + width + 1 + kept)
 
 
 def mirrored(clip: Clip) -> Clip:

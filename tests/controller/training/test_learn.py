@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from bodies import waving
 from controller.cli.main import app
 from controller.library.motion_library import load_library
-from controller.mocap.clip import Clip
 from controller.mocap.formats.writing import bvh_text
 from controller.mocap.reading_options import ReadingOptions
 from controller.training.fit import fit, fit_prepared
@@ -23,34 +23,8 @@ from controller.training.reservoirs.echo_state_training import EchoStateRecipe
 from controller.training.reservoirs.phase_training import PhaseRecipe
 from controller.training.training_set import prepare
 from motiondeck_base.errors import MotiondeckError
-from simulated_bodies import human
 
-IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 QUICK = EchoStateRecipe(neurons=60, washout=60, drives=1)
-
-
-def turned(angle, axis=1):
-    q = np.zeros((len(angle), 4))
-    q[:, 0], q[:, 1 + axis] = np.cos(0.5 * angle), np.sin(0.5 * angle)
-    return q
-
-
-def waving(rate, seconds, hertz=1.0, still=0.0, ends=False):
-    """A standing body that swings arms and legs; with `ends` it bows once; before and after it stands still."""
-    body = human()
-    t = np.arange(round(rate * seconds)) / rate
-    swing = 0.5 * np.sin(2.0 * np.pi * hertz * t) if not ends else 1.2 * (0.5 - 0.5 * np.cos(np.pi * t / t[-1]))
-    pause = np.zeros(round(rate * still))
-    swing = np.concatenate([pause, swing, pause + swing[-1]])
-    rotation = np.tile(IDENTITY, (len(swing), 1 + len(body), 1))
-    for bones, sign in ((("lkne", "lank", "lfoo"), 1.0), (("rkne", "rank", "rfoo"), 1.0 if ends else -1.0)):
-        for bone in bones:
-            rotation[:, 1 + body.index(bone)] = turned(sign * swing)
-    for bone in ("relb", "rwri", "rhan"):
-        rotation[:, 1 + body.index(bone)] = turned(0.8 * swing, axis=2)
-    place = np.zeros((len(swing), 3))
-    place[:, 2] = 0.9
-    return Clip("wave", body, rate, place, rotation)
 
 
 @pytest.fixture

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bodies import waving
 from controller.mocap.canonical.canonical_body import to_canonical
 from controller.mocap.canonical.clip_edits import mirrored, moving_part, resampled
 from controller.mocap.clip import Clip
@@ -33,9 +34,9 @@ def test_any_rate_gives_the_motion_at_120_hertz(rate):
     frames = min(len(found), len(true))
     assert frames > 0.95 * len(true)
     off = np.linalg.norm(found.joints()[:frames] - true.joints()[:frames], axis=-1)
-    # The first and the last frame have no neighbours; in between a cubic follows 1 Hz well even from 24 frames.
+    # A cubic follows 1 Hz well even from 24 frames; at the ends, where there are no neighbours, nearly as well.
     assert off[10:-10].max() < 2e-3
-    assert off.max() < 2e-2
+    assert off.max() < 6e-3
 
 
 @given(st.floats(10.0, 300.0), st.integers(1, 40))
@@ -58,6 +59,16 @@ def test_still_ends_are_trimmed_and_a_body_that_never_moves_has_no_part():
     assert pause + len(clip) <= end <= pause + len(clip) + 12
     still = np.zeros(50, int)
     assert moving_part(replace(clip, root_position=clip.root_position[still], rotation=clip.rotation[still])) == (0, 0)
+
+
+@pytest.mark.parametrize("rate", [24.0, 60.0, 240.0])
+def test_a_pose_for_reference_before_the_motion_is_no_part_of_it(rate):
+    clip = waving(rate, 2.0, ends=True)
+    arms = [1 + clip.skeleton.index(bone) for bone in ("lelb", "lwri", "lhan")]
+    posed = clip.rotation.copy()
+    posed[0, arms] = [np.sqrt(0.5), -np.sqrt(0.5), 0.0, 0.0]
+    assert moving_part(replace(clip, rotation=posed))[0] == 1
+    assert moving_part(clip)[0] == 0
 
 
 def test_mirrored_left_and_right_change_places():
