@@ -1,4 +1,4 @@
-"""How many of a folder's recordings are read, carried, learned and played, per source.
+"""How many recordings of a folder are read, carried, learned, played.
 
 Every recording below DIR is learned by `learn`, in libraries of 8 to 16 motions of one source each (the folder that
 the files lie in), so that no setting is tuned to a few clips. Counted are the recordings that are

@@ -25,7 +25,10 @@ def fit(
     ],
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The library to write (.safetensors).")],
     data: Annotated[
-        Path | None, typer.Option("--data", metavar="DIR", help="The folder with the recipe's recordings.")
+        Path | None,
+        typer.Option(
+            "--data", metavar="DIR", help="The folder with the recipe's recordings; default: the recipe's own."
+        ),
     ] = None,
     centers: Annotated[
         str | None,
@@ -97,8 +100,7 @@ def fit(
         raise MotiondeckError(f"give one recipe, or clips taught by hand (.clip) only, not {', '.join(map(str, what))}")
     else:
         plan = read_recipe(what[0])
-    if data is None:
-        raise MotiondeckError("--data is missing: the folder that holds the recordings which the recipe names")
+    data = what[0].parent if data is None else data
     if not data.is_dir():
         raise MotiondeckError(f"{data}: there is no such folder; --data is the folder that holds the recordings")
     check_folder(out)
