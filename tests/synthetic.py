@@ -111,7 +111,7 @@ def small_phase_library(seed=0, **recipe):
 
 
 def small_library(seed=0):
-    """Two loops and a motion that happens once, in a network of 300 neurons."""
+    """Two loops and a one-shot, in a network of 300 neurons."""
     encoding = small_encoding()
     motions = [
         MotionInfo(

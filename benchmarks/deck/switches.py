@@ -4,7 +4,7 @@ In seconds of virtual time.
 
 For each pair: the ticks from the command to the first targets that it changed, the frames until nothing was left of the
 motion before, and the peak acceleration of a joint in the world on the way, over the larger of both motions' own peaks.
-A motion that happens once is left at its end.
+A one-shot is left at its end.
 """
 
 from __future__ import annotations

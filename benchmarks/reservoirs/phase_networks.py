@@ -72,7 +72,7 @@ ABLATION: dict[str, NetworkRecipe] = {
     "no phase (W_phi = 0)": msgspec.structs.replace(PHASE, phase_scale=0.0),
 }
 
-# What happens once; everything else is made a loop.
+# One-shots; every other motion is made a loop.
 ONCE = ("10_0", "16_0", "02_04", "kick", "hop", "bow", "bye", "punch", "slash", "throw", "guide")
 
 

@@ -115,7 +115,7 @@ class Stage:
 def switching(stage: Stage, seconds: float, every: float, seed: int) -> dict[str, object]:
     """Random switches: when the right motion is seen, and false alarms.
 
-    The deck ends a motion that happens once, and goes by way of others where bodies are too far apart; what it plays
+    The deck ends a one-shot, and goes by way of others where bodies are too far apart; what it plays
     meanwhile is seen too, and counts from its own first tick.
     """
     rng = np.random.default_rng(seed)

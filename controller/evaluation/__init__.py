@@ -1,1 +1,1 @@
-"""Measures of a motion: how far, how fast, and whether it is the right one."""
+"""Measures networks and libraries: accuracy, failure rates, transitions."""

@@ -1,4 +1,4 @@
-"""What is evaluated: a recipe, whose networks are trained anew, or a library as it is, and the recordings behind it."""
+"""What is measured: a recipe, whose networks are trained for it, or a library, with the recordings behind it."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Evaluation:
     def training_errors(
         self, seeds: Iterable[int], tick: Callable[[], None], readout_targets: Sequence[Array] | None = None
     ) -> tuple[list[TrainingError], list[dict[str, MotionVerdict]]]:
-        """Training errors and self-tests of one network a seed; `readout_targets` as in `training_error`.
+        """Training errors and self-tests of one network per seed; `readout_targets` as in `training_error`.
 
         Raises:
             MotiondeckError: for a library, whose training is over.

@@ -22,14 +22,14 @@ from controller.training.training_set import TrainingSet
 
 Tick = Callable[[], None]
 
-# How many networks are drawn at most until one passes the self-test, and how far apart their seeds are.
+# At most so many networks are drawn until one passes the self-test; their seeds are this far apart.
 ATTEMPTS = 4
 SEEDS_APART = 10_000
 
 
 @dataclass(frozen=True)
 class Subject:
-    """A trained network that is to be disturbed.
+    """A trained network that is disturbed.
 
     Attributes:
         seed: it was asked for with.
@@ -71,7 +71,7 @@ class Count:
 def train_subjects(
     recipe: LibraryRecipe, syllabus: TrainingSet, seeds: Iterable[int], jobs: int = 1, tick: Tick = lambda: None
 ) -> list[Subject]:
-    """The networks of a recipe, one a seed, in order."""
+    """The networks of a recipe, one per seed, in order."""
     return sorted(
         _spread((delayed(_train)(recipe, syllabus, seed) for seed in seeds), jobs, tick), key=lambda s: s.seed
     )
@@ -97,7 +97,7 @@ def sweep(
         syllabus: what they learned, to judge by.
         runs: of each motion of each network.
         motions: which of them, or all.
-        holds: whether motions that happen once were taught to hold their end.
+        holds: whether one-shots were taught to hold their end.
         guarded: whether to play all runs once more with a guard.
         jobs: how many processes share the work.
         tick: is called after each motion of each network.
@@ -116,7 +116,7 @@ def sweep(
 
 
 def _spread(tasks: Iterable[Any], jobs: int, tick: Tick) -> list[Any]:
-    """The results of tasks in the order in which they come."""
+    """The results of tasks, in the order of completion."""
     results = []
     for result in Parallel(n_jobs=jobs, return_as="generator_unordered")(tasks):
         results.append(result)
@@ -125,7 +125,7 @@ def _spread(tasks: Iterable[Any], jobs: int, tick: Tick) -> list[Any]:
 
 
 def _train(recipe: LibraryRecipe, syllabus: TrainingSet, seed: int) -> Subject:
-    """As `fit` does, other seeds are tried where a motion fails the self-test; not with recordings as they are."""
+    """Trains a network; as in `fit`, other seeds are tried if a motion fails its self-test, but not `as_recorded`."""
     lessons, normalisation = syllabus.normalised()
     judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, syllabus.rate, holds=not recipe.as_recorded)
     seeds = [seed + SEEDS_APART * attempt for attempt in range(1 if recipe.as_recorded else ATTEMPTS)]
@@ -146,7 +146,7 @@ def _count(kind: Kind, subject: Subject, motion: str, runs: int, judge: Judge, l
     reason = ""
     with threadpool_limits(1):
         for guard in (None, watched) if guarded else (None,):
-            # The same noise for both: what differs is the guard.
+            # The same noise for both; only the guard differs.
             rng = np.random.default_rng([subject.seed, network.motions.index(motion), kind == "stability"])
             played = disturbed(kind, batch_of(network, motion, runs, subject.weights), runs, rng, guard)
             verdicts = [after_disturbance(network, judge, motion, run.astype(np.float64)) for run in played]

@@ -28,7 +28,7 @@ from controller.training.training_set import TrainingSet
 
 @dataclass(frozen=True)
 class TrainingError:
-    """What one seed gave.
+    """The result of one seed.
 
     Attributes:
         seed: of the network.
@@ -61,7 +61,7 @@ def training_error(
     plan = recipe.network
     judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, syllabus.rate, holds=not recipe.as_recorded)
     if isinstance(plan, EchoStateRecipe):
-        # Trials start at the first anchor, so that more of them change no choice.
+        # Trials start at the first anchor, so more anchors would not change the choice.
         dense = msgspec.structs.replace(plan, anchor_every=1)
         network = (
             settled_echo_state(lessons, normalisation, dense, judge, seed)[0]

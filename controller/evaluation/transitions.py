@@ -36,7 +36,7 @@ LONGEST = 3600
 AFTER = 12
 
 METHODS = ("morph", "deck", "crossfade", "cut")
-"""The thesis's mu ramp; what the deck does by itself; the deck with two runs side by side, and without any fade."""
+"""The thesis's mu ramp; the deck's default; the deck with a cross-fade, and without any fade."""
 
 
 @dataclass(frozen=True)
@@ -73,12 +73,12 @@ def all_crossings(
     jobs: int = 1,
     tick: Callable[[], None] = lambda: None,
 ) -> list[MeasuredTransition]:
-    """Every ordered pair, by all methods; one switch a pair, at a random moment of the source.
+    """All ordered pairs with all methods; one switch per pair, at a random moment of the source.
 
     Args:
         library: whose network plays.
         syllabus: what it learned, to judge by.
-        holds: whether motions that happen once were taught to hold their end.
+        holds: whether one-shots were taught to hold their end.
         jobs: how many processes share the work.
         tick: is called after each source.
 
@@ -114,7 +114,7 @@ def _from(
             if target == source:
                 continue
             rng = np.random.default_rng([motions.index(source), motions.index(target)])
-            # A motion that happens once has come to its end.
+            # A one-shot has come to its end.
             begin = RAMP + int(rng.integers(RAMP)) if judge.loops[source] else len(syllabus.frames[source])
             after = 2 * len(syllabus.frames[target]) if judge.loops[target] else len(syllabus.frames[target]) + RAMP
             for method in methods:
@@ -171,12 +171,12 @@ def _switched(
 
 
 def _nothing(pose: Pose) -> Array:
-    """Joint targets of no robot: what is measured here is the body."""
+    """Stands in for a retargeter: only the body is measured."""
     return pose.root_position
 
 
 def _channels(library: MotionLibrary, postures: list[Posture]) -> Array:
-    """Height, turn rate and bone directions of postures as channels; what else there is stays zero."""
+    """Height, turn rate and bone directions of postures as channels; other channels stay zero."""
     out = np.zeros((len(postures), library.encoding.channels))
     out[:, HEIGHT] = [float(posture.height) for posture in postures]
     out[:, TURN_RATE] = [float(posture.turn_rate) for posture in postures]
@@ -199,7 +199,7 @@ def _measured(
 ) -> MeasuredTransition:
     if not np.isfinite(run).all():
         return MeasuredTransition(source, target, method, end - start, inf, inf, inf, inf, True, "the network ran away")
-    # What is shown: the thesis draws the vectors as they come, shrunken bones and all.
+    # As the thesis shows it: vectors as they are, with shortened bones.
     skeleton = judge.encoding.skeleton
     vectors = run[:, FIRST_BONE : FIRST_BONE + 3 * len(skeleton)].reshape(len(run), -1, 3)
     joints = skeleton.chain @ (vectors * skeleton.length[:, None])
@@ -216,7 +216,7 @@ def _measured(
 
 
 def _failure(target: str, run: Array, judge: Judge) -> str:
-    """Why what played after a transition was not the target, or ""."""
+    """Why the motion after a transition was not the target, or ""."""
     if judge.loops[target] or not judge.holds:
         return judge(target, run).reason
     away = float(np.sqrt(np.square(joint_features(judge.encoding, run[-1:]) - judge.end(target)).mean() * 3.0))
@@ -224,7 +224,7 @@ def _failure(target: str, run: Array, judge: Judge) -> str:
 
 
 def _own_peaks(syllabus: TrainingSet, frames: Array, loops: bool) -> Array:
-    """The peaks of a motion as it was recorded, for a loop over its end."""
+    """The peaks of a motion as recorded, for a loop over its end too."""
     if loops:
         frames = np.concatenate([frames, frames[:4]])
     features = joint_features(syllabus.encoding, frames)

@@ -59,7 +59,7 @@ class CentralizedBatch:
         self._centers[rows] = self._at(self._time[rows])
 
     def astray(self) -> NDArray[np.bool_]:
-        """No run ever is: centers of unit amplitude are all that there can be, shape (R,)."""
+        """None: centers always have unit amplitude, shape (R,)."""
         return np.zeros(len(self._time), dtype=bool)
 
     def _at(self, time: NDArray[np.float64]) -> NDArray[np.complex128]:

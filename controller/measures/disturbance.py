@@ -28,7 +28,7 @@ NOISY_STEPS = 250
 
 @dataclass(frozen=True)
 class GuardKnowledge:
-    """What a guard has to know to look on.
+    """The settings of a guard for a batch of runs.
 
     Attributes:
         beat: of the motion.
@@ -44,7 +44,7 @@ class GuardKnowledge:
 def disturbed(
     kind: Kind, batch: RunBatch, runs: int, rng: np.random.Generator, watched: GuardKnowledge | None = None
 ) -> NDArray[np.float32]:
-    """Disturbs a batch of runs that stands at its start, and plays it.
+    """Disturbs a batch of runs at its start, and plays it.
 
     Args:
         kind: of disturbance.
@@ -61,7 +61,7 @@ def disturbed(
     watch = LossWatch(watched.beat, watched.scale, np.repeat(watched.start[None], runs, axis=0)) if watched else None
     out: list[NDArray[np.float32]] = []
     noisy = NOISY_STEPS if kind == "stability" else 0
-    with np.errstate(all="ignore"):  # a network that runs away is a result
+    with np.errstate(all="ignore"):  # a network that diverges is a result
         for step in range(STEPS):
             if watch is not None:
                 _put_back(batch, watch, batch.astray())

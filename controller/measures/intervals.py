@@ -1,4 +1,4 @@
-"""How sure a share is that was counted."""
+"""The confidence interval of a counted share."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ Z_95 = 1.959964
 
 
 def wilson(failures: int, runs: int) -> tuple[float, float]:
-    """The 95 % interval of a rate of which `failures` in `runs` were seen (Wilson 1927); (0, 1) where nothing was run.
+    """The 95 % interval (Wilson 1927) of a rate with `failures` in `runs`; (0, 1) without any run.
 
     It stays within [0, 1] and does not shrink to nothing when nothing failed.
     """

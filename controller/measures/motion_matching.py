@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from controller.mocap.encodings.encoding import Encoding
 from controller.rotations import Array
 
-SAMPLES = 6  # moments of a window
+SAMPLES = 6  # moments per window
 SAMPLE_SECONDS = 1.0 / 30.0  # from one to the next, and from one window to the next
 LOST_MM = 40.0
 
@@ -84,15 +84,15 @@ class Matcher:
         self._joints = references[0].shape[1] / 3.0 * SAMPLES
 
     def windows(self, features: Array) -> Array:
-        """The windows of a run of features (T, F)."""
+        """The windows of a run with features (T, F)."""
         return windows(features, self.stride)
 
     def window_count(self, frames: int) -> int:
-        """How many windows a run of some frames has."""
+        """The number of windows of a run with so many frames."""
         return max(0, frames // self.stride - SAMPLES + 1)
 
     def match(self, run: Array, meant: int, *, alone: bool = False) -> MotionMatch:
-        """Compares a run of features (T, F) with all motions, or with the one that was meant alone."""
+        """Compares a run with features (T, F) with all motions, or only with the intended one."""
         seen = self.windows(run)
         square = np.square(seen).sum(1)
         nearest = np.full((len(self._windows), len(seen)), np.inf)
@@ -108,7 +108,7 @@ class Matcher:
         return MotionMatch(rms.argmin(0), rms[meant], place)
 
     def nearest(self, run: Array, motion: int) -> Array:
-        """How near a run of features (T, F) comes to each window of a motion, shape (n,), mm."""
+        """The smallest distance of a run with features (T, F) from each window of a motion, shape (n,), mm."""
         seen, reference = self.windows(run), self._windows[motion]
         distance = np.square(seen).sum(1)[:, None] + self._square[motion] - 2.0 * seen @ reference.T
         return np.sqrt(np.maximum(distance.min(0), 0.0) / self._joints)

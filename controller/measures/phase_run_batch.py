@@ -30,7 +30,7 @@ class PhaseBatch:
     def __init__(self, network: PhaseConceptorNetwork, motion: str, runs: int) -> None:
         self.neurons = network.neurons
         self._part = network[motion]
-        # Noise on the neurons reaches W also outside of the directions that the network keeps.
+        # Noise on the neurons also reaches W outside the directions that the network stores.
         self._reservoir = PhaseReservoir.draw(network.scales, network.channels, network.seed)
         self._frame = np.zeros(runs, dtype=np.int64)
         self._z = np.repeat(self._part.states[:1], runs, axis=0)
@@ -40,7 +40,7 @@ class PhaseBatch:
         """x(0) = s + noise."""
         directions = self._part.stored.directions[0].astype(np.float32)
         self._z += noise @ directions
-        # What lies in those directions is a part of z now and must not count twice.
+        # The part in those directions is in z now and must not count twice.
         self._push = (noise - (noise @ directions) @ directions.T) @ self._reservoir.weights.T
 
     def advance(self, noise: Float32 | None = None) -> Float32:
@@ -75,5 +75,5 @@ class PhaseBatch:
             self._push[rows] = 0.0
 
     def astray(self) -> NDArray[np.bool_]:
-        """No run ever is: a bounded state and a given phase lead back, shape (R,)."""
+        """None: a bounded state at a given phase always leads back, shape (R,)."""
         return np.zeros(len(self._z), dtype=bool)

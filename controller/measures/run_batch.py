@@ -46,7 +46,7 @@ class RunBatch(Protocol):
         ...
 
     def astray(self) -> NDArray[np.bool_]:
-        """Which runs are in a state that no playing leads to, shape (R,)."""
+        """Which runs are in a state that undisturbed playing never reaches, shape (R,)."""
         ...
 
 
@@ -101,7 +101,7 @@ class ConceptorBatch:
             self._push[rows] = 0.0
 
     def astray(self) -> NDArray[np.bool_]:
-        """Where |z| is larger than playing makes it, or some |x| larger than 1 (and not a number counts as that)."""
+        """Where |z| is larger than in undisturbed playing, or some |x| is larger than 1 or NaN."""
         return ~(np.square(self._z).sum(1) <= self._net.reach**2) | self._outside
 
 
@@ -147,7 +147,7 @@ class EchoStateBatch:
         self._y[rows] = self._part.outputs[anchors]
 
     def astray(self) -> NDArray[np.bool_]:
-        """Where some |x| is larger than 1, which no playing makes it."""
+        """Where some |x| is larger than 1, as it never is in undisturbed playing."""
         return ~(np.abs(self._x).max(1) <= 1.0 + 1e-4)
 
 
@@ -187,7 +187,7 @@ class RandomFeatureBatch:
         self._z[rows] = self._part.states[anchors]
 
     def astray(self) -> NDArray[np.bool_]:
-        """Where z is longer than playing makes it."""
+        """Where |z| is larger than in undisturbed playing."""
         return ~(np.square(self._z).sum(1) <= self._reach)
 
 

@@ -6,7 +6,7 @@ Each motion is started at its first anchor and left alone for three times its le
   40 mm or 0.4 of the motion's own spread, and the joints move 0.4 to 2.5 times as fast as in training (still motions
   excepted); and after the first third it has to come by at least 70 % of the motion's windows, to 40 mm, for a network
   may take a short cut where a motion comes near to itself, and play a part of it for ever;
-- a motion that happens once passes if it went through at least 70 % of its moving windows in order and then holds its
+- a one-shot passes if it went through at least 70 % of its moving windows in order and then holds its
   last pose to 40 mm.
 
 A network that a center drives knows its phase, so there each frame is compared with the recorded one of the same phase,
@@ -43,13 +43,13 @@ RECOVERED_SECONDS = 0.5  # at the end of a disturbed run, by which it is judged
 
 @dataclass(frozen=True)
 class MotionVerdict:
-    """What the self-test found.
+    """The result of the self-test for one motion.
 
     Attributes:
         passed: whether the motion may be played.
         error_mm: median distance to the nearest window of the motion, over the last third of the run, mm; the mean
             distance at the same phase where that is known.
-        right: share of those windows that are nearest to this motion and no other (1 for motions that happen once).
+        right: share of those windows that are nearest to this motion and no other (1 for one-shots).
         reason: why it failed, or "".
     """
 
@@ -60,7 +60,7 @@ class MotionVerdict:
 
 
 def run_free(network: FrameNetwork, motion: str, frames: int) -> Array:
-    """What a network plays when started at a motion's first anchor, shape (frames, channels)."""
+    """The channels that a network plays from a motion's first anchor, shape (frames, channels)."""
     network.cue(motion, 0)
     out = np.empty((frames, network.channels))
     for frame in out:
@@ -69,7 +69,7 @@ def run_free(network: FrameNetwork, motion: str, frames: int) -> Array:
 
 
 def self_test(network: FrameNetwork, judge: Judge, motions: Iterable[str] | None = None) -> dict[str, MotionVerdict]:
-    """Runs motions of a network free, all of them by default, and judges them: one verdict a motion."""
+    """Runs motions of a network free (by default all) and judges them: one verdict per motion."""
     return {name: _tested(network, judge, name) for name in (judge.loops if motions is None else motions)}
 
 
@@ -95,14 +95,14 @@ def after_disturbance(network: object, judge: Judge, motion: str, run: Array) ->
 
 
 class Judge:
-    """Judges by all motions whether a run is the one that was meant.
+    """Judges whether a run is the intended motion, by comparing it with all motions.
 
     Args:
         encoding: of the channels.
         references: the frames that each motion was learned from, shape (T_j, channels); loops as one period.
         loops: whether each motion is a loop.
         rate: frames per second, Hz.
-        holds: whether a motion that happens once was taught to hold its end.
+        holds: whether a one-shot was taught to hold its end.
     """
 
     def __init__(
@@ -120,7 +120,7 @@ class Judge:
         self._matcher = Matcher(self._features, [loops[name] for name in self._names], rate)
 
     def length(self, motion: str) -> int:
-        """How many frames a motion was learned from."""
+        """The number of frames that a motion was learned from."""
         return len(self._features[self._names.index(motion)])
 
     def end(self, motion: str) -> Array:
@@ -128,7 +128,7 @@ class Judge:
         return self._features[self._names.index(motion)][-1]
 
     def share_passed(self, motion: str, run: Array) -> float:
-        """The share of a motion's windows that the channels (T, C) of a run come by to LOST_MM."""
+        """The share of a motion's windows that a run with channels (T, C) passes within LOST_MM."""
         index = self._names.index(motion)
         nearest = self._matcher.nearest(joint_features(self.encoding, run), index)
         return float(np.mean(nearest <= LOST_MM))
@@ -170,7 +170,7 @@ def distances(features: Array, others: Array) -> Array:
 
 
 def _judge_once(run: Array, matcher: Matcher, index: int, reference: Array, *, holds: bool) -> MotionVerdict:
-    """The verdict on features (T, F) of a motion that happens once, learned from reference features."""
+    """The verdict on features (T, F) of a one-shot, learned from reference features."""
     found = matcher.match(run, index, alone=True)
     error = float(np.median(found.distance[2 * len(found.distance) // 3 :]))
     moving = np.square(np.diff(matcher.windows(reference), axis=0)).mean(1) > STILL_MM**2

@@ -1,4 +1,4 @@
-"""Trials of one motion: does it hold, run free, started from noise, and disturbed? What a trainer chooses by.
+"""Trials of one motion, by which a trainer chooses: does it survive a free run, a start from noise, and disturbance?
 
 The disturbances are the thesis's (`evaluation/disturbance.py`). Choosing needs more runs than a verdict does: a motion
 that fails in one run of ten passes five runs more often than not.
@@ -18,18 +18,18 @@ from controller.networks.reservoirs.conceptor import ConceptorNetwork
 from controller.networks.reservoirs.echo_state import EchoStateNetwork
 
 RUNS: dict[Kind, int] = {"robustness": 8, "stability": 16}
-"""How many disturbed runs of each kind are tried."""
+"""The number of disturbed runs of each kind."""
 
 FREE_RUN = sum(RUNS.values())
-"""What a failure of the free run counts, in disturbed ones."""
+"""The weight of a failed free run, in disturbed runs."""
 
 
 FORGIVEN = 1
-"""How many failures a motion that passes may have."""
+"""The number of failures that a passing motion may have."""
 
 
 def with_trials(verdicts: dict[str, MotionVerdict], failed: dict[str, int]) -> dict[str, MotionVerdict]:
-    """The verdicts of free runs, made worse where more than FORGIVEN disturbed runs of a motion failed."""
+    """The verdicts of free runs, failed too where more than FORGIVEN disturbed runs of a motion failed."""
     return {
         name: replace(verdict, passed=False, reason=f"fails {failed[name]} times when disturbed")
         if verdict.passed and failed[name] > FORGIVEN
@@ -46,7 +46,7 @@ def failures(
     seed: int,
     weights: NDArray[np.float32] | None = None,
 ) -> int:
-    """How many runs of a motion fail; where the free one does, no other is tried.
+    """The number of failed runs of a motion; if the free run fails, no other is tried.
 
     Args:
         network: what plays.

@@ -5,10 +5,10 @@ Four signs are looked for:
 - an impossible state: one that no playing leads to (every frame);
 - far from everything the motion knows: no anchor is near (every LOOK_SECONDS);
 - frozen: what is played moves a fraction of the least that the motion ever moves (every LOOK_SECONDS);
-- out of order: a motion that happens once is not near where it was a look ago, or a little further on.
+- out of order: a one-shot is not near where it was a look ago, or a little further on.
 
 The cure is always the same: start again from a stored state. In a loop that is the one whose frame is nearest to what
-was last seen, in a motion that happens once the one that would have come next. The frame jumps by the distance to it,
+was last seen, in a one-shot the one that would have come next. The frame jumps by the distance to it,
 which is why a safety envelope belongs between this and a robot. Nothing that ran well is touched: a guarded run without
 a sign of trouble is the run itself, bit by bit.
 
@@ -52,8 +52,8 @@ class Beat:
         squares: |place|^2, shape (A,).
         pace: the mean movement between two looks.
         slowest: the least smoothed movement that counts as playing; 0 where standing still is right.
-        disorder: how far a motion that happens once may be from where it should be.
-        stride: how many of these anchors a motion that happens once goes on between two looks; None for a loop.
+        disorder: how far a one-shot may be from where it should be.
+        stride: how many of these anchors a one-shot goes on between two looks; None for a loop.
         look_every: frames from one look to the next.
     """
 

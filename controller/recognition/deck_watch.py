@@ -1,6 +1,6 @@
 """Watches whether the robot does its motion: experts recognise the measured joints, and each joint has to follow.
 
-One call a tick, at the same cost. Where the targets stand still (a pause, the end of a motion that happens once) there
+One call a tick, at the same cost. Where the targets stand still (a pause, the end of a one-shot) there
 is nothing to be recognized, and nothing is claimed.
 """
 

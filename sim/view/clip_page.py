@@ -32,7 +32,7 @@ SLOWEST, FASTEST = 0.05, 3.0
 
 @dataclass(frozen=True)
 class Act:
-    """What is to be shown.
+    """What is shown.
 
     Attributes:
         title: heads the page.
@@ -56,7 +56,7 @@ class Act:
 
 
 def show(act: Act, port: int, ends: Callable[[], bool] = lambda: False) -> None:
-    """Shows an act on a page of this machine until it is told to end.
+    """Shows a clip on a page of this machine until it is ended.
 
     Raises:
         PortError: if the port is taken.
@@ -127,7 +127,7 @@ class _Stage:
         ]
 
     def show(self, dt: float) -> None:
-        """Lets time pass and draws what is to be seen now."""
+        """Lets time pass and draws the present frame."""
         act, head = self._act, self._head
         head.advance(dt)
         frame = head.frame
@@ -174,7 +174,7 @@ class _Stage:
                 self._bar.value = round(frame / head.rate, 4)
 
     def _drag(self, event: viser.GuiEvent) -> None:
-        # A bar set by this program, not by a hand, reports no client.
+        # A slider that is set by this program reports no client.
         if event.client is not None:
             self._dragged = time.monotonic()
             self._head.playing = False

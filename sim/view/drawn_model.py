@@ -76,7 +76,7 @@ class DrawnModel:
                 handle.batched_wxyzs = orientation.astype(np.float32)
 
     def hide(self) -> None:
-        """Takes it off the page until it is shown again."""
+        """Hides it until it is shown again."""
         self._set_visible(False)
 
     def _set_visible(self, visible: bool) -> None:
@@ -87,5 +87,5 @@ class DrawnModel:
 
 
 def _linear(colour: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Colours as a screen shows them turned into light, which is what the page takes the colours of copies for."""
+    """Screen colours (sRGB) as linear ones, which the page expects for copies."""
     return np.round(255.0 * (colour / 255.0) ** 2.2).astype(np.uint8)

@@ -23,7 +23,7 @@ WAYS = ("off", "over the robot", "beside it")
 
 
 def draw_ghost(skeleton: Skeleton, scale: float, file: Path) -> dict[str, Any]:
-    """Writes the model of a human of the robot's size, translucent, and says what `Ghost` has to know of it."""
+    """Writes the model of a human of the robot's size, translucent, and returns the description that `Ghost` needs."""
     spec = build_mannequin(replace(skeleton, length=skeleton.length * scale))
     for material in spec.materials:
         material.rgba[3] = OPACITY
@@ -36,13 +36,13 @@ class Ghost:
     """Turns published poses into the coordinates of that model, and shows them."""
 
     def __init__(self, drawn: DrawnModel, model: mujoco.MjModel, about: Mapping[str, Any], aside: float) -> None:
-        """Looks at what `draw_ghost` has said.
+        """Reads the description that `draw_ghost` returned.
 
         Args:
             drawn: the model on the page.
             model: of the human.
-            about: what was said.
-            aside: how far to the left of the robot it is beside it, m.
+            about: the description.
+            aside: its distance to the left of the robot when it is beside it, m.
         """
         bones: Sequence[str] = about["bones"]
         self._drawn, self._scale, self._aside = drawn, float(about["scale"]), aside
@@ -56,11 +56,11 @@ class Ghost:
         """Draws the human in one of WAYS.
 
         Args:
-            way: where.
+            way: one of WAYS.
             root: the height of the human's root is root[2], m.
             turn: rotations of root and bones in the world, shape (4 (1 + B),).
-            beneath: where the robot's root is, shape (2,), m: there the human is, too, whatever its path was.
-            centre: from where it is seen, shape (2,), m.
+            beneath: the robot's root, shape (2,), m; the human is drawn there, whatever its own path.
+            centre: of the view, shape (2,), m.
         """
         if way == WAYS[0]:
             self._drawn.hide()

@@ -1,4 +1,4 @@
-"""The panel of the page: buttons for motions and for all else that is commanded, and the state of the loop."""
+"""The panel of the page: buttons for motions and commands, and the state of the loop."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Panel:
         gui.configure_theme(show_share_button=False, show_logo=False, brand_color=CURRENT)
         self._health = gui.add_html("")
         self._seen = gui.add_html("")
-        # Above the motions, so that it need not be looked for below the edge of a small window.
+        # Above the motions, so that it is visible in a small window too.
         self._estop = gui.add_button(
             "Emergency stop", icon=viser.Icon.ALERT_OCTAGON, color="orange", hint=BY_WORD["estop"].help
         )
@@ -122,17 +122,17 @@ class Panel:
 
     @property
     def human(self) -> str:
-        """Where the human is to be seen."""
+        """Where the human is shown."""
         return str(self._human.value) if self._human is not None else WAYS[0]
 
     @property
     def marks_steps(self) -> bool:
-        """Whether prints and contacts of the feet are to be seen."""
+        """Whether prints and contacts of the feet are shown."""
         return bool(self._steps.value)
 
     @property
     def follows(self) -> bool:
-        """Whether the camera goes along with the robot."""
+        """Whether the camera follows the robot."""
         return bool(self._follow.value)
 
     def show(self, state: dict[str, Array]) -> None:

@@ -1,4 +1,4 @@
-"""The playhead: where in a motion the page is; it plays, pauses, steps and is dragged along."""
+"""The playhead: the place in a motion that a page shows; it plays, pauses, steps and can be dragged."""
 
 from __future__ import annotations
 

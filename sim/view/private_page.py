@@ -43,7 +43,7 @@ class PrivatePage(viser.ViserServer):
     def __init__(self, port: int, label: str) -> None:
         _check_free(port)
         os.environ.pop("_VISER_PORT_OVERRIDE", None)
-        # Whoever knocks and goes away again is not worth a traceback in the deck's terminal.
+        # A client that connects and leaves again is not worth a traceback in the deck's terminal.
         logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
         with _own_pages_only(port):
             super().__init__(host=LOOPBACK, port=port, label=label, verbose=False)
@@ -52,7 +52,7 @@ class PrivatePage(viser.ViserServer):
             self.stop()
             raise PagePortError(_taken(port))
         self.gui.configure_theme(show_share_button=False, show_logo=False)
-        # Three locks on one door: no button, no handler for the message a crafted client could send, no method to call.
+        # Sharing is off three times: no button, no handler for a crafted message, no method to call.
         for request in (viser._messages.ShareUrlRequest, viser._messages.ShareUrlDisconnect):
             self._websock_server.unregister_handler(request)
 
@@ -61,7 +61,7 @@ class PrivatePage(viser.ViserServer):
 
     @property
     def address(self) -> str:
-        """What to type into the browser."""
+        """The address of the page."""
         return f"http://{LOOPBACK}:{self.get_port()}"
 
 

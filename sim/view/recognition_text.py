@@ -1,4 +1,4 @@
-"""What the page says of recognition: which motion the measured joints look like, how surely, and what is wrong."""
+"""What the page shows of recognition: the recognized motion, the confidence, and what is wrong."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from html import escape
 from controller.rotations import Array
 
 GOOD, UNSURE, BAD = "#2b8a3e", "#868e96", "#c92a2a"
-SURE = 0.26  # confidence: the second expert errs 1.35 times as much as the best one
+SURE = 0.26  # confidence at which the second expert's error is 1.35 times that of the best one
 SHOWN_MISMATCH = 0.25  # s for which another motion must be seen before the page turns red
 
 

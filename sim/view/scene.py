@@ -23,7 +23,7 @@ TELEPORT = 3.0  # m: too far to have been walked between two pictures
 
 
 class Follower:
-    """The point on the ground that the view is centred on: it goes along with the root and leaves out its sway."""
+    """The point on the ground that the view is centred on: it follows the root without its sway."""
 
     def __init__(self) -> None:
         self._position: Array | None = None
@@ -44,7 +44,7 @@ class Follower:
 
 
 class Scene:
-    """A robot on a page, seen by someone who walks along with it.
+    """A robot on a page, seen by an observer who walks along.
 
     Attributes:
         height: of the robot, m.
@@ -77,10 +77,10 @@ class Scene:
         return self._robot.data
 
     def show(self, qpos: Array, centre: Array) -> None:
-        """Draws the robot at qpos (nq,) as seen by someone who walks along with the centre (2,)."""
+        """Draws the robot at qpos (nq,) as seen by an observer who walks along with the centre (2,)."""
         with self._page.atomic():
             self._robot.show(qpos, centre)
-            # The floor only has to go back by less than two squares to look as if one had walked on.
+            # Moving the floor back by less than two squares looks like walking on.
             self._floor.position = (*(-np.mod(centre, 2.0 * self._cell)), 0.0)
 
 

@@ -1,4 +1,4 @@
-"""Figure: the solids of a MuJoCo model as a few meshes drawn many times each, ready for a 3-D page.
+"""The solids of a MuJoCo model as a few meshes that are drawn many times each, ready for a 3-D page.
 
 A capsule is a cylinder between two spheres, because stretching a capsule would flatten its ends; so a humanoid of a
 hundred primitives is three batches: spheres, cylinders and boxes.

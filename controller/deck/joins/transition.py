@@ -77,7 +77,7 @@ class Fade:
         )
 
     def onset(self, elapsed: float) -> float:
-        """The share of the tempo at which a motion that happens once gets going.
+        """The share of the tempo at which a one-shot gets going.
 
         At full tempo half of it would be over before it can be seen.
         """

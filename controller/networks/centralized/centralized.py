@@ -140,7 +140,7 @@ class Voice:
         np.exp(self._turn * time + self._start, out=self.centers)
 
     def advance(self, dt: float) -> None:
-        """Goes dt seconds on; a motion that happens once stops at its end."""
+        """Goes dt seconds on; a one-shot stops at its end."""
         time, seconds = self.time + dt, self.motion.seconds
         if time >= seconds:
             self._begin(time % seconds if self.motion.loop else seconds)

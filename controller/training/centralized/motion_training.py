@@ -1,7 +1,7 @@
 """Teaches one motion to a centralized network: rest, centers, satellites and weights.
 
 A loop gets a slow center that turns once in its period and fast ones that make whole numbers of turns, so that the
-curve on their torus is closed and the motion can go on for ever. A motion that happens once gets a slow center that
+curve on their torus is closed and the motion can go on for ever. A one-shot gets a slow center that
 starts with a quarter, 0.45 or one turn and is moved with everything else.
 """
 

@@ -15,7 +15,7 @@ class TrainingMotion:
 
     Attributes:
         name: of the motion.
-        frames: normalised channels, shape (T, C): one period of a loop, or all of a motion that happens once.
+        frames: normalised channels, shape (T, C): one period of a loop, or all of a one-shot.
         loop: which of the two it is.
         before: what was recorded before the frames, shape (T', C), or None.
     """
@@ -28,7 +28,7 @@ class TrainingMotion:
     def lead_in(self, washout: int) -> Array:
         """What precedes the frames while the reservoir forgets its start, shape (washout, C).
 
-        Where nothing was recorded before them, a loop is preceded by its own end, a motion that happens once by its
+        Where nothing was recorded before them, a loop is preceded by its own end, a one-shot by its
         first frame.
         """
         if self.before is not None:

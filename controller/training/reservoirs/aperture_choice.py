@@ -36,7 +36,7 @@ APERTURES = (5.0, 7.0, 10.0, 14.0, 20.0, 30.0, 50.0, 80.0)
 # How long each is run for its attenuation, and from when on it counts.
 STEPS, SETTLED = 400, 60
 
-# What a loop has to survive. A motion that happens once may be anywhere along its course after a disturbance.
+# What a loop has to survive. A one-shot may be anywhere along its course after a disturbance.
 LOOP: tuple[Kind, ...] = ("robustness", "stability")
 
 

@@ -33,7 +33,7 @@ class EchoStateRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, k
         state_noise, teacher_noise: standard deviations, in units of the state and of the normalised output.
         choose_noise: whether a motion that fails with it is taught with others (`training/noise_choice.py`).
         drives: how many noisy runs are learned from.
-        wrong_starts: how many further runs of the motions that happen once begin at their first frame in a random
+        wrong_starts: how many further runs of one-shots begin at their first frame in a random
             state.
         clipped: whether state and output are kept in the range of training when the network runs free.
         anchor_every: frames between the states that are stored for starting.
