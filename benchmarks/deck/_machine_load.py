@@ -1,4 +1,4 @@
-"""What a machine does beside a benchmark: a process that keeps a core busy, and the time that a host takes away."""
+"""Load beside a benchmark: a process that keeps a core busy, and the time that a virtual machine's host takes away."""
 
 from __future__ import annotations
 

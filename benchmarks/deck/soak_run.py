@@ -1,4 +1,4 @@
-"""A soak: hours of commands and faults on virtual time, with everything that must hold looked at in every tick.
+"""A soak: hours of commands and faults on virtual time, with all invariants checked in every tick.
 
 A library's deck plays through the safety envelope while commands come at random, over the socket as from any client,
 amid nonsense and floods; outputs raise and return NaN, the deck itself raises. What must hold: each target is finite

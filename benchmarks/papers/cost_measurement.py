@@ -1,4 +1,4 @@
-"""Measures what training and playing one network costs, with its size, its recordings or its motions varied."""
+"""Measures the cost of training and playing a network, by its size, its recordings or its motions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which frequencies suit a motion: the search of Vakulenko et al. 2017, eqs 20-27, with satellites that stay in place.
+"""Searches the frequencies that suit a motion (Vakulenko et al. 2017, eqs 20-27), with fixed satellites.
 
 Centers are q_i = sin(omega_i t) as in the paper (q(0) = 0). A vector of frequencies is judged by the squared error that
 its satellites leave with the best weights. The exhaustive search goes over a grid for one or two centers; more centers

@@ -1,4 +1,4 @@
-"""Hides joints or markers for a while, has them filled in, and says how far off that is."""
+"""Hides joints or markers for a while, fills them in, and measures the errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The centralized network of one segment, trained with the effort that the published figures were measured with."""
+"""The centralized network of one segment, trained with the settings of the published figures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A committee within one reservoir: groups of its neurons foretell apart, and are judged joint by joint.
+"""A committee within one reservoir: groups of its neurons predict separately, and are judged joint by joint.
 
 The neurons of a reservoir are split into groups, and each class has a readout from each group. An expert's cost is the
 mean over groups and joints of the logarithm of its squared error, less its mean over all classes:
@@ -58,7 +58,7 @@ def committee(recipe: ExpertRecipe, groups: int = GROUPS, together: int | None =
 
 
 class _Judge:
-    """Knows how well an expert taught with some of the signals foretells all of them."""
+    """Knows how well an expert taught with some of the signals predicts all of them."""
 
     def __init__(self, recipe: ExpertRecipe, groups: int, together: int | None, signals: list[Array]) -> None:
         channels = signals[0].shape[1]

@@ -1,4 +1,4 @@
-"""Who is in the benchmark's table: the proposal, ours, and all peers."""
+"""The rows of the benchmark's table: the proposal, ours, and all peers."""
 
 from __future__ import annotations
 

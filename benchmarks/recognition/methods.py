@@ -1,4 +1,4 @@
-"""What a method of recognition is to the benchmark, and the echo-state experts as such: the proposal's and ours.
+"""The interface of a recognition method in the benchmark, and the echo-state experts: the proposal's and ours.
 
 A method is prepared once with all signals, without their labels' help (it may drive a reservoir, or measure distances),
 and is then asked fold by fold: it learns some of them and says how badly others fit each class.

@@ -1,4 +1,4 @@
-"""Motion templates (Mueller and Roeder 2006): what all examples of a class have in common, as yes, no and either.
+"""Motion templates (Mueller and Roeder 2006): what all examples of a class have in common, as true, false or either.
 
 A frame becomes a row of yes-or-no relations between body parts ("is the left hand above the head?"). The examples of a
 class are warped onto each other and averaged; what they agree on is yes or no, the rest does not count. A motion

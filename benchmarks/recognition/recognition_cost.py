@@ -1,4 +1,4 @@
-"""What recognition costs here: training of a whole set, and a frame of the online recognizer, in processor time.
+"""The cost of recognition: training of a whole set, and one frame of the online recognizer, in processor time.
 
 Processor time is what a loop has to set aside; what other processes take meanwhile is not in it.
 """

@@ -1,4 +1,4 @@
-"""The channels of the proposal of 2012: the angles of an .amc file as they stand there."""
+"""The channels of the proposal of 2012: the angles of an .amc file, unchanged."""
 
 from __future__ import annotations
 

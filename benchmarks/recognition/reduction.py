@@ -1,4 +1,4 @@
-"""Fewer dimensions: which channels to keep, or which mixtures of them (the proposal's section 4).
+"""Fewer dimensions: which channels to keep, or which linear combinations (the proposal's section 4).
 
 Each function looks at frames (T, C) of the learned motions and gives a matrix (C, k): reduced = frames @ matrix.
 """

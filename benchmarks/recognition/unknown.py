@@ -1,7 +1,7 @@
-"""How well unknown motions are told from known ones: each class in turn is left out of what is learned.
+"""How well unknown motions are distinguished from known ones: each class in turn is left out of the training.
 
 Confidence is the margin, how far the best expert is ahead of the second, less a share of the best one's cost: an
-unknown motion is foretold badly by all. Area under the ROC curve: the share of pairs of a known and an unknown example
+unknown motion is predicted badly by all. Area under the ROC curve: the share of pairs of a known and an unknown example
 in which the known one has the greater confidence.
 """
 

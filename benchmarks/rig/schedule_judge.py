@@ -1,4 +1,4 @@
-"""The judge of fault schedules: looks at true shafts and registers of emulated servos, never at the rig's own readings.
+"""The judge of fault schedules: it reads true shafts and registers of emulated servos, never the rig's own readings.
 
 speed      a shaft turns at most at its joint's limit, and while it catches up after a recovery at a quarter of it
            and it changes its speed no faster than its acceleration limit

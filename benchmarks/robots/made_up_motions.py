@@ -1,4 +1,4 @@
-"""Motions on the spot that no shipped library has: waving, and squats, for any skeleton."""
+"""Motions on the spot that no shipped library contains: waving and squats, for any skeleton."""
 
 from __future__ import annotations
 

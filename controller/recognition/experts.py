@@ -1,4 +1,4 @@
-"""Echo-state experts: one readout a motion, which foretells the next frame of it (Rodriguez 2012, section 4).
+"""Echo-state experts: one readout a motion, which predicts the next frame of it (Rodriguez 2012, section 4).
 
 A reservoir without input is forced along the motion that is to be recognized (teacher forcing):
 
@@ -97,7 +97,7 @@ def force(reservoir: Reservoir, signals: list[Array], washout: int) -> list[Forc
     """
     for number, signal in enumerate(signals):
         if len(signal) < 2:
-            raise MotiondeckError(f"motion {number}: {len(signal)} frames; nothing can be foretold from less than 2")
+            raise MotiondeckError(f"motion {number}: {len(signal)} frames; nothing can be predicted from less than 2")
         if not np.isfinite(signal).all():
             raise MotiondeckError(f"motion {number}: its features hold a number that is not finite")
     driven = drive(reservoir, [signal[:-1] for signal in signals])

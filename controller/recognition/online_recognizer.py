@@ -33,7 +33,7 @@ class OnlineRecognizer:
 
     Attributes:
         classes: the motions it knows.
-        costs: the centred log error of each expert, shape (M,); NaN until the first frame is foretold.
+        costs: the centred log error of each expert, shape (M,); NaN until the first frame is predicted.
         frames: how many frames were taken.
         skipped: how many were not, for a number in them that is not finite.
     """
@@ -103,7 +103,7 @@ class OnlineRecognizer:
 
     @property
     def ready(self) -> bool:
-        """Whether anything has been foretold yet."""
+        """Whether anything has been predicted yet."""
         return self._weight > 0.0
 
     @property

@@ -10,7 +10,7 @@ from hardware.rig.rig_file import load_rig
 
 
 def main() -> int:
-    """Serves the rig file named on the command line; 0 when interrupted or left alone, 1 if the file is no good."""
+    """Serves the rig file named on the command line; returns 0, or 1 if the file cannot be used."""
     if len(sys.argv) != 2:
         print("usage: python -m hardware.emulator RIG.toml", file=sys.stderr)
         return 2

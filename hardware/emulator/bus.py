@@ -1,4 +1,4 @@
-"""An emulated bus: bytes and the time in, the servos' answers out; no port, no clock and no thread of its own.
+"""An emulated bus: bytes and the time in, the servos' answers out; without port, clock or thread.
 
 Where the e-Manual is silent: in a sync or bulk read a servo waits for the one before it in the list, so a dead one
 silences all behind it (`strict`; otherwise they answer anyway); any instruction on the bus feeds every servo's
@@ -87,7 +87,7 @@ class EmulatedBus:
             placed |= {index: Device(bank, row) for row, index in enumerate(members)}
         self.devices = [placed[index] for index in range(len(config.joints))]
         self._coupling = Coupling(plant, config.joints, self.devices) if plant is not None else None
-        self._turned = 0.0  # how far the plant is, s
+        self._turned = 0.0  # time of the plant, s
         self.reindex()
 
     def __getitem__(self, id: int) -> Device:
@@ -95,7 +95,7 @@ class EmulatedBus:
         return self._by_id[id][0]
 
     def exchange(self, data: bytes, now: float) -> list[Answer]:
-        """Puts bytes onto the wire, the last of them at the time `now` (s), and gives what the servos answer."""
+        """Puts bytes on the wire, the last one at the time `now` (s), and returns the servos' answers."""
         self.advance(now)
         if self.longest_gap is not None and now - self._heard > self.longest_gap and self._parser.waiting:
             self._parser = Parser()
@@ -111,7 +111,7 @@ class EmulatedBus:
         return answers
 
     def advance(self, now: float) -> None:
-        """Lets the servos live until the time `now`, s; a time that is past already changes nothing."""
+        """Advances the servos to the time `now`, s; an earlier time changes nothing."""
         if now <= self._time:
             return
         while self._coupling is not None and now - self._turned >= STEP:
@@ -138,7 +138,7 @@ class EmulatedBus:
         return any(device.moving for device in self.devices)
 
     def reindex(self) -> None:
-        """Finds out anew who listens to which ID, after one was changed."""
+        """Updates which servo listens to which ID, after a change."""
         self._by_id: defaultdict[int, list[Device]] = defaultdict(list)
         self._shadows: defaultdict[int, list[Device]] = defaultdict(list)
         for device in self.devices:
@@ -147,7 +147,7 @@ class EmulatedBus:
                 self._shadows[device.shadow_id].append(device)
 
     def _awake(self, devices: list[Device]) -> list[Device]:
-        """Those of them that live, are not starting up, and listen at the host's speed."""
+        """Those that are alive, not starting up, and listen at the host's speed."""
         return [d for d in devices if not d.dead and self._time >= d.asleep_until and d.baud == self.baud]
 
     def _hearing(self, id: int) -> list[Device]:
@@ -155,7 +155,7 @@ class EmulatedBus:
         return self._awake(self._by_id[id]) if id in self._by_id else []
 
     def _answer(self, frame: Frame) -> list[Answer]:
-        """What the servos send back on one instruction."""
+        """The servos' answers to one instruction."""
         group = _GROUP.get(frame.instruction)
         if group is not None:
             return group(self, frame.params) if frame.id == BROADCAST else []
@@ -189,10 +189,10 @@ class EmulatedBus:
         return Answer(first, bytes(mixed), answers[0].id)
 
     def _alone(self, device: Device, id: int, frame: Frame, shadow: bool = False) -> list[Answer]:
-        """Carries out an instruction to a single servo, and gives its status."""
+        """Carries out an instruction to a single servo and returns its status."""
         params, error, answer, level = frame.params, 0, b"", 2
         deaf_until = self._time + BOOT_TIME
-        # The answer leaves before what the instruction does to ID, speed and answering.
+        # The answer leaves before the instruction changes ID, speed or status return level.
         done = self._status(device, id, 0, b"", 2)
         match frame.instruction:
             case wire.PING:
@@ -335,5 +335,5 @@ def _word(data: bytes, at: int) -> int:
 
 
 def _blocks(data: bytes, size: int) -> list[bytes]:
-    """The data in pieces of `size` bytes; a short rest is dropped."""
+    """The data in pieces of `size` bytes; a shorter remainder is dropped."""
     return [data[at : at + size] for at in range(0, len(data) - size + 1, size)]

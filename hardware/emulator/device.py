@@ -1,4 +1,4 @@
-"""One emulated servo as the bus sees it: which reads and writes it allows, and what they set off.
+"""One emulated servo as the bus sees it: which reads and writes it allows, and their effects.
 
 Where the e-Manual is silent: a goal beyond the user's limits is error 6 and one beyond the register's range error 4; a
 watchdog that has tripped takes nothing but 0; torque on a servo in shutdown is refused with error 1; a servo changes to
@@ -24,7 +24,7 @@ from hardware.protocol2.instructions import (
 RESULT_FAIL, INSTRUCTION, RANGE, LENGTH, LIMIT, ACCESS = 1, 2, 4, 5, 6, 7
 
 BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
-"""Bits/s, by what stands in the baud rate register."""
+"""Bits/s, by value of the baud rate register."""
 
 _FOLLOWER, _ON_BY_GOAL = 2, 8
 _TORQUE_AT_START, _RESTORE_RAM = 1, 2
@@ -75,7 +75,7 @@ class Device:
 
     @property
     def dead(self) -> bool:
-        """Set it, and the servo (its watchdog too) neither hears nor answers, like one whose cable is cut."""
+        """If set, the servo (its watchdog too) neither hears nor answers, as with its cable cut."""
         return self._dead
 
     @dead.setter
@@ -84,7 +84,7 @@ class Device:
         self.bank.cut_off(self.row, dead)
 
     def __getitem__(self, name: str) -> int:
-        """What a register holds."""
+        """The value of a register."""
         self.bank.show()
         return self._get(name)
 
@@ -212,7 +212,7 @@ class Device:
         return self.write(address, data)
 
     def reboot(self, deaf_until: float) -> None:
-        """Starts the servo anew; it hears nothing for a while."""
+        """Restarts the servo; it hears nothing for a while."""
         startup = self._get("startup_configuration") if self._newer else 0
         kept = {name: self._get(name) for name in _RESTORED if name in self._places} if startup & _RESTORE_RAM else {}
         kept["bus_watchdog"] = max(0, kept.get("bus_watchdog", 0))
@@ -241,7 +241,7 @@ class Device:
         return 0
 
     def back_up(self, params: bytes, deaf_until: float) -> int:
-        """Stores the EEPROM, or brings back what was stored and restarts; the error number, 0 for none."""
+        """Stores the EEPROM, or restores it and restarts; the error number, 0 for none."""
         if not self._newer:
             return INSTRUCTION
         if params not in (BACKUP_STORE, BACKUP_RESTORE):
@@ -263,7 +263,7 @@ class Device:
         return "startup_configuration" in self._places and self._get("firmware_version") >= _NEWER_FIRMWARE
 
     def _get(self, name: str) -> int:
-        """What a register holds that the servo does not measure."""
+        """The value of a register that the servo does not measure."""
         place, signed = self._places[name]
         return int.from_bytes(self._memory[place], "little", signed=signed)
 
@@ -337,7 +337,7 @@ class Device:
         return 0
 
     def _take_effect(self, name: str, value: int, switched_on: bool) -> None:
-        """What follows from a register having been written; `switched_on`: torque was off before."""
+        """The effects of a written register; `switched_on`: torque was off before."""
         bank, row = self.bank, self.row
         if name == "goal_position" and self._get("torque_enable"):
             bank.pursue(row)

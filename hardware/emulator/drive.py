@@ -1,4 +1,4 @@
-"""The motors of a bank: from settings and goals to how the horns turn, for all servos at once.
+"""The motors of a bank: from settings and goals to the turning of the horns, for all servos at once.
 
 In steps of at most 2 ms, with e = path - shaft:
 
@@ -81,7 +81,7 @@ class MotorDrive:
         self.plan()
 
     def plan(self) -> None:
-        """Works out which terms of the law are needed, after a setting has changed."""
+        """Updates which terms of the law are needed, after a setting has changed."""
         self._positional = (self.mode >= 3) & (self.mode <= 5)
         self._all_positional = bool(self._positional.all())
         self._extra_gains = bool((self.i_gain + self.d_gain + self.ff_gain).any())
@@ -96,7 +96,7 @@ class MotorDrive:
         self._sum[row] = 0.0
 
     def advance(self, seconds: float) -> None:
-        """Lets them run for so long."""
+        """Advances them by so many seconds."""
         if self.coupled or not self._at_rest():
             steps = math.ceil(seconds / _LONGEST_STEP)
             self._run(steps, seconds / steps)
@@ -104,14 +104,14 @@ class MotorDrive:
         self.temperature += warmer * seconds
 
     def torque(self, row: int) -> float:
-        """What a motor gives to its horn now, N·m; without power it gives and holds nothing."""
+        """The present torque of a motor at its horn, N·m; 0 without power."""
         if not self.on[row]:
             return 0.0
         given = self.pwm[row] / self.motor.full_pwm * self.supply[row] / self.motor.voltage
         return self.motor.stall_torque * float(given - self.speed[row] / self._no_load - self.load[row])
 
     def _at_rest(self) -> bool:
-        """Whether moving on would change nothing that anybody can see."""
+        """Whether advancing would change nothing observable."""
         unsettled = (np.abs(self.target - self.shaft) > 0.05) | ~self._positional
         return not ((unsettled & self.on) | (np.abs(self.speed) > 0.05) | (self.load != 0.0)).any()
 
@@ -165,7 +165,7 @@ class MotorDrive:
         self.pwm = drive
         self.current = (drive / full - self.speed / no_load) * on
         if not self._all_positional:
-            # What has no target is always where it should be.
+            # A motor without a target is always where it should be.
             elsewhere = ~self._positional
             self.path[elsewhere] = self.target[elsewhere] = self.shaft[elsewhere]
 

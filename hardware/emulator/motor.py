@@ -1,4 +1,4 @@
-"""What a servo model's motor can do, which is in no control table."""
+"""The motor data of servo models, which are in no control table."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from hardware.control_table.servo_traits import TRAITS
 from hardware.errors import RigError
 
-_GEARS = 0.7  # of the torque that an ideal motor would have is left behind the gears; an estimate
+_GEARS = 0.7  # share of an ideal motor's torque that is left behind the gears; an estimate
 _LAG = 0.015  # s; an estimate of rotor and gears without a load
 _WARMING = 1.5  # K/s at stall current; an estimate
 _COOLING = 240.0  # s, the time constant towards the room's temperature; an estimate

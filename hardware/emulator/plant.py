@@ -1,4 +1,4 @@
-"""What the horns of an emulated rig turn, where that is more than the motors: a mechanism with masses and contacts.
+"""The mechanism that the horns of an emulated rig turn, with masses and contacts.
 
 The emulator gives torques and takes angles back, and knows no simulator; `sim.physics.rig_plant` provides one.
 """
@@ -22,12 +22,12 @@ class JointPlant(Protocol):
     """J joints that turn under torques."""
 
     def advance(self, torques: Array, seconds: float) -> tuple[Array, Array]:
-        """Lets time pass under torques (J,), N·m; the joints' angles (J,), rad, and velocities (J,), rad/s, then."""
+        """Advances under torques (J,), N·m; returns the joints' angles (J,), rad, and velocities (J,), rad/s."""
         ...
 
 
 class Coupling:
-    """Horns on a plant: what the motors give goes in, where the joints are comes back."""
+    """Horns on a plant: the motors' torques go in, the joints' angles come back."""
 
     def __init__(self, plant: JointPlant, joints: Sequence[RigJoint], devices: Sequence[Device]) -> None:
         self._plant = plant
@@ -41,10 +41,10 @@ class Coupling:
             device.bank.shaft[device.row] += pulses
 
     def advance(self) -> None:
-        """Goes one STEP on."""
+        """Advances by one STEP."""
         torques = np.array([device.bank.drive.torque(device.row) for device in self._devices]) * self._ratio
         angles, velocities = self._plant.advance(torques, STEP)
-        # Only the change: how many whole turns a servo counts is its own affair.
+        # Only the change: the whole turns that a servo counts are its own.
         moved, speeds = self._per_radian * (angles - self._angles), self._per_radian * velocities
         self._angles = angles.copy()
         for device, pulses, speed in zip(self._devices, moved, speeds, strict=True):

@@ -1,4 +1,4 @@
-"""The emulator as a process of its own, for whoever needs a rig and has none."""
+"""The emulator in a process of its own."""
 
 from __future__ import annotations
 

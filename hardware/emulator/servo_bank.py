@@ -1,4 +1,4 @@
-"""A bank of servos of one model: their memories side by side, and how time passes for them.
+"""A bank of servos of one model: their memories side by side, and their behaviour in time.
 
 The memory of all servos is one block of bytes. numpy sees it as a table with a column for each register, so motion is
 computed on columns (see `drive`), and the bus reads and writes rows as plain bytes: nothing is ever copied between the
@@ -78,7 +78,7 @@ class ServoBank:
         return self.drive.shaft
 
     def restart(self, row: int, restored: dict[str, int] | None = None) -> None:
-        """Gives a servo the memory it has after power-up: its EEPROM stays, its horn counts from one turn again.
+        """Sets a servo's memory as after power-up: its EEPROM stays, its position is within one turn again.
 
         Args:
             row: which servo.
@@ -149,7 +149,7 @@ class ServoBank:
         drive.plan()
 
     def pursue(self, row: int) -> None:
-        """Sets off for what stands in the goal registers, by the profile in force now."""
+        """Starts towards the goal registers, with the present profile."""
         registers, drive = self.registers, self.drive
         if drive.mode[row] not in POSITION_MODES:
             return
@@ -170,7 +170,7 @@ class ServoBank:
             self.drive.acceleration[row] = self._profile(row, 0.0)[1]
 
     def live_until(self, now: float, fed: float) -> None:
-        """Lets time pass until `now` (or 1 ms less), with the last word on the bus at `fed`.
+        """Advances to `now` (or 1 ms less); the bus was last heard at `fed`.
 
         A bus watchdog that has heard nothing for too long trips at its own time on the way.
         """
@@ -181,7 +181,7 @@ class ServoBank:
             self._advance(now - self._time)
 
     def _profile(self, row: int, distance: float) -> tuple[float, float]:
-        """Top speed (pulses/s) and acceleration (pulses/s^2) of the profile registers for a way so long, pulses."""
+        """Top speed (pulses/s) and acceleration (pulses/s^2) of the profile registers for a distance in pulses."""
         top, rate = int(self.registers["profile_velocity"][row]), int(self.registers["profile_acceleration"][row])
         if self.registers["drive_mode"][row] & 4:
             # Time-based: the registers are ms for the whole way and ms of it for speeding up, at most half.
@@ -210,7 +210,7 @@ class ServoBank:
         self.registers["profile_velocity"][row] = self.registers["profile_acceleration"][row] = 0
         self.registers["goal_velocity"][row] = 0
         if self.drive.mode[row] in (CURRENT, PWM):
-            # What these modes hold with is a force, and none is the only one that stands still.
+            # These modes command a torque, and only zero torque stands still.
             self.registers["goal_pwm"][row] = 0
             if self._measures_current:
                 self.registers["goal_current"][row] = 0
@@ -243,7 +243,7 @@ class ServoBank:
         self.browned_out |= set(np.flatnonzero(drive.supply < _LOWEST_VOLTAGE * drive.motor.voltage).tolist())
 
     def show(self) -> None:
-        """Brings the registers that a servo measures up to date."""
+        """Updates the registers that a servo measures."""
         if self._shown:
             return
         self._shown = True

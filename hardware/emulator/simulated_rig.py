@@ -63,7 +63,7 @@ class SimulatedRig:
         self._goals = self.positions.copy()
 
     def write(self, targets: Array) -> None:
-        """Gives the servos their targets (J,), rad, clipped to the limits; NaN and infinity change nothing."""
+        """Sets the servos' targets (J,), rad, clipped to the limits; NaN and infinity change nothing."""
         finite = np.isfinite(targets)
         wanted = np.where(finite, targets, self._goals)
         self._goals = np.clip(wanted, self._scale.lower, self._scale.upper)

@@ -1,4 +1,4 @@
-"""The wire between an adapter and emulated servos: how long bytes take, and what happens to them on the way.
+"""The wire between an adapter and emulated servos: the time that bytes take, and faults on the way.
 
 Ten bits carry a byte. A servo starts to answer its return delay after the instruction's last bit; in a sync read each
 waits its own. With USB latency an adapter hands over what it has received at every whole period only.
@@ -34,7 +34,7 @@ class Wire:
         self.paced = paced
         self.half_duplex = half_duplex
         self.collisions = 0
-        self._free = 0.0  # when the wire falls silent
+        self._free = 0.0  # when the wire becomes silent
         self._arriving: deque[tuple[float, bytes]] = deque()  # at the adapter, by time
 
     def send(self, data: bytes, now: float) -> None:
@@ -60,7 +60,7 @@ class Wire:
         self._free = start
 
     def receive(self, now: float) -> bytes:
-        """What has arrived by the time `now`, s."""
+        """The bytes that have arrived by the time `now`, s."""
         arrived: list[bytes] = []
         while self._arriving and self._arriving[0][0] <= now:
             arrived.append(self._arriving.popleft()[1])
@@ -72,15 +72,15 @@ class Wire:
         return self._arriving[0][0] if self._arriving else None
 
     def advance(self, now: float) -> None:
-        """Lets servos and faults live until the time `now`, s."""
+        """Advances servos and faults to the time `now`, s."""
         self.faults.advance(self.bus, now)
         self.bus.advance(now)
 
     def _time(self, data: bytes) -> float:
-        """How long bytes take, s."""
+        """The time that bytes take, s."""
         return 10.0 * len(data) / self.bus.baud
 
     def _handed_over(self, arrived: float) -> float:
-        """When the adapter gives the host what arrived, s."""
+        """When the adapter hands over arrived bytes to the host, s."""
         latency = self.faults.latency
         return math.ceil(arrived / latency) * latency if latency else arrived

@@ -107,7 +107,7 @@ class Footing:
         """Forgets where it was: the next pose stands where the human stands.
 
         Args:
-            dt: seconds from one pose to the next from now on; as before by itself.
+            dt: seconds from one pose to the next from now on; by default as before.
         """
         self._dt = dt or self._dt
         self.flat.tick(self._dt)

@@ -93,7 +93,7 @@ class ServoHumanoidRetargeter:
             joints: the robot's J joints.
             lower, upper: their ranges, shape (J,), rad.
             angles: which of SERVO_HUMANOID_JOINTS is which joint; none where they have the same names.
-            rest: where the joints stay that none of the angles is, shape (J,), rad; zero by itself.
+            rest: where the joints stay that none of the angles is, shape (J,), rad; by default zero.
             flat: the slopes of the human's feet; none for feet that slope by FOOT_SLOPE when they are flat.
 
         Raises:

@@ -1,4 +1,4 @@
-"""A viser page that stays on this machine: bound to loopback, opened only by itself, never shared.
+"""A viser page that stays on this machine: bound to loopback, used only by its own page, never shared.
 
 viser can publish a page on the internet through a tunnel, and does so whenever a client asks; it also takes commands
 from any web page that happens to be open in the same browser, and lets itself be framed by one, so that a click meant

@@ -75,7 +75,7 @@ def add(
 ) -> None:
     """Add a motion to a library without training the others again: their weights do not change.
 
-    A conceptor network that runs by itself loads the motion into what is left of its reservoir, which is printed;
+    An autonomous conceptor network loads the motion into what is left of its reservoir, which is printed;
     other networks get one more readout or one more motion. The new motion has to pass the self-test.
 
     Example:  motiondeck library add my.safetensors skip.bvh --name skip

@@ -1,4 +1,4 @@
-"""Cutting a stream by recognition: a frame goes to the expert that foretells it best, with an eye on its neighbours."""
+"""Cutting a stream by recognition: a frame goes to the expert that predicts it best, with an eye on its neighbours."""
 
 from __future__ import annotations
 

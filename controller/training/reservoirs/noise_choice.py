@@ -22,8 +22,8 @@ from controller.training.reservoirs.echo_state_training import EchoStateRecipe, 
 FACTORS = (1.0, 2.0, 0.4, 1.4)
 """What the recipe's state noise is multiplied by, in the order in which it is tried; with 1 it is drawn anew."""
 
-# What a motion has to survive. A loop that survives noise in every step survives a wrong start too; a motion that
-# happens once loses its place under such noise, whatever it was taught.
+# What a motion has to survive. A loop that survives noise in every step survives a wrong start too; a one-shot
+# loses its place under such noise, whatever it was taught.
 LOOP: tuple[Kind, ...] = ("stability",)
 ONCE: tuple[Kind, ...] = ("robustness",)
 
