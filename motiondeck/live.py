@@ -17,10 +17,11 @@ from typing import Any, Literal
 import msgspec
 
 from controller.cli.session.live_deck import Ended, Failed, LiveNews, LiveRequest, Ready
-from controller.wire.command_socket import (
+from controller.wire.command_socket import CommandClient, SocketError
+from controller.wire.command_table import checked
+from controller.wire.messages import (
     Accepted,
     Blend,
-    CommandClient,
     CommandError,
     EmergencyStop,
     GetStatus,
@@ -33,12 +34,10 @@ from controller.wire.command_socket import (
     Reset,
     Resume,
     SetTempo,
-    SocketError,
     Stop,
     Switch,
 )
-from controller.wire.command_socket import State as DeckStatus
-from controller.wire.command_table import checked
+from controller.wire.messages import State as DeckStatus
 from controller.wire.run_folder import run_folder
 from motiondeck.libraries import Library
 from motiondeck_base.errors import MotiondeckError

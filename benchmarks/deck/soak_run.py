@@ -29,10 +29,9 @@ from controller.loop.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
 from controller.mocap.posture import Pose
 from controller.rotations import Array
-from controller.wire.command_socket import (
-    LOOPBACK,
+from controller.wire.command_socket import LOOPBACK, CommandServer
+from controller.wire.messages import (
     Blend,
-    CommandServer,
     EmergencyStop,
     GetStatus,
     Home,

@@ -10,9 +10,9 @@ from typing import Annotated
 import typer
 
 from controller.cli.gamepad_device import Button, EventDevice, Stick, events, open_gamepad
-from controller.wire.command_socket import (
-    DEFAULT_PORT,
-    CommandClient,
+from controller.wire.command_socket import DEFAULT_PORT, CommandClient
+from controller.wire.command_table import TEMPO, command_of
+from controller.wire.messages import (
     EmergencyStop,
     GetStatus,
     Home,
@@ -26,7 +26,6 @@ from controller.wire.command_socket import (
     Stop,
     Switch,
 )
-from controller.wire.command_table import TEMPO, command_of
 from motiondeck_base.errors import MotiondeckError
 
 SLOWEST = 0.1

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from controller.cli.common.options import PAGE_PORT
-from controller.wire.command_socket import DEFAULT_PORT, Switch
+from controller.wire.command_socket import DEFAULT_PORT
+from controller.wire.messages import Switch
 
 if TYPE_CHECKING:
     from controller.cli.session.script import Timed

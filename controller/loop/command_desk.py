@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from controller.loop.stop_requests import StopRequest
-from controller.wire.command_socket import (
+from controller.wire.command_socket import Address, CommandServer
+from controller.wire.command_table import command_of
+from controller.wire.messages import (
     Accepted,
-    Address,
     Blend,
-    CommandServer,
     EmergencyStop,
     GetStatus,
     Home,
@@ -28,7 +28,6 @@ from controller.wire.command_socket import (
     Stop,
     Switch,
 )
-from controller.wire.command_table import command_of
 from motiondeck_base.errors import MotiondeckError
 
 Awaited = Switch | Queue | Blend

@@ -22,58 +22,17 @@ from controller.wire.authentication import SIGNATURE_BYTES, sign, verify
 from controller.wire.command_table import read_message
 from controller.wire.messages import (
     MOST_BYTES,
-    Accepted,
-    Blend,
     CommandError,
     EmergencyStop,
-    GetStatus,
-    Home,
-    Jump,
     Message,
     Number,
-    Pause,
-    Queue,
     Refused,
     Reply,
-    Reset,
-    Resume,
-    SetTempo,
     Settled,
-    State,
-    Stop,
-    Switch,
     encode,
     read_reply,
 )
 from motiondeck_base.errors import MotiondeckError
-
-__all__ = [
-    "DEFAULT_PORT",
-    "Accepted",
-    "Address",
-    "Blend",
-    "CommandClient",
-    "CommandError",
-    "CommandServer",
-    "EmergencyStop",
-    "GetStatus",
-    "Home",
-    "Jump",
-    "Message",
-    "Pause",
-    "Queue",
-    "Refused",
-    "Reply",
-    "Reset",
-    "Resume",
-    "SetTempo",
-    "Settled",
-    "SocketError",
-    "State",
-    "Stop",
-    "Switch",
-    "Traffic",
-]
 
 DEFAULT_PORT = 47810
 LOOPBACK = "127.0.0.1"

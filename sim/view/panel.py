@@ -9,9 +9,10 @@ import numpy as np
 import viser
 
 from controller.rotations import Array
-from controller.wire.command_socket import (
+from controller.wire.command_socket import CommandClient
+from controller.wire.command_table import BY_WORD, TEMPO, WEIGHT
+from controller.wire.messages import (
     Blend,
-    CommandClient,
     EmergencyStop,
     Home,
     Jump,
@@ -25,7 +26,6 @@ from controller.wire.command_socket import (
     Stop,
     Switch,
 )
-from controller.wire.command_table import BY_WORD, TEMPO, WEIGHT
 from controller.wire.run_recording import MODES
 from motiondeck_base.errors import MotiondeckError
 from sim.view.ghost import WAYS

@@ -44,7 +44,8 @@ from controller.mocap.clip import Clip
 from controller.mocap.encodings.joint_angles import JointBody
 from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array
-from controller.wire.command_socket import CommandServer, Refused
+from controller.wire.command_socket import CommandServer
+from controller.wire.messages import Refused
 from motiondeck_base.errors import MotiondeckError
 
 

@@ -11,22 +11,20 @@ import sys
 import threading
 from collections.abc import Callable, Iterable
 
-from controller.wire.command_socket import (
-    DEFAULT_PORT,
+from controller.wire.command_socket import DEFAULT_PORT, CommandClient, SocketError
+from controller.wire.command_table import BY_WORD, COMMANDS, parse_command
+from controller.wire.messages import (
     Accepted,
     Blend,
-    CommandClient,
     CommandError,
     GetStatus,
     Message,
     Refused,
     Reply,
     Settled,
-    SocketError,
     State,
     Switch,
 )
-from controller.wire.command_table import BY_WORD, COMMANDS, parse_command
 from motiondeck_base.errors import MotiondeckError
 
 _HELP_ROWS = [

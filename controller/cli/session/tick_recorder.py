@@ -15,7 +15,7 @@ from controller.cli.session.child_process import child_process
 from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
 from controller.rotations import Array
-from controller.wire.command_socket import Blend, GetStatus, Jump, Message, Queue, Refused, Reply, SetTempo, Switch
+from controller.wire.messages import Blend, GetStatus, Jump, Message, Queue, Refused, Reply, SetTempo, Switch
 from controller.wire.run_folder import run_folder
 from controller.wire.run_recording import COMMANDS, MODES
 from controller.wire.telemetry import StateWriter

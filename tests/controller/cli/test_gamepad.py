@@ -14,10 +14,9 @@ from hypothesis import strategies as st
 from controller.cli import gamepad_device
 from controller.cli.gamepad import Pad, drive, gamepad, tempo_of
 from controller.cli.gamepad_device import Button, Stick, deflection, events, open_gamepad
-from controller.wire.command_socket import (
+from controller.wire.command_socket import CommandClient, CommandServer
+from controller.wire.messages import (
     Accepted,
-    CommandClient,
-    CommandServer,
     EmergencyStop,
     GetStatus,
     Home,

@@ -16,10 +16,11 @@ from controller.loop.loop import run
 from controller.loop.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
 from controller.mocap.posture import Pose
-from controller.wire.command_socket import (
+from controller.wire.command_socket import CommandClient, CommandServer, SocketError
+from controller.wire.command_table import read_message
+from controller.wire.messages import (
     Accepted,
-    CommandClient,
-    CommandServer,
+    CommandError,
     EmergencyStop,
     GetStatus,
     Home,
@@ -33,13 +34,12 @@ from controller.wire.command_socket import (
     Resume,
     SetTempo,
     Settled,
-    SocketError,
     State,
     Stop,
     Switch,
+    encode,
+    read_reply,
 )
-from controller.wire.command_table import read_message
-from controller.wire.messages import CommandError, encode, read_reply
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 

@@ -12,7 +12,8 @@ import pytest
 from PIL import Image
 from test_private_page import free_port
 
-from controller.wire.command_socket import Accepted, CommandServer, Jump, Refused, SetTempo, Stop, Switch
+from controller.wire.command_socket import CommandServer
+from controller.wire.messages import Accepted, Jump, Refused, SetTempo, Stop, Switch
 from controller.wire.telemetry import StateWriter
 from sim.models.mannequin import build_mannequin
 from sim.view.scene import Follower

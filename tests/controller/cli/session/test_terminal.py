@@ -11,12 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller.cli.session.terminal import describe, listen_to
-from controller.wire.command_socket import (
+from controller.wire.command_socket import CommandClient, CommandServer
+from controller.wire.command_table import parse_command
+from controller.wire.messages import (
     Accepted,
     Blend,
-    CommandClient,
     CommandError,
-    CommandServer,
     EmergencyStop,
     GetStatus,
     Home,
@@ -32,7 +32,6 @@ from controller.wire.command_socket import (
     Stop,
     Switch,
 )
-from controller.wire.command_table import parse_command
 
 
 @pytest.mark.parametrize(
