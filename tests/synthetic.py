@@ -10,7 +10,7 @@ from controller.mocap.encodings.normalisation import Normalisation
 from controller.mocap.skeleton import Skeleton
 from controller.training.preparation.loops import hold_end
 from controller.training.preparation.training_motion import TrainingMotion
-from controller.training.reservoirs.conceptor_training import ConceptorRecipe, train_conceptors
+from controller.training.reservoirs.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir
 from controller.training.reservoirs.phase_training import PhaseRecipe, train_phase_conceptors
 
 RATE = 120.0
@@ -95,7 +95,7 @@ def lessons():
 
 def small_network(seed=0, recipe=SMALL_RECIPE):
     taught, normalisation = lessons()
-    return train_conceptors(taught, normalisation, recipe, seed)
+    return conceptor_network(load_reservoir(taught, recipe, seed), taught, normalisation, recipe)
 
 
 def small_phase_network(seed=0, **recipe):

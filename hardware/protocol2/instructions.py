@@ -62,16 +62,6 @@ def write(id: int, address: int, data: bytes) -> bytes:
     return build(id, WRITE, words(address) + data)
 
 
-def reg_write(id: int, address: int, data: bytes) -> bytes:
-    """A write that waits for `action`."""
-    return build(id, REG_WRITE, words(address) + data)
-
-
-def action(id: int = BROADCAST) -> bytes:
-    """Carries out what was registered by `reg_write`."""
-    return build(id, ACTION)
-
-
 def reboot(id: int) -> bytes:
     """Restarts a servo: the only way to bring it back from a shutdown."""
     return build(id, REBOOT)
@@ -126,8 +116,3 @@ def bulk_read(blocks: Iterable[tuple[int, int, int]]) -> bytes:
 def fast_bulk_read(blocks: Iterable[tuple[int, int, int]]) -> bytes:
     """As `bulk_read`, but all answer in one frame: see `group_reply.fast_reply`."""
     return build(BROADCAST, FAST_BULK_READ, b"".join(bytes((id,)) + words(a, length) for id, a, length in blocks))
-
-
-def bulk_write(blocks: Iterable[tuple[int, int, bytes]]) -> bytes:
-    """Writes (id, address, data) for many servos at once, unanswered."""
-    return build(BROADCAST, BULK_WRITE, b"".join(bytes((id,)) + words(a, len(data)) + data for id, a, data in blocks))

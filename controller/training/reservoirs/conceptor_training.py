@@ -80,20 +80,6 @@ class LoadedReservoir:
     estimate: Array | None = None
 
 
-def train_conceptors(
-    to_learn: list[TrainingMotion], normalisation: Normalisation, recipe: ConceptorRecipe, seed: int
-) -> ConceptorNetwork:
-    """One network that holds all motions.
-
-    Args:
-        to_learn: the motions.
-        normalisation: between their channels and the encoding's units; it goes into the readout.
-        recipe: sizes and scales.
-        seed: of everything random.
-    """
-    return conceptor_network(load_reservoir(to_learn, recipe, seed), to_learn, normalisation, recipe)
-
-
 def draw_reservoir(recipe: ConceptorRecipe, channels: int, seed: int) -> Reservoir:
     """W*, W_in and b of a seed."""
     return random_reservoir(

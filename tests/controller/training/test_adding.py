@@ -17,7 +17,7 @@ from controller.training.adding import add_motion
 from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network
 from controller.training.preparation.training_motion import TrainingMotion
 from controller.training.recipe import LibraryRecipe, MotionRecipe
-from controller.training.reservoirs.conceptor_training import train_conceptors
+from controller.training.reservoirs.conceptor_training import conceptor_network, load_reservoir
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
 from controller.training.reservoirs.incremental_loading import load_one_more, quota
 from controller.training.reservoirs.phase_training import PhaseRecipe
@@ -137,7 +137,7 @@ def test_loading_one_more_is_as_good_as_learning_all_together():
     new = TrainingMotion("skip", normalisation.apply(skip()), True)
     plan = synthetic.SMALL_RECIPE
     grown = load_one_more(synthetic.small_network(), LENGTHS, new, plan, 0)
-    together = train_conceptors([*lessons, new], normalisation, plan, 0)
+    together = conceptor_network(load_reservoir([*lessons, new], plan, 0), [*lessons, new], normalisation, plan)
     # The weights of one and the other differ only in directions that no motion uses.
     for name in grown.motions:
         part = together[name]
