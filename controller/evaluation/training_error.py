@@ -117,5 +117,5 @@ def _of_centralized(network: CentralizedNetwork, syllabus: TrainingSet, seed: in
         nrmse(parts[name].at(np.arange(len(frames)) / syllabus.rate), frames)
         for name, frames in syllabus.frames.items()
     ]
-    size = float(np.mean([mabs(part.weights * scaling) for part in parts.values()]))
+    size = float(np.mean([mabs(part.matrix * scaling) for part in parts.values()]))
     return TrainingError(seed, size, float(np.mean(errors)), None, None, network)

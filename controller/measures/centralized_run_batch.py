@@ -50,7 +50,7 @@ class CentralizedBatch:
         if noise is not None:
             self._centers += _pairs(noise)
         self._centers /= np.abs(self._centers)
-        frames = part.satellites.respond(self._centers.view(np.float64)) @ part.weights.T + part.rest
+        frames = part.satellites.respond(self._centers.view(np.float64)) @ part.matrix.T + part.rest
         return frames.astype(np.float32)
 
     def cue(self, rows: NDArray[Any], anchors: NDArray[Any]) -> None:
