@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     )
     from motiondeck.recordings import Clip, Skeleton, read_recording, save_recording
     from motiondeck.rigs import Rig, open_rig
-    from motiondeck.robots import JointMotion, Robot, load_robot
+    from motiondeck.robots import JointMotion, RetargetedFile, Robot, load_robot, retarget_files
     from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 __all__ = [
@@ -39,6 +39,7 @@ __all__ = [
     "RecognitionStream",
     "RecognitionVerdict",
     "Recognizer",
+    "RetargetedFile",
     "Rig",
     "Robot",
     "Skeleton",
@@ -53,6 +54,7 @@ __all__ = [
     "open_rig",
     "play",
     "read_recording",
+    "retarget_files",
     "save_recording",
 ]
 
@@ -68,7 +70,7 @@ _HOMES = {
     ),
     "motiondeck.recordings": ("Clip", "Skeleton", "read_recording", "save_recording"),
     "motiondeck.rigs": ("Rig", "open_rig"),
-    "motiondeck.robots": ("JointMotion", "Robot", "load_robot"),
+    "motiondeck.robots": ("JointMotion", "RetargetedFile", "Robot", "load_robot", "retarget_files"),
     "motiondeck_base.errors": ("MotiondeckError", "UnknownNameError"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}

@@ -1,8 +1,9 @@
 # pyright: strict
-"""Robots: a clip carried onto a robot's joints."""
+"""Robots: clips carried onto a robot's joints, one or many."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -12,9 +13,11 @@ from motiondeck_base.shipped import find_robot
 from sim.models.average_body import reference_body
 from sim.models.robot_file import read_robot_file, solver_named
 from sim.robots.joint_motion import JointMotion, retargeted
+from sim.robots.retarget_files import RetargetedFile
+from sim.robots.retarget_files import retarget_files as carry_files
 from sim.robots.robot import load_robot as load_robot_for
 
-__all__ = ["JointMotion", "Robot", "load_robot"]
+__all__ = ["JointMotion", "RetargetedFile", "Robot", "load_robot", "retarget_files"]
 
 
 @dataclass(frozen=True)
@@ -54,3 +57,22 @@ def load_robot(name: str | Path, solver: Literal["angles", "ik"] | None = None) 
     """
     file = find_robot(name)
     return Robot(file, read_robot_file(file).name, solver_named(solver))
+
+
+def retarget_files(
+    paths: Iterable[str | Path],
+    robot: Robot,
+    out: str | Path,
+    format: Literal["npz", "csv", "mjlab", "qpos"] = "npz",
+) -> Iterator[RetargetedFile]:
+    """Recordings, and folders that hold some, carried onto a robot on all cores: a motion file of each, for training.
+
+    Yields what became of each as soon as it is done: the file, how far the robot's limbs point from the human's, and
+    why the robot cannot do it as it is, if so. Called again it goes on where it was stopped, and carries a recording
+    again only if it has changed. In a script of your own call it under `if __name__ == "__main__":`.
+
+    Raises:
+        MotiondeckError: if a path does not exist, two recordings would be written to one file, or `out` holds motions
+            of another robot, solver or format.
+    """
+    yield from carry_files(robot.file, [Path(path) for path in paths], Path(out), format, solver_named(robot.solver))

@@ -34,6 +34,7 @@ from controller.cli.clip import fill  # noqa: E402
 from controller.cli.library import motions  # noqa: E402
 from controller.cli.rig import commands as rig  # noqa: E402
 from controller.cli.robot import commands as robot  # noqa: E402
+from controller.cli.robot import retarget  # noqa: E402
 from motiondeck_base.errors import MotiondeckError  # noqa: E402
 from motiondeck_base.printable import printable  # noqa: E402
 
@@ -54,6 +55,7 @@ app.command("learn")(learn.learn)
 app.command("fit")(fit.fit)
 app.command("evaluate")(evaluate.evaluate)
 app.command("preflight")(preflight.preflight)
+app.command("retarget")(retarget.retarget)
 app.add_typer(motions.app, name="library")
 app.add_typer(fill.app, name="clip")
 app.add_typer(rig.app, name="rig")

@@ -22,6 +22,8 @@ from sim.models.surface import Surface
 from sim.models.urdf_packages import with_resolved_packages
 
 ROOT_JOINT = "(root)"
+MOVED_ORIGIN = "(moved origin)"
+"""The custom number of a model in which it stands how far the origin of its root was moved, in its frame, m."""
 LAST_SHOWN_GROUP = 2
 
 # What a body weighs at least, kg, and its least moment of inertia, kg m^2, where a file has less.
@@ -162,6 +164,7 @@ def _move_origin(spec: mujoco.MjSpec, root: mujoco.MjsBody) -> None:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     offset = data.xmat[own].reshape(3, 3).T @ (data.xpos[pelvis] - data.xpos[own])
+    spec.add_numeric(name=MOVED_ORIGIN, size=3, data=offset)
     for part in parts:
         part.pos = part.pos - offset
     if root.explicitinertial:

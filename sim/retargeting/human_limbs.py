@@ -11,7 +11,7 @@ import numpy as np
 from controller.mocap.anatomy import Part, Side, anatomy
 from controller.mocap.posture import Pose
 from controller.mocap.skeleton import ROOT, Skeleton
-from controller.rotations import Array
+from controller.rotations import Array, conjugate, multiply
 from motiondeck_base.errors import FileFormatError
 
 # The rows of what a view returns; the last four are axes of head and chest.
@@ -87,10 +87,13 @@ def up_of(pose: Pose) -> tuple[float, float, float]:
 
 def turning(v: Array) -> Array:
     """The matrix that turns the 16 products q_i q_j of a quaternion into the vector q v q*, shape (16, 3)."""
+    return np.einsum("pvo,v->po", _TURNS, v)
 
-    def turned(q: Array) -> Array:
-        w, u = q[0], q[1:]
-        return (w * w - u @ u) * v + 2.0 * (u @ v) * u + 2.0 * w * np.cross(u, v)
 
-    e = np.eye(4)
-    return np.array([0.5 * (turned(e[i] + e[j]) - turned(e[i]) - turned(e[j])) for i in range(4) for j in range(4)])
+def _turns() -> Array:
+    """e_i v e_j* for the units of quaternions e_i, e_j and each axis v: shape (16, 3, 3), the last of the vector."""
+    units, axes = np.eye(4), np.eye(4)[1:]
+    return multiply(multiply(units[:, None, None], axes), conjugate(units)[:, None])[..., 1:].reshape(16, 3, 3)
+
+
+_TURNS = _turns()

@@ -80,6 +80,15 @@ def carry(clip: Clip, robot: Robot) -> Carried:
     return Carried(np.array(wanted), np.array(played), np.array(qpos), np.array(limbs), altered)
 
 
+def followed(clip: Clip, angles: Array, qpos: Array) -> Carried:
+    """A clip that was carried onto a robot without a safety envelope: joints (T, J), rad, and robot (T, nq)."""
+    view = LimbView(clip.skeleton)
+    limbs = [
+        view(Pose(place, np.zeros(()), turn)) for place, turn in zip(clip.root_position, clip.rotation, strict=True)
+    ]
+    return Carried(angles, angles, qpos, np.array(limbs), 0.0)
+
+
 def joint_measures(clip: Clip, robot: Robot, carried: Carried) -> dict[str, float]:
     """What must be zero, and how fast the joints go.
 

@@ -25,14 +25,19 @@ class JointMotion:
         joints: the names of the joints.
         rate: frames per second, Hz.
         angles: shape (T, J), rad, within the robot's position limits.
-        root: position (m) and quaternion (w, x, y, z) of the robot's root, shape (T, 7).
+        qpos: the robot in each frame as MuJoCo has it, shape (T, nq).
     """
 
     name: str
     joints: tuple[str, ...]
     rate: float
     angles: Array
-    root: Array
+    qpos: Array
+
+    @property
+    def root(self) -> Array:
+        """Position (m) and quaternion (w, x, y, z) of the robot's root, shape (T, 7)."""
+        return self.qpos[:, :7]
 
     def __len__(self) -> int:
         return len(self.angles)
@@ -67,12 +72,14 @@ def retargeted(robot: Robot, clip: Clip) -> JointMotion:
 
     Angles are kept within the robot's position limits; its limits in time are the safety envelope's, when it is played.
     """
-    qpos = robot.model.qpos0.copy()
-    robot.layout.place(robot.rest, qpos)
-    angles, root = np.empty((len(clip), len(robot.joints))), np.empty((len(clip), 7))
+    state = robot.model.qpos0.copy()
+    robot.layout.place(robot.rest, state)
+    if robot.footing is not None:
+        robot.footing.flat.learn(clip)
+    angles, qpos = np.empty((len(clip), len(robot.joints))), np.empty((len(clip), robot.model.nq))
     for frame, (place, rotation) in enumerate(zip(clip.root_position, clip.rotation, strict=True)):
         pose = Pose(place, np.zeros(()), rotation)
         np.clip(robot.retarget(pose), robot.limits.lower, robot.limits.upper, out=angles[frame])
-        robot.place(angles[frame], pose, qpos)
-        root[frame] = qpos[:7]
-    return JointMotion(clip.name, robot.joints, clip.rate, angles, root)
+        robot.place(angles[frame], pose, state)
+        qpos[frame] = state
+    return JointMotion(clip.name, robot.joints, clip.rate, angles, qpos)

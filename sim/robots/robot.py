@@ -92,36 +92,51 @@ def load_robot(path: Path, skeleton: Skeleton, solver: Solver | None = None, dt:
         FileFormatError: if the robot file or its model cannot be used, or the skeleton lacks what the robot needs.
         UnknownNameError: if the file has a part, a body or a joint that does not exist.
     """
-    path = Path(path)
-    file = read_robot_file(path)
-    if file.kind == "mannequin" and isinstance(skeleton, JointBody):
-        raise FileFormatError(
-            f"{path}: these motions were taught on the joints {listed(skeleton.bones)}, which a mannequin has not. "
-            "Give the robot that has them with --robot, or play them on the rig alone: motiondeck rig play."
-        )
-    spec = build_mannequin(skeleton) if file.kind == "mannequin" else _load_spec(path, file)
-    model = spec.compile()
-    layout = JointLayout.of(model)
-    limits = _limits(path, file, model, layout)
-    rest = _by_joint(path, layout, "rest", file.rest, np.clip(0.0, limits.lower, limits.upper))
-    outside = (rest < limits.lower) | (rest > limits.upper)
-    if outside.any():
-        joint = int(np.argmax(outside))
-        raise FileFormatError(
-            f"{path}: rest.{layout.joints[joint]} is {rest[joint]}, "
-            f"outside {limits.lower[joint]:.2f} to {limits.upper[joint]:.2f} rad"
-        )
-    if file.kind == "mannequin":
-        return Robot(file.name, spec, model, layout, limits, rest, MannequinRetargeter(skeleton), 1.0, file.servo)
-    scale = file.root_height / skeleton.leg_length if file.root_height and skeleton.leg_length > 0.0 else 1.0
-    if isinstance(skeleton, JointBody):
-        taught = JointRetargeter(skeleton, layout.joints, rest)
-        return Robot(file.name, spec, model, layout, limits, rest, taught, scale, file.servo)
-    flat = FlatFeet(dt)
-    retarget = _retargeter(path, file, solver or file.solver, skeleton, model, layout, limits, rest, dt, flat)
-    feet = [model.body(file.parts[foot]).id for foot in ("r_foot", "l_foot") if foot in file.parts]
-    footing = Footing(skeleton, model, feet, np.array(file.root_rotation), scale, dt, flat)
-    return Robot(file.name, spec, model, layout, limits, rest, retarget, scale, file.servo, footing)
+    return RobotLoader(path)(skeleton, solver, dt)
+
+
+class RobotLoader:
+    """Fits one robot to one skeleton after another; a humanoid's model is read and compiled once.
+
+    Attributes:
+        file: what the robot file says.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Reads a robot file; FileFormatError as for `load_robot`."""
+        self._path = Path(path)
+        self.file = read_robot_file(self._path)
+        self._built: tuple[mujoco.MjSpec, mujoco.MjModel] | None = None
+
+    def __call__(self, skeleton: Skeleton, solver: Solver | None = None, dt: float = DT) -> Robot:
+        """The robot for one skeleton, as `load_robot` gives it; robots of one loader share their model."""
+        path, file = self._path, self.file
+        if file.kind == "mannequin":
+            if isinstance(skeleton, JointBody):
+                raise FileFormatError(
+                    f"{path}: these motions were taught on the joints {listed(skeleton.bones)}, which a mannequin "
+                    "has not. Give the robot that has them with --robot, or play them on the rig alone: "
+                    "motiondeck rig play."
+                )
+            spec = build_mannequin(skeleton)
+            model = spec.compile()
+        else:
+            self._built = self._built or _load_model(path, file)
+            spec, model = self._built
+        layout = JointLayout.of(model)
+        limits = _limits(path, file, model, layout)
+        rest = _rest(path, file, layout, limits)
+        if file.kind == "mannequin":
+            return Robot(file.name, spec, model, layout, limits, rest, MannequinRetargeter(skeleton), 1.0, file.servo)
+        scale = file.root_height / skeleton.leg_length if file.root_height and skeleton.leg_length > 0.0 else 1.0
+        if isinstance(skeleton, JointBody):
+            taught = JointRetargeter(skeleton, layout.joints, rest)
+            return Robot(file.name, spec, model, layout, limits, rest, taught, scale, file.servo)
+        flat = FlatFeet(dt)
+        retarget = _retargeter(path, file, solver or file.solver, skeleton, model, layout, limits, rest, dt, flat)
+        feet = [model.body(file.parts[foot]).id for foot in ("r_foot", "l_foot") if foot in file.parts]
+        footing = Footing(skeleton, model, feet, np.array(file.root_rotation), scale, dt, flat)
+        return Robot(file.name, spec, model, layout, limits, rest, retarget, scale, file.servo, footing)
 
 
 def _retargeter(
@@ -152,7 +167,7 @@ def _retargeter(
     return InverseKinematics(skeleton, limbs, limits, rest, dt, flat)
 
 
-def _load_spec(path: Path, file: RobotFile) -> mujoco.MjSpec:
+def _load_model(path: Path, file: RobotFile) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
     model_path = path.parent / Path(str(file.model)).expanduser()
     packages = {name: path.parent / Path(folder).expanduser() for name, folder in file.packages.items()}
     spec = read_model(model_path, packages)
@@ -164,10 +179,21 @@ def _load_spec(path: Path, file: RobotFile) -> mujoco.MjSpec:
         set_stage(spec, height)
         add_lamp(root, height)
         add_gantry(spec, root)
-        spec.compile()
+        return spec, spec.compile()
     except ValueError as error:
         raise FileFormatError(f"{model_path}: MuJoCo refuses it: {' '.join(str(error).split())}") from error
-    return spec
+
+
+def _rest(path: Path, file: RobotFile, layout: JointLayout, limits: JointLimits) -> Array:
+    rest = _by_joint(path, layout, "rest", file.rest, np.clip(0.0, limits.lower, limits.upper))
+    outside = (rest < limits.lower) | (rest > limits.upper)
+    if outside.any():
+        joint = int(np.argmax(outside))
+        raise FileFormatError(
+            f"{path}: rest.{layout.joints[joint]} is {rest[joint]}, "
+            f"outside {limits.lower[joint]:.2f} to {limits.upper[joint]:.2f} rad"
+        )
+    return rest
 
 
 def _limits(path: Path, file: RobotFile, model: mujoco.MjModel, layout: JointLayout) -> JointLimits:

@@ -19,7 +19,7 @@ RobotArgument = Annotated[str, typer.Argument(metavar="ROBOT", help="A robot fil
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
 
 SolverOption = Annotated[
-    str | None, typer.Option("--solver", help="The solver: angles or ik; default: the robot file's.")
+    str | None, typer.Option("--solver", help="The solver: angles or ik, in place of what the robot file says.")
 ]
 
 CATALOGUE_KINDS = ("humanoid", "biped")

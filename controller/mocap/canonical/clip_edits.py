@@ -89,6 +89,12 @@ def moving_part(clip: Clip) -> tuple[int, int]:
     return (first + skipped, end + skipped) if end else (0, 0)
 
 
+def without_reference_pose(clip: Clip) -> tuple[Clip, int]:
+    """A clip without the pose for reference that may stand before its motion, and how many frames that was."""
+    skipped = _reference_frames(clip.joints(), clip.rate) if len(clip) > 2 else 0
+    return (span(clip, skipped, len(clip)) if skipped else clip), skipped
+
+
 def _reference_frames(joints: Array, rate: float) -> int:
     """How many frames lie before a jump at the beginning that is no movement."""
     step = np.sqrt(np.square(np.diff(joints, axis=0)).sum(-1)).max(1)

@@ -1,0 +1,251 @@
+"""Recordings carried onto a robot, each into a training file, on all cores; a run goes on where it was stopped.
+
+Beside the files stands a manifest, `motions.jsonl`: its first line says which robot and format, each other line what
+became of one recording. A recording whose line is there is not carried again unless it has changed since.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from joblib import Parallel, delayed
+
+from controller.mocap.canonical.clip_edits import resampled, without_reference_pose
+from controller.mocap.clip import Clip
+from controller.mocap.formats.reading import read_clip, recordings_below
+from motiondeck_base.errors import MotiondeckError
+from sim.models.robot_file import Solver, read_robot_file
+from sim.retargeting.robot_limbs import SIDES
+from sim.robots.fidelity import floor_measures, followed, joint_measures
+from sim.robots.joint_motion import JointMotion, retargeted
+from sim.robots.limb_directions import LimbDirections, beyond_limits
+from sim.robots.robot import Robot, RobotLoader
+from sim.robots.training_files import RATES, Format, ending, write_training_file
+
+MANIFEST = "motions.jsonl"
+SUNK_LIMIT = 0.005  # m; deeper in the floor nothing may be
+MARK = ".infeasible"
+"""Stands before the ending of files that a robot cannot do as they are."""
+
+
+@dataclass(frozen=True)
+class RetargetedFile:
+    """What became of one recording.
+
+    Attributes:
+        recording: the file it was read from.
+        file: the file that was written; none if `error` says why not.
+        frames, fps: of what was written; Hz.
+        limbs_deg: mean and worst angle of each limb to the human's, by name ("r_thigh"), degrees.
+        too_fast: steps faster than a joint may go.
+        sunk_m: the deepest that anything was in the floor, m.
+        slide_m_s: mean speed of the soles while the human's feet stand, m/s.
+        infeasible: why the robot cannot do it as it is, a phrase each; nothing if it can.
+        notes: what was changed before it was carried, a phrase each.
+        error: why nothing was written.
+        size, changed: of the recording, in bytes and ns, by which the next run knows it again.
+    """
+
+    recording: str
+    file: str | None = None
+    frames: int = 0
+    fps: float = 0.0
+    limbs_deg: dict[str, tuple[float, float]] = field(default_factory=dict)
+    too_fast: int = 0
+    sunk_m: float = 0.0
+    slide_m_s: float = 0.0
+    infeasible: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    error: str | None = None
+    size: int = 0
+    changed: int = 0
+
+
+class _Settings(msgspec.Struct, forbid_unknown_fields=True):
+    """The first line of a manifest."""
+
+    robot: str
+    digest: str
+    format: str
+    solver: str | None
+
+
+def retarget_files(
+    robot: Path, paths: Sequence[Path], out: Path, format: Format, solver: Solver | None = None
+) -> Iterator[RetargetedFile]:
+    """Carries recordings onto a robot and writes a training file of each; gives each as soon as it is done.
+
+    The files are named as the recordings and lie in the same folders below `out` as these below the folder given.
+
+    Args:
+        robot: the robot file.
+        paths: recordings, and folders that hold some.
+        out: the folder for the files; it is made if it is not there.
+        format: of the files.
+        solver: in place of the robot file's.
+
+    Raises:
+        MotiondeckError: if a path does not exist or two recordings would be written to one file; if `out` holds motions
+            of another robot, format or solver, or cannot be written.
+    """
+    places = _places(paths, format)
+    settings = _Settings(robot.name, _digest(robot), format, solver)
+    done = _opened(out, settings)
+    left: list[tuple[Path, Path]] = []
+    for recording, place in places.items():
+        row = done.get(str(recording))
+        if row is not None and _is_done(row, recording, out):
+            yield row
+        else:
+            left.append((recording, place))
+    work = (
+        delayed(_carried)(robot, settings.digest, recording, out, place, format, solver) for recording, place in left
+    )
+    try:
+        with (out / MANIFEST).open("a", encoding="utf-8") as manifest:
+            rows: Any = Parallel(n_jobs=-1, return_as="generator_unordered")(work)
+            for row in rows:
+                manifest.write(json.dumps(msgspec.to_builtins(row)) + "\n")
+                manifest.flush()
+                yield row
+    except OSError as error:
+        raise MotiondeckError(f"{out}: cannot be written ({error.strerror or error})") from None
+
+
+def _is_done(row: RetargetedFile, recording: Path, out: Path) -> bool:
+    """Whether the row of an earlier run still tells of a recording, and its file is there."""
+    facts = recording.stat()
+    same = (row.size, row.changed) == (facts.st_size, facts.st_mtime_ns)
+    return same and row.file is not None and (out / row.file).exists()
+
+
+def _places(paths: Sequence[Path], format: Format) -> dict[Path, Path]:
+    """Recording to the file that it is written to, from the folder of the files on."""
+    places: dict[Path, Path] = {}
+    for path in paths:
+        if not path.exists():
+            raise MotiondeckError(f"{path}: there is no such file or folder")
+        found = recordings_below(path) if path.is_dir() else [path]
+        if not found:
+            raise MotiondeckError(f"{path}: there is no recording in this folder")
+        top = path if path.is_dir() else path.parent
+        places |= {file: file.relative_to(top).with_suffix(ending(format)) for file in found}
+    taken: dict[Path, Path] = {}
+    for recording, place in places.items():
+        other = taken.setdefault(place, recording)
+        if other != recording:
+            raise MotiondeckError(
+                f"{recording} and {other} would both be written to {place}. Give them to runs of their own."
+            )
+    return places
+
+
+def _digest(robot: Path) -> str:
+    """Tells one robot file, and the model it names, from another."""
+    file, digest = read_robot_file(robot), hashlib.sha256(robot.read_bytes())
+    if file.model is not None:
+        model = robot.parent / Path(file.model).expanduser()
+        digest.update(model.read_bytes() if model.is_file() else b"")
+    return digest.hexdigest()[:16]
+
+
+def _opened(out: Path, settings: _Settings) -> dict[str, RetargetedFile]:
+    """What an earlier run wrote to a folder, by recording; begins a manifest where there is none."""
+    path = out / MANIFEST
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        if not path.exists():
+            path.write_text(json.dumps(msgspec.to_builtins(settings)) + "\n", encoding="utf-8")
+            return {}
+        lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+        if lines and not lines[-1].endswith("\n"):  # it was stopped while it wrote
+            path.write_text("".join(lines[:-1]), encoding="utf-8")
+            lines.pop()
+    except OSError as error:
+        raise MotiondeckError(f"{path}: cannot be used ({error.strerror or error})") from None
+    try:
+        before = msgspec.json.decode(lines[0] if lines else "", type=_Settings)
+        rows = [msgspec.json.decode(line, type=RetargetedFile) for line in lines[1:]]
+    except (msgspec.MsgspecError, UnicodeDecodeError) as error:
+        raise MotiondeckError(
+            f"{path}: this is no manifest of retargeted motions ({error}). Give another --out."
+        ) from None
+    if before != settings:
+        raise MotiondeckError(
+            f"{out} holds motions for {before.robot} as {before.format}"
+            + (", made before that robot was changed" if before.robot == settings.robot else "")
+            + ". Give another --out, or delete it."
+        )
+    return {row.recording: row for row in rows}
+
+
+@lru_cache(maxsize=1)
+def _loader(robot: Path, digest: str) -> RobotLoader:
+    """The robot, kept by each process for its next recording."""
+    return RobotLoader(robot)
+
+
+def _carried(
+    robot: Path, digest: str, recording: Path, out: Path, place: Path, format: Format, solver: Solver | None
+) -> RetargetedFile:
+    facts = recording.stat()
+    known: dict[str, Any] = {"recording": str(recording), "size": facts.st_size, "changed": facts.st_mtime_ns}
+    try:
+        clip, left_out = without_reference_pose(read_clip(recording))
+        notes = (f"a pose before the motion is left out, frames: {left_out}",) if left_out else ()
+        clip = resampled(clip, RATES.get(format, clip.rate))
+        loader = _loader(robot, digest)
+        fitted = loader(clip.skeleton, None if loader.file.kind == "mannequin" else solver, 1.0 / clip.rate)
+        motion = retargeted(fitted, clip)
+        measured = _measures(loader, clip, fitted, motion)
+        known |= {"frames": len(motion), "fps": clip.rate, "notes": notes} | measured
+        marked = place.with_suffix(MARK + place.suffix) if measured["infeasible"] else place
+        (out / marked).parent.mkdir(parents=True, exist_ok=True)
+        write_training_file(out / marked, fitted.model, motion.qpos, clip.rate, format)
+        for other in {place, place.with_suffix(MARK + place.suffix)} - {marked}:
+            (out / other).unlink(missing_ok=True)
+        return RetargetedFile(file=str(marked), **known)
+    except MotiondeckError as error:
+        return RetargetedFile(error=str(error), **known)
+    except Exception as error:  # one odd recording must not end a run over thousands
+        return RetargetedFile(error=f"{recording}: {type(error).__name__}: {error}", **known)
+
+
+def _measures(loader: RobotLoader, clip: Clip, robot: Robot, motion: JointMotion) -> dict[str, Any]:
+    file, carried = loader.file, followed(clip, motion.angles, motion.qpos)
+    counts = joint_measures(clip, robot, carried)
+    limbs: dict[str, tuple[float, float]] = {}
+    floor = {"slide": 0.0, "sunk": 0.0}
+    if file.parts:
+        limbs = LimbDirections(robot.model, file.parts, np.array(file.root_rotation)).errors(
+            carried.qpos, carried.limbs
+        )
+        feet = {s: robot.model.body(file.parts[f"{s}_foot"]).id for s in SIDES if f"{s}_foot" in file.parts}
+        floor = floor_measures(clip, robot, carried.qpos, feet)
+    reasons = [f"{counts[name]:.0f} {words}" for name, words in _COUNTED.items() if counts[name]]
+    reasons += beyond_limits(limbs)
+    if floor["sunk"] > SUNK_LIMIT:
+        reasons.append(f"{1000.0 * floor['sunk']:.0f} mm in the floor")
+    return {
+        "limbs_deg": limbs,
+        "too_fast": int(counts["too_fast"]),
+        "sunk_m": floor["sunk"],
+        "slide_m_s": floor["slide"],
+        "infeasible": tuple(reasons),
+    }
+
+
+_COUNTED = {
+    "bad": "numbers that are NaN or infinite",
+    "beyond": "targets out of range",
+    "too_fast": "steps too fast",
+    "jumps": "jumps",
+}

@@ -1,0 +1,145 @@
+"""Training files: a robot's motion as programs read it that train tracking policies.
+
+    npz     fps, joint_names, root_pos (T, 3), root_quat (T, 4) w x y z, joint_pos (T, J); the recording's rate
+    csv     one row a frame and no heading, as Unitree's retargeted LAFAN1 set: root x y z, quaternion x y z w, joints;
+            30 Hz
+    mjlab   what mjlab's tracking task reads: fps, joint_pos, joint_vel, body_pos_w, body_quat_w (w x y z),
+            body_lin_vel_w, body_ang_vel_w, of every body but the world; 50 Hz
+    qpos    fps, qpos (T, nq) and qvel (T, nv) of MuJoCo; the recording's rate
+
+Metres, radians, seconds. Joints and bodies are all of the model, in its order, whether or not they are played. The root
+is the body that its file has it in, though it may be played from the pelvis.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.mocap.formats.writing import write_file
+from controller.rotations import Array, rotate
+from motiondeck_base.errors import FileFormatError, UnknownNameError
+from sim.models.model_file import MOVED_ORIGIN
+
+Format = Literal["npz", "csv", "mjlab", "qpos"]
+FORMATS: tuple[Format, ...] = get_args(Format)
+RATES: dict[Format, float] = {"csv": 30.0, "mjlab": 50.0}
+"""Frames per second that a format is read at; the others keep the recording's."""
+
+
+def format_named(name: str) -> Format:
+    """The format of a name; UnknownNameError if there is no such format."""
+    for known in FORMATS:
+        if name == known:
+            return known
+    raise UnknownNameError.among("format", name, FORMATS)
+
+
+def ending(format: Format) -> str:
+    """How the files of a format end."""
+    return ".csv" if format == "csv" else ".npz"
+
+
+def write_training_file(path: Path, model: mujoco.MjModel, qpos: Array, rate: float, format: Format) -> None:
+    """Writes the motion of a robot.
+
+    Args:
+        path: the file; it is replaced if it is there.
+        model: the robot, its root free.
+        qpos: the robot in each frame, shape (T, nq), T >= 1.
+        rate: frames per second, Hz.
+        format: of FORMATS.
+
+    Raises:
+        FileFormatError: if a joint is a ball and the format has one number a joint, or the file cannot be written.
+    """
+    if format == "qpos":
+        write_file(path, _npz(fps=rate, qpos=qpos, qvel=velocities(model, qpos, rate)))
+        return
+    names, at = _joints(path, model)
+    root = in_the_files_frame(model, qpos[:, :3], qpos[:, 3:7])
+    match format:
+        case "csv":
+            rows = np.column_stack([root, qpos[:, [4, 5, 6, 3]], qpos[:, at]])
+            text = "".join(",".join(f"{value:.8f}" for value in row) + "\n" for row in rows)
+            write_file(path, text.encode())
+        case "npz":
+            arrays = {"root_pos": root, "root_quat": qpos[:, 3:7], "joint_pos": qpos[:, at]}
+            write_file(path, _npz(fps=rate, joint_names=np.array(names), **arrays))
+        case _:
+            write_file(path, _npz(**_tracking(model, qpos, rate, at)))
+
+
+def velocities(model: mujoco.MjModel, qpos: Array, rate: float) -> Array:
+    """MuJoCo's velocities (T, nv) of a motion (T, nq): differences between the frames before and after, Hz."""
+    count = len(qpos)
+    before = np.maximum(np.arange(count) - 1, 0)
+    after = np.minimum(np.arange(count) + 1, count - 1)
+    found = np.zeros((count, model.nv))
+    for row, (low, high) in enumerate(zip(before, after, strict=True)):
+        if high > low:
+            mujoco.mj_differentiatePos(model, found[row], (high - low) / rate, qpos[low], qpos[high])
+    return found
+
+
+def in_the_files_frame(model: mujoco.MjModel, position: Array, quaternion: Array) -> Array:
+    """Where the root's origin in its model's file is, shape (T, 3), for that of the loaded model."""
+    number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, MOVED_ORIGIN)
+    if number < 0:
+        return position
+    first = model.numeric_adr[number]
+    return position - rotate(quaternion, np.broadcast_to(model.numeric_data[first : first + 3], position.shape))
+
+
+def _tracking(model: mujoco.MjModel, qpos: Array, rate: float, at: NDArray[np.intp]) -> dict[str, NDArray[Any]]:
+    """The arrays of mjlab's tracking task."""
+    data, qvel = mujoco.MjData(model), velocities(model, qpos, rate)
+    root = int(model.jnt_bodyid[0])
+    bodies = np.flatnonzero(model.body_rootid == root)
+    shape = (len(qpos), len(bodies))
+    place, turn, speed, spin = (np.zeros((*shape, width)) for width in (3, 4, 3, 3))
+    for frame in range(len(qpos)):
+        data.qpos[:], data.qvel[:] = qpos[frame], qvel[frame]
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_comVel(model, data)
+        place[frame], turn[frame] = data.xpos[bodies], data.xquat[bodies]
+        spin[frame] = data.cvel[bodies, :3]
+        # MuJoCo has the speed of a body where the robot's centre of mass is.
+        speed[frame] = data.cvel[bodies, 3:] + np.cross(spin[frame], place[frame] - data.subtree_com[root])
+    origin = in_the_files_frame(model, place[:, 0], turn[:, 0])
+    speed[:, 0] += np.cross(spin[:, 0], origin - place[:, 0])
+    place[:, 0] = origin
+    return {
+        "fps": np.array([rate]),
+        "joint_pos": qpos[:, at].astype(np.float32),
+        "joint_vel": qvel[:, at - 1].astype(np.float32),
+        "body_pos_w": place.astype(np.float32),
+        "body_quat_w": turn.astype(np.float32),
+        "body_lin_vel_w": speed.astype(np.float32),
+        "body_ang_vel_w": spin.astype(np.float32),
+    }
+
+
+def _joints(path: Path, model: mujoco.MjModel) -> tuple[list[str], NDArray[np.intp]]:
+    """The names of all joints but the root's, and where they are in qpos; one later than in qvel."""
+    if (model.jnt_type[1:] == mujoco.mjtJoint.mjJNT_BALL).any():
+        raise FileFormatError(
+            f"{path}: this robot has ball joints, and the format has one number a joint. Give --format qpos."
+        )
+    return [model.joint(j).name for j in range(1, model.njnt)], model.jnt_qposadr[1:].astype(np.intp)
+
+
+def _npz(**arrays: object) -> bytes:
+    buffer = io.BytesIO()
+    kept: dict[str, Any] = {name: np.asarray(array) for name, array in arrays.items()}
+    np.savez(buffer, **kept)
+    return buffer.getvalue()
