@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -73,7 +74,8 @@ def read_bytes(path: str | Path, largest: int = LARGEST) -> bytes:
     """
     try:
         with Path(path).open("rb") as file:
-            content = file.read(largest + 1)
+            size = os.fstat(file.fileno()).st_size or largest  # a pipe does not tell its size
+            content = file.read(min(size, largest) + 1)  # Python sets aside all that it is asked for
     except (OSError, ValueError) as error:  # ValueError: a name with a zero byte in it
         reason = getattr(error, "strerror", None) or str(error)
         raise FileFormatError(f"{path}: cannot be read ({reason}). Check the name and the permissions.") from error
@@ -87,7 +89,13 @@ def read_bytes(path: str | Path, largest: int = LARGEST) -> bytes:
 
 
 def read_lines(path: str | Path, largest: int = LARGEST) -> list[str]:
-    """The lines of a text file with any line ends, without them.
+    """The lines of a text file with any line ends, without them; see `read_text`."""
+    # Not str.splitlines: it would also split at bytes that are letters or dots in other alphabets.
+    return read_text(path, largest).split("\n")
+
+
+def read_text(path: str | Path, largest: int = LARGEST) -> str:
+    """A text file, every line of which ends with one newline, whatever its line ends were.
 
     Comments may be in any 8-bit alphabet, so every byte is taken as one character.
 
@@ -97,5 +105,4 @@ def read_lines(path: str | Path, largest: int = LARGEST) -> list[str]:
     content = read_bytes(path, largest)
     if b"\0" in content:
         raise FileFormatError(f"{path}: this is not a text file. Is it the right one?")
-    # Not str.splitlines: it would also split at bytes that are letters or dots in other alphabets.
-    return content.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    return content.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")

@@ -225,7 +225,7 @@ def bvh_text(motion, names=MIXAMO, *, order="ZYX", along_x=False, floor=None, ev
     Args:
         motion: whose.
         names: of the joints that are written.
-        order: of rotations.
+        order: of rotations, of all joints or by joint.
         along_x: bones lie along the x axis of their own joint, so that the zero pose means nothing.
         floor: the name of a joint at the origin that carries the hips.
         everywhere: every joint has position channels.
@@ -244,7 +244,8 @@ def bvh_text(motion, names=MIXAMO, *, order="ZYX", along_x=False, floor=None, ev
         local = axes[above].inv().apply(OFFSET[key]) if above else np.zeros(3)
         head = "ROOT" if above is None and floor is None else "JOINT"
         moves = above is None or everywhere
-        turns = " ".join(f"{axis}rotation" for axis in order)
+        own_order = order if isinstance(order, str) else order[key]
+        turns = " ".join(f"{axis}rotation" for axis in own_order)
         places = "6 Xposition Yposition Zposition" if moves else "3"
         lines.extend([f"{head} {names[key]}", "{", offset(100.0 * local), f"CHANNELS {places} {turns}"])
         if moves:
@@ -253,7 +254,7 @@ def bvh_text(motion, names=MIXAMO, *, order="ZYX", along_x=False, floor=None, ev
         own = world if above is None else (motion.world[above] * axes[above]).inv() * world
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # where two axes fall together, one of the angles is as good as another
-            columns.append(own.as_euler(order, degrees=True))
+            columns.append(own.as_euler(own_order, degrees=True))
         children = [child for child in keys if PARENT[child] == key]
         for child in children:
             write(child, depth + 1)

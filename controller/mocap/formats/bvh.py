@@ -9,6 +9,7 @@ does not give its up axis nor its unit, and a body may be unable to stand in its
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,14 +18,13 @@ import numpy as np
 
 from controller.mocap.clip import Clip
 from controller.mocap.formats.tree_clip import clip_of
-from controller.mocap.joint_tree import JointTree
+from controller.mocap.joint_tree import MOST_POSES, JointTree, played
 from controller.mocap.reading_options import AS_FOUND, ReadingOptions
-from controller.rotations import Array, about, multiply, rotate
+from controller.rotations import Array, about, multiply
 from motiondeck_base.errors import FileFormatError
-from motiondeck_base.files import Line, as_float, read_lines, shortened
+from motiondeck_base.files import Line, as_float, read_text, shortened
 
 MOST_JOINTS = 1000  # without a bound a broken file could ask for any amount of memory
-MOST_NUMBERS = 30_000_000  # of a recording: five hours of a body with fingers at 30 Hz fill the memory of a laptop
 CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "xyz")
 _AXES = dict(zip("xyz", np.eye(3), strict=True))
 
@@ -45,14 +45,29 @@ def read_bvh(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     Raises:
         FileFormatError: naming file and line, if it cannot be read or does not follow the format.
     """
-    lines = [Line(path, number, text.split()) for number, text in enumerate(read_lines(path), 1)]
+    head, rows, at = _parted(read_text(path))
+    lines = [Line(path, number, text.split()) for number, text in enumerate(head.split("\n"), 1)]
     found = (index for index, line in enumerate(lines) if line.words and line.words[0].upper() == "MOTION")
     motion = next(found, None)
     if motion is None:
         raise FileFormatError(f"{path}: there is no MOTION section. The file is cut short: fetch it again.")
     joints = _hierarchy(path, lines[:motion])
-    rate, values = _motion(path, lines[motion:], sum(len(joint.channels) for joint in joints))
+    width = sum(len(joint.channels) for joint in joints)
+    rate, announced = _announced(path, lines[motion:])
+    lines_left = rows.count("\n")
+    if lines_left * len(joints) > MOST_POSES:
+        raise announced.error(
+            f"{lines_left} frames of {len(joints)} joints are more than fit into memory. Cut the recording into pieces."
+        )
+    values = _values(rows, at, width, announced)
     return clip_of(_tree(joints, values), rate, path, options)
+
+
+def _parted(text: str) -> tuple[str, str, int]:
+    """The lines up to the frame time, those of the frames, and how many the first ones are."""
+    found = re.search(r"^[ \t]*frame[ \t]+time:[^\n]*$", text, re.MULTILINE | re.IGNORECASE)
+    end = len(text) if found is None else found.end()
+    return text[:end], text[end:], text.count("\n", 0, end)
 
 
 def _hierarchy(path: str | Path, lines: list[Line]) -> list[Joint]:
@@ -142,65 +157,67 @@ def _channels(line: Line) -> tuple[str, ...]:
     return channels
 
 
-def _motion(path: str | Path, lines: list[Line], width: int) -> tuple[float, Array]:
-    """The rate in Hz, and the values as they stand in the file, shape (frames, channels)."""
-    heads = [index for index, line in enumerate(lines) if line.words[:1] and line.words[0].lower() == "frame"]
-    counts = [line for line in lines[: 1 + max(heads, default=0)] if line.words and line.words[0].lower() == "frames:"]
-    if not heads or not counts:
+def _announced(path: str | Path, lines: list[Line]) -> tuple[float, Line]:
+    """The rate in Hz, and the line with the number of frames, from the two lines after MOTION."""
+    times = [line for line in lines if line.words[:1] and line.words[0].lower() == "frame"]
+    counts = [line for line in lines if line.words[:1] and line.words[0].lower() == "frames:"]
+    if not times or not counts:
         raise FileFormatError(f"{path}: 'Frames:' or 'Frame Time:' is missing after MOTION. Fetch the file again.")
-    time_line = lines[heads[0]]
-    period = time_line.number_from(time_line.words[-1])
+    period = times[0].number_from(times[0].words[-1])
     if not 1e-5 <= period <= 100.0:
-        raise time_line.error(f"a frame time of {period:g} s is not possible.")
-    declared = counts[0].number_from(counts[0].words[-1])
-    rows = [line for line in lines[heads[0] + 1 :] if line.words]
-    if len(rows) * width > MOST_NUMBERS:
-        raise counts[0].error(
-            f"{len(rows)} frames of {width} channels are more than fit into memory. Cut the recording into pieces."
-        )
-    try:
-        numbers = [float(word) for line in rows for word in line.words]
-    except ValueError:
-        numbers = [float("nan")]
-    if not np.isfinite(numbers).all() or any("_" in word for line in rows for word in line.words):
-        for line in rows:
-            for word in line.words:
-                if as_float(word) is None or not np.isfinite(float(word)):
-                    raise line.error(f"expected a number, found '{shortened(word)}'.")
-    if width == 0 or not numbers or len(numbers) != declared * width:
-        raise counts[0].error(
-            f"{declared:g} frames of {width} channels are announced, but {len(numbers)} numbers follow. "
+        raise times[0].error(f"a frame time of {period:g} s is not possible.")
+    # 0.0083333 s means 120 Hz: the files write few digits.
+    return round(1.0 / period, 2), counts[0]
+
+
+def _values(rows: str, at: int, width: int, announced: Line) -> Array:
+    """The values as they stand in the file, shape (frames, channels); `at` lines stand before them.
+
+    All frames that follow are read, if there are at least as many as announced: some exporters count one too few.
+    """
+    frames = announced.number_from(announced.words[-1])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", DeprecationWarning)  # what numpy says where it meets no number
+        try:
+            numbers = np.fromstring(rows, sep=" ") if rows.strip() else np.zeros(0)
+        except (DeprecationWarning, ValueError):
+            numbers = np.array([np.nan])
+    if not np.isfinite(numbers).all():
+        raise _no_number(announced.path, rows, at)
+    if width == 0 or len(numbers) == 0 or len(numbers) % width or len(numbers) < frames * width:
+        raise announced.error(
+            f"{frames:g} frames of {width} channels are announced, but {len(numbers)} numbers follow. "
             "The file is cut short or not whole: fetch it again."
         )
-    # 0.0083333 s means 120 Hz: the files write few digits.
-    return round(1.0 / period, 2), np.array(numbers).reshape(-1, width)
+    return numbers.reshape(-1, width)
+
+
+def _no_number(path: str | Path, rows: str, at: int) -> FileFormatError:
+    """The error that names the first word that is no number; `at` lines stand before the rows."""
+    for number, row in enumerate(rows.split("\n"), at + 1):
+        for word in row.split():
+            value = as_float(word)
+            if value is None or not np.isfinite(value):
+                comma = " Decimals are written with a dot." if "," in word else ""
+                return Line(path, number, []).error(f"expected a number, found '{shortened(word)}'.{comma}")
+    return FileFormatError(f"{path}: a number cannot be read. Fetch the file again.")
 
 
 def _tree(joints: list[Joint], values: Array) -> JointTree:
     """Plays the file's channels on its joints, all in the file's own axes and unit."""
     frames = len(values)
-    rotation = np.empty((frames, len(joints), 4))
-    position = np.empty((frames, len(joints), 3))
+    turn = np.empty((frames, len(joints), 4))
+    place = np.empty((frames, len(joints), 3))
     column = 0
     for index, joint in enumerate(joints):
         local = np.tile([1.0, 0.0, 0.0, 0.0], (frames, 1))
-        place = np.tile(np.array(joint.offset), (frames, 1))
+        place[:, index] = np.array(joint.offset)
         for channel in joint.channels:
             if channel.endswith("rotation"):
                 local = multiply(local, about(_AXES[channel[0]], np.radians(values[:, column])))
             else:
-                place[:, "xyz".index(channel[0])] = values[:, column]
+                place[:, index, "xyz".index(channel[0])] = values[:, column]
             column += 1
-        if index == 0:
-            position[:, index], rotation[:, index] = place, local
-        else:
-            above = rotation[:, joint.parent]
-            position[:, index] = position[:, joint.parent] + rotate(above, place)
-            rotation[:, index] = multiply(above, local)
-    return JointTree(
-        tuple(joint.name for joint in joints),
-        np.array([joint.parent for joint in joints]),
-        position,
-        rotation,
-        np.array([any(channel.endswith("rotation") for channel in joint.channels) for joint in joints]),
-    )
+        turn[:, index] = local
+    turns = np.array([any(channel.endswith("rotation") for channel in joint.channels) for joint in joints])
+    return played([joint.name for joint in joints], [joint.parent for joint in joints], place, turn, turns)

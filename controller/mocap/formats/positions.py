@@ -72,10 +72,10 @@ def is_table(path: Path) -> bool:
 
 def _table(path: str | Path) -> _Positions:
     """The names of the columns, the rate, and the numbers."""
-    lines = [Line(path, number, text.split(",")) for number, text in enumerate(read_lines(path), 1) if text.strip()]
-    if not lines:
+    texts = [(number, text) for number, text in enumerate(read_lines(path), 1) if text.strip()]
+    if not texts:
         raise FileFormatError(f"{path}: there is nothing in it. Write it again.")
-    head, rows = lines[0], lines[1:]
+    head, rows = Line(path, texts[0][0], texts[0][1].split(",")), texts[1:]
     columns = [word.strip().strip('"') for word in head.words]
     if columns[0] != "time_s" or len(columns) < 4 or len(columns) % 3 != 1 or len(columns) > MOST_COLUMNS:
         raise head.error("expected 'time_s' and then x, y and z of each joint, such as 'root.x,root.y,root.z'.")
@@ -87,7 +87,9 @@ def _table(path: str | Path) -> _Positions:
         raise FileFormatError(f"{path}: {len(rows)} frames do not fit into memory. Cut the recording into pieces.")
     if not rows:
         raise FileFormatError(f"{path}: there are no frames in it. Write it again.")
-    numbers = np.array([_row(line, len(columns)) for line in rows])
+    numbers = np.empty((len(rows), len(columns)))
+    for frame, (number, text) in enumerate(rows):
+        numbers[frame] = _row(Line(path, number, text.split(",")), len(columns))
     time, position = numbers[:, 0], numbers[:, 1:].reshape(len(rows), -1, 3)
     steps = np.diff(time)
     if np.isnan(time).any() or (len(steps) and not (steps.min() > 0.0 and np.ptp(steps) < 0.1 * steps.mean() + 2e-6)):

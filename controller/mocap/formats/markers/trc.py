@@ -32,8 +32,8 @@ def read_trc(path: str | Path, options: ReadingOptions = AS_FOUND) -> Markers:
     Raises:
         FileFormatError: naming file and line, if it cannot be read or does not follow the format.
     """
-    lines = [Line(path, number, text.rstrip().split("\t")) for number, text in enumerate(read_lines(path), 1)]
-    lines = [line for line in lines if any(word.strip() for word in line.words)]
+    texts = [(number, text) for number, text in enumerate(read_lines(path), 1) if text.strip()]
+    lines = [Line(path, number, text.rstrip().split("\t")) for number, text in texts[:5]]
     if len(lines) < 5 or lines[0].words[0].strip().lower() != "pathfiletype":
         raise FileFormatError(f"{path}: this is no .trc file, or it is cut short. Is it the right one?")
     heads = [word.strip().lower() for word in lines[1].words]
@@ -50,10 +50,13 @@ def read_trc(path: str | Path, options: ReadingOptions = AS_FOUND) -> Markers:
     axes = [word.strip().lower()[:1] for word in lines[4].words if word.strip()]
     if axes[:3] != ["x", "y", "z"]:
         raise lines[4].error("expected X1, Y1, Z1 and so on under the names of the markers.")
-    rows = lines[5:]
+    rows = texts[5:]
     if len(rows) * len(names) * 3 > MOST_NUMBERS:
         raise FileFormatError(f"{path}: {len(rows)} frames of {len(names)} markers do not fit into memory. Cut it.")
-    position = np.array([_row(line, 3 * len(names)) for line in rows]).reshape(-1, len(names), 3) * unit
+    numbers = np.empty((len(rows), 3 * len(names)))
+    for frame, (number, text) in enumerate(rows):
+        numbers[frame] = _row(Line(path, number, text.rstrip().split("\t")), 3 * len(names))
+    position = numbers.reshape(-1, len(names), 3) * unit
     announced = as_float(fields.get("numframes", "")) or 0.0
     if len(rows) == 0 or len(rows) < announced:
         raise FileFormatError(f"{path}: {announced:g} frames are announced, but {len(rows)} follow. Fetch it again.")
