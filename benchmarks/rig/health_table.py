@@ -6,7 +6,7 @@ code is 1 if a fault was found after more than a second, or not named.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -14,6 +14,7 @@ import typer
 
 from benchmarks import command
 from hardware.bus.servo_bus import Bus
+from hardware.control_table.models import MODELS as TABLES
 from hardware.emulator.bus import BOOT_TIME, EmulatedBus
 from hardware.emulator.device import Device
 from hardware.emulator.port import EmulatedPort
@@ -22,6 +23,7 @@ from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.supervised_rig import SupervisedRig
 
 MODELS = ("XM430-W350", "XL330-M288", "XL430-W250", "XC330-T288", "MX-64", "XW540-T260")
+OLD_MODELS = ("AX-12A", "RX-64", "MX-28(1.0)", "MX-64(1.0)", "XL-320", "XM430-W350")
 _TICK = 0.01
 _AT, _UNTIL = 1.0, 4.0  # s
 _FOLLOWS = 0.2  # rad
@@ -70,20 +72,23 @@ FAULTS: dict[str, Callable[[Device, float], None]] = {
 }
 
 
-def mixed_rig(rate: float = 100.0) -> RigConfig:
-    """One servo of each model on one port."""
-    joints = tuple(RigJoint(model, id, model, 1, 2048, -1.5, 1.5, 2.0) for id, model in enumerate(MODELS, 1))
+def mixed_rig(rate: float = 100.0, models: Sequence[str] = MODELS) -> RigConfig:
+    """One servo of each model on one port, each zero in the middle of its one turn."""
+    joints = tuple(
+        RigJoint(model, id, model, 1, (sum(TABLES[model].one_turn) + 1) // 2, -1.5, 1.5, 2.0)
+        for id, model in enumerate(models, 1)
+    )
     return RigConfig("emulated", 1_000_000, rate, joints)
 
 
-def run(model: str, fault: str, in_place: bool = False) -> Detection:
+def run(model: str, fault: str, in_place: bool = False, models: Sequence[str] = MODELS) -> Detection:
     """Plays sines on the mixed rig and has one servo suffer a fault after a second."""
-    config = mixed_rig()
+    config = mixed_rig(models=models)
     port = EmulatedPort(EmulatedBus(config), paced=True)
     for device in port.bus.devices if in_place else []:
         device.hide_cells()
     rig = SupervisedRig(config, lambda: Bus(port, config.baud), beside=False, sleep=port.elapse)
-    index = MODELS.index(model)
+    index = models.index(model)
     device = port.bus.devices[index]
     began, struck, end, target = port.now(), float("inf"), "", 0.0
     while port.now() - began < _UNTIL:
@@ -93,14 +98,16 @@ def run(model: str, fault: str, in_place: bool = False) -> Detection:
         target = float(np.sin(1.5 * (port.now() - began)))
         try:
             rig.collect_state()
-            rig.write(np.full(len(MODELS), target))
+            rig.write(np.full(len(models), target))
             rig.request_state()
         except RigError as error:
             end = str(error)
             break
         port.elapse(_TICK)
-    named = [incident for incident in rig.incidents if incident.who == f"{model} (id {index + 1})"]
-    shaft = (device["present_position"] - 2048) * 2.0 * np.pi / device.bank.table.pulses_per_turn
+    who = f"{model} (id {index + 1})"
+    named = [incident for incident in rig.incidents if incident.who == who and incident.time >= struck]
+    joint = config.joints[index]
+    shaft = (device["present_position"] - joint.zero) / joint.pulses_per_radian
     follows = not end and abs(shaft - target) < _FOLLOWS
     rig.close()
     if not named:
@@ -112,11 +119,14 @@ def main(
     in_place: Annotated[
         bool, typer.Option("--in-place", help="No servo's indirect cells can be arranged: health is read in turns.")
     ] = False,
+    old: Annotated[
+        bool, typer.Option("--old", help="AX, RX and MX servos of Protocol 1.0, an XL-320 and an XM430 on one bus.")
+    ] = False,
 ) -> None:
-    late = 0
-    for model in MODELS:
+    late, models = 0, OLD_MODELS if old else MODELS
+    for model in models:
         for fault in FAULTS:
-            found = run(model, fault, in_place)
+            found = run(model, fault, in_place, models)
             late += found.after > 1.0
             came = "stopped, named" if model in found.end else "mended" if found.follows else "does not follow"
             print(f"{model:<12} {fault:<13} {found.after:5.2f} s  {came:<16} {found.incident}")

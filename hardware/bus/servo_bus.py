@@ -1,15 +1,23 @@
-"""A bus of Protocol 2.0 servos: every call has a deadline from the wire time, and one dead servo costs one servo."""
+"""A bus of servos of Protocol 2.0, 1.0 or both.
+
+Every call has a deadline from the wire time, and one dead servo costs one servo.
+"""
 
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
+from types import ModuleType
 from typing import NamedTuple
 
 from hardware.bus.port import Port, SerialPort
 from hardware.control_table.models import model_name
 from hardware.errors import NoReplyError, RefusedError
+from hardware.protocol1 import instructions as old_words
+from hardware.protocol1.frames import OldParser
+from hardware.protocol1.frames import as_status as old_status
+from hardware.protocol1.frames import status_length as old_status_length
 from hardware.protocol2 import instructions
 from hardware.protocol2.frames import BROADCAST, Parser, StatusPacket, as_status
 from hardware.protocol2.group_reply import (
@@ -32,6 +40,7 @@ class Identity(NamedTuple):
     model_number: int
     firmware: int
     alert: bool
+    protocol: int = 2
 
     @property
     def model(self) -> str:
@@ -40,6 +49,7 @@ class Identity(NamedTuple):
 
 
 _REQUESTS_KEPT = 256
+_SHORT_MARGIN = 0.02  # s for an adapter, where hundreds of IDs are silent
 
 
 Blocks = tuple[tuple[int, int, int], ...]
@@ -56,6 +66,7 @@ class _Request(NamedTuple):
         lengths: of what each sends, bytes.
         length: the same for all, None where they differ.
         needed: how many bytes the whole reply has.
+        old: whether it is about servos of Protocol 1.0.
         patience: how long to wait for it, s.
     """
 
@@ -65,6 +76,7 @@ class _Request(NamedTuple):
     lengths: tuple[int, ...]
     length: int | None
     needed: int
+    old: bool
     patience: float
 
 
@@ -78,14 +90,19 @@ class Bus:
     For a real-time loop there are three calls that never wait: `sync_write`, `request` and `collect`. Any other call
     gives up a request under way. Every call raises SerialPortError when the port is gone.
 
+    Protocol 1.0 has no sync read, and only MX servos know a bulk read: there a group read that waits asks one servo
+    after the other, and a `request` is about one servo, or several MX.
+
     Attributes:
         port: what carries the bytes.
         baud: bits/s, 10 of which carry a byte.
+        old: IDs of the servos that speak Protocol 1.0; whoever knows them sets it.
     """
 
     def __init__(self, port: Port, baud: int, retries: int = 2, margin: float = 0.05) -> None:
         self.port = port
         self.baud = baud
+        self.old: frozenset[int] = frozenset()
         self._retries = retries
         self._margin = margin
         self._requests: dict[tuple[Blocks, bool], _Request] = {}
@@ -108,10 +125,10 @@ class Bus:
 
     def ping(self, id: int) -> Identity | None:
         """The servo that answers at this ID; None if none does."""
-        status = self._ask(instructions.ping(id), id, 3)
-        if status is None or status.error:
-            return None
-        return Identity(id, status.params[0] | status.params[1] << 8, status.params[2], status.alert)
+        # A ping of Protocol 1.0 says nothing; model number and firmware are the first registers.
+        frame = old_words.read(id, 0, 3) if id in self.old else instructions.ping(id)
+        status = self._ask(frame, id, 3)
+        return None if status is None or status.error else self._identity(status)
 
     def read(self, id: int, address: int, length: int) -> StatusPacket:
         """Reads `length` bytes of a servo's control table; they are the status' params.
@@ -120,7 +137,8 @@ class Bus:
             NoReplyError: if the servo stays silent.
             RefusedError: if it answers with an error number.
         """
-        return self._insist(instructions.read(id, address, length), id, length, f"read register {address}")
+        frame = self._words(id).read(id, address, length)
+        return self._insist(frame, id, length, f"read register {address}")
 
     def write(self, id: int, address: int, data: bytes) -> StatusPacket:
         """Writes bytes into a servo's control table and waits for its answer.
@@ -129,7 +147,7 @@ class Bus:
             NoReplyError: if the servo stays silent.
             RefusedError: if it answers with an error number.
         """
-        return self._insist(instructions.write(id, address, data), id, 0, f"write register {address}")
+        return self._insist(self._words(id).write(id, address, data), id, 0, f"write register {address}")
 
     def reboot(self, id: int) -> StatusPacket:
         """Restarts a servo, torque off; it is deaf for a moment afterwards.
@@ -138,10 +156,10 @@ class Bus:
             NoReplyError: if the servo stays silent.
             RefusedError: if it answers with an error number.
         """
-        return self._insist(instructions.reboot(id), id, 0, "reboot")
+        return self._insist(self._words(id).reboot(id), id, 0, "reboot")
 
     def sync_write(self, address: int, length: int, entries: bytes) -> bool:
-        """Writes the same registers of many servos, without an answer and without waiting.
+        """Writes the same registers of many servos of one protocol, without an answer and without waiting.
 
         Args:
             address: of the first byte to write.
@@ -151,7 +169,8 @@ class Bus:
         Returns:
             False if the port would not take the bytes: nothing is written then.
         """
-        return self.port.send(instructions.sync_write(address, length, entries))
+        words = self._words(entries[0]) if self.old else instructions
+        return self.port.send(words.sync_write(address, length, entries))
 
     def sync_read(self, ids: Sequence[int], address: int, length: int) -> dict[int, StatusPacket]:
         """Reads the same registers of many servos, one status each; who stays silent is missing from the answer."""
@@ -169,7 +188,8 @@ class Bus:
         """Starts a group read without waiting for its reply; False if one is under way or the port is full.
 
         Args:
-            blocks: (id, address, length) of each servo; a sync read where all ask for the same, else a bulk read.
+            blocks: (id, address, length) of each servo of one protocol; a sync read where all ask for the same, else
+                a bulk read; under Protocol 1.0 one servo, or MX servos.
             fast: whether all answer in one joint reply, which not every model can.
         """
         if self._pending is not None:
@@ -196,7 +216,11 @@ class Bus:
         if len(received) < pending.needed and not late:
             return None
         reply = None
-        if pending.length is not None:
+        if pending.old:
+            reply = single_replies(received, pending.ids, pending.lengths, _old_statuses)
+            if len(reply.statuses) < len(pending.ids) and not late:
+                return None
+        elif pending.length is not None:
             whole = whole_fast_reply if pending.fast else whole_single_replies
             reply = whole(received, pending.ids, pending.length)
         if reply is None:
@@ -216,7 +240,7 @@ class Bus:
             NoReplyError: if the servo stays silent.
             RefusedError: if it answers with an error number.
         """
-        return self._insist(instructions.factory_reset(id, keep), id, 0, "reset")
+        return self._insist(self._words(id).factory_reset(id, keep), id, 0, "reset")
 
     def clear_turns(self, id: int) -> StatusPacket:
         """Makes a servo's position one within a turn again.
@@ -237,7 +261,7 @@ class Bus:
         return self._insist(instructions.backup(id, restore), id, 0, "restore" if restore else "back up")
 
     def ping_all(self) -> list[Identity]:
-        """The servos that answer a broadcast ping, in order of ID; waits for the slowest of 253."""
+        """The servos of Protocol 2.0 that answer a broadcast ping, in order of ID; waits for the slowest of 253."""
         self._pending = None
         self.port.receive()
         if not self.port.send(instructions.ping(BROADCAST)):
@@ -253,13 +277,39 @@ class Bus:
                 last = self.port.now()
                 status = as_status(frame)
                 if status is not None and len(status.params) == 3:
-                    number, firmware = status.params[0] | status.params[1] << 8, status.params[2]
-                    found[status.id] = Identity(status.id, number, firmware, status.alert)
+                    found[status.id] = self._identity(status)
         return [found[id] for id in sorted(found)]
+
+    def ping_old(self) -> list[Identity]:
+        """The servos of Protocol 1.0 that answer, in order of ID.
+
+        They answer a broadcast ping all at once, so it tells only whether there are any; then each ID is asked.
+        """
+        self._pending = None
+        self._discard()
+        ping = old_words.ping(BROADCAST)
+        if not self.port.send(ping) or not self.port.wait(self.wire_time(2 * len(ping)) + self._margin):
+            return []
+        self.port.wait(self._margin)
+        before = self.old, self._retries, self._margin
+        self.old, self._retries, self._margin = frozenset(range(BROADCAST)), 0, min(self._margin, _SHORT_MARGIN)
+        try:
+            return [identity for id in sorted(self.old) if (identity := self.ping(id)) is not None]
+        finally:
+            self.old, self._retries, self._margin = before
 
     def close(self) -> None:
         """Gives the port back; may be called twice."""
         self.port.close()
+
+    def _words(self, id: int) -> ModuleType:
+        """The instructions that this servo understands."""
+        return old_words if id in self.old else instructions
+
+    def _identity(self, status: StatusPacket) -> Identity:
+        """Who says this: model number and firmware."""
+        number, firmware = status.params[0] | status.params[1] << 8, status.params[2]
+        return Identity(status.id, number, firmware, status.alert, 1 if status.id in self.old else 2)
 
     def _insist(self, frame: bytes, id: int, length: int, what: str) -> StatusPacket:
         """The status a servo answers with, or the reason why there is none."""
@@ -292,10 +342,10 @@ class Bus:
         if not self.port.send(frame):
             return None
         deadline = self.port.now() + self.wire_time(len(frame) + status_length(length)) + self._margin
-        parser = Parser()
+        parser, read = (OldParser(), old_status) if id in self.old else (Parser(), as_status)
         while (left := deadline - self.port.now()) > 0.0 and self.port.wait(left):
             for answer in parser.feed(self.port.receive()):
-                status = as_status(answer)
+                status = read(answer)
                 if status is not None and status.id == id and (status.error or len(status.params) == length):
                     return status
         return None
@@ -308,17 +358,23 @@ class Bus:
         """What a group read sends and waits for; kept, because a loop asks for the same again and again."""
         lengths = tuple(length for _, _, length in blocks)
         ids = bytes(id for id, _, _ in blocks)
-        _, address, length = blocks[0]
-        if all(block[1:] == (address, length) for block in blocks):
+        id, address, length = blocks[0]
+        is_old = id in self.old
+        if is_old:
+            frame = old_words.read(id, address, length) if len(blocks) == 1 else old_words.bulk_read(blocks)
+            equal = None
+        elif all(block[1:] == (address, length) for block in blocks):
             ask = instructions.fast_sync_read if fast else instructions.sync_read
             frame, equal = ask(address, length, ids), length
         else:
             ask = instructions.fast_bulk_read if fast else instructions.bulk_read
             frame, equal = ask(blocks), length if len(set(lengths)) == 1 else None
         empty = fast_reply_length(len(ids), 0) if fast else len(ids) * status_length(0)
+        if is_old:
+            empty = len(ids) * old_status_length(0)
         needed = empty + sum(lengths)
         patience = self.wire_time(len(frame) + needed) + self._margin
-        request = _Request(frame, fast, ids, lengths, equal, needed, patience)
+        request = _Request(frame, fast, ids, lengths, equal, needed, is_old, patience)
         if len(self._requests) >= _REQUESTS_KEPT:
             self._requests.clear()
         self._requests[blocks, fast] = request
@@ -330,6 +386,14 @@ class Bus:
         A servo waits for the one before it, so a silent one may silence all behind it: only the first in the line is
         known to be silent itself. It goes to the back, and after `retries` more chances it is given up.
         """
+        if self.old:
+            old_blocks = tuple(block for block in blocks if block[0] in self.old)
+            if old_blocks:
+                heard = self._read_group(tuple(block for block in blocks if block[0] not in self.old), fast)
+                for id, address, length in old_blocks:
+                    status = self._ask(old_words.read(id, address, length), id, length)
+                    heard |= {} if status is None else {id: status}
+                return heard
         heard = self._ask_group(blocks, fast)
         if len(heard) == len(blocks):
             return heard
@@ -353,6 +417,11 @@ class Bus:
             self.port.wait(self._margin)
             if (reply := self.collect()) is not None:
                 return reply.statuses([id for id, _, _ in blocks]) if isinstance(reply, WholeReply) else reply.statuses
+
+
+def _old_statuses(received: bytes) -> Iterator[StatusPacket]:
+    """The answers of Protocol 1.0 in what was received."""
+    return (status for frame in OldParser().feed(received) if (status := old_status(frame)) is not None)
 
 
 @lru_cache(maxsize=64)

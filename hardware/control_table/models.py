@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cache
 
+from hardware.control_table.old_models import OLD_MODELS
 from hardware.control_table.register import Register
 from hardware.control_table.sdk_models import Row, model_file, model_numbers
 from hardware.control_table.servo_traits import TRAITS, Traits
@@ -59,7 +60,8 @@ def model_name(number: int) -> str:
 
 @cache
 def _numbers() -> dict[str, int]:
-    return {XM430_W350.model: XM430_W350.number} | _UNLISTED | model_numbers()
+    old = {model: table.number for model, table in OLD_MODELS.items()}
+    return {XM430_W350.model: XM430_W350.number} | _UNLISTED | model_numbers() | old
 
 
 @cache
@@ -71,6 +73,8 @@ def _names() -> dict[int, str]:
 def _table(model: str) -> ControlTable:
     if model == XM430_W350.model:
         return XM430_W350
+    if model in OLD_MODELS:
+        return OLD_MODELS[model]
     file = model_file(model)
     traits = TRAITS.get(model)
     rows = list(_with_cells(file.rows, traits is not None))

@@ -12,6 +12,7 @@ SI_UNITS = {
     "pulse": 1.0,
     "rpm": 2.0 * math.pi / 60.0,
     "rev/min2": 2.0 * math.pi / 3600.0,
+    "deg/s2": math.pi / 180.0,
     "mA": 1e-3,
     "V": 1.0,
     "degC": 1.0,
@@ -33,6 +34,7 @@ class Register:
         memory: "EEPROM" (kept without power, locked while torque is on) or "RAM".
         minimum, maximum: the range of what may be written, in counts.
         default: in counts; None where the servo measures or decides it.
+        sign_bit: which bit is the sign of a number kept as size and sign; 0 for none.
         unit, scale: one count is `scale` units, as in the maker's manual.
     """
 
@@ -47,6 +49,7 @@ class Register:
     default: int | None
     unit: str
     scale: float
+    sign_bit: int = 0
 
     @property
     def si(self) -> float:
@@ -55,7 +58,10 @@ class Register:
 
     def decode(self, data: bytes) -> int:
         """The count that these `length` bytes hold."""
-        return int.from_bytes(data, "little", signed=self.signed)
+        count = int.from_bytes(data, "little", signed=self.signed)
+        if self.sign_bit and count >> self.sign_bit & 1:
+            return -(count & (1 << self.sign_bit) - 1)
+        return count
 
     def encode(self, value: int) -> bytes:
         """The bytes of a count.

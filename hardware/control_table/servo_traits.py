@@ -15,7 +15,7 @@ VOLTAGE_MODES = (1, 3, 4, 16)
 
 @dataclass(frozen=True, slots=True)
 class Traits:
-    """A model of the X or MX(2.0) series.
+    """A model of the X, MX, AX or RX series, or the XL-320.
 
     Attributes:
         no_load_speed: of the horn at `voltage`, rev/min.
@@ -25,7 +25,7 @@ class Traits:
         current_limit: the largest current it takes, in counts.
         velocity_limit: its default, in 0.229 rev/min.
         temperature_limit: its default, degC.
-        position_p: default of the position P gain.
+        position_p: default of the position P gain, or what would be as stiff in the unit of the X series.
         fast_read: the firmware from which it answers fast sync and fast bulk reads; None for never.
     """
 
@@ -82,6 +82,17 @@ XC330-T288      80   0.8     12     1.0       910     360       70    400  46
 MX-28           55   1.4      12    0           0     230       80    850  -
 MX-64           63   4.1      12    3.36     1941     285       80    850  -
 MX-106          45   5.2      12    3.36     2047     210       80    850  -
+MX-28(1.0)      55   1.4      12    0           0       0       80    850  -
+MX-64(1.0)      63   4.1      12    0           0       0       80    850  -
+MX-106(1.0)     45   5.2      12    0           0       0       80    850  -
+AX-12A          59   1.5      12    0           0       0       70   2835  -
+AX-12W         470   1.4      12    0           0       0       70   2835  -
+AX-18A          97   2.2      12    0           0       0       75   2835  -
+RX-10           54   1.3      12    0           0       0       80   2835  -
+RX-24F         126   2.4      12    0           0       0       80   2835  -
+RX-28           79   1.9      14.8  0           0       0       80   2835  -
+RX-64           64   2.6      14.8  0           0       0       80   2835  -
+XL-320         114   1.1      7.4   0           0       0       65   2835  -
 """
 
 

@@ -11,6 +11,9 @@ import numpy as np
 from hardware.control_table.register import SI_UNITS, Register
 from hardware.errors import MotiondeckError
 
+_SIGN_BIT = 10
+USUAL_BITS = (1, 4, 32)
+
 
 class UnknownRegisterError(MotiondeckError):
     """A register name that the model does not have."""
@@ -25,12 +28,16 @@ class ControlTable:
         number: the model number a ping answers with.
         pulses_per_turn: position counts in one turn of the horn.
         registers: by name, in order of address.
+        protocol: 1 or 2, that it speaks.
+        problem_bits: what voltage, heat and overload are in its hardware error status and in its shutdown mask.
     """
 
     model: str
     number: int
     pulses_per_turn: int
     registers: dict[str, Register]
+    protocol: int = 2
+    problem_bits: tuple[int, int, int] = USUAL_BITS
 
     def __getitem__(self, name: str) -> Register:
         """The register of this name.
@@ -56,8 +63,20 @@ class ControlTable:
         """The lowest and the highest position of position mode."""
         low = self["min_position_limit"]
         if low.minimum == 0:
-            return 0, self.pulses_per_turn - 1
+            return 0, min(low.maximum, self.pulses_per_turn - 1)
         return -(self.pulses_per_turn // 2), self.pulses_per_turn // 2
+
+    def problems(self, bits: int) -> int:
+        """The model's own problem bits as those of all others."""
+        if self.problem_bits == USUAL_BITS:
+            return bits
+        return sum(usual for own, usual in zip(self.problem_bits, USUAL_BITS, strict=True) if bits & own)
+
+    def own_problems(self, bits: int) -> int:
+        """The inverse of `problems`."""
+        if self.problem_bits == USUAL_BITS:
+            return bits
+        return sum(own for own, usual in zip(self.problem_bits, USUAL_BITS, strict=True) if bits & usual)
 
     def place(self, name: str) -> tuple[int, int] | None:
         """Address and length of a register, None where the model has none of this name."""
@@ -88,8 +107,9 @@ class ControlTable:
 def parse_table(model: str, number: int, pulses_per_turn: int, text: str) -> ControlTable:
     """Reads rows of  address, length, name, access, memory, range, default, unit;  # starts a comment.
 
-    A length of `2s` is two bytes, signed; `-` stands for no default and for no unit; `*1:28` behind a name makes 28
-    registers name_1, name_2, ... one behind the other, and a default of `224+` counts up along with them.
+    A length of `2s` is two bytes, signed; `2m` two bytes with a size and, in bit 10, its sign; `-` stands for no
+    default and for no unit; `*1:28` behind a name makes 28 registers name_1, name_2, ... one behind the other, and
+    a default of `224+` counts up along with them.
 
     Raises:
         ValueError: if a row has other columns, overlaps its neighbour, or uses an unknown word; it quotes the row.
@@ -119,7 +139,7 @@ def _registers(row: list[str]) -> list[Register]:
     base, _, span = name.partition("*")
     first, _, last = span.partition(":")
     names = [f"{base}_{number}" for number in range(int(first), int(last) + 1)] if span else [base]
-    length = int(length_word.rstrip("s"))
+    length = int(length_word.rstrip("sm"))
     minimum, maximum = (int(word) for word in range_word.split(".."))
     default = None if default_word == "-" else int(default_word.rstrip("+"))
     scale, unit = _unit(unit_word)
@@ -136,6 +156,7 @@ def _registers(row: list[str]) -> list[Register]:
             default=default + index if default is not None and default_word.endswith("+") else default,
             unit=unit,
             scale=scale,
+            sign_bit=_SIGN_BIT if length_word.endswith("m") else 0,
         )
         for index, each in enumerate(names)
     ]

@@ -9,38 +9,24 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable
-from typing import NamedTuple
 
-from hardware.emulator.device import ACCESS, BAUD_RATES, INSTRUCTION, LENGTH, RANGE, Device
+from hardware.control_table.baud_rates import baud_value
+from hardware.emulator.device import ACCESS, INSTRUCTION, LENGTH, RANGE, Device
+from hardware.emulator.old_answers import BOOT_TIME, Answer, answer_old, old_status
 from hardware.emulator.plant import STEP, Coupling, JointPlant
 from hardware.emulator.servo_bank import ServoBank
+from hardware.protocol1.frames import BAD_CHECKSUM as OLD_CHECKSUM
+from hardware.protocol1.frames import OldParser
 from hardware.protocol2 import instructions as wire
 from hardware.protocol2.crc import checksum
 from hardware.protocol2.frames import ALERT, BROADCAST, HEADER, STATUS, Frame, Parser, build_status
 from hardware.rig.rig_file import RigConfig
-
-BOOT_TIME = 0.1
-"""How long a servo is deaf after a reboot, s; the manual gives no figure."""
 
 LONGEST_GAP = 1.5e-3
 """The silence inside an instruction after which servos forget its beginning, s."""
 
 _BAD_CHECKSUM = 3
 _NEWER_FIRMWARE = 42  # a factory reset of everything is no longer taken from a broadcast
-
-
-class Answer(NamedTuple):
-    """What the servos put on the wire in one go.
-
-    Attributes:
-        delay: how long they waited before, s.
-        data: the bytes.
-        id: the sender; BROADCAST where several write one frame.
-    """
-
-    delay: float
-    data: bytes
-    id: int
 
 
 class EmulatedBus:
@@ -73,7 +59,7 @@ class EmulatedBus:
         self._time = 0.0
         self._heard = 0.0
         self._fed = 0.0
-        self._parser = Parser()
+        self._parser, self._old_parser = Parser(), OldParser()
         by_model: defaultdict[str, list[int]] = defaultdict(list)
         for index, joint in enumerate(config.joints):
             by_model[joint.model].append(index)
@@ -82,10 +68,11 @@ class EmulatedBus:
         for members in by_model.values():
             joints = [config.joints[index] for index in members]
             bank = ServoBank(joints[0].table, [joint.id for joint in joints], [float(joint.zero) for joint in joints])
-            bank.registers["baud_rate"] = BAUD_RATES.index(config.baud)
+            bank.registers["baud_rate"] = baud_value(bank.table, config.baud)
             self._banks.append(bank)
             placed |= {index: Device(bank, row) for row, index in enumerate(members)}
         self.devices = [placed[index] for index in range(len(config.joints))]
+        self._speaks_old = any(device.protocol == 1 for device in self.devices)
         self._coupling = Coupling(plant, config.joints, self.devices) if plant is not None else None
         self._turned = 0.0  # time of the plant, s
         self.reindex()
@@ -97,8 +84,9 @@ class EmulatedBus:
     def exchange(self, data: bytes, now: float) -> list[Answer]:
         """Puts bytes on the wire, the last one at the time `now` (s), and returns the servos' answers."""
         self.advance(now)
-        if self.longest_gap is not None and now - self._heard > self.longest_gap and self._parser.waiting:
-            self._parser = Parser()
+        waiting = self._parser.waiting or self._old_parser.waiting
+        if self.longest_gap is not None and now - self._heard > self.longest_gap and waiting:
+            self._parser, self._old_parser = Parser(), OldParser()
         self._heard = now
         answers: list[Answer] = []
         for frame in self._parser.feed(data):
@@ -106,8 +94,19 @@ class EmulatedBus:
                 self._fed = self._time
                 answers += self._answer(frame)
         for id in self._parser.damaged:
-            for device in self._hearing(id):
+            for device in self.hearing(id):
                 answers += self._status(device, id, _BAD_CHECKSUM, b"", 2)
+        return answers + self._answer_old(data) if self._speaks_old else answers
+
+    def _answer_old(self, data: bytes) -> list[Answer]:
+        """What the servos of Protocol 1.0 send back on these bytes."""
+        answers: list[Answer] = []
+        for frame in self._old_parser.feed(data):
+            self._fed = self._time
+            answers += answer_old(self, frame)
+        for id in self._old_parser.damaged:
+            for device in self.hearing(id, 1):
+                answers += old_status(device, OLD_CHECKSUM, b"", 2)
         return answers
 
     def advance(self, now: float) -> None:
@@ -146,13 +145,26 @@ class EmulatedBus:
             if device.shadow_id <= 252 and device.shadow_id != device.id:
                 self._shadows[device.shadow_id].append(device)
 
-    def _awake(self, devices: list[Device]) -> list[Device]:
-        """Those that are alive, not starting up, and listen at the host's speed."""
-        return [d for d in devices if not d.dead and self._time >= d.asleep_until and d.baud == self.baud]
+    def everybody(self, protocol: int) -> list[Device]:
+        """The servos that hear and speak this protocol."""
+        return self._awake(self.devices, protocol)
 
-    def _hearing(self, id: int) -> list[Device]:
-        """The servos with this ID that hear."""
-        return self._awake(self._by_id[id]) if id in self._by_id else []
+    @property
+    def time(self) -> float:
+        """Until when the servos have lived, s."""
+        return self._time
+
+    def _awake(self, devices: list[Device], protocol: int = 2) -> list[Device]:
+        """Those that are alive, not starting up, listen at the host's speed, and speak this protocol."""
+        return [
+            d
+            for d in devices
+            if d.protocol == protocol and not d.dead and self._time >= d.asleep_until and d.baud == self.baud
+        ]
+
+    def hearing(self, id: int, protocol: int = 2) -> list[Device]:
+        """The servos with this ID that hear, and speak this protocol."""
+        return self._awake(self._by_id[id], protocol) if id in self._by_id else []
 
     def _answer(self, frame: Frame) -> list[Answer]:
         """The servos' answers to one instruction."""
@@ -175,10 +187,10 @@ class EmulatedBus:
 
     def _together(self, id: int, frame: Frame) -> list[Answer]:
         """The answers of all servos with this ID, mixed into one where there are several."""
-        answers = [answer for device in self._hearing(id) for answer in self._alone(device, id, frame)]
-        return answers if len(answers) < 2 else [self._mixed(answers)]
+        answers = [answer for device in self.hearing(id) for answer in self._alone(device, id, frame)]
+        return answers if len(answers) < 2 else [self.mixed(answers)]
 
-    def _mixed(self, answers: list[Answer]) -> Answer:
+    def mixed(self, answers: list[Answer]) -> Answer:
         """Answers given at the same time: a 0 on the wire wins against a 1, as it does where drivers share a line."""
         first = min(answer.delay for answer in answers)
         late = [round((answer.delay - first) * self.baud / 10) for answer in answers]
@@ -256,12 +268,12 @@ class EmulatedBus:
         answers: list[Answer] = []
         for id, params in asked:
             own: list[Answer] = []
-            for device in self._hearing(id):
+            for device in self.hearing(id):
                 data, error = self._read(device, params)
                 own += self._status(device, id, error, data, 1)
             if not own and self.strict:
                 break
-            answers += own if len(own) < 2 else [self._mixed(own)]
+            answers += own if len(own) < 2 else [self.mixed(own)]
         return answers
 
     def _fast_sync_read(self, params: bytes) -> list[Answer]:
@@ -281,7 +293,7 @@ class EmulatedBus:
         delay: float | None = None
         pieces = [answer]
         for id, address, length in asked:
-            device = next(iter(self._hearing(id)), None)
+            device = next(iter(self.hearing(id)), None)
             if device is None or device["status_return_level"] < 1 or not device.answers_fast_reads:
                 if self.strict:
                     break
@@ -311,7 +323,7 @@ class EmulatedBus:
         return []
 
     def _write_unanswered(self, id: int, address: int, data: bytes) -> None:
-        for device in self._hearing(id):
+        for device in self.hearing(id):
             self._write(device, address, data)
         if id in self._shadows:
             for device in self._awake(self._shadows[id]):

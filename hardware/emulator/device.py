@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import math
 
+from hardware.control_table.baud_rates import BAUD_RATES, baud_of
 from hardware.control_table.register import Register
 from hardware.control_table.servo_traits import TRAITS
+from hardware.emulator.old_servos import is_old
 from hardware.emulator.servo_bank import TRIPPED, ServoBank
 from hardware.protocol2.instructions import (
     BACKUP_RESTORE,
@@ -22,9 +24,6 @@ from hardware.protocol2.instructions import (
 )
 
 RESULT_FAIL, INSTRUCTION, RANGE, LENGTH, LIMIT, ACCESS = 1, 2, 4, 5, 6, 7
-
-BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
-"""Bits/s, by value of the baud rate register."""
 
 _FOLLOWER, _ON_BY_GOAL = 2, 8
 _TORQUE_AT_START, _RESTORE_RAM = 1, 2
@@ -45,6 +44,7 @@ class Device:
 
     Attributes:
         model: the maker's name.
+        protocol: 1 or 2, that it speaks.
         asleep_until: the servo is deaf before this time, s, as after a reboot.
     """
 
@@ -64,12 +64,15 @@ class Device:
             name: (slice(register.address, register.address + register.length), register.signed)
             for name, register in bank.table.registers.items()
         }
-        self._by_address = {register.address: register for register in bank.table.registers.values()}
+        self._by_address = {register.address: register for register in bank.public.registers.values()}
+        self.protocol = bank.table.protocol
+        self._old = is_old(bank.table)
         self._cells = {
             register.address: bank.table[name.replace("data", "address")].address
             for name, register in bank.table.registers.items()
             if name.startswith("indirect_data")
         }
+        self._end = bank.public.size
         self._first_cell = min(self._cells, default=size)
         self._registered: tuple[int, bytes] | None = None
 
@@ -91,7 +94,7 @@ class Device:
     def __setitem__(self, name: str, value: int) -> None:
         """Puts a value into a register without any rule or effect: for the servo itself, and for tests."""
         self._store(self._table[name], value)
-        if name in _MATTERS:
+        if name in _MATTERS or self._old:
             self.bank.settle()
 
     @property
@@ -107,7 +110,7 @@ class Device:
     @property
     def baud(self) -> int:
         """The speed at which it hears and answers, bits/s."""
-        return BAUD_RATES[self._get("baud_rate")]
+        return baud_of(self._table, self._get("baud_rate"))
 
     @property
     def return_delay(self) -> float:
@@ -128,7 +131,7 @@ class Device:
     @property
     def torque(self) -> bool:
         """Whether torque is on."""
-        return self._get("torque_enable") != 0
+        return self._get("torque_enable") != 0 and not (self._old and self._get("torque_limit") == 0)
 
     @property
     def pulses_per_radian(self) -> float:
@@ -147,9 +150,9 @@ class Device:
 
     def fail(self, bits: int) -> None:
         """Gives the servo a hardware problem: 1 voltage, 4 heat, 8 encoder, 16 shock, 32 overload."""
-        self["hardware_error_status"] = self._get("hardware_error_status") | bits
+        self["hardware_error_status"] = self._get("hardware_error_status") | self._table.own_problems(bits)
         if self.shut_down and self._get("torque_enable"):
-            self["torque_enable"] = 0
+            self.bank.let_go(self.row)
 
     def hide_cells(self) -> None:
         """Makes the indirect cells plain memory, as if this servo's firmware had them elsewhere."""
@@ -158,7 +161,7 @@ class Device:
     def read(self, address: int, length: int) -> bytes | None:
         """Bytes of the control table, indirect data resolved; None if they are not all in it."""
         end = address + length
-        if length == 0 or end > len(self._memory):
+        if length == 0 or end > self._end:
             return None
         self.bank.show()
         if end <= self._first_cell:
@@ -188,7 +191,7 @@ class Device:
         if by_goal and any(register.name in _GOALS for register, _ in plan):
             self._store(self._table["torque_enable"], 1)
             plan.insert(0, (self._table["torque_enable"], 1))
-        if any(register.name in _MATTERS for register, _ in plan):
+        if self._old or any(register.name in _MATTERS for register, _ in plan):
             self.bank.settle()
         for register, value in plan:
             self._take_effect(register.name, value, switched_on=not was_on)
@@ -281,7 +284,9 @@ class Device:
             register = self._by_address.get(address + offset)
             if register is None or register.access == "R":
                 return ACCESS
-            if register.memory == "EEPROM" and self._get("torque_enable"):
+            if register.memory == "EEPROM" and (
+                self._get("torque_enable") or ("lock" in self._places and self["lock"])
+            ):
                 return ACCESS
             if offset + register.length > len(data):
                 return LENGTH
@@ -331,9 +336,11 @@ class Device:
         if name == "drive_mode":
             return RANGE if value & _FOLLOWER and not self._has_follower else 0
         if name == "baud_rate":
-            return 0 if value < len(BAUD_RATES) else RANGE
+            return 0 if self.protocol == 1 or value < len(BAUD_RATES) else RANGE
+        if name == "lock":
+            return 0 if value or not self._get("lock") else RANGE  # only power-up unlocks
         if name == "torque_enable":
-            return RESULT_FAIL if value and self.shut_down else 0
+            return RESULT_FAIL if value and self.shut_down and not self._old else 0
         return 0
 
     def _take_effect(self, name: str, value: int, switched_on: bool) -> None:
@@ -341,6 +348,8 @@ class Device:
         bank, row = self.bank, self.row
         if name == "goal_position" and self._get("torque_enable"):
             bank.pursue(row)
+        elif name == "torque_limit" and value:
+            self["hardware_error_status"] = 0
         elif name == "goal_velocity":
             bank.accelerate(row)
         elif name == "torque_enable" and value and switched_on:

@@ -16,12 +16,10 @@ from numpy.typing import NDArray
 from hardware.control_table.table import ControlTable
 from hardware.emulator.drive import CURRENT, POSITION_MODES, PWM, VELOCITY, MotorDrive
 from hardware.emulator.motor import motor_of
+from hardware.emulator.old_servos import follow, is_old, whole_table, with_sign
 
 TRIPPED = -1
 """The bus watchdog register after it has stopped the servo."""
-
-VOLTAGE, HEAT, OVERLOAD = 0x01, 0x04, 0x20
-"""Bits of the hardware error status that the bank sets."""
 
 _CONTROL = ("position_p_gain", "position_i_gain", "position_d_gain", "velocity_p_gain", "velocity_i_gain",
             "feedforward_1st_gain", "feedforward_2nd_gain", "profile_velocity", "profile_acceleration")  # fmt: skip
@@ -42,7 +40,8 @@ class ServoBank:
     """n servos of one model.
 
     Attributes:
-        table: their control table.
+        public: their control table, as far as the bus reaches.
+        table: the same with what the bank needs besides (see `old_servos`).
         memory: all their bytes, `table.size` a servo.
         registers: the same bytes as a numpy record array, shape (n,).
         drive: their motors; its `shaft`, `load`, `jammed`, `supply` and `temperature` may be set from outside.
@@ -53,7 +52,8 @@ class ServoBank:
     def __init__(self, table: ControlTable, ids: Sequence[int], shaft: Sequence[float]) -> None:
         """Switches the servos on, each horn at `shaft` pulses."""
         count = len(ids)
-        self.table = table
+        self.public = table
+        self.table = table = whole_table(table)
         self.memory = bytearray(count * table.size)
         self.registers = np.frombuffer(self.memory, dtype=table.dtype())
         for register in table.registers.values():
@@ -67,6 +67,7 @@ class ServoBank:
         self._time = 0.0
         self._shown = False
         self._measures_current = "present_current" in table.registers
+        self._old = is_old(table)
         self._pulses_per_radian = table.pulses_per_turn / (2.0 * math.pi)
         self.settle()
         self.show()
@@ -88,6 +89,8 @@ class ServoBank:
             if register.memory == "RAM":
                 self.registers[register.name][row] = register.default or 0
         self.restore_control(row)
+        if self._old:
+            self.registers["torque_limit"][row] = self.registers["max_torque"][row]
         for name, value in (restored or {}).items():
             self.registers[name][row] = value
         self._overload[row] = 0.0
@@ -129,15 +132,18 @@ class ServoBank:
     def settle(self) -> None:
         """Copies the registers that matter to the motors to them, after one was written."""
         registers, drive = self.registers, self.drive
+        if self._old:
+            follow(registers, self.table, drive)
         sign = np.where(registers["drive_mode"] & 1, -1.0, 1.0).astype(np.float64)
         drive.mode = registers["operating_mode"].astype(np.int64)
         drive.sign = sign
         one_turn = (drive.mode == 3) & (np.abs(registers["homing_offset"]) > _OFFSET_IN_ONE_TURN)
         drive.offset = np.where(one_turn, 0.0, registers["homing_offset"].astype(np.float64))
         drive.on = registers["torque_enable"] != 0
-        drive.p_gain = registers["position_p_gain"] / 128.0
-        drive.i_gain = registers["position_i_gain"] / 65.536  # a 1 kHz loop sums 65536ths
-        drive.d_gain = registers["position_d_gain"] / 16e3  # and takes differences from one ms to the next
+        if not self._old:
+            drive.p_gain = registers["position_p_gain"] / 128.0
+            drive.i_gain = registers["position_i_gain"] / 65.536  # a 1 kHz loop sums 65536ths
+            drive.d_gain = registers["position_d_gain"] / 16e3  # and takes differences from one ms to the next
         drive.ff_gain = registers["feedforward_1st_gain"] / 4e3
         drive.most_pwm = np.abs(registers["goal_pwm"].astype(np.float64))
         drive.goal_pwm = sign * registers["goal_pwm"].astype(np.float64)
@@ -230,17 +236,22 @@ class ServoBank:
         registers, drive = self.registers, self.drive
         self._overload = np.where(np.abs(drive.current) > _OVERLOADED, self._overload + seconds, 0.0)
         tenths = drive.supply * 10.0
-        found = HEAT * (drive.temperature > registers["temperature_limit"])
-        found |= OVERLOAD * (self._overload > _OVERLOAD_TIME)
-        found |= VOLTAGE * ((tenths > registers["max_voltage_limit"]) | (tenths < registers["min_voltage_limit"]))
+        voltage, heat, overload = self.table.problem_bits
+        found = heat * (drive.temperature > registers["temperature_limit"])
+        found |= overload * (self._overload > _OVERLOAD_TIME)
+        found |= voltage * ((tenths > registers["max_voltage_limit"]) | (tenths < registers["min_voltage_limit"]))
         if not found.any():
             return
         registers["hardware_error_status"] |= found.astype(np.uint8)
         down = (registers["hardware_error_status"] & registers["shutdown"] != 0) & drive.on
         if down.any():
-            registers["torque_enable"][down] = 0
-            self.settle()
+            self.let_go(down)
         self.browned_out |= set(np.flatnonzero(drive.supply < _LOWEST_VOLTAGE * drive.motor.voltage).tolist())
+
+    def let_go(self, rows: NDArray[np.bool_] | int) -> None:
+        """Shuts servos down: an old one loses its torque limit, and may get another; the others need a reboot."""
+        self.registers["torque_limit" if self._old else "torque_enable"][rows] = 0
+        self.settle()
 
     def show(self) -> None:
         """Updates the registers that a servo measures."""
@@ -250,8 +261,9 @@ class ServoBank:
         registers, table, drive = self.registers, self.table, self.drive
         per_speed = 1.0 / (table["present_velocity"].si * self._pulses_per_radian)
         velocity = np.rint(drive.sign * drive.speed * per_speed)
-        registers["present_position"] = np.rint(drive.sign * drive.shaft + drive.offset)
-        registers["present_velocity"] = velocity
+        position = np.rint(drive.sign * drive.shaft + drive.offset)
+        registers["present_position"] = np.clip(position, *table.one_turn) if self._old else position
+        registers["present_velocity"] = with_sign(velocity) if self._old else velocity
         registers["position_trajectory"] = np.rint(drive.sign * drive.path + drive.offset)
         registers["velocity_trajectory"] = np.rint(drive.sign * drive.path_speed * per_speed)
         registers["present_pwm"] = np.rint(drive.sign * drive.pwm)
@@ -260,7 +272,8 @@ class ServoBank:
             stall = drive.motor.stall_current / table["present_current"].scale
             registers["present_current"] = np.clip(np.rint(drive.sign * drive.current * stall), -most, most)
         else:
-            registers["present_load"] = np.clip(np.rint(drive.sign * drive.current * 1e3), -1000, 1000)
+            load = np.clip(np.rint(drive.sign * drive.current * 1e3), -1000, 1000)
+            registers["present_load"] = with_sign(load) if self._old else load
         registers["moving"] = np.abs(velocity) > registers["moving_threshold"]
         arrived = np.abs(drive.target - drive.shaft) <= _IN_POSITION_WINDOW
         ongoing = (np.abs(drive.target - drive.path) > 0.5) & drive.on

@@ -57,8 +57,9 @@ class SimulatedRig:
                 ("torque_enable", 1),
                 ("bus_watchdog", round(config.watchdog_ms * 1e-3 / _WATCHDOG_UNIT)),
             ):
-                register = joint.table[name]
-                device.write(register.address, register.encode(value))
+                register = joint.table.registers.get(name)
+                if register is not None:
+                    device.write(register.address, register.encode(value))
         self._measure()
         self._goals = self.positions.copy()
 
@@ -97,8 +98,9 @@ class SimulatedRig:
         for joint, device in zip(self.config.joints, self.servos.devices, strict=True):
             off = [("bus_watchdog", 0)] + ([("torque_enable", 0)] if self.config.on_exit == "off" else [])
             for name, value in off if not device.dead else []:
-                register = joint.table[name]
-                device.write(register.address, register.encode(value))
+                register = joint.table.registers.get(name)
+                if register is not None:
+                    device.write(register.address, register.encode(value))
         return [name for name, device in zip(self.names, self.servos.devices, strict=True) if device.dead]
 
     def _measure(self) -> None:

@@ -44,12 +44,15 @@ class StatusPacket(NamedTuple):
         error: error number, 0 for none (see `instructions.ERRORS`).
         alert: whether the servo reports a hardware problem (register 70 holds which).
         params: what was asked for.
+        hardware: which problems the servo has, where the answer itself tells (Protocol 1.0): 1 voltage, 4 heat, 32
+            overload.
     """
 
     id: int
     error: int
     alert: bool
     params: bytes
+    hardware: int = 0
 
 
 def build(id: int, instruction: int, params: bytes = b"") -> bytes:

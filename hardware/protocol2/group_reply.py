@@ -6,7 +6,7 @@ any other is read servo by servo (`GroupReply`).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache, partial
 from itertools import repeat
 from struct import Struct
@@ -61,7 +61,7 @@ class WholeReply(NamedTuple):
         numbers, alerts = repeat(0), repeat(False)
         if any(errors):
             numbers, alerts = [error & ~ALERT for error in errors], [error >= ALERT for error in errors]
-        return dict(zip(ids, map(_status, zip(ids, numbers, alerts, data, strict=False)), strict=True))
+        return dict(zip(ids, map(_status, zip(ids, numbers, alerts, data, repeat(0), strict=False)), strict=True))
 
 
 _status = partial(tuple.__new__, StatusPacket)  # what StatusPacket(...) calls in the end, in a third of the time
@@ -176,15 +176,23 @@ def fast_reply(received: bytes, ids: Sequence[int], length: int | Sequence[int])
     return GroupReply(statuses, corrupt, silent + list(ids[turn : turn + 1]), list(ids[turn + 1 :]))
 
 
-def single_replies(received: bytes, ids: Sequence[int], length: int | Sequence[int]) -> GroupReply:
+def statuses_in(received: bytes) -> Iterator[StatusPacket]:
+    """The statuses in what was received."""
+    return (status for frame in Parser().feed(received) if (status := as_status(frame)) is not None)
+
+
+def single_replies(
+    received: bytes,
+    ids: Sequence[int],
+    length: int | Sequence[int],
+    statuses: Callable[[bytes], Iterable[StatusPacket]] = statuses_in,
+) -> GroupReply:
     """Reads the single statuses of the servos `ids`, asked in this order for `length` bytes (or its own number)."""
     lengths = dict(zip(ids, [length] * len(ids) if isinstance(length, int) else length, strict=True))
     heard = {
         status.id: status
-        for frame in Parser().feed(received)
-        if (status := as_status(frame)) is not None
-        and status.id in lengths
-        and (status.error or len(status.params) == lengths[status.id])
+        for status in statuses(received)
+        if status.id in lengths and (status.error or len(status.params) == lengths[status.id])
     }
     missing = [index for index, id in enumerate(ids) if id not in heard]
     last = max((index for index, id in enumerate(ids) if id in heard), default=-1)

@@ -5,16 +5,17 @@ puts its zero elsewhere, a second ID lets another servo's goals move it.
 
     register                 needed                                            set
     operating_mode, min_position_limit, max_position_limit, current_limit      at switch-on: the rig file states them
-    gains P, I, feed-forward the model's own                                   at switch-on: they are in RAM
-    goal_pwm                 what pwm_limit allows                             at switch-on
+    gains P, I, feed-forward, compliance: the model's own                      at switch-on: they are in RAM
+    goal_pwm, torque_limit   what pwm_limit or max_torque allows               at switch-on
     drive_mode               0: not reversed, velocity-based profile           on request, refused until then
-    homing_offset            0: the rig file has the zero                      on request, refused until then
+    homing_offset, multi_turn_offset  0: the rig file has the zero             on request, refused until then
+    resolution_divider       1: a count means what the table says              on request, refused until then
     secondary_id             above 252: none                                   on request, refused until then
     startup_configuration    0: torque stays off at power-up                   on request, refused until then
     shutdown                 at least heat, shock and overload                 on request, refused until then
     temperature_limit        at most the model's own                           on request, refused until then
     velocity_limit           at least the joint's velocity                     on request, advised
-    pwm_limit                the model's own                                   on request, advised
+    pwm_limit, max_torque    the model's own                                   on request, advised
     return_delay_time        20 us at most                                     on request, advised
 
 Profiles, bus watchdog and status return level are RAM too; `switching` writes them each time. D gains are left alone:
@@ -29,19 +30,26 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from hardware.bus.servo_bus import Bus
+from hardware.control_table.old_models import OLD_MODELS
 from hardware.control_table.servo_traits import TRAITS
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array, RigScale
 
 POSITION_MODE = 3
 _PROTECTED = 4 | 16 | 32  # heat, shock, overload
+_PROTECTED_OLD = 4 | 32  # old models notice no shock
+_JOINT_MODE = 2  # of an XL-320
+_FASTEST_JOINT = 1023  # counts of speed that an old model takes; the next bit is a direction, for wheels
+_GAINS = ("position_p_gain", "position_i_gain", "feedforward_1st_gain", "feedforward_2nd_gain", "cw_compliance_margin",
+          "ccw_compliance_margin", "cw_compliance_slope", "ccw_compliance_slope")  # fmt: skip
 _LAST_ID, _NO_SECOND_ID = 252, 255
 _SLOW_ANSWER = 10  # counts of 2 us that do no harm
 _COMPARED = frozenset({
     "drive_mode", "homing_offset", "secondary_id", "startup_configuration", "shutdown", "temperature_limit",
     "velocity_limit", "pwm_limit", "current_limit", "operating_mode", "min_position_limit", "max_position_limit",
     "return_delay_time", "position_p_gain", "position_i_gain", "feedforward_1st_gain", "feedforward_2nd_gain",
-    "goal_pwm",
+    "goal_pwm", "control_mode", "multi_turn_offset", "resolution_divider", "torque_control_mode", "torque_limit",
+    "max_torque", "cw_compliance_margin", "ccw_compliance_margin", "cw_compliance_slope", "ccw_compliance_slope",
 })  # fmt: skip
 _WHY = {
     "drive_mode": "reversed, or with a profile in time instead of speed",
@@ -52,6 +60,9 @@ _WHY = {
     "temperature_limit": "it may get too hot",
     "velocity_limit": "it is slower than the rig file asks",
     "pwm_limit": "it is weaker than its model",
+    "max_torque": "it is weaker than its model",
+    "multi_turn_offset": "its zero is elsewhere",
+    "resolution_divider": "its counts mean other angles",
     "return_delay_time": "it waits before each answer, in counts of 2 us",
 }
 
@@ -120,7 +131,8 @@ def position_ends(config: RigConfig) -> Array:
 def in_counts(joint: RigJoint, name: str, value: float, least: int) -> int:
     """A value in SI units as what a register of the joint takes, 0 for 0."""
     register = joint.table[name]
-    return max(least if value else 0, min(round(value / register.si), register.maximum))
+    most = _FASTEST_JOINT if joint.model in OLD_MODELS and name == "profile_velocity" else register.maximum
+    return max(least if value else 0, min(round(value / register.si), most))
 
 
 def _read_settings(joint: RigJoint, bus: Bus) -> dict[str, int]:
@@ -138,28 +150,38 @@ def _read_settings(joint: RigJoint, bus: Bus) -> dict[str, int]:
 def _needs(joint: RigJoint, low: int, high: int, held: dict[str, int]) -> Iterator[tuple[str, int, When]]:
     """Register, needed value, and when it is set, for the registers that this model has."""
     # First the mode: a change of it puts gains and goals back.
-    yield "operating_mode", POSITION_MODE, "switch-on"
+    for name, mode in (("operating_mode", POSITION_MODE), ("control_mode", _JOINT_MODE), ("torque_control_mode", 0)):
+        if name in held:
+            yield name, mode, "switch-on"
     yield "min_position_limit", low, "switch-on"
     yield "max_position_limit", high, "switch-on"
     if joint.current:
         yield "current_limit", in_counts(joint, "current_limit", joint.current, 1), "switch-on"
-    traits = TRAITS.get(joint.model)
-    if traits is not None:
-        yield "position_p_gain", traits.position_p, "switch-on"
-        for name in ("position_i_gain", "feedforward_1st_gain", "feedforward_2nd_gain"):
-            yield name, 0, "switch-on"
-        yield "goal_pwm", held["pwm_limit"], "switch-on"
-    for name in ("drive_mode", "homing_offset", "startup_configuration"):
+    if joint.model in TRAITS:
+        for name in _GAINS:
+            default = joint.table.registers[name].default if name in held else None
+            if default is not None:
+                yield name, default, "switch-on"
+    for name, most in (("goal_pwm", "pwm_limit"), ("torque_limit", "max_torque")):
+        if name in held:
+            yield name, held[most], "switch-on"
+    for name in ("drive_mode", "homing_offset", "startup_configuration", "multi_turn_offset"):
         if name in held:
             yield name, 0, "refused"
+    if "resolution_divider" in held:
+        yield "resolution_divider", 1, "refused"
     if held.get("secondary_id", _NO_SECOND_ID) <= _LAST_ID:
         yield "secondary_id", _NO_SECOND_ID, "refused"
-    yield "shutdown", held["shutdown"] | _PROTECTED, "refused"
+    is_old = joint.model in OLD_MODELS
+    protected = joint.table.own_problems(_PROTECTED_OLD) if is_old else _PROTECTED
+    yield "shutdown", held["shutdown"] | protected, "refused"
     yield "temperature_limit", min(held["temperature_limit"], round(joint.hottest)), "refused"
-    fast_enough = in_counts(joint, "velocity_limit", joint.velocity * joint.gear, 1)
-    yield "velocity_limit", max(held["velocity_limit"], fast_enough), "advised"
-    own_pwm = joint.table["pwm_limit"].default
-    if own_pwm is not None:
-        yield "pwm_limit", own_pwm, "advised"
+    if "velocity_limit" in held:
+        fast_enough = in_counts(joint, "velocity_limit", joint.velocity * joint.gear, 1)
+        yield "velocity_limit", max(held["velocity_limit"], fast_enough), "advised"
+    for name in ("pwm_limit", "max_torque"):
+        default = joint.table.registers[name].default if name in held else None
+        if default is not None:
+            yield name, default, "advised"
     if held["return_delay_time"] > _SLOW_ANSWER:
         yield "return_delay_time", 0, "advised"

@@ -3,18 +3,21 @@
 A tick is  collect_state, write(targets), request_state:  the answer to a request travels while the loop does other
 things, and is collected a tick later.
 
-Each servo's bus watchdog is armed by the first write, since nothing moves before, and again once a second: a sync write
-is not answered, so one that got lost would leave a servo without a watchdog unnoticed. When the loop falls silent for
-longer, the servos stop and hold, and get no more goals until `attach`: a rig never runs after targets that went on
-without it.
+The AX, RX, MX (Protocol 1.0) and XL-320 servos have no watchdog: they go to their last goal, which is near, and hold.
+Each other servo's bus watchdog is armed by the first write, since nothing moves before, and again once a second: a
+sync write is not answered, so one that got lost would leave a servo without a watchdog unnoticed. When the loop falls
+silent for longer, the servos stop and hold, and get no more goals until `attach`: a rig never runs after targets that
+went on without it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from types import TracebackType
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hardware.bus.servo_bus import Bus
 from hardware.errors import MotiondeckError, SerialPortError, with_torque
@@ -24,7 +27,7 @@ from hardware.rig.readings import Readings
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array, RigScale
 from hardware.rig.state_block import StateBlock
-from hardware.rig.switching import hold_each, knows_fast_reads, switch_off, switch_on, tell_all
+from hardware.rig.switching import hold_each, knows_fast_reads, same_place, switch_off, switch_on, tell_all
 from hardware.rig.timings import Timings
 
 WATCHDOG_UNIT = 0.02
@@ -66,10 +69,8 @@ class DynamixelRig:
         self.bus = bus
         self._scale = RigScale(config)
         self._ids = [joint.id for joint in config.joints]
-        goal = config.joints[0].table["goal_position"]
-        self._goal_block = (goal.address, goal.length)
-        self._entries = np.zeros(len(self._ids), dtype=[("id", "u1"), ("goal", "<i4")])
-        self._entries["id"] = self._ids
+        bus.old = config.old_ids
+        self._goal_groups = list(_goal_groups(config))
         self.readings = Readings(config, self._scale, self.faults)
         self._last_word = 0.0
         self._armed = self._stopped = self.gone = self._closed = False
@@ -230,7 +231,33 @@ class DynamixelRig:
             units = round(self.config.watchdog_ms * 1e-3 / WATCHDOG_UNIT)
             self._armed = tell_all(self.config, self.bus, "bus_watchdog", units) or self._armed
             self._arm_next = now + _ARM_AGAIN
-        self._entries["goal"] = self._scale.pulses(goals)
-        sent = self.bus.sync_write(*self._goal_block, self._entries.tobytes())
+        pulses, sent = self._scale.pulses(goals), True
+        for group in self._goal_groups:
+            group.entries["goal"] = pulses[group.joints]
+            sent &= self.bus.sync_write(group.address, group.length, group.entries.tobytes())
         self._last_word = self.bus.port.now()
         return sent
+
+
+class _GoalGroup(NamedTuple):
+    """Joints whose servos keep their goal at the same place, and speak the same protocol.
+
+    Attributes:
+        address, length: of the goal.
+        joints: their indices, shape (n,), or all.
+        entries: ID and goal of each, as a sync write takes them, shape (n,).
+    """
+
+    address: int
+    length: int
+    joints: NDArray[np.int64] | slice
+    entries: NDArray[Any]
+
+
+def _goal_groups(config: RigConfig) -> Iterator[_GoalGroup]:
+    """The joints by where their goals are written."""
+    groups = same_place(config, "goal_position")
+    for (_, address, length), members in groups.items():
+        entries = np.zeros(len(members), dtype=[("id", "u1"), ("goal", f"<i{length}")])
+        entries["id"] = [config.joints[index].id for index in members]
+        yield _GoalGroup(address, length, slice(None) if len(groups) == 1 else np.array(members), entries)

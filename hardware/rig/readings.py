@@ -3,6 +3,9 @@
 Every request brings the position of every servo that answers. Health (error, temperature, torque, voltage) comes with
 it where a servo's indirect cells are arranged (see `state_block`). The others are asked for it in turns, one in each
 request, and at once where the alert bit of an answer reports a problem.
+
+Servos of Protocol 1.0 have no sync read. On a port with some, requests go in turns: MX servos together in a bulk read,
+each AX and RX on its own, and between any two of these the servos of Protocol 2.0 if there are any.
 """
 
 from __future__ import annotations
@@ -14,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.bus.servo_bus import Blocks
+from hardware.control_table.models import MODELS
 from hardware.protocol2.frames import ALERT
 from hardware.protocol2.group_reply import GroupReply, WholeReply
 from hardware.rig.faults import RigFaults
@@ -24,6 +28,7 @@ from hardware.rig.state_block import StateBlock, everything, row_layout
 _PATIENCE = 3  # replies in a row that a servo may miss before it is asked only now and then
 _ASK_AGAIN = 50  # requests from one such question to the next
 _VOLT = 0.1  # V, one count
+_XL_320 = np.array([MODELS["XL-320"].problems(bits) for bits in range(256)])
 
 
 class Question(NamedTuple):
@@ -65,6 +70,7 @@ class Readings:
         self._faults = faults
         self._ids = [joint.id for joint in config.joints]
         self._everybody = tuple(range(count))
+        self._is_old = [joint.table.protocol == 1 for joint in config.joints]
         self._index = {id: index for index, id in enumerate(self._ids)}
         self._everything = [everything(joint.table) for joint in config.joints]
         self._blocks: list[StateBlock] = []
@@ -73,6 +79,7 @@ class Readings:
         self._requests = 0
         self._alerted: set[int] = set()
         self._question: Question | None = None
+        self._turns = _turns(config)
         self.positions, self.velocities, self.currents = np.zeros(count), np.zeros(count), np.zeros(count)
         self.temperatures, self.voltages = np.full(count, np.nan), np.full(count, np.nan)
         self.errors = np.zeros(count, dtype=np.int64)
@@ -104,7 +111,7 @@ class Readings:
 
     def next_question(self) -> Question:
         """What to ask for in the next request; see `asked`."""
-        line = self._line()
+        line = self._line(self._turns[self._requests % len(self._turns)])
         wide = frozenset(self._alerted)
         if self._in_turns:
             wide |= {self._in_turns[self._requests % len(self._in_turns)]}
@@ -157,6 +164,8 @@ class Readings:
             index = self._index[id]
             self.missed_in_a_row[index] = 0
             alerts[index] = status.alert
+            if self._is_old[index]:
+                self.errors[index] = status.hardware
             if not status.error:
                 joints, data = groups.setdefault(block_of[index].layout, ([], []))
                 joints.append(index)
@@ -175,8 +184,11 @@ class Readings:
     def _keep(self, joints: NDArray[np.int64] | slice, rows: NDArray[Any], now: float) -> None:
         """Takes over what joints measured; an arranged servo that has restarted shows nothing but zeros."""
         positions, velocities, currents = self._scale.motion(joints, rows)
-        if "torque_enable" in (rows.dtype.names or ()):
+        names = rows.dtype.names or ()
+        if "torque_enable" in names:
             torque = rows["torque_enable"] != 0
+            if "torque_limit" in names:
+                torque &= rows["torque_limit"] != 0
             blank = ~torque & (rows["present_temperature"] == 0) & (rows["present_input_voltage"] == 0)
             self.torque[joints] = torque
             self.health_at[joints] = now
@@ -185,7 +197,10 @@ class Readings:
                 self.errors[indices[blank]] = 0
                 joints, rows = indices[known], rows[known]
                 positions, velocities, currents = positions[known], velocities[known], currents[known]
-            self.errors[joints] = rows["hardware_error_status"]
+            if "hardware_error_status" in names:
+                self.errors[joints] = rows["hardware_error_status"]
+            elif "own_error_status" in names:
+                self.errors[joints] = _XL_320[rows["own_error_status"]]
             self.temperatures[joints] = rows["present_temperature"]
             self.voltages[joints] = rows["present_input_voltage"] * _VOLT
         self.positions[joints], self.velocities[joints], self.currents[joints] = positions, velocities, currents
@@ -204,19 +219,33 @@ class Readings:
         self._questions[line, wide] = question
         return question
 
-    def _line(self) -> tuple[int, ...]:
-        """Which joints to ask, in which order.
+    def _line(self, turn: NDArray[np.int64] | None) -> tuple[int, ...]:
+        """Which joints to ask, in which order: of all, or of those whose turn it is.
 
         A silent servo may silence all that stand behind it, so who missed a reply stands last; who missed several is
         asked only now and then, one at a time, because waiting for it makes everybody's state older.
         """
         missed = self.missed_in_a_row
         if not missed.any():
-            return self._everybody
-        good = np.flatnonzero(missed == 0).tolist()
-        doubtful = np.flatnonzero((missed > 0) & (missed < _PATIENCE)).tolist()
-        lost = np.flatnonzero(missed >= _PATIENCE).tolist()
+            return self._everybody if turn is None else tuple(turn.tolist())
+        joints = np.arange(len(missed)) if turn is None else turn
+        missed = missed[joints]
+        good = joints[missed == 0].tolist()
+        doubtful = joints[(missed > 0) & (missed < _PATIENCE)].tolist()
+        lost = joints[missed >= _PATIENCE].tolist()
         # Each of them once in _ASK_AGAIN requests, however many they are.
-        turn, rest = divmod(self._requests, max(1, _ASK_AGAIN // max(1, len(lost))))
-        again = [lost[turn % len(lost)]] if lost and (rest == 0 or not good + doubtful) else []
+        number, rest = divmod(self._requests, max(1, _ASK_AGAIN // max(1, len(lost))))
+        again = [lost[number % len(lost)]] if lost and (rest == 0 or not good + doubtful) else []
         return tuple(good + doubtful + again)
+
+
+def _turns(config: RigConfig) -> list[NDArray[np.int64] | None]:
+    """Which joints each request asks, in turns; None for all of them at once."""
+    tables = [joint.table for joint in config.joints]
+    newer = [index for index, table in enumerate(tables) if table.protocol == 2]
+    if len(newer) == len(tables):
+        return [None]
+    together = [index for index, table in enumerate(tables) if table.protocol == 1 and table.model.startswith("MX")]
+    alone = [[index] for index in range(len(tables)) if index not in newer and index not in together]
+    turns = [line for old in [together, *alone] if old for line in (newer, old) if line]
+    return [np.array(line) for line in turns]

@@ -12,17 +12,16 @@ from typing import Annotated, Literal
 
 import msgspec
 
+from hardware.control_table.baud_rates import baud_value
 from hardware.control_table.models import MODELS
+from hardware.control_table.old_models import OLD_MODELS
 from hardware.control_table.table import ControlTable
 from hardware.errors import RigFileError
 from hardware.rig.rig_lines import line_of
 
-# The loop reads and writes one block of addresses for all.
-_IN_ONE_BLOCK = ("torque_enable", "status_return_level", "bus_watchdog", "goal_position", "present_velocity",
-                 "present_position", "indirect_data_1")  # fmt: skip
-_NEEDED = (*_IN_ONE_BLOCK[:-1], "hardware_error_status", "shutdown", "operating_mode", "profile_velocity",
-           "profile_acceleration", "min_position_limit", "max_position_limit")  # fmt: skip
-_PROTOCOL_1 = re.compile(r"(AX|RX|DX|EX)-\d|MX-12|MX-\d+.*\(?1\.0\)?$")
+_NEEDED = ("torque_enable", "status_return_level", "goal_position", "present_velocity", "present_position", "shutdown",
+           "profile_velocity", "min_position_limit", "max_position_limit")  # fmt: skip
+_NEEDED_UNLESS_OLD = ("bus_watchdog", "hardware_error_status", "operating_mode", "profile_acceleration")
 BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
 
 
@@ -57,11 +56,6 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     port: str = ""
 
     def __post_init__(self) -> None:
-        if _PROTOCOL_1.match(self.model.upper()):
-            raise ValueError(
-                f"model '{self.model}' speaks Protocol 1.0, Motiondeck speaks 2.0 only. An MX-28, MX-64 or MX-106 can "
-                "be given firmware of Protocol 2.0 with the maker's wizard; AX, RX, DX and EX servos cannot"
-            )
         if self.model not in MODELS:
             near = MODELS.near(self.model)
             raise ValueError(
@@ -69,11 +63,13 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             )
         if not (math.isfinite(self.velocity) and self.lower < self.upper):
             raise ValueError("velocity must be finite, and lower below upper")
-        missing = [name for name in _NEEDED if name not in self.table.registers]
-        if missing or self.table["goal_position"].length != 4:
+        needed = _NEEDED if self.model in OLD_MODELS else _NEEDED + _NEEDED_UNLESS_OLD
+        if any(name not in self.table.registers for name in needed):
             raise ValueError(f"model '{self.model}' cannot be a joint of a rig: its control table is of another kind")
         if not (math.isfinite(self.acceleration) and math.isfinite(self.current) and math.isfinite(self.gear)):
             raise ValueError("acceleration, current and gear must be finite numbers")
+        if self.acceleration and "profile_acceleration" not in self.table.registers:
+            raise ValueError(f"model '{self.model}' has no limit of acceleration: leave acceleration out")
         if self.current and "current_limit" not in self.table.registers:
             raise ValueError(f"model '{self.model}' measures no current, so it takes no limit of it")
         bottom, top = self.table.one_turn
@@ -135,15 +131,10 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"baud {self.baud} is not one of {', '.join(map(str, BAUD_RATES))}")
         if not 0 <= self.read_hz <= self.rate_hz:
             raise ValueError(f"read_hz {self.read_hz:g} must be from 0 to rate_hz, {self.rate_hz:g}")
+        for number, joint in enumerate(self.joints, 1):
+            if baud_value(joint.table, self.baud) is None:
+                raise ValueError(f"joint {number} ({joint.name}): a {joint.model} cannot do {self.baud} baud")
         for port in self.ports:
-            layouts = {
-                tuple(joint.table.place(name) for name in _IN_ONE_BLOCK): joint.model
-                for joint in self.joints
-                if self._port_of(joint) == port
-            }
-            if len(layouts) > 1:
-                models = " and ".join(layouts.values())
-                raise ValueError(f"{models} keep their registers in different places: give each kind a port of its own")
             self._refuse_doubles("id", [joint.id if self._port_of(joint) == port else None for joint in self.joints])
         self._refuse_doubles("name", [joint.name for joint in self.joints])
 
@@ -167,6 +158,11 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             )
             parts.append(msgspec.structs.replace(self, port=port, joints=joints))
         return tuple(parts)
+
+    @property
+    def old_ids(self) -> frozenset[int]:
+        """The IDs that speak Protocol 1.0, for the rig of one port."""
+        return frozenset(joint.id for joint in self.joints if joint.table.protocol == 1)
 
     def only(self, joints: Sequence[int]) -> RigConfig:
         """The rig reduced to the joints with these indices."""

@@ -42,15 +42,24 @@ class RigScale:
 
         Velocity and current are positive in the joint's own direction.
         """
+        velocity, force = counts["present_velocity"], counts["force"]
+        if velocity.dtype.kind == "u":
+            velocity, force = _with_sign(velocity), _with_sign(force)
         return (
             (counts["present_position"] - self._zero[joints]) / self._per_radian[joints],
-            counts["present_velocity"] * self.rad_per_s[joints],
-            counts["force"] * self.amperes[joints],
+            velocity * self.rad_per_s[joints],
+            force * self.amperes[joints],
         )
 
     def angles(self, pulses: Array) -> Array:
         """The joint angles (J,), rad, at servo positions (J,), pulses."""
         return (pulses - self._zero) / self._per_radian
+
+
+def _with_sign(counts: NDArray[Any]) -> Array:
+    """Speeds and loads of old models, which hold their size and, in bit 10, their sign."""
+    size = (counts & 1023).astype(np.float64)
+    return np.where(counts & 1024, -size, size)
 
 
 def _ampere(joint: RigJoint) -> float:

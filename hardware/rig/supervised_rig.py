@@ -286,6 +286,7 @@ class SupervisedRig:
                     self._rig.bus.close()
                     # The rig's own at once, so that `close` always switches off over the port that is open.
                     self._rig.bus = bus = self._open_bus()
+                    bus.old = self.config.old_ids
                 joints = np.flatnonzero(~self._health.lost).tolist()
                 alive = self.config.only(joints)
                 held = resume(alive, bus, lambda: self._stopped)

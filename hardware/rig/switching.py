@@ -43,9 +43,10 @@ def switch_on(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambd
             or outside their limits, it names them all; or if it was cancelled.
         SerialPortError: if the port vanishes.
     """
+    _have_old_answer(config, bus)
     check_identities(config, bus)
     # A servo set to keep silent would look like one that is missing.
-    tell_all(config, bus, "status_return_level", _ANSWER_EVERYTHING)
+    tell_all(config.only(_answer_by_ram(config)), bus, "status_return_level", _ANSWER_EVERYTHING)
     try:
         _write(config, bus, "torque_enable", [0] * len(config.joints))
         _refuse_shut_down(config, bus)
@@ -105,21 +106,12 @@ def resume(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambda: 
         SerialPortError: if the port vanishes.
     """
     check_identities(config, bus)
-    tell_all(config, bus, "status_return_level", _ANSWER_EVERYTHING)
+    tell_all(config.only(_answer_by_ram(config)), bus, "status_return_level", _ANSWER_EVERYTHING)
     try:
         _refuse_shut_down(config, bus)
-        ends = position_ends(config)
-        held = zip(
-            _read(config, bus, "torque_enable"),
-            _read(config, bus, "operating_mode"),
-            _read(config, bus, "min_position_limit"),
-            _read(config, bus, "max_position_limit"),
-            strict=True,
-        )
+        ends = position_ends(config).astype(np.int64).tolist()
         lost = [
-            joint
-            for joint, is_set, low, high in zip(config.joints, held, *ends.astype(np.int64).tolist(), strict=True)
-            if is_set != (1, POSITION_MODE, low, high)
+            joint for joint, low, high in zip(config.joints, *ends, strict=True) if not _is_set(joint, bus, low, high)
         ]
         if lost:
             switch_on(msgspec.structs.replace(config, joints=tuple(lost)), bus, cancelled)
@@ -135,11 +127,12 @@ def knows_fast_reads(config: RigConfig, bus: Bus) -> bool:
         RigError: if a servo does not answer.
         SerialPortError: if the port vanishes.
     """
-    since = [TRAITS[joint.model].fast_read if joint.model in TRAITS else None for joint in config.joints]
+    asked = config.only([index for index, joint in enumerate(config.joints) if joint.table.protocol == 2])
+    since = [TRAITS[joint.model].fast_read if joint.model in TRAITS else None for joint in asked.joints]
     if None in since:
         return False
     try:
-        found = _read(config, bus, "firmware_version")
+        found = _read(asked, bus, "firmware_version")
     except ServoError as error:
         raise RigError(str(error)) from error
     return all(first is not None and firmware >= first for firmware, first in zip(found, since, strict=True))
@@ -195,11 +188,34 @@ def hold_each(config: RigConfig, bus: Bus) -> list[str]:
 
 
 def tell_all(config: RigConfig, bus: Bus, name: str, value: int) -> bool:
-    """Writes one value into a register of every servo, unanswered and without waiting; False if the port is full."""
-    register = config.joints[0].table[name]
-    data = register.encode(value)
-    entries = b"".join(bytes((joint.id,)) + data for joint in config.joints)
-    return bus.sync_write(register.address, register.length, entries)
+    """Writes one value into a register of every servo that has it, unanswered, without waiting; False if not sent."""
+    sent = True
+    for (_, address, length), members in same_place(config, name).items():
+        data = config.joints[members[0]].table[name].encode(value)
+        entries = b"".join(bytes((config.joints[index].id,)) + data for index in members)
+        sent &= bus.sync_write(address, length, entries)
+    return sent
+
+
+def same_place(config: RigConfig, name: str) -> dict[tuple[int, int, int], list[int]]:
+    """The joints that have a register, by protocol, address and length of it, so that one sync write is for each."""
+    groups: dict[tuple[int, int, int], list[int]] = {}
+    for index, joint in enumerate(config.joints):
+        if (place := joint.table.place(name)) is not None:
+            groups.setdefault((joint.table.protocol, *place), []).append(index)
+    return groups
+
+
+def hardware_errors(joint: RigJoint, bus: Bus) -> int:
+    """The problems that a servo reports, in the bits of `describe_errors`.
+
+    Raises:
+        NoReplyError: if it does not answer.
+        SerialPortError: if the port vanishes.
+    """
+    register = joint.table["torque_enable" if joint.table.protocol == 1 else "hardware_error_status"]
+    status = bus.read(joint.id, register.address, register.length)
+    return status.hardware if joint.table.protocol == 1 else joint.table.problems(register.decode(status.params))
 
 
 def check_identities(config: RigConfig, bus: Bus) -> None:
@@ -220,13 +236,52 @@ def check_identities(config: RigConfig, bus: Bus) -> None:
         raise RigError(f"{'; '.join(others)}. Correct the model in the rig file.")
 
 
+def _answer_by_ram(config: RigConfig) -> list[int]:
+    """The joints whose status return level is in RAM, as it is but in the old models."""
+    return [i for i, joint in enumerate(config.joints) if joint.table["status_return_level"].memory == "RAM"]
+
+
+def _have_old_answer(config: RigConfig, bus: Bus) -> None:
+    """Sets old servos that answer only a ping, or only reads: of these a ping does not tell the model.
+
+    The level is in EEPROM, whose cells wear out, so it is written only where it is wrong.
+    """
+    newer = _answer_by_ram(config)
+    for index, joint in enumerate(config.joints):
+        if index in newer:
+            continue
+        level = joint.table["status_return_level"]
+        try:
+            right = level.decode(bus.read(joint.id, level.address, level.length).params) == _ANSWER_EVERYTHING
+        except ServoError:
+            right = False
+        if not right:
+            tell_all(config.only([index]), bus, "torque_enable", 0)
+            tell_all(config.only([index]), bus, "status_return_level", _ANSWER_EVERYTHING)
+
+
+def _is_set(joint: RigJoint, bus: Bus, low: int, high: int) -> bool:
+    """Whether a servo has torque, is in position mode and keeps the joint's limits."""
+    wanted = {
+        "torque_enable": 1,
+        "operating_mode": POSITION_MODE,
+        "min_position_limit": low,
+        "max_position_limit": high,
+    }
+    rows = [(value, joint.table.registers.get(name)) for name, value in wanted.items()]
+    return all(
+        row.decode(bus.read(joint.id, row.address, row.length).params) == value
+        for value, row in rows
+        if row is not None
+    )
+
+
 def _refuse_shut_down(config: RigConfig, bus: Bus) -> None:
     """Names the servos that a hardware problem has switched off."""
-    errors = zip(_read(config, bus, "shutdown"), _read(config, bus, "hardware_error_status"), strict=True)
     down = [
         f"{joint.name} (id {joint.id}: {describe_errors(found)})"
-        for joint, (mask, found) in zip(config.joints, errors, strict=True)
-        if mask & found
+        for joint, mask in zip(config.joints, _read(config, bus, "shutdown"), strict=True)
+        if (found := hardware_errors(joint, bus)) & joint.table.problems(mask)
     ]
     if down:
         raise RigError(f"shut down: {'; '.join(down)}. Mend the cause, then switch the servo's power off and on.")
@@ -235,7 +290,10 @@ def _refuse_shut_down(config: RigConfig, bus: Bus) -> None:
 def _limit_speed(config: RigConfig, bus: Bus) -> None:
     """Has each servo keep its joint's limits on its own; a profile velocity of 0 would mean no limit."""
     speeds = [in_counts(joint, "profile_velocity", joint.velocity * joint.gear, 1) for joint in config.joints]
-    rates = [in_counts(joint, "profile_acceleration", joint.acceleration * joint.gear, 0) for joint in config.joints]
+    rates = [
+        in_counts(joint, "profile_acceleration", joint.acceleration * joint.gear, 0) if joint.acceleration else 0
+        for joint in config.joints
+    ]
     _write(config, bus, "profile_velocity", speeds)
     _write(config, bus, "profile_acceleration", rates)
 
@@ -248,7 +306,7 @@ def _places_of_rest(config: RigConfig, bus: Bus, scale: RigScale) -> tuple[Array
     torque, or that does not turn the way of its path, has no braking distance.
     """
     torque = np.array(_read(config, bus, "torque_enable")) != 0
-    rows = _read_together(config, bus, _PATH)
+    rows = _read_path(config, bus)
     velocity, position, path_velocity, path = (
         np.array([row[name] for row in rows], dtype=np.float64) for name in _PATH
     )
@@ -266,30 +324,36 @@ def _places_of_rest(config: RigConfig, bus: Bus, scale: RigScale) -> tuple[Array
     return angles, angles + np.where(moves, np.clip(ahead, -most, most), 0.0)
 
 
-def _read_together(config: RigConfig, bus: Bus, names: Sequence[str]) -> list[dict[str, int]]:
-    """Neighbouring registers of every servo, read at the same time.
+def _read_path(config: RigConfig, bus: Bus) -> list[dict[str, int]]:
+    """The registers of `_PATH` of every servo, read at the same time; a model without a path is where it is.
 
     Raises:
         NoReplyError: if a servo stays silent; all that do are named.
     """
-    blocks = {joint.id: joint.table.block(names[0], names[-1]) for joint in config.joints}
-    statuses = bus.bulk_read(tuple((id, *block) for id, block in blocks.items()))
+    rows = [[joint.table[name] for name in _PATH if name in joint.table.registers] for joint in config.joints]
+    starts = [min(row.address for row in own) for own in rows]
+    ends = [max(row.address + row.length for row in own) for own in rows]
+    blocks = zip(config.joints, starts, ends, strict=True)
+    statuses = bus.bulk_read(tuple((joint.id, start, end - start) for joint, start, end in blocks))
     silent = [joint for joint in config.joints if joint.id not in statuses]
     if silent:
         raise NoReplyError(f"no position from {_who(silent)}. Check their cables and power.")
-    return [
-        {
-            name: row.decode(statuses[joint.id].params[row.address - blocks[joint.id][0] :][: row.length])
-            for name, row in ((name, joint.table[name]) for name in names)
-        }
-        for joint in config.joints
-    ]
+    found: list[dict[str, int]] = []
+    for joint, own, start in zip(config.joints, rows, starts, strict=True):
+        data = statuses[joint.id].params
+        values = {row.name: row.decode(data[row.address - start :][: row.length]) for row in own}
+        values.setdefault("velocity_trajectory", values["present_velocity"])
+        values.setdefault("position_trajectory", values["present_position"])
+        found.append(values)
+    return found
 
 
 def _write(config: RigConfig, bus: Bus, name: str, values: Sequence[int]) -> None:
-    """Writes a register of every servo and waits for each answer."""
+    """Writes a register of every servo that has it and waits for each answer."""
     for joint, value in zip(config.joints, values, strict=True):
-        register = joint.table[name]
+        register = joint.table.registers.get(name)
+        if register is None:
+            continue
         bus.write(joint.id, register.address, register.encode(value))
 
 

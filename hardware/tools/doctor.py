@@ -10,16 +10,18 @@ import msgspec
 
 from hardware.bus.servo_bus import Bus, Identity
 from hardware.bus.wire_time import rate_limit
+from hardware.control_table.baud_rates import baud_value
 from hardware.control_table.models import MODELS
 from hardware.control_table.table import ControlTable
 from hardware.errors import NoReplyError, RigError, ServoError
 from hardware.rig.audit import audit, settle
-from hardware.rig.rig_file import BAUD_RATES, RigConfig, RigJoint
+from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.state_block import arranged
-from hardware.rig.switching import describe_errors
+from hardware.rig.switching import describe_errors, hardware_errors
 
 _USB_SERIAL = Path("/sys/bus/usb-serial/devices")
 _LIKELY = (57600, 1_000_000, 4_000_000, 2_000_000, 3_000_000, 115_200, 9600)
+_OLD_BLOCK = 20  # bytes that are read of a servo without indirect cells
 _CLOSE_TO_HOT = 12.0  # degC
 
 
@@ -81,7 +83,7 @@ class Report(msgspec.Struct, frozen=True):
 
 
 def scan(open_bus: Callable[[int], Bus], bauds: Iterable[int] = _LIKELY) -> list[Found]:
-    """Who answers a broadcast ping at each baud rate; the likely rates first.
+    """Who answers at each baud rate, of both protocols; the likely rates first.
 
     Raises:
         SerialPortError: if the port cannot be opened, or vanishes.
@@ -90,7 +92,7 @@ def scan(open_bus: Callable[[int], Bus], bauds: Iterable[int] = _LIKELY) -> list
     for baud in bauds:
         bus = open_bus(baud)
         try:
-            found += [Found(baud, identity) for identity in bus.ping_all()]
+            found += [Found(baud, identity) for identity in bus.ping_all() + bus.ping_old()]
         finally:
             bus.close()
     return found
@@ -163,8 +165,10 @@ def examine(config: RigConfig, bus: Bus) -> Report:
         )
     slowest = max((servo.return_delay_us for servo in servos), default=0) * 1e-6
     # The XM430's; a servo that is read in place has fewer.
-    length = max(plan.block.length for joint in config.joints if (plan := arranged(joint.table, 0)) is not None)
-    possible = rate_limit(len(config.joints), bus.baud, length, True, slowest, (latency or 0) * 1e-3)
+    blocks = [plan.block.length for joint in config.joints if (plan := arranged(joint.table, 0)) is not None]
+    possible = rate_limit(
+        len(config.joints), bus.baud, max(blocks, default=_OLD_BLOCK), True, slowest, (latency or 0) * 1e-3
+    )
     wanted = max(config.rate_hz, config.read_hz)
     if possible < wanted:
         problems.append(
@@ -211,10 +215,7 @@ def set_up(open_bus: Callable[[int], Bus], id: int, baud: int) -> tuple[Found, I
     """
     found = scan(open_bus)
     if not found:
-        raise RigError(
-            "no servo answers at any baud rate. Check power, cable and adapter; "
-            "servos that speak Protocol 1.0 (AX, RX, older MX firmware) are not heard."
-        )
+        raise RigError("no servo answers at any baud rate. Check power, cable and adapter.")
     if len(found) > 1:
         who = ", ".join(f"id {one.identity.id} at {one.baud}" for one in found)
         raise RigError(f"{len(found)} servos answer ({who}). Connect the one to set up alone.")
@@ -222,18 +223,23 @@ def set_up(open_bus: Callable[[int], Bus], id: int, baud: int) -> tuple[Found, I
     if before.identity.model not in MODELS:
         raise RigError(f"the servo is a {before.identity.model}, whose control table is not known.")
     table = MODELS[before.identity.model]
+    value = baud_value(table, baud)
+    if value is None:
+        raise RigError(f"a servo of model {table.model} cannot do {baud} baud.")
     bus = open_bus(before.baud)
     try:
+        bus.old = frozenset((before.identity.id, id)) if table.protocol == 1 else frozenset()
         _put(bus, before.identity.id, table, "torque_enable", 0)
         _put(bus, before.identity.id, table, "return_delay_time", 0)
         if id != before.identity.id:
             _put(bus, before.identity.id, table, "id", id)
         if baud != before.baud:
-            _put(bus, id, table, "baud_rate", BAUD_RATES.index(baud))
+            _put(bus, id, table, "baud_rate", value)
     finally:
         bus.close()
     bus = open_bus(baud)
     try:
+        bus.old = frozenset((id,)) if table.protocol == 1 else frozenset()
         after = bus.ping(id)
     finally:
         bus.close()
@@ -260,7 +266,7 @@ def _ask(joint: RigJoint, identity: Identity, bus: Bus) -> ServoReport:
         model=identity.model,
         firmware=identity.firmware,
         torque=value("torque_enable") != 0,
-        errors=describe_errors(bits) if (bits := value("hardware_error_status")) else "",
+        errors=describe_errors(bits) if (bits := hardware_errors(joint, bus)) else "",
         position=(value("present_position") - joint.zero) / joint.pulses_per_radian,
         temperature=float(value("present_temperature")),
         voltage=value("present_input_voltage") / 10.0,

@@ -32,12 +32,12 @@ def positions(part: RigConfig, bus: Bus) -> Iterator[tuple[RigJoint, int]]:
     Raises:
         SerialPortError: if the port vanishes.
     """
-    register = part.joints[0].table["present_position"]
-    statuses = bus.sync_read([joint.id for joint in part.joints], register.address, register.length)
+    registers = {joint.id: joint.table["present_position"] for joint in part.joints}
+    statuses = bus.bulk_read(tuple((id, register.address, register.length) for id, register in registers.items()))
     for joint in part.joints:
         status = statuses.get(joint.id)
         if status is not None and not status.error:
-            yield joint, register.decode(status.params)
+            yield joint, registers[joint.id].decode(status.params)
 
 
 def whole_turns(joint: RigJoint, pulses: float) -> int:

@@ -6,9 +6,11 @@ import time
 from collections.abc import Iterator
 
 from hardware.bus.servo_bus import Bus
-from hardware.rig.rig_file import RigConfig
+from hardware.control_table.table import ControlTable
+from hardware.errors import ServoError
+from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import RigScale
-from hardware.rig.switching import describe_errors
+from hardware.rig.switching import describe_errors, hardware_errors
 
 _SHOWN_EVERY = 1.0  # s
 _FORCE = ("present_current", "present_load")
@@ -25,33 +27,29 @@ def observe(config: RigConfig, bus: Bus, share: float = 1.0) -> Iterator[tuple[l
     Raises:
         SerialPortError: if the port vanishes.
     """
-    ids = [joint.id for joint in config.joints]
-    table = config.joints[0].table
     scale = RigScale(config)
     lasting = share * _SHOWN_EVERY
-    # From the force to the temperature stands side by side in every model that a rig may have.
-    force = next(name for name in _FORCE if name in table.registers)
-    block = table.block(force, "present_temperature")
-    error = table.block("hardware_error_status", "hardware_error_status")
+    blocks = {joint.id: _measured(joint.table) for joint in config.joints}
+    asked = tuple((id, *block) for id, block in blocks.items())
     while True:
         since, count = time.monotonic(), 0
-        statuses = bus.sync_read(ids, *block)
+        statuses = bus.bulk_read(asked)
         while statuses and time.monotonic() - since < lasting:
-            statuses = bus.sync_read(ids, *block)
+            statuses = bus.bulk_read(asked)
             count += 1
-        errors = bus.sync_read(ids, *error)
+        errors = {joint.id: _errors(joint, bus) for joint in config.joints if joint.id in statuses}
         elapsed = time.monotonic() - since
         rows: list[dict[str, object]] = []
         for index, joint in enumerate(config.joints):
             row: dict[str, object] = {"id": joint.id, "name": joint.name, "heard": False}
-            status, problem = statuses.get(joint.id), errors.get(joint.id)
+            status, (start, length) = statuses.get(joint.id), blocks[joint.id]
             if status is not None and not status.error:
                 value = {
-                    name: register.decode(status.params[register.address - block[0] :][: register.length])
+                    name: register.decode(status.params[register.address - start :][: register.length])
                     for name, register in joint.table.registers.items()
-                    if block[0] <= register.address < block[0] + block[1]
+                    if start <= register.address < start + length
                 }
-                strength = force if force in value else next(name for name in _FORCE if name in value)
+                strength = next(name for name in _FORCE if name in value)
                 row |= {
                     "heard": True,
                     "position": round((value["present_position"] - joint.zero) / joint.pulses_per_radian, 4),
@@ -59,9 +57,26 @@ def observe(config: RigConfig, bus: Bus, share: float = 1.0) -> Iterator[tuple[l
                     "current": round(float(scale.amperes[index]) * value[strength], 3),
                     "temperature": value["present_temperature"],
                     "voltage": value["present_input_voltage"] / 10.0,
-                    "errors": describe_errors(problem.params[0]) if problem and problem.params[0] else "",
+                    "errors": errors[joint.id],
                 }
             rows.append(row)
         if not statuses:
             time.sleep(max(0.0, lasting - elapsed))
         yield rows, count / elapsed
+
+
+def _measured(table: ControlTable) -> tuple[int, int]:
+    """Address and length of what is shown of a servo: it stands close together in every model."""
+    names = ("present_position", "present_velocity", "present_input_voltage", "present_temperature")
+    rows = [table[name] for name in (*names, *(name for name in _FORCE if name in table.registers))]
+    start = min(row.address for row in rows)
+    return start, max(row.address + row.length for row in rows) - start
+
+
+def _errors(joint: RigJoint, bus: Bus) -> str:
+    """The problems that a servo reports, in words; "" for none, also where it has fallen silent just now."""
+    try:
+        bits = hardware_errors(joint, bus)
+    except ServoError:
+        return ""
+    return describe_errors(bits) if bits else ""

@@ -43,6 +43,7 @@ def open_buses(config: RigConfig, ports: list[str] | None) -> Iterator[list[tupl
         parts: list[tuple[RigConfig, Bus]] = []
         for part in on_ports(config, ports or ()):
             parts.append((part, bus := Bus.open(part.port, part.baud)))
+            bus.old = part.old_ids
             opening.callback(bus.close)
         yield parts
 

@@ -23,7 +23,7 @@ def scan(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """List every servo that answers on a port, at any baud rate; with --out, write a rig file of them.
+    """List every servo that answers on a port, at any baud rate and protocol; with --out, write a rig file of them.
 
     The rig file has the adapter's lasting name, each servo's whole turn as its range, and 2 rad/s as its speed: name
     the joints in an editor, then calibrate.
@@ -42,15 +42,16 @@ def scan(
     found = _answering(port, baud)
     if as_json:
         rows = [
-            {"baud": one.baud, "id": i.id, "model": i.model, "firmware": i.firmware, "alert": i.alert}
+            {"baud": one.baud, "id": i.id, "model": i.model, "firmware": i.firmware, "alert": i.alert, "protocol": p}
             for one in found
-            for i in (one.identity,)
+            for i, p in ((one.identity, one.identity.protocol),)
         ]
         print(json.dumps({"port": port, "servos": rows}))
     for one in found if not as_json else []:
         who = one.identity
         alert = "  reports a hardware problem" if who.alert else ""
-        print(f"id {who.id:>3}  {who.model:<14} firmware {who.firmware:<3} {one.baud} baud{alert}")
+        old = "  Protocol 1.0" if who.protocol == 1 else ""
+        print(f"id {who.id:>3}  {who.model:<14} firmware {who.firmware:<3} {one.baud} baud{old}{alert}")
     if not found and out is None:
         raise MotiondeckError(f"no servo answers on {port}. Check power, cable and adapter.")
     if out is not None:

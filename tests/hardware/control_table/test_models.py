@@ -54,7 +54,7 @@ def test_units_and_turns_are_the_models_own():
 
 def test_a_measurement_takes_no_write():
     for model in TRAITS:
-        assert {MODELS[model][name].access for name in ("present_position", "moving", "hardware_error_status")} == {"R"}
+        assert {MODELS[model][name].access for name in ("present_position", "moving", "present_temperature")} == {"R"}
         assert MODELS[model]["torque_enable"].access == "RW"
         assert MODELS[model]["max_position_limit"].memory == "EEPROM"
 
@@ -86,10 +86,43 @@ def test_models_with_the_same_places_may_share_a_rig():
     assert [(plan.block.address, plan.block.length, len(plan.pointers)) for plan in plans] == [(224, 15, 30)] * 2
 
 
-def test_models_with_other_places_may_not():
+def test_models_with_other_places_and_another_protocol_may_too():
     arm = RigJoint("arm", 2, "PH54-200-S500", 1, 0, -1.0, 1.0, 1.0)
-    with pytest.raises(ValueError, match="keep their registers in different places"):
-        RigConfig("port", 1_000_000, 100.0, (joint(1, "XM430-W350"), arm))
+    leg = RigJoint("leg", 3, "AX-12A", 1, 512, -1.0, 1.0, 1.0)
+    config = RigConfig("port", 1_000_000, 100.0, (joint(1, "XM430-W350"), arm, leg))
+    assert config.old_ids == {3}
+
+
+@pytest.mark.parametrize(("model", "baud"), [("AX-12A", 4_000_000), ("AX-12A", 3_000_000), ("XL-320", 2_000_000)])
+def test_a_baud_rate_that_a_model_cannot_do_is_refused(model, baud):
+    leg = RigJoint("leg", 3, model, 1, 512, -1.0, 1.0, 1.0)
+    with pytest.raises(ValueError, match=rf"joint 2 \(leg\): a {model} cannot do {baud} baud"):
+        RigConfig("port", baud, 100.0, (joint(1, "XM430-W350"), leg))
+
+
+@pytest.mark.parametrize(
+    ("model", "number", "baud", "ends"),
+    [("AX-12A", 12, 1, (0, 1023)), ("MX-64(1.0)", 310, 34, (0, 4095)), ("XL-320", 350, 3, (0, 1023))],
+)
+def test_old_models_are_as_in_their_manuals(model, number, baud, ends):
+    table = MODELS[model]
+    assert (table.number, table["baud_rate"].default, table.one_turn) == (number, baud, ends)
+    assert model_name(number) == model
+    speed = table["present_velocity"]
+    assert [speed.decode(count.to_bytes(2, "little")) for count in (0, 300, 1024, 1324)] == [0, 300, 0, -300]
+
+
+def test_an_old_models_counts_are_the_degrees_of_its_manual():
+    assert 1023 / MODELS["AX-12A"].pulses_per_turn * 360.0 == pytest.approx(300.0, abs=0.2)
+    assert MODELS["MX-28(1.0)"].pulses_per_turn == 4096
+
+
+def test_the_bits_of_an_xl_320_mean_what_they_mean_elsewhere():
+    """In its manual: 1 overload, 2 heat, 4 voltage."""
+    table = MODELS["XL-320"]
+    assert [table.problems(bits) for bits in (1, 2, 4, 7)] == [32, 4, 1, 37]
+    assert table.own_problems(4 | 32) == 3
+    assert MODELS["AX-12A"].problems(36) == 36
 
 
 def test_cells_that_move_with_the_firmware_are_found_where_they_are():
@@ -109,7 +142,8 @@ def test_every_model_that_can_be_a_joint_has_its_health_in_one_block():
 @pytest.mark.parametrize(
     ("model", "settings", "said"),
     [
-        ("XL-320", {}, "cannot be a joint of a rig"),
+        ("AX-12A", {"acceleration": 5.0}, "has no limit of acceleration"),
+        ("YM070-210-M001", {}, "cannot be a joint of a rig"),
         ("XL430-W250", {"current": 1.0}, "measures no current"),
         ("XM430-W350", {"gear": float("inf")}, "finite"),
         ("XM430-W350", {"gear": 3.5}, "outside the servo's one turn"),

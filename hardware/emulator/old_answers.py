@@ -1,0 +1,143 @@
+"""How servos of Protocol 1.0 answer: AX, RX and MX.
+
+There is no sync read; MX servos answer a bulk read, each after the one before it in the list. A broadcast ping makes
+all answer at once, and nothing can be understood. A reboot is known to MX only, and a factory reset keeps nothing.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+from hardware.emulator.device import ACCESS, LENGTH, LIMIT, RANGE, Device
+from hardware.protocol1 import instructions as wire
+from hardware.protocol1.frames import ANGLE_LIMIT, BAD_INSTRUCTION, OUT_OF_RANGE, build
+from hardware.protocol2.frames import BROADCAST, Frame
+from hardware.protocol2.instructions import RESET_ALL
+
+BOOT_TIME = 0.1
+"""How long a servo is deaf after a reboot, s; the manual gives no figure."""
+
+_ERROR_BITS = {RANGE: OUT_OF_RANGE, LIMIT: ANGLE_LIMIT, ACCESS: OUT_OF_RANGE, LENGTH: BAD_INSTRUCTION}
+
+
+class Answer(NamedTuple):
+    """What the servos put on the wire in one go.
+
+    Attributes:
+        delay: how long they waited before, s.
+        data: the bytes.
+        id: the sender; BROADCAST where several write one frame.
+    """
+
+    delay: float
+    data: bytes
+    id: int
+
+
+class OldServoBus(Protocol):
+    """What is needed of the bus."""
+
+    strict: bool
+
+    @property
+    def time(self) -> float:
+        """Until when the servos have lived, s."""
+        ...
+
+    def hearing(self, id: int, protocol: int = 2) -> list[Device]:
+        """The servos with this ID that hear."""
+        ...
+
+    def everybody(self, protocol: int) -> list[Device]:
+        """All servos that hear."""
+        ...
+
+    def mixed(self, answers: list[Answer]) -> Answer:
+        """Answers given at the same time, as they mix on the wire."""
+        ...
+
+    def reindex(self) -> None:
+        """Finds out anew who listens to which ID."""
+        ...
+
+
+def answer_old(bus: OldServoBus, frame: Frame) -> list[Answer]:
+    """What the servos send back on one instruction."""
+    everybody = frame.id == BROADCAST
+    if frame.instruction == wire.SYNC_WRITE:
+        return _sync_write(bus, frame.params) if everybody else []
+    if frame.instruction == wire.BULK_READ:
+        return _bulk_read(bus, frame.params) if everybody else []
+    devices = bus.everybody(1) if everybody else bus.hearing(frame.id, 1)
+    answers = [answer for device in devices for answer in _alone(bus, device, frame)]
+    bus.reindex()
+    if everybody and frame.instruction != wire.PING:
+        return []
+    return answers if len(answers) < 2 else [bus.mixed(answers)]
+
+
+def old_status(device: Device, bits: int, params: bytes, level: int, id: int | None = None) -> list[Answer]:
+    """An answer as a servo sends it (by default under its own ID), nothing if its status return level is below."""
+    if device["status_return_level"] < level:
+        return []
+    id = device.id if id is None else id
+    return [Answer(device.return_delay, build(id, bits | device["hardware_error_status"], params), id)]
+
+
+def _alone(bus: OldServoBus, device: Device, frame: Frame) -> list[Answer]:
+    """Carries out an instruction to one servo; it answers under the ID that it had before."""
+    params, id, answer, level = frame.params, device.id, b"", 2
+    done = old_status(device, 0, b"", 2)
+    match frame.instruction:
+        case wire.PING:
+            bits, level = 0, 0
+        case wire.READ if len(params) == 2:
+            data = device.read(params[0], params[1])
+            bits, answer, level = (0 if data else OUT_OF_RANGE), data or b"", 1
+        case wire.WRITE if len(params) > 1:
+            bits = _bits(device.write(params[0], params[1:]))
+        case wire.REG_WRITE if len(params) > 1:
+            bits = _bits(device.register(params[0], params[1:]))
+        case wire.ACTION:
+            bits = _bits(device.act())
+        case wire.REBOOT if device.model.startswith("MX"):
+            device.reboot(bus.time + BOOT_TIME)
+            return done
+        case wire.FACTORY_RESET:
+            device.factory_reset(RESET_ALL, bus.time + BOOT_TIME)
+            return done
+        case _:
+            bits = BAD_INSTRUCTION
+    return old_status(device, bits, answer, level, id)
+
+
+def _bits(error: int) -> int:
+    """The error bits for one of Protocol 2.0's error numbers."""
+    return _ERROR_BITS.get(error, BAD_INSTRUCTION) if error else 0
+
+
+def _sync_write(bus: OldServoBus, params: bytes) -> list[Answer]:
+    """Writes the same registers of many servos."""
+    if len(params) > 2 and params[1]:
+        size = params[1] + 1
+        for at in range(2, len(params) - size + 1, size):
+            for device in bus.hearing(params[at], 1):
+                device.write(params[0], params[at + 1 : at + size])
+        bus.reindex()
+    return []
+
+
+def _bulk_read(bus: OldServoBus, params: bytes) -> list[Answer]:
+    """The statuses of MX servos, one behind the other."""
+    answers: list[Answer] = []
+    for at in range(1, len(params) - 2, 3):
+        length, id, address = params[at : at + 3]
+        own: list[Answer] = []
+        for device in bus.hearing(id, 1):
+            if device.model.startswith("MX"):
+                data = device.read(address, length)
+                own += old_status(device, 0 if data else OUT_OF_RANGE, data or b"", 1)
+        if not own and bus.strict:
+            break
+        answers += own if len(own) < 2 else [bus.mixed(own)]
+    return answers

@@ -1,0 +1,68 @@
+"""AX, RX, MX (Protocol 1.0) and XL-320 servos on the motors of the X series.
+
+A bank computes with an X servo's registers. What an old servo lacks of them stands behind its own memory, out of reach
+of the bus, and follows what its own registers say: the torque limit is a goal PWM, and both angle limits at 0, or
+control mode 1, make a wheel. Of its gains P and the compliance slopes count; offsets and dividers do nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from hardware.control_table.table import ControlTable
+from hardware.control_table.xm430_w350 import XM430_W350
+from hardware.emulator.drive import VELOCITY, MotorDrive
+
+_BEHIND = 1024  # bytes: farther than any old servo's memory reaches
+_LACKING = ("indirect_", "present_current", "goal_current", "current_limit", "startup_configuration", "backup_ready",
+            "protocol_type", "model_information", "acceleration_limit")  # fmt: skip
+_FULL_PWM, _FULL_TORQUE = 885.0, 1023.0
+_STIFF = 850.0 / 128.0 / 32.0 * 4096.0  # PWM per turn of error that a P gain of 1 gives; MX have 850 for it now
+_SIGN = 1024
+
+
+def is_old(table: ControlTable) -> bool:
+    """Whether a table is of one of these servos."""
+    return "torque_limit" in table.registers
+
+
+def whole_table(table: ControlTable) -> ControlTable:
+    """The table of an old servo with the registers of an X servo that it lacks, out of reach; others as they are."""
+    if not is_old(table):
+        return table
+    hidden = {
+        name: replace(register, address=_BEHIND + register.address)
+        for name, register in XM430_W350.registers.items()
+        if name not in table.registers and not name.startswith(_LACKING)
+    }
+    return replace(table, registers=table.registers | hidden)
+
+
+def follow(registers: np.ndarray[Any, Any], table: ControlTable, drive: MotorDrive) -> None:
+    """Has the hidden registers and the motors of a bank of old servos do what their own registers say."""
+    wheel = (registers["min_position_limit"] == 0) & (registers["max_position_limit"] == 0)
+    if "control_mode" in table.registers:
+        wheel = registers["control_mode"] == 1
+    registers["operating_mode"] = np.where(wheel, VELOCITY, 3)
+    per_count = table["profile_velocity"].si / table["goal_velocity"].si
+    registers["goal_velocity"] = np.rint(signed(registers["profile_velocity"]) * per_count * wheel)
+    registers["goal_pwm"] = np.rint(registers["torque_limit"] * _FULL_PWM / _FULL_TORQUE)
+    if "cw_compliance_slope" in table.registers:
+        drive.p_gain = _FULL_PWM / np.maximum(registers["cw_compliance_slope"], registers["ccw_compliance_slope"])
+    else:
+        drive.p_gain = registers["position_p_gain"] * (_STIFF / table.pulses_per_turn)
+    drive.i_gain, drive.d_gain = np.zeros(len(registers)), np.zeros(len(registers))
+
+
+def signed(counts: np.ndarray[Any, Any]) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Speeds and loads, whose bit 10 is their sign, as numbers."""
+    return np.where(counts & _SIGN, -1.0, 1.0) * (counts & _SIGN - 1).astype(np.float64)
+
+
+def with_sign(values: np.ndarray[Any, np.dtype[np.float64]]) -> np.ndarray[Any, np.dtype[np.uint16]]:
+    """The inverse of `signed`."""
+    size = np.minimum(np.abs(values), _SIGN - 1).astype(np.uint16)
+    return size | np.where(values < 0.0, _SIGN, 0).astype(np.uint16)

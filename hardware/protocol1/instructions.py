@@ -1,0 +1,53 @@
+"""The instructions of Protocol 1.0, each as the bytes of one frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from hardware.protocol1.frames import build
+from hardware.protocol2.frames import BROADCAST
+
+PING = 0x01
+READ = 0x02
+WRITE = 0x03
+REG_WRITE = 0x04
+ACTION = 0x05
+FACTORY_RESET = 0x06
+REBOOT = 0x08
+SYNC_WRITE = 0x83
+BULK_READ = 0x92
+
+
+def ping(id: int) -> bytes:
+    """Are you there? Answered without parameters: who it is stands in its control table."""
+    return build(id, PING)
+
+
+def read(id: int, address: int, length: int) -> bytes:
+    """Asks one servo for `length` bytes of its control table."""
+    return build(id, READ, bytes((address, length)))
+
+
+def write(id: int, address: int, data: bytes) -> bytes:
+    """Writes bytes into a servo's control table."""
+    return build(id, WRITE, bytes((address,)) + data)
+
+
+def reboot(id: int) -> bytes:
+    """Restarts a servo of the MX series; AX and RX servos do not know this instruction."""
+    return build(id, REBOOT)
+
+
+def factory_reset(id: int, keep: int = 0) -> bytes:
+    """Puts the EEPROM back to what it was in the box, ID and baud rate too: `keep` is not known here."""
+    return build(id, FACTORY_RESET)
+
+
+def sync_write(address: int, length: int, entries: bytes) -> bytes:
+    """Writes the same registers of many servos at once, unanswered; entries are ID and `length` bytes, repeated."""
+    return build(BROADCAST, SYNC_WRITE, bytes((address, length)) + entries)
+
+
+def bulk_read(blocks: Iterable[tuple[int, int, int]]) -> bytes:
+    """Asks each (id, address, length), MX servos only; each answers with its own status, in this order."""
+    return build(BROADCAST, BULK_READ, b"\0" + b"".join(bytes((length, id, a)) for id, a, length in blocks))

@@ -1,0 +1,208 @@
+"""One bus with servos of both protocols: AX, RX and MX of Protocol 1.0, an XL-320, a P series and an XM430.
+
+All models and faults:  python -m benchmarks health_table --old
+"""
+
+import msgspec
+import numpy as np
+import pytest
+
+from benchmarks.rig.health_table import OLD_MODELS, mixed_rig, run
+from hardware.bus.servo_bus import Bus
+from hardware.control_table.models import MODELS
+from hardware.emulator.bus import EmulatedBus
+from hardware.emulator.port import EmulatedPort
+from hardware.errors import RigError
+from hardware.rig.audit import audit
+from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.supervised_rig import SupervisedRig
+from hardware.tools.doctor import examine, fix_settings, scan, set_up
+from hardware.tools.monitor import observe
+
+COUNT = len(OLD_MODELS)
+TICK = 0.01
+
+
+@pytest.fixture
+def config():
+    return mixed_rig(models=OLD_MODELS)
+
+
+@pytest.fixture
+def port(config):
+    return EmulatedPort(EmulatedBus(config), paced=True)
+
+
+@pytest.fixture
+def bus(config, port):
+    bus = Bus(port, config.baud)
+    bus.old = config.old_ids
+    return bus
+
+
+def supervised(config, port):
+    return SupervisedRig(config, lambda: Bus(port, config.baud), beside=False, sleep=port.elapse)
+
+
+def play(rig, port, target, seconds):
+    """Runs the loop; the largest speed of each shaft, rad/s."""
+    before, fastest = shafts(rig.config, port), np.zeros(COUNT)
+    for _ in range(round(seconds / TICK)):
+        rig.collect_state()
+        rig.write(np.full(COUNT, target))
+        rig.request_state()
+        port.elapse(TICK)
+        now = shafts(rig.config, port)
+        fastest, before = np.maximum(fastest, np.abs(now - before) / TICK), now
+    return fastest
+
+
+def shafts(config, port):
+    pairs = zip(config.joints, port.bus.devices, strict=True)
+    return np.array([(device.bank.shaft[device.row] - j.zero) / j.pulses_per_radian for j, device in pairs])
+
+
+def test_all_follow_within_their_speed_and_report_their_health(config, port):
+    rig = supervised(config, port)
+    fastest = play(rig, port, 0.8, 1.5)
+    assert shafts(config, port) == pytest.approx(np.full(COUNT, 0.8), abs=0.01)
+    assert rig.positions == pytest.approx(np.full(COUNT, 0.8), abs=0.01)
+    assert (fastest < 1.1 * 2.0 + 0.1).all()
+    assert (fastest > 1.5).all()
+    assert rig.temperatures == pytest.approx(np.full(COUNT, 32.0), abs=1.0)
+    assert rig.voltages.tolist() == [12.0, 14.8, 12.0, 12.0, 7.4, 12.0]
+    assert (rig.recoveries, rig.faults.total, list(rig.incidents)) == (0, 0, [])
+    assert rig.close() == []
+    assert not any(device.torque for device in port.bus.devices)
+
+
+def test_speed_and_load_have_the_joints_direction_in_every_model(config, port):
+    joints = tuple(msgspec.structs.replace(joint, direction=-1) for joint in config.joints)
+    rig = supervised(msgspec.structs.replace(config, joints=joints), port)
+    play(rig, port, 1.2, 0.4)
+    assert rig.velocities == pytest.approx(np.full(COUNT, 2.0), abs=0.2)
+    play(rig, port, -1.2, 0.9)
+    assert rig.velocities == pytest.approx(np.full(COUNT, -2.0), abs=0.2)
+
+
+@pytest.mark.parametrize(
+    ("model", "fault"), [("AX-12A", "overload"), ("MX-28(1.0)", "overheat"), ("XL-320", "overload")]
+)
+def test_a_fault_of_an_old_model_is_named_within_a_second(model, fault):
+    found = run(model, fault, models=OLD_MODELS)
+    assert 0.0 <= found.after <= 1.0
+    assert model in found.end
+
+
+def test_a_dead_servo_of_one_protocol_costs_the_others_nothing(config, port):
+    rig = supervised(msgspec.structs.replace(config, on_loss="go on"), port)
+    play(rig, port, 0.2, 0.5)
+    port.bus[1].dead = True
+    play(rig, port, 0.8, 2.3)
+    assert np.delete(shafts(config, port), 0) == pytest.approx(np.full(COUNT - 1, 0.8), abs=0.01)
+    assert rig.lost.tolist() == [True] + [False] * (COUNT - 1)
+
+
+LEFT_BEHIND = {
+    (3, "multi_turn_offset"): (500, "its zero is elsewhere"),
+    (3, "resolution_divider"): (2, "its counts mean other angles"),
+    (1, "shutdown"): (0, "it does not protect itself"),
+    (5, "shutdown"): (0, "shutdown is 0, the rig needs 3"),
+    (2, "temperature_limit"): (120, "it may get too hot"),
+}
+
+
+@pytest.mark.parametrize(("id", "register"), LEFT_BEHIND)
+def test_what_could_move_an_old_servo_wrongly_is_refused_named_and_fixed_on_request(config, port, bus, id, register):
+    port.bus[id][register], said = LEFT_BEHIND[id, register]
+    with pytest.raises(RigError, match=said):
+        supervised(config, port)
+    assert any(said in problem for problem in examine(config, bus).problems)
+    assert fix_settings(config, bus) == []
+    assert play(supervised(config, port), port, 1.2, 1.0).max() < 1.1 * 2.0 + 0.1
+
+
+@pytest.mark.parametrize(
+    ("id", "register", "value"),
+    [
+        *((1, name, value) for name, value in (("status_return_level", 0), ("torque_limit", 0), ("max_torque", 700))),
+        *((1, name, 0) for name in ("min_position_limit", "max_position_limit", "profile_velocity")),
+        *((1, "cw_compliance_slope", value) for value in (2, 254)),
+        (5, "control_mode", 1),
+        (4, "torque_control_mode", 1),
+        (3, "profile_acceleration", 3),
+    ],
+)
+def test_what_may_be_set_is_set_at_switch_on(config, port, bus, id, register, value):
+    port.bus[id][register] = value
+    rig = supervised(config, port)
+    assert play(rig, port, 1.2, 1.2).max() < 1.1 * 2.0 + 0.1
+    assert shafts(config, port) == pytest.approx(np.full(COUNT, 1.2), abs=0.02)
+    assert not [difference for difference in audit(config, bus) if difference.when == "switch-on"]
+
+
+def test_eeprom_is_written_only_where_it_is_wrong(config, port):
+    supervised(config, port).close()
+    before = [bytes(device.bank.memory) for device in port.bus.devices]
+    port.sent.clear()
+    rig = supervised(config, port)
+    levels = [data for data in port.sent if data[4:6] in (b"\x03\x10", b"\x83\x10")]
+    rig.close()
+    assert levels == []
+    assert [len(memory) for memory in before] == [len(device.bank.memory) for device in port.bus.devices]
+
+
+def test_shut_down_servos_are_named_and_not_switched_on(config, port):
+    port.bus[1].fail(32)
+    port.bus[5].fail(4)
+    with pytest.raises(RigError, match=r"AX-12A \(id 1: overload\); XL-320 \(id 5: overheated\)"):
+        supervised(config, port)
+    assert not any(device.torque for device in port.bus.devices)
+
+
+def test_a_killed_program_leaves_servos_without_a_watchdog_at_their_last_goal(config, port):
+    rig = supervised(config, port)
+    play(rig, port, 0.8, 0.3)
+    goals = rig._rig.goals.copy()
+    port.elapse(2.0)
+    assert shafts(config, port)[:5] == pytest.approx(goals[:5], abs=0.01)
+    assert (np.abs(goals) < 0.65).all()
+
+
+def test_the_doctor_and_the_monitor_know_every_model(config, port, bus):
+    report = examine(config, bus)
+    assert [servo.model for servo in report.servos] == list(OLD_MODELS)
+    assert [round(servo.position, 2) for servo in report.servos] == [0.0] * COUNT
+    port.bus[1].fail(32)
+    rows, _ = next(observe(config, bus, share=0.0))
+    assert [row["heard"] for row in rows] == [True] * COUNT
+    assert [row["errors"] for row in rows] == ["overload"] + [""] * (COUNT - 1)
+
+
+def test_a_scan_finds_the_servos_of_both_protocols(config, port):
+    for device, baud in ((port.bus[1], 34), (port.bus[6], 1)):
+        device["baud_rate"] = baud
+
+    def open_bus(baud):
+        port.bus.baud = baud
+        return Bus(port, baud)
+
+    found = scan(open_bus)
+    seen = {(one.identity.id, one.identity.model, one.identity.protocol, one.baud) for one in found}
+    old = {id: 1 if MODELS[model].protocol == 1 else 2 for id, model in enumerate(OLD_MODELS, 1)}
+    bauds = dict.fromkeys(range(1, COUNT + 1), 1_000_000) | {1: 57600, 6: 57600}
+    assert seen == {(id, model, old[id], bauds[id]) for id, model in enumerate(OLD_MODELS, 1)}
+
+
+def test_an_ax_servo_from_the_box_gets_its_id_and_baud_rate():
+    joint = RigJoint("leg", 1, "AX-12A", 1, 512, -1.0, 1.0, 2.0)
+    port = EmulatedPort(EmulatedBus(RigConfig("emulated", 57600, 100.0, (joint,))))
+
+    def open_bus(baud):
+        port.bus.baud = baud
+        return Bus(port, baud)
+
+    before, after = set_up(open_bus, 9, 1_000_000)
+    assert (before.identity.id, before.baud, after.id, after.model, after.protocol) == (1, 57600, 9, "AX-12A", 1)
+    with pytest.raises(RigError, match="model AX-12A cannot do 4000000 baud"):
+        set_up(open_bus, 9, 4_000_000)
