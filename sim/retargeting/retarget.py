@@ -31,9 +31,10 @@ SERVO_HUMANOID_JOINTS = (
     *(f"{side}_{joint}" for joints in (_ARM, _LEG) for side in ("r", "l") for joint in joints),
 )
 
-# How much the forearm counts beside the upper arm in what the pitch of a shoulder should be. From 1 on the two could
-# cancel out wherever the arm points; the less it is, the faster the pitch of an arm that swings past sideways.
+# How much the forearm counts beside the upper arm, and in how many rounds the angles of an arm are found, in a tick and
+# for the first pose.
 FOREARM = 0.7
+ROUNDS, FIRST_ROUNDS = 3, 40
 # An angle may move this many times as far as the bones that lead it ...
 GAIN = 4.0
 # ... and settle by this much a tick besides, rad.
@@ -170,6 +171,7 @@ class LimbAngles:
 
     def __call__(self, direction: Array, up: Vector) -> list[float]:
         """The angles of SERVO_HUMANOID_JOINTS for limbs that point in the directions (14, 3), seen from the root."""
+        self._started = self._direction is not None
         if self._direction is None:
             moved = [10.0] * len(direction)
         else:
@@ -195,25 +197,54 @@ class LimbAngles:
     def _arm(
         self, angles: list[float], joint: int, upper: Vector, fore: Vector, upper_moved: float, moved: float
     ) -> None:
-        """Upper arm = Ry(pitch) Rx(roll) (0, 0, -1) = (-cos roll sin pitch, sin roll, -cos roll cos pitch).
+        """Upper arm = Ry(pitch) Rx(roll) (0, 0, -1), forearm = Ry(pitch) Rx(roll) (sin elbow, 0, -cos elbow).
 
-        An elbow bends in the plane that faces ahead along Ry(pitch) (1, 0, 0), so both halves of the arm say which
-        pitch fits: the upper arm by cos roll as a lever, the forearm by the sine of the elbow. Together they say it
-        clearly where one alone does not: an arm held out sideways with a bent elbow has the pitch of its forearm.
+        Three servos cannot give four angles of directions: without a turn about the upper arm, the forearm bends ahead
+        only. So the angles are those that bring both as close as can be: the greatest of
+
+            upper . Ry(pitch) Rx(roll) (0, 0, -1) + FOREARM fore . Ry(pitch) Rx(roll) (sin elbow, 0, -cos elbow)
+
+        found from the last ones on, each angle in turn by its closed form.
         """
-        x, y, z = upper
-        along = _dot(upper, fore)
-        across_x, across_z = fore[0] - along * x, fore[2] - along * z
-        sine, cosine = -x - FOREARM * across_z, -z + FOREARM * across_x
-        # Stretched out sideways the arm has no pitch: the less it has, the slower the pitch goes where it should.
-        certain, most = min(hypot(sine, cosine), 1.0), max(upper_moved, moved)
+        x, _, z = upper
+        fx, _, fz = fore
+        pitch, elbow = self._last[joint], self._last[joint + 2]
+        low, high = self._lower[joint + 1], self._upper[joint + 1]
+        if not self._started:
+            # An elbow bends in the plane that faces ahead along Ry(pitch) (1, 0, 0).
+            along = _dot(upper, fore)
+            pitch = atan2(-x - FOREARM * (fz - along * z), -z + FOREARM * (fx - along * x))
+            elbow = _angle_between(upper, fore)
+        certain = 0.0
+        for _ in range(ROUNDS if self._started else FIRST_ROUNDS):
+            roll, elbow = self._roll_and_elbow(pitch, elbow, upper, fore, low, high)
+            upper_down = -cos(roll)
+            ahead, down = sin(elbow), cos(elbow) * upper_down
+            sine = upper_down * x + FOREARM * (down * fx - ahead * fz)
+            cosine = upper_down * z + FOREARM * (down * fz + ahead * fx)
+            certain = min(hypot(sine, cosine), 1.0)
+            if certain < 1e-3:
+                break
+            pitch = atan2(sine, cosine)
+        # An arm stretched out sideways has no pitch: the less it has, the slower the pitch goes where it should.
+        most = max(upper_moved, moved)
         if certain > 1e-3:
-            self._follow(angles, joint, atan2(sine, cosine), min(2.0 * certain, 1.0) * most, certain)
-        # The roll that brings the upper arm closest at this pitch; one that is far off must not turn it over.
-        pitch = angles[joint]
-        level = max(-x * sin(pitch) - z * cos(pitch), 0.5 * hypot(x, z))
-        self._follow(angles, joint + 1, atan2(y, level), most, 1.0)
-        self._follow(angles, joint + 2, _angle_between(upper, fore), upper_moved + moved, 1.0)
+            self._follow(angles, joint, pitch, min(2.0 * certain, 1.0) * most, certain)
+        roll, elbow = self._roll_and_elbow(angles[joint], elbow, upper, fore, low, high)
+        self._follow(angles, joint + 1, roll, most, 1.0)
+        self._follow(angles, joint + 2, elbow, upper_moved + moved, 1.0)
+
+    def _roll_and_elbow(
+        self, pitch: float, elbow: float, upper: Vector, fore: Vector, low: float, high: float
+    ) -> tuple[float, float]:
+        """The roll, within its range, then the elbow that bring an arm closest at a pitch, from an elbow on."""
+        c, s = cos(pitch), sin(pitch)
+        (x, y, z), (fx, fy, fz) = upper, fore
+        fore_ahead, fore_up = c * fx - s * fz, s * fx + c * fz
+        share = FOREARM * cos(elbow)
+        roll = atan2(y + share * fy, max(-(s * x + c * z) - share * fore_up, 0.5 * hypot(x, z)))
+        roll = min(max(roll, low), high)
+        return roll, atan2(fore_ahead, sin(roll) * fy - cos(roll) * fore_up)
 
     def _leg(
         self,

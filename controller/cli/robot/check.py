@@ -9,14 +9,15 @@ from typing import Any
 
 import numpy as np
 
+from controller.mocap.canonical.clip_edits import without_reference_pose
 from controller.mocap.clip import Clip
 from controller.mocap.formats.reading import RECORDINGS, read_clip, recordings_below
 from motiondeck_base.errors import MotiondeckError
-from sim.models.robot_file import Solver, read_robot_file
+from sim.models.robot_file import Solver
 from sim.retargeting.robot_limbs import SIDES, RobotLimbs
 from sim.robots.fidelity import carry, floor_measures, joint_measures, limb_errors, shortfall
 from sim.robots.limb_directions import LimbDirections, beyond_limits
-from sim.robots.robot import load_robot
+from sim.robots.robot import RobotLoader
 
 MUST_BE_ZERO = ("bad", "beyond", "too_fast", "jumps")
 
@@ -36,20 +37,25 @@ def recordings(paths: Sequence[Path]) -> list[Path]:
 def check(robot: Path, files: Sequence[Path], solver: Solver | None, seconds: float | None) -> Iterator[dict[str, Any]]:
     """One row a recording: `clip`, and `unread`, or its `frames` and `error` or the measures of `sim.robots.fidelity`.
 
+    A pose for reference before the motion is left out; `left_out` says how many frames that was.
+
     Args:
         robot: the robot file.
         files: the recordings.
         solver: in place of the robot file's.
         seconds: of each recording, from its beginning; None for all of it.
     """
+    load = RobotLoader(robot)
     for file in files:
         try:
-            clip = _shortened(read_clip(file), seconds)
+            clip, left_out = without_reference_pose(read_clip(file))
+            clip = _shortened(clip, seconds)
         except MotiondeckError as error:
             yield {"clip": str(file), "unread": str(error)}
             continue
         try:
-            yield {"clip": str(file), "frames": len(clip), "rate": clip.rate, **_measured(robot, clip, solver)}
+            row = {"clip": str(file), "frames": len(clip), "rate": clip.rate, "left_out": left_out}
+            yield row | _measured(robot, load, clip, solver)
         except Exception as error:  # a row that says so is what the table is for
             yield {"clip": str(file), "frames": len(clip), "error": f"{type(error).__name__}: {error}"}
 
@@ -66,9 +72,9 @@ def off_limits(row: dict[str, Any]) -> list[str]:
     return beyond_limits({name: (off["mean"], off["worst"]) for name, off in row.get("limbs_deg", {}).items()})
 
 
-def _measured(robot: Path, clip: Clip, solver: Solver | None) -> dict[str, Any]:
-    file = read_robot_file(robot)
-    loaded = load_robot(robot, clip.skeleton, None if file.kind == "mannequin" else solver, 1.0 / clip.rate)
+def _measured(robot: Path, load: RobotLoader, clip: Clip, solver: Solver | None) -> dict[str, Any]:
+    file = load.file
+    loaded = load(clip.skeleton, None if file.kind == "mannequin" else solver, 1.0 / clip.rate)
     carried = carry(clip, loaded)
     measures: dict[str, Any] = joint_measures(clip, loaded, carried) | shortfall(loaded)
     if file.parts:

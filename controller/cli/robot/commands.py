@@ -256,7 +256,10 @@ def _print_rows(rows: list[dict[str, Any]]) -> None:
             print(
                 f"{'not read' if 'unread' in row else 'failed'}: {row['clip']}: {row.get('unread', row.get('error'))}"
             )
-        elif off_limits(row):
+            continue
+        if row["left_out"]:
+            print(f"a pose before the motion is left out: {row['clip']}, frames: {row['left_out']}")
+        if off_limits(row):
             print(f"limbs point elsewhere: {row['clip']}: {'; '.join(off_limits(row))}")
 
 
