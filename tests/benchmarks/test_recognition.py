@@ -41,7 +41,7 @@ def test_the_benchmark_reports_and_draws_all_it_measures(folder, tmp_path):
     assert measured["experts (ours)"]["confusion"] == [[12, 0], [0, 12]]
     assert "lfemur" in report["unable"]["motion templates"]
     assert len(report["time_warp"]["actor-out"]) == 7
-    assert report["time_warp"]["actor-out, learned at three tempos"][3] == {"x": 1.0, "accuracy": 1.0}
+    assert report["time_warp"]["actor-out, learned at three stretches"][3] == {"x": 1.0, "accuracy": 1.0}
     assert report["cost"]["classes"] == 2
     assert {row["bias"] for row in report["first_check"]} == {True, False}
     drawn = {path.name for path in pictures.iterdir()}

@@ -69,15 +69,15 @@ def test_what_has_no_feet_has_no_margin():
 
     from motiondeck_base.shipped import find_robot
     from sim.physics.loads import loads_of
-    from sim.physics.played_motions import Take
+    from sim.physics.played_motions import PlayedMotion
     from sim.physics.preflight import Preflight
     from sim.robots.robot import load_robot
     from sim.robots.self_collision import SelfCollision
     from simulated_bodies import bent_pose
 
     body = load_robot(find_robot("servo20"), human())
-    take = Take("still", True, np.tile(body.rest, (3, 1)), (bent_pose(human()),) * 3)
-    loads = loads_of(body, take, free=False, collisions=SelfCollision(body))
+    motion = PlayedMotion("still", True, np.tile(body.rest, (3, 1)), (bent_pose(human()),) * 3)
+    loads = loads_of(body, motion, free=False, collisions=SelfCollision(body))
     loads = replace(loads, support=(np.zeros((0, 2)),) * 3)
     found = Preflight(body, body.limits).standing(loads, 1.0)
     assert np.isfinite([finding.value for finding in found]).all()
