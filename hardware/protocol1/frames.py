@@ -9,7 +9,7 @@ about the servo itself, as in its hardware error status under Protocol 2.0, and 
 
 from __future__ import annotations
 
-from hardware.protocol2.frames import BROADCAST, Frame, StatusPacket
+from hardware.protocol2.frames import BROADCAST, Frame, Parser, StatusPacket
 
 HEADER = b"\xff\xff"
 LONGEST = 250  # what LENGTH may say; the maker's own SDK takes no more
@@ -52,48 +52,23 @@ def as_status(frame: Frame) -> StatusPacket | None:
     return StatusPacket(frame.id, error, bool(hardware), frame.params, hardware)
 
 
-class OldParser:
-    """Finds frames in bytes that arrive in pieces of any size; no input makes it raise.
+class OldParser(Parser):
+    """Finds frames of Protocol 1.0 as `Parser` does those of 2.0: in linear time, and no input makes it raise."""
 
-    A frame with a bad checksum is dropped, and the next good one is found. What is kept never exceeds one frame.
+    _header = HEADER
+    _overhead = _BEFORE
+    _id = 2
 
-    Attributes:
-        damaged: the IDs of the frames that the last `feed` dropped, as far as an ID in a damaged frame can be trusted.
-    """
+    __slots__ = ()
 
-    __slots__ = ("_buffer", "damaged")
+    def _length(self, at: int) -> int:
+        """The LENGTH of the frame whose header is here in the buffer; 0 where it can be none."""
+        id, length = self._buffer[at + 2], self._buffer[at + 3]
+        # Three FF are noise before a header, which begins with the second or the third.
+        return length if id <= BROADCAST and _SHORTEST <= length <= LONGEST else 0
 
-    def __init__(self) -> None:
-        self._buffer = b""
-        self.damaged: list[int] = []
-
-    @property
-    def waiting(self) -> bool:
-        """Whether a frame has begun and its end has not arrived."""
-        return bool(self._buffer)
-
-    def feed(self, data: bytes) -> list[Frame]:
-        """The frames that these bytes complete, in order."""
-        self.damaged = []
-        buffer = self._buffer + data
-        frames: list[Frame] = []
-        used = 0  # the last good frame ended here
-        kept: int | None = None  # where the first frame begins whose end is still to come
-        start = buffer.find(HEADER)
-        while start >= 0:
-            following = start + 1
-            known = buffer[start + 2 : start + _BEFORE]
-            end = start + _BEFORE + (known[1] if len(known) == 2 else _SHORTEST)
-            if known[:1] == b"\xff" or (len(known) == 2 and not _SHORTEST <= known[1] <= LONGEST):
-                pass  # the header begins later, or this is none
-            elif end > len(buffer):
-                kept = start if kept is None else kept
-            elif ~sum(buffer[start + 2 : end - 1]) & 0xFF != buffer[end - 1]:
-                self.damaged.append(buffer[start + 2])
-            else:
-                frames.append(Frame(buffer[start + 2], buffer[start + 4], buffer[start + 5 : end - 1]))
-                kept, following, used = None, end, end
-            start = buffer.find(HEADER, following)
-        half_header = buffer.endswith(b"\xff") and used < len(buffer)
-        self._buffer = buffer[len(buffer) - half_header if kept is None else kept :]
-        return frames
+    def _frame_in(self, data: bytes) -> Frame | None:
+        """The frame that these bytes are, None if its checksum is bad."""
+        if ~sum(data[2:-1]) & 0xFF != data[-1]:
+            return None
+        return Frame(data[2], data[4], data[5:-1])

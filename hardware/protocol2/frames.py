@@ -96,6 +96,10 @@ class Parser:
         damaged: the IDs of those that the last `feed` dropped, as far as an ID can be trusted in a damaged frame.
     """
 
+    _header = HEADER
+    _overhead = _OVERHEAD
+    _id = 4  # where the ID stands in a frame
+
     __slots__ = ("_buffer", "_by_end", "_by_start", "_gone", "_searched", "_used", "corrupt", "damaged")
 
     def __init__(self) -> None:
@@ -111,7 +115,7 @@ class Parser:
     @property
     def waiting(self) -> bool:
         """Whether a frame has begun and its end has not arrived."""
-        return bool(self._by_start) or self._buffer.startswith(HEADER)
+        return bool(self._by_start) or self._buffer.startswith(self._header)
 
     def feed(self, data: bytes) -> list[Frame]:
         """The frames that these bytes complete, in order."""
@@ -124,7 +128,7 @@ class Parser:
             end, start = heappop(self._by_end)
             if start < self._used:
                 continue
-            frame = _frame_in(bytes(self._buffer[start - self._gone : end - self._gone]))
+            frame = self._frame_in(bytes(self._buffer[start - self._gone : end - self._gone]))
             if frame is None:
                 self._drop(start)
             else:
@@ -137,38 +141,43 @@ class Parser:
 
     def _find_headers(self) -> None:
         """Notes where the frame of each newly arrived header ends."""
-        buffer = self._buffer
-        at = buffer.find(HEADER, self._searched - self._gone)
-        while at >= 0 and at + _OVERHEAD <= len(buffer):
-            start, length = self._gone + at, buffer[at + 5] | buffer[at + 6] << 8
-            if _SHORTEST <= length <= LONGEST:
-                end = start + _OVERHEAD + length
+        buffer, header, overhead = self._buffer, self._header, self._overhead
+        at = buffer.find(header, self._searched - self._gone)
+        while at >= 0 and at + overhead <= len(buffer):
+            start, length = self._gone + at, self._length(at)
+            if length:
+                end = start + overhead + length
                 heappush(self._by_end, (end, start))
                 self._by_start.append((start, end))
-            else:
-                self._drop(start)
             self._searched = start + 1
-            at = buffer.find(HEADER, at + 1)
+            at = buffer.find(header, at + 1)
         # Where no header is left, the last bytes may still be the beginning of one.
-        rest = at if at >= 0 else len(buffer) - len(HEADER) + 1
+        rest = at if at >= 0 else len(buffer) - len(header) + 1
         self._searched = max(self._searched, self._gone + rest)
+
+    def _length(self, at: int) -> int:
+        """The LENGTH of the frame whose header is here in the buffer; 0 where it can be none."""
+        length = self._buffer[at + 5] | self._buffer[at + 6] << 8
+        if _SHORTEST <= length <= LONGEST:
+            return length
+        self._drop(self._gone + at)
+        return 0
+
+    def _frame_in(self, data: bytes) -> Frame | None:
+        """The frame that these bytes are, None if its checksum is bad."""
+        if checksum(data[:-2]) != data[-2] | data[-1] << 8:
+            return None
+        id, instruction = data[4], data[_OVERHEAD]
+        body = data[_OVERHEAD:-2]
+        fast_reply = id == BROADCAST and instruction == STATUS
+        return Frame(id, instruction, (body if fast_reply else unstuff(body))[1:])
 
     def _drop(self, start: int) -> None:
         """Counts the frame that begins here as damaged."""
         self.corrupt += 1
-        self.damaged.append(self._buffer[start - self._gone + 4])
+        self.damaged.append(self._buffer[start - self._gone + self._id])
 
     def _forget(self, before: int) -> None:
         """Drops the bytes before this position."""
         del self._buffer[: before - self._gone]
         self._gone = before
-
-
-def _frame_in(data: bytes) -> Frame | None:
-    """The frame that these bytes are, None if its checksum is bad."""
-    if checksum(data[:-2]) != data[-2] | data[-1] << 8:
-        return None
-    id, instruction = data[4], data[_OVERHEAD]
-    body = data[_OVERHEAD:-2]
-    fast_reply = id == BROADCAST and instruction == STATUS
-    return Frame(id, instruction, (body if fast_reply else unstuff(body))[1:])

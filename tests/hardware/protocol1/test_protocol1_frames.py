@@ -1,12 +1,14 @@
 """Frames of Protocol 1.0: built as the maker builds them, and found again in any stream of bytes."""
 
+import time
+
 import dynamixel_sdk as sdk
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from hardware.protocol1 import instructions as wire
-from hardware.protocol1.frames import OldParser, as_status, build, status_length
+from hardware.protocol1.frames import LONGEST, OldParser, as_status, build, status_length
 from hardware.protocol2.frames import Frame
 
 FRAMES = st.builds(
@@ -84,6 +86,16 @@ def test_a_frame_with_a_bad_checksum_is_dropped_and_its_id_is_known():
 
 def test_a_header_may_begin_with_a_byte_of_noise_that_looks_like_it():
     assert OldParser().feed(b"\xff" + wire.ping(1)) == [Frame(1, wire.PING, b"")]
+
+
+@pytest.mark.parametrize("header", [b"\xff\xff\x01\xfa", b"\xff\xff\x01\x50", b"\xff"])
+def test_a_stream_of_hostile_headers_costs_linear_time(header):
+    """Each promises a long frame; 16 kB of them, byte by byte, once took 4 s."""
+    parser, since = OldParser(), time.process_time()
+    for byte in header * (16_000 // len(header)):
+        parser.feed(bytes((byte,)))
+        assert len(parser._buffer) <= LONGEST + 4
+    assert time.process_time() - since < 0.5
 
 
 def test_an_answer_tells_problems_of_the_servo_from_those_of_the_instruction():
