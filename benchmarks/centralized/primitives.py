@@ -18,6 +18,7 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks import command
 from controller.mocap.formats.reading import read_clip, skeleton_of
+from controller.mocap.reading_options import ReadingOptions
 from controller.rotations import Array
 from controller.training.centralized.model_choice import hands_and_feet
 from controller.training.centralized.primitive_learning import learn_primitive
@@ -30,7 +31,7 @@ PHASE = np.linspace(0.0, 1.0, FRAMES + 1)
 
 def hands(path: Path) -> Array:
     """Hands and feet relative to the root and its heading at the beginning, mm, shape (K, 12)."""
-    clip = read_clip(path, skeleton_of(path, path.parent.parent))
+    clip = read_clip(path, ReadingOptions(skeleton_of(path, path.parent.parent)))
     joints = clip.joints()
     which = [1 + bone for bone in hands_and_feet(clip.skeleton)]
     across = np.diff(joints[0][[which[0], which[1]]], axis=0)[0, :2]

@@ -78,6 +78,7 @@ def _by_marker(markers: Markers, gaps: list[Gap]) -> list[dict[str, Any]]:
                 "frames": sum(gap.frames for gap in own),
                 "longest_s": max(gap.frames for gap in own) / markers.rate,
                 "expected_mm": _mean_mm(own),
+                "by": sorted({gap.by for gap in own if gap.by is not None}),
                 "open": [[gap.first, gap.end] for gap in own if not gap.filled],
             }
         )
@@ -101,6 +102,14 @@ def _print(rows: list[dict[str, Any]]) -> None:
         expected = "-" if row["expected_mm"] is None else f"{row['expected_mm']:.1f}"
         still = ", ".join(f"{first} to {end - 1}" for first, end in row["open"])
         cells.append(
-            (row["marker"], str(row["gaps"]), str(row["frames"]), f"{row['longest_s']:.2f}", expected, still or "-")
+            (
+                row["marker"],
+                str(row["gaps"]),
+                str(row["frames"]),
+                f"{row['longest_s']:.2f}",
+                expected,
+                ", ".join(row["by"]) or "-",
+                still or "-",
+            )
         )
-    show_table(("marker", "gaps", "frames", "longest, s", "expected, mm", "still open, frames"), cells)
+    show_table(("marker", "gaps", "frames", "longest, s", "expected, mm", "filled by", "still open, frames"), cells)

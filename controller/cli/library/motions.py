@@ -124,7 +124,8 @@ def anticipate(
 ) -> None:
     """Predict each moment of a recording half a second ahead, and print the errors.
 
-    A centralized network's motions are laid beside the last 0.4 s and go on. Beside it: holding the last pose, and
+    A centralized network's motions are laid beside the last 0.4 s and go on, as far as they are trusted: what is like
+    nothing known is predicted by the last velocity and pose. Beside it: the network alone, holding the last pose, and
     going on at the last velocity. A recording that the network has learned is no test; give other --frames.
 
     Example:  motiondeck library anticipate cmu86 86_01.amc --frames 1152 1960
@@ -147,15 +148,25 @@ def anticipate(
     rows = [asdict(row) for row in foresight(Anticipator(loaded), loaded.encoding.encode(seen), seen.rate)]
     if plot is not None:
         ahead = np.array([row["ahead_s"] for row in rows])
-        labels = {"network": "the network's motions", "hold": "last pose held", "velocity": "last velocity"}
+        labels = {
+            "anticipated": "anticipated",
+            "network": "the network's motions alone",
+            "hold": "last pose held",
+            "velocity": "last velocity",
+        }
         curves = {label: (ahead, np.array([row[name] for row in rows])) for name, label in labels.items()}
         draw_lines(curves, ("s ahead", "mean absolute error, mm"), f"{seen.name}, from {loaded.info.name}", plot)
     if as_json:
         print(json.dumps({"library": library, "clip": str(clip), "ahead": rows}))
         return
-    print("ahead, s   network   hold   velocity   (mean absolute error of a coordinate, mm)")
+    print(
+        "ahead, s   anticipated   network alone   hold   velocity   trust   (mean absolute error of a coordinate, mm)"
+    )
     for row in rows:
-        print(f"{row['ahead_s']:8.1f} {row['network']:9.1f} {row['hold']:6.1f} {row['velocity']:10.1f}")
+        alone = f"{row['network']:15.1f} {row['hold']:6.1f} {row['velocity']:10.1f}"
+        print(f"{row['ahead_s']:8.1f} {row['anticipated']:13.1f} {alone} {100 * row['trust']:5.0f} %")
+    if rows[2]["trust"] < 0.5:
+        print("the recording is unlike what the library knows: mostly its last pose and velocity are relied on")
 
 
 @app.command("restyle")

@@ -8,12 +8,15 @@
 3. By how much the weighted sum is off on both sides of the gap is carried over it, by a cubic or by a line.
 4. How much ridge the weights get, and which of the two it is, is found without the gap: stretches as long as it are
    hidden where the marker is seen, and filled in every way. The largest ridge leaves nothing but the marker's mean.
+5. A cubic or a line through the marker's own path in the world is among these ways: where the network was no better in
+   the hidden stretches, it has no say, and the gap says so.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,15 +53,19 @@ class FillMethod:
     """How a gap may be filled.
 
     Attributes:
-        ridge_share: of the weights, for each frame that is seen.
-        cubic: whether a cubic carries what they are off; otherwise a line.
+        ridge_share: of the weights, for each frame that is seen; without it only the marker's own path is used.
+        cubic: whether a cubic carries what they are off, or the path; otherwise a line.
     """
 
-    ridge_share: float
+    ridge_share: float | None
     cubic: bool
 
 
-WAYS = [FillMethod(float(share), cubic) for share in 10.0 ** np.arange(-8.0, 3.0) for cubic in (True, False)]
+WAYS = [
+    FillMethod(None if share is None else float(share), cubic)
+    for share in (*10.0 ** np.arange(-8.0, 3.0), None)
+    for cubic in (True, False)
+]
 
 
 @dataclass(frozen=True)
@@ -70,6 +77,7 @@ class Gap:
         expected: mean absolute error of a coordinate, in the unit of the markers, with which stretches as long as the
             gap were filled where the truth is known; None if there was none to try, or the gap could not be filled.
         filled: whether it was.
+        by: what filled it: "network", or the marker's own path alone, as a "cubic" or a "line".
     """
 
     marker: int
@@ -77,6 +85,7 @@ class Gap:
     end: int
     expected: float | None = None
     filled: bool = False
+    by: Literal["network", "cubic", "line"] | None = None
 
     @property
     def frames(self) -> int:
@@ -149,12 +158,17 @@ def _fill_group(markers: Array, filled: Array, group: list[Gap], rate: float) ->
         if (~hole).sum() < FEWEST_SEEN:
             done.append(gap)
             continue
-        path = _turned(part[:, gap.marker] - base, turn)
-        way, expected = _choose(scores, path, hole, gap.frames)
+        world = part[:, gap.marker]
+        body = _turned(world - base, turn)
+        way, expected = _choose(scores, body, world, hole, gap.frames)
         inside = slice(gap.first - begin, gap.end - begin)
-        predicted = _fill(scores, path, hole, way)[inside]
-        filled[gap.first : gap.end, gap.marker] = _turned(predicted, np.swapaxes(turn[inside], 1, 2)) + base[inside]
-        done.append(Gap(gap.marker, gap.first, gap.end, expected, filled=True))
+        if way.ridge_share is None:
+            found, by = _fill(scores, world, hole, way)[inside], "cubic" if way.cubic else "line"
+        else:
+            predicted, by = _fill(scores, body, hole, way)[inside], "network"
+            found = _turned(predicted, np.swapaxes(turn[inside], 1, 2)) + base[inside]
+        filled[gap.first : gap.end, gap.marker] = found
+        done.append(Gap(gap.marker, gap.first, gap.end, expected, filled=True, by=by))
     return done
 
 
@@ -200,32 +214,42 @@ def _predicted(target: Array, rate: float) -> Array:
     return response @ ridge_readout(response, target - middle).T + middle
 
 
-def _choose(scores: Array, path: Array, missing: Flags, gap: int) -> tuple[FillMethod, float | None]:
+def _choose(scores: Array, body: Array, world: Array, missing: Flags, gap: int) -> tuple[FillMethod, float | None]:
     """The way in which hidden stretches as long as a gap are filled best, and their mean absolute error.
 
     Where the marker is never seen for so long, shorter stretches are hidden.
+
+    Args:
+        scores: what the network says of the others, shape (K, SCORES).
+        body, world: the marker's path as seen from the others, and in the world, shape (K, 3) each.
+        missing: where it is not seen, shape (K,).
+        gap: how long the gap is, frames.
     """
     longest = max((end - first for first, end in _runs(~missing)), default=0)
     length = min(gap, longest - 2 * EDGE)
     if length < 1:
-        return FillMethod(1e-3, cubic=False), None
+        return FillMethod(None, cubic=False), None
     starts = [k for first, end in _runs(~missing) for k in range(first + EDGE, end - length - EDGE + 1)]
     tried = np.unique(np.linspace(0, len(starts) - 1, HIDDEN).astype(int))
     missed = np.zeros(len(WAYS))
-    for index in tried:
-        hidden = slice(starts[index], starts[index] + length)
+    for start in (starts[place] for place in tried):
+        hidden = slice(start, start + length)
         holes = missing.copy()
         holes[hidden] = True
-        missed += [np.abs(_fill(scores, path, holes, way)[hidden] - path[hidden]).mean() for way in WAYS]
+        for index, way in enumerate(WAYS):
+            path = world if way.ridge_share is None else body
+            missed[index] += np.abs(_fill(scores, path, holes, way)[hidden] - path[hidden]).mean()
     best = int(missed.argmin())
     return WAYS[best], float(missed[best] / len(tried))
 
 
 def _fill(scores: Array, path: Array, missing: Flags, way: FillMethod) -> Array:
     """A path (K, 3) without gaps: what the scores say of it, and over each gap what they were off on both sides."""
-    there = path[~missing]
-    weights = ridge(scores[~missing], there - there.mean(0), way.ridge_share * len(there))
-    predicted = scores @ weights.T + there.mean(0)
+    predicted = np.zeros_like(path)
+    if way.ridge_share is not None:
+        there = path[~missing]
+        weights = ridge(scores[~missing], there - there.mean(0), way.ridge_share * len(there))
+        predicted = scores @ weights.T + there.mean(0)
     out = np.where(missing[:, None], predicted, path)
     for first, end in _runs(missing):
         edges = (first - EDGE, first - 1, end, end + EDGE - 1) if way.cubic else (first - 1, end)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import synthetic
-from controller.library.anticipation import Anticipator, foresight
+from controller.library.anticipation import Anticipator, Trust, foresight
 from controller.library.motion_index import load_index, save_index
 from controller.library.motion_library import MotionLibrary, load_library, save_library
 from controller.library.motion_signature import part_weights, signature
@@ -63,12 +63,36 @@ def test_what_is_known_is_expected_better_than_standing_still(library):
     seen = np.tile(synthetic.march(), (5, 1))
     rows = foresight(Anticipator(library), seen, synthetic.RATE)
     assert [row.ahead_s for row in rows] == pytest.approx([0.1, 0.2, 0.3, 0.4, 0.5])
-    assert rows[-1].network < 0.3 * rows[-1].hold
-    assert rows[-1].network < 0.1 * rows[-1].velocity
+    assert rows[-1].anticipated < 0.3 * rows[-1].hold
+    assert rows[-1].anticipated < 0.1 * rows[-1].velocity
+    assert rows[-1].trust > 0.8
     with pytest.raises(MotiondeckError, match="too short"):
         foresight(Anticipator(library), seen[:60], synthetic.RATE)
     with pytest.raises(MotiondeckError, match="centralized one"):
         Anticipator(synthetic.small_library())
+
+
+def test_what_is_unlike_all_that_is_known_is_not_made_of_it(library):
+    """A body that lies still after it marched upside down: the motions known would have it march on."""
+    rng = np.random.default_rng(0)
+    stranger = synthetic.march().mean(0) + 0.3 * rng.normal(size=synthetic.march().shape[1])
+    rows = foresight(Anticipator(library), np.tile(stranger, (240, 1)), synthetic.RATE)
+    assert all(row.network > 1.0 for row in rows)
+    assert all(row.anticipated < 0.7 * row.network for row in rows)
+    assert all(row.trust < 0.7 for row in rows)
+
+
+def test_trust_never_rises_with_the_distance():
+    rng = np.random.default_rng(0)
+    distance = rng.uniform(1.0, 100.0, 80)
+    came = rng.normal(size=(80, 30, 6))
+    # Of what the network says, most comes true far away, and little near.
+    network = came * (distance / 100.0)[:, None, None] ** -1.0
+    trust = Trust.learn(distance, network, np.zeros_like(came), came)
+    assert (np.diff(trust.network, axis=0) <= 1e-12).all()
+    assert np.all(trust.at(0.0)[0] == 1.0)
+    assert (trust.at(1000.0)[0] < trust.at(100.0)[0]).all()
+    assert np.all(Trust.learn(np.zeros(0), came[:0], came[:0], came[:0]).at(50.0)[0] == 1.0)
 
 
 def test_a_motion_takes_on_the_frequencies_of_another(library, tmp_path):

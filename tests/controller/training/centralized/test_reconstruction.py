@@ -38,6 +38,17 @@ def test_the_error_is_expected_from_frames_that_were_seen():
     assert 15.0 < gap.expected < 50.0
 
 
+def test_a_marker_that_only_goes_its_own_way_is_led_by_its_own_path():
+    """The others jitter and say nothing of it, so the network has no say."""
+    whole = markers() + 20.0 * np.random.default_rng(1).normal(size=(300, 8, 3))
+    whole[:, 2] = np.linspace(0.0, 600.0, 300)[:, None]
+    holes = whole.copy()
+    holes[100:150, 2] = np.nan
+    filled, (gap,) = fill_missing(holes, RATE)
+    assert gap.by in {"line", "cubic"}
+    assert np.allclose(filled[100:150, 2], whole[100:150, 2], atol=1e-6)
+
+
 def test_nothing_missing_is_nothing_done():
     whole = markers(60)
     filled, gaps = fill_missing(whole, RATE)
