@@ -60,7 +60,7 @@ def bent(others: list[Array], held: Array, known: tuple[float, ...]) -> Array:
 
 
 def probabilistic(others: list[Array], held: Array, known: tuple[float, ...]) -> Array:
-    from movement_primitives.promp import ProMP
+    from movement_primitives.promp import ProMP  # pyright: ignore[reportMissingImports]
 
     primitive = ProMP(held.shape[1], n_weights_per_dim=SATELLITES)
     primitive.imitate([PHASE] * len(others), [even(other) for other in others], n_iter=20)
@@ -77,7 +77,7 @@ def main(
     folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="Recordings (.amc) of one motion each.")],
 ) -> None:
     try:
-        import movement_primitives  # noqa: F401
+        import movement_primitives  # noqa: F401  # pyright: ignore[reportMissingImports]
 
         peer = True
     except ImportError:
