@@ -8,6 +8,9 @@ shoulder, in mm of the robot's size. Times
 are medians over rounds of 40 frames.
 """
 
+# pyright: reportAttributeAccessIssue=false, reportMissingImports=false
+# (MuJoCo's names come from compiled modules, which have no type stubs; mink need not be installed.)
+
 from __future__ import annotations
 
 import json
@@ -39,7 +42,7 @@ from sim.retargeting.robot_limbs import SIDES, RobotLimbs
 from sim.robots.fidelity import carry, floor_measures, joint_measures, limb_errors
 from sim.robots.robot import Robot, load_robot
 
-MOTIONS = ("walk", "jog", "waltz", "box 1")
+MOTIONS = ("walk", "jog", "waltz", "box1")
 RATE, SECONDS, ROUND = 120.0, 4.0, 40
 # The bodies that begin at knees, ankles, elbows, wrists, neck and shoulders, each named as the bone that it carries.
 POINTS = ("rank", "rfoo", "lank", "lfoo", "rwri", "rhan", "lwri", "lhan", "head", "relb", "lelb")
@@ -68,8 +71,7 @@ def main(
     as_json: Annotated[bool, typer.Option("--json", help="Print a JSON object a line.")] = False,
 ) -> None:
     library = load_library(find_library("thesis15"))
-    names = [name for name in MOTIONS if name in library.network.motions]
-    clips = [as_clip(library, name, SECONDS, RATE) for name in names]
+    clips = [as_clip(library, name, SECONDS, RATE) for name in MOTIONS]
     rows = [measured(find_robot("servo20"), clips, solver) for solver in ("angles", "ik")]
     with tempfile.TemporaryDirectory() as folder:
         rows += big(Path(folder), clips)
@@ -80,9 +82,10 @@ def main(
 def measured(path: Path, clips: list[Clip], solver) -> dict[str, object]:
     """One row for a robot file: errors and times over all clips."""
     file = read_robot_file(path)
-    errors, zeros, slides, paths, times = [], np.zeros(3), [], [], []
+    joints, errors, zeros, slides, paths, times = 0, [], np.zeros(3), [], [], []
     for clip in clips:
         robot = load_robot(path, clip.skeleton, solver, 1.0 / clip.rate)
+        joints = len(robot.joints)
         carried = carry(clip, robot)
         limbs = RobotLimbs(path, robot.model, file.parts, np.array(file.root_rotation), robot.joints)
         errors.append(limb_errors(clip, robot, limbs, carried))
@@ -96,7 +99,7 @@ def measured(path: Path, clips: list[Clip], solver) -> dict[str, object]:
     return {
         "robot": file.name,
         "solver": solver,
-        "joints": len(robot.joints),
+        "joints": joints,
         "microseconds": float(np.median(times)),
         **{f"{joint}_mm": 1000.0 * float(np.mean([error[joint] for error in errors])) for joint in errors[0]},
         "beyond_limits": int(zeros[0]),
