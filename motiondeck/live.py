@@ -7,7 +7,6 @@ import contextlib
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,8 +34,10 @@ from controller.wire.messages import (
     Resume,
     SetTempo,
     Stop,
+    Subscribe,
     Switch,
 )
+from controller.wire.messages import Event as DeckEvent
 from controller.wire.messages import State as DeckStatus
 from controller.wire.run_folder import run_folder
 from motiondeck.libraries import Library
@@ -46,23 +47,9 @@ __all__ = ["CommandedMotion", "DeckEvent", "DeckStatus", "LiveDeck", "play"]
 
 _ANSWERS_WITHIN = 5.0  # s
 _ENDS_WITHIN = 30.0  # s: on the way to rest a rig may take its time
-_LOOKS_EVERY = 0.05  # s
+_LOOKS_EVERY = 1.0  # s
 
 _news = msgspec.json.Decoder(LiveNews)
-
-
-@dataclass(frozen=True)
-class DeckEvent:
-    """Something that happened on a deck.
-
-    Attributes:
-        kind: "motion" when another motion is commanded, "settled" when nothing is left of the one before, "mode" when
-            the deck goes home, is stopped in an emergency or plays again, "paused" and "resumed", "ended" at the end.
-        status: of the deck at that time, or the last one.
-    """
-
-    kind: Literal["motion", "settled", "mode", "paused", "resumed", "ended"]
-    status: DeckStatus
 
 
 @dataclass(frozen=True)
@@ -211,26 +198,18 @@ class LiveDeck:
         self._request(Reset())
 
     def events(self) -> Iterator[DeckEvent]:
-        """What happens on the deck from this call on, as it happens, until it has ended; looks 20 times a second."""
-        return self._changes_since(self.status())
+        """What happens on the deck from this call on, as it happens, until it has ended.
 
-    def _changes_since(self, before: DeckStatus) -> Iterator[DeckEvent]:
-        while True:
-            try:
-                now = self.status()
-            except SocketError:
-                yield DeckEvent("ended", before)
-                return
-            if now.motion != before.motion:
-                yield DeckEvent("motion", now)
-            if before.switching and not now.switching:
-                yield DeckEvent("settled", now)
-            if now.paused != before.paused:
-                yield DeckEvent("paused" if now.paused else "resumed", now)
-            if now.mode != before.mode:
-                yield DeckEvent("mode", now)
-            before = now
-            time.sleep(_LOOKS_EVERY)
+        Raises:
+            MotiondeckError: if the deck has ended already.
+        """
+        client = CommandClient(self.command_port)
+        try:
+            client.request(Subscribe(), _ANSWERS_WITHIN)
+        except SocketError:
+            client.close()
+            raise SocketError(self._how_it_ended()) from None
+        return _told_to(client)
 
     def wait(self, timeout: float | None = None) -> dict[str, Any]:
         """Waits until the deck has ended by its own `seconds`, by a command or by a fault; the report of the run.
@@ -316,6 +295,18 @@ class LiveDeck:
         if self.report is not None:
             return f"the deck has ended: {self.report['reason']}"
         return f"the deck's process broke off with exit code {self._process.returncode}; its own message stands above"
+
+
+def _told_to(client: CommandClient) -> Iterator[DeckEvent]:
+    """The events that a client is told, until the deck has ended."""
+    with contextlib.closing(client), contextlib.suppress(SocketError):
+        while True:
+            event = client.receive(_LOOKS_EVERY)
+            if isinstance(event, DeckEvent):
+                yield event
+                if event.kind == "ended":
+                    return
+    yield DeckEvent("ended", "the deck broke off")
 
 
 def play(

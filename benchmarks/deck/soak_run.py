@@ -29,7 +29,8 @@ from controller.loop.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
 from controller.mocap.posture import Pose
 from controller.rotations import Array
-from controller.wire.command_socket import LOOPBACK, CommandServer
+from controller.wire.command_socket import CommandServer
+from controller.wire.local_transport import command_folder
 from controller.wire.messages import (
     Blend,
     EmergencyStop,
@@ -184,20 +185,23 @@ def soak(
     look_every = max(1, round(LOOK_AT_MEMORY_EVERY_S * rate))
     memory: list[tuple[float, float, float]] = []
     commands = answered = flood = restless = halted = tick = 0
-    with closing(CommandServer(0)) as server, closing(_socket()) as client, closing(_socket()) as flooder:
+    with (
+        closing(CommandServer(0)) as server,
+        closing(_socket(server.port)) as client,
+        closing(_socket(server.port)) as flooder,
+    ):
         desk = CommandDesk(deck, [server])
-        address = (LOOPBACK, server.port)
 
         def command(stop: StopRequest) -> None:
             nonlocal commands, answered, flood, restless, halted, tick
             tick += 1
             if tick % every == 0:
                 commands += 1
-                client.sendto(encode(_command(rng, deck.motions, commands)), address)
+                client.send(encode(_command(rng, deck.motions, commands)))
                 for _ in range(int(rng.integers(0, 60))):
                     flood += 1
                     with suppress(OSError):
-                        flooder.sendto(_NONSENSE[int(rng.integers(len(_NONSENSE)))], address)
+                        flooder.send(_NONSENSE[int(rng.integers(len(_NONSENSE)))])
             desk(stop)
             answered += _answers(client, commands)
             _answers(flooder, 0)
@@ -238,7 +242,7 @@ def soak(
     )
 
 
-_NONSENSE = (b"", b"nonsense", b"[" * 2000, b"x" * 3000, b'{"type":"switch","to":"nothing"}', encode(GetStatus(7)))
+_NONSENSE = (b" ", b"nonsense", b"[" * 2000, b"x" * 3000, b'{"type":"switch","to":"nothing"}', encode(GetStatus(7)))
 
 
 def _command(rng: np.random.Generator, motions: tuple[str, ...], number: int) -> Message:
@@ -259,9 +263,10 @@ def _command(rng: np.random.Generator, motions: tuple[str, ...], number: int) ->
     return kinds[int(rng.integers(len(kinds)))]
 
 
-def _socket() -> socket.socket:
-    made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+def _socket(port: int) -> socket.socket:
+    made = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     made.setblocking(False)
+    made.connect(str(command_folder() / str(port)))
     return made
 
 

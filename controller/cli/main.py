@@ -48,6 +48,7 @@ app = typer.Typer(
 )
 app.command("play")(play.play)
 app.command("send")(send.send)
+app.command("events")(send.events)
 app.command("gamepad")(gamepad.gamepad)
 app.command("replay")(replay.replay)
 app.command("plot")(plot.plot)

@@ -1,18 +1,31 @@
-"""`motiondeck send`: one command for a running deck, from another terminal or a script."""
+"""`motiondeck send` and `motiondeck events`: a running deck commanded and followed from elsewhere."""
 
 from __future__ import annotations
 
 import json
 import sys
+import time
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from controller.wire.command_socket import DEFAULT_PORT
 from controller.wire.command_table import COMMANDS
 
+if TYPE_CHECKING:
+    from controller.wire.command_socket import CommandClient
+
 _LONGEST_WAIT = 120.0  # s for --wait: a switch by way of other motions takes that long
+_AGAIN = 15.0  # s after which a subscription is renewed
+
+CommandPort = Annotated[int, typer.Option("--command-port", help="The deck's command port.")]
+Host = Annotated[
+    str | None, typer.Option("--host", metavar="ADDRESS", help="A deck on another machine; needs --token-file.")
+]
+TokenFile = Annotated[
+    Path | None, typer.Option("--token-file", metavar="FILE", help="The token that deck was started with.")
+]
 
 
 def send(
@@ -26,14 +39,9 @@ def send(
     wait: Annotated[
         bool, typer.Option("--wait", help="Wait until a switch, a queued motion or a blend has settled.")
     ] = False,
-    command_port: Annotated[int, typer.Option("--command-port", help="The deck's command port.")] = DEFAULT_PORT,
-    host: Annotated[
-        str | None,
-        typer.Option("--host", metavar="ADDRESS", help="A deck on another machine; needs --token-file."),
-    ] = None,
-    token_file: Annotated[
-        Path | None, typer.Option("--token-file", metavar="FILE", help="The token that deck was started with.")
-    ] = None,
+    command_port: CommandPort = DEFAULT_PORT,
+    host: Host = None,
+    token_file: TokenFile = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the deck's reply as one JSON object.")] = False,
 ) -> None:
     """Send a command to the running deck and print its reply; the exit code is 1 if it was refused.
@@ -43,19 +51,11 @@ def send(
     import msgspec
 
     from controller.cli.session.terminal import describe
-    from controller.wire.authentication import read_token
-    from controller.wire.command_socket import CommandClient
     from controller.wire.command_table import parse_command
-    from controller.wire.messages import Accepted, Blend, Queue, Refused, Switch
-    from motiondeck_base.errors import MotiondeckError
+    from controller.wire.messages import Accepted, Blend, Queue, Refused, Settled, Switch
 
     request = parse_command(words)
-    if (host is None) != (token_file is None):
-        raise MotiondeckError("a deck on another machine needs both --host ADDRESS and --token-file FILE")
-    if host is not None and token_file is not None:
-        client = CommandClient(command_port, host, read_token(token_file))
-    else:
-        client = CommandClient(command_port)
+    client = _client(command_port, host, token_file)
     try:
         answer = client.request(request)
         if wait and isinstance(request, Switch | Queue | Blend) and isinstance(answer, Accepted):
@@ -68,5 +68,72 @@ def send(
         print(json.dumps(msgspec.to_builtins(answer)))
     else:
         print(describe(answer))
+        if isinstance(request, Blend) and isinstance(answer, Settled):
+            print("the blend is checked as it plays: motiondeck events tells if it is given up", file=sys.stderr)
     if isinstance(answer, Refused):
         raise typer.Exit(1)
+
+
+def events(
+    command_port: CommandPort = DEFAULT_PORT,
+    host: Host = None,
+    token_file: TokenFile = None,
+    heartbeat: Annotated[
+        float | None,
+        typer.Option("--heartbeat", metavar="SECONDS", help="The deck pauses when it misses this program for so long."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object a line.")] = False,
+) -> None:
+    """Print what happens on the running deck, as it happens, until it has ended or Ctrl-C.
+
+    With --heartbeat the deck comes to a standstill when this program ends or the network between them fails.
+
+    Examples:  motiondeck events      motiondeck events --json      motiondeck events --heartbeat 1 --host robot ...
+    """
+    import msgspec
+
+    from controller.cli.session.terminal import describe
+    from controller.wire.command_table import checked
+    from controller.wire.messages import Event, Heartbeat, Refused, Subscribe
+    from motiondeck_base.errors import MotiondeckError
+
+    every = min(_AGAIN, heartbeat / 4.0) if heartbeat else _AGAIN
+    client = _client(command_port, host, token_file)
+    try:
+        if isinstance(refused := client.request(Subscribe()), Refused):
+            raise MotiondeckError(f"the deck refuses to tell: {refused.reason}")
+        if heartbeat is not None:
+            client.post(checked(Heartbeat(heartbeat)))
+        last, due = 0, time.monotonic() + every
+        heard = due
+        while True:
+            reply = client.receive(due - time.monotonic())
+            if reply is not None:
+                heard = time.monotonic()
+            elif time.monotonic() > heard + 2.0 * every + 1.0:
+                raise MotiondeckError("the deck does not reply any more")
+            if isinstance(reply, Event):
+                if last and reply.number > last + 1:
+                    print(f"{reply.number - last - 1} events were lost on the way", file=sys.stderr)
+                last = reply.number
+                told = json.dumps(msgspec.to_builtins(reply)) if as_json else f"{reply.at:.2f} {describe(reply)}"
+                print(told, flush=True)
+                if reply.kind == "ended":
+                    return
+            if time.monotonic() >= due:
+                due += every
+                client.post(Subscribe())
+    finally:
+        client.close()
+
+
+def _client(command_port: int, host: str | None, token_file: Path | None) -> CommandClient:
+    """A client of the deck that the options name."""
+    from controller.wire.authentication import read_token
+    from controller.wire.command_socket import CommandClient
+    from motiondeck_base.errors import MotiondeckError
+
+    if (host is None) != (token_file is None):
+        raise MotiondeckError("a deck on another machine needs both --host ADDRESS and --token-file FILE")
+    token = read_token(token_file) if token_file is not None else None
+    return CommandClient(command_port, host, token)

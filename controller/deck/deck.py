@@ -20,11 +20,13 @@ from controller.library.motion_library import MotionLibrary
 from controller.mocap.posture import Pose, Posture
 from controller.rotations import Array
 from controller.wire.command_table import PHASE, TEMPO, WEIGHT
+from controller.wire.messages import Event, EventKind
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 __all__ = ["MOST_QUEUED", "REMEMBERED_SWITCHES", "CommandedSwitch", "Deck"]
 
 REMEMBERED_SWITCHES = 1_000
+REMEMBERED_EVENTS = 64
 MOST_QUEUED = 32
 
 
@@ -43,6 +45,7 @@ class Deck(Paced):
         motions: the names of all motions.
         time: s since the start, summed over updates.
         switches: the latest REMEMBERED_SWITCHES commanded switches.
+        events: what has happened, at most REMEMBERED_EVENTS; whoever tells it takes it out.
         pose: the pose that is shown.
     """
 
@@ -72,6 +75,7 @@ class Deck(Paced):
         self._jump: float | None = None  # the phase to go to in the next update
         self.time = 0.0
         self.switches: deque[CommandedSwitch] = deque(maxlen=REMEMBERED_SWITCHES)
+        self.events: deque[Event] = deque(maxlen=REMEMBERED_EVENTS)
         super().__init__()
         self.pose = self._show.pose
 
@@ -226,7 +230,10 @@ class Deck(Paced):
             self._fading.first_change_s = self.time
         self._update_blend()
         if self._next_is_due():
-            show.switch_to(self._ahead.popleft())
+            motion = self._ahead.popleft()
+            if self._ahead:
+                self._tell("via", f"{motion}, on the way to {self._ahead[-1]}", motion)
+            show.switch_to(motion)
             self._blending = None
             self._waits = True  # the motions on a way are one-shots, and those are finished
             self._fading = self._current
@@ -251,10 +258,12 @@ class Deck(Paced):
     def _mark_overtaken(self, switches: Iterable[CommandedSwitch]) -> None:
         for switch in switches:
             switch.overtaken = True
+            self._tell("overtaken", f"another command has overtaken {switch.destination}", switch.to)
 
     def _start(self, switch: CommandedSwitch, direct: bool) -> None:
         """Makes a switch the current one and finds its way."""
         show, here = self._show, self._show.here
+        self._tell("motion", switch.destination, switch.to)
         if switch.to == here.name and here.loop and (not show.other or (switch.blend or ("",))[0] == show.other):
             # That motion is already shown, or faded to.
             self._current = switch
@@ -289,6 +298,7 @@ class Deck(Paced):
     def _settle(self, switch: CommandedSwitch) -> None:
         switch.settled_s = self.time
         self._current = None
+        self._tell("settled", f"{switch.destination} after {self.time - switch.commanded_s:.2f} s", switch.to)
 
     def _finish_fade(self) -> None:
         """Notes that a fade has ended; the switch then settles, or begins its blend."""
@@ -312,6 +322,7 @@ class Deck(Paced):
         first, (second, weight) = self.playing, show.blend
         nearer = second if weight > 0.5 else first
         blended.fell_back = f"{first} with {weight:.2f} of {second} {problem}, fell back to {nearer}"
+        self._tell("gave up", blended.fell_back, nearer)
         if self._current is not None:
             self._mark_overtaken([self._current])
         switch = CommandedSwitch(nearer, self.time)
@@ -332,6 +343,9 @@ class Deck(Paced):
         show.finish_blend()
         if switch is self._current and not self._ahead:
             self._settle(switch)
+
+    def _tell(self, kind: EventKind, text: str, motion: str) -> None:
+        self.events.append(Event(kind, text, motion, self.time))
 
     def _check(self, motion: str) -> None:
         if motion not in self.motions:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 
 from controller.deck.interfaces import PlacedPose
@@ -9,6 +11,7 @@ from controller.deck.switch import CommandedSwitch
 from controller.deck.tempo import Paced
 from controller.mocap.posture import Pose
 from controller.rotations import Array, normalise
+from controller.wire.messages import Event
 from controller.wire.run_recording import RunRecording
 from motiondeck_base.errors import MotiondeckError
 
@@ -24,7 +27,7 @@ class RecordedDeck(Paced):
         motions: the motions that were played.
         time: s since the start.
         over: whether the end is reached; the last targets are held there.
-        switches: always empty.
+        switches, events: always empty.
         restarts: always 0; no network is playing.
 
     Raises:
@@ -38,6 +41,7 @@ class RecordedDeck(Paced):
         self.motions = tuple(recording.description["motions"])
         self.switches: list[CommandedSwitch] = []
         self.queue: list[str] = []
+        self.events: deque[Event] = deque()
         self.settled = True
         self.restarts = 0
         self.time = 0.0

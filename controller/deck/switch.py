@@ -30,3 +30,8 @@ class CommandedSwitch:
     overtaken: bool = False
     blend: tuple[str, float] | None = None
     fell_back: str = ""
+
+    @property
+    def destination(self) -> str:
+        """What is played when it has settled, for a person."""
+        return f"{self.to} with {self.blend[1]:.2f} of {self.blend[0]}" if self.blend is not None else self.to

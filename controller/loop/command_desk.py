@@ -1,22 +1,31 @@
-"""The command desk: carries out the commands of a socket on a deck, and reports when a switch has settled."""
+"""The command desk: carries out the commands of sockets on a deck, and tells who wants to know what happens."""
 
 from __future__ import annotations
 
+import random
+import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
-from controller.loop.stop_requests import StopRequest
+import msgspec
+
+from controller.loop.stop_requests import EmergencyStopError, StopRequest
 from controller.wire.command_socket import Address, CommandServer
 from controller.wire.command_table import command_of
 from controller.wire.messages import (
     Accepted,
     Blend,
     EmergencyStop,
+    Event,
+    EventKind,
     GetStatus,
+    Heartbeat,
     Home,
     Jump,
     Message,
+    Mode,
     Queue,
     Refused,
     Reply,
@@ -26,6 +35,7 @@ from controller.wire.messages import (
     Settled,
     State,
     Stop,
+    Subscribe,
     Switch,
 )
 from motiondeck_base.errors import MotiondeckError
@@ -34,6 +44,8 @@ Awaited = Switch | Queue | Blend
 """Commands that are answered once more when they have settled."""
 
 _MOST_AWAITED = 256  # switches whose second reply is still to come
+_MOST_LISTENERS = 64
+_FORGOTTEN_AFTER = 60.0  # s that a subscriber over a network may be silent
 
 
 class Progress(Protocol):
@@ -48,7 +60,15 @@ class Progress(Protocol):
 
 
 class Commandable(Protocol):
-    """The part of a deck that commands need; it raises a MotiondeckError for a command that it cannot carry out."""
+    """The part of a deck that commands need; it raises a MotiondeckError for a command that it cannot carry out.
+
+    Attributes:
+        time: s since the start.
+        events: what has happened; whoever tells it takes it out.
+    """
+
+    time: float
+    events: deque[Event]
 
     @property
     def motions(self) -> Sequence[str]:
@@ -124,6 +144,24 @@ class Commandable(Protocol):
         ...
 
 
+@dataclass
+class _Listener:
+    """A client that is told what happens, or has to be heard from.
+
+    Attributes:
+        server, sender: how to reach it.
+        heard: when it was last heard from, s.
+        subscribed: whether it gets events.
+        within: s of silence after which the deck pauses; 0 for never.
+    """
+
+    server: CommandServer
+    sender: Address
+    heard: float
+    subscribed: bool = False
+    within: float = 0.0
+
+
 class CommandDesk:
     """Carries out the commands that have arrived, once a tick; it never waits, and no client can make it raise.
 
@@ -132,6 +170,7 @@ class CommandDesk:
         servers: the sockets that commands arrive at.
         note: called with each command and its reply.
         seen: the motion that the measured joints are recognised as and the confidence, or None.
+        now: a steady clock, s.
     """
 
     def __init__(
@@ -140,21 +179,51 @@ class CommandDesk:
         servers: Sequence[CommandServer],
         note: Callable[[Message, Reply], None] | None = None,
         seen: Callable[[], tuple[str, float] | None] | None = None,
+        now: Callable[[], float] = time.monotonic,
     ) -> None:
         self._deck = deck
         self._servers = servers
         self._note = note
         self._seen = seen
+        self._now = now
         self._awaited: deque[tuple[CommandServer, Address, Awaited, Progress]] = deque(maxlen=_MOST_AWAITED)
+        self._listeners: dict[Address, _Listener] = {}
+        self._number = 0
+        self._told: tuple[Mode, bool] = ("playing", deck.paused)
+        self._code = 0.0
 
     def __call__(self, stop: StopRequest) -> None:
-        """Carries out new commands, and sends the second replies of switches that have settled or been overtaken."""
+        """Carries out new commands, and tells what has happened since the last call."""
         for server in self._servers:
             for message, sender in server.poll():
-                reply, progress = self.carry_out(message, stop)
+                self._listen(message, server, sender)
+                reply, progress = self.carry_out(message, stop, remote=server.remote)
                 if progress is not None and isinstance(message, Awaited):
                     self._awaited.append((server, sender, message, progress))
                 server.reply(sender, reply)
+        if self._awaited:
+            self._reply_again()
+        if self._listeners:
+            self._miss_heartbeats()
+        events = self._deck.events
+        while events:
+            self._send(events.popleft())
+        if (stop.mode, self._deck.paused) != self._told:
+            self._tell_mode(stop.mode, self._deck.paused)
+
+    def tell(self, kind: EventKind, text: str, motion: str = "") -> None:
+        """Tells all subscribers that something has happened."""
+        self._send(Event(kind, text, motion, self._deck.time))
+
+    def carry_out(self, message: Message, stop: StopRequest, *, remote: bool = False) -> tuple[Reply, Progress | None]:
+        """Carries out one command; its reply, and for a switch its progress."""
+        reply, progress = self._do(message, stop, remote)
+        if self._note is not None:
+            self._note(message, reply)
+        return reply, progress
+
+    def _reply_again(self) -> None:
+        """Sends the second replies of switches that have settled, were given up or overtaken."""
         for _ in range(len(self._awaited)):
             server, sender, message, progress = self._awaited.popleft()
             if progress.settled_s is not None:
@@ -167,14 +236,59 @@ class CommandDesk:
             else:
                 self._awaited.append((server, sender, message, progress))
 
-    def carry_out(self, message: Message, stop: StopRequest) -> tuple[Reply, Progress | None]:
-        """Carries out one command; its reply, and for a switch its progress."""
-        reply, progress = self._do(message, stop)
-        if self._note is not None:
-            self._note(message, reply)
-        return reply, progress
+    def _listen(self, message: Message, server: CommandServer, sender: Address) -> None:
+        """Notes that a client was heard from, and what it wants to be told or not to be missed for."""
+        listener = self._listeners.get(sender)
+        if listener is None:
+            if not isinstance(message, Subscribe | Heartbeat) or len(self._listeners) >= _MOST_LISTENERS:
+                return
+            listener = self._listeners[sender] = _Listener(server, sender, 0.0)
+        listener.sender, listener.heard = sender, self._now()
+        if isinstance(message, Subscribe):
+            listener.subscribed = True
+        elif isinstance(message, Heartbeat):
+            listener.within = message.within
 
-    def _do(self, message: Message, stop: StopRequest) -> tuple[Reply, Progress | None]:
+    def _miss_heartbeats(self) -> None:
+        """Pauses the deck if somebody is gone who had promised to be heard from, and forgets who is gone."""
+        now = self._now()
+        for listener in [*self._listeners.values()]:
+            gone = not listener.server.connected(listener.sender)
+            silent = now - listener.heard
+            if listener.within and (gone or silent > listener.within):
+                self._deck.pause()
+                del self._listeners[listener.sender]
+                self.tell("lost", f"paused: a client has {'gone' if gone else f'been silent for {silent:.2f} s'}")
+            elif gone or (listener.server.remote and silent > _FORGOTTEN_AFTER):
+                del self._listeners[listener.sender]
+
+    def _tell_mode(self, mode: Mode, paused: bool) -> None:
+        mode_before, paused_before = self._told
+        self._told = mode, paused
+        if mode != mode_before:
+            self.tell("mode", mode)
+        if paused != paused_before:
+            self.tell("paused" if paused else "resumed", "paused" if paused else "plays on", self._deck.motion)
+
+    def _send(self, event: Event) -> None:
+        self._number += 1
+        event = msgspec.structs.replace(event, number=self._number)
+        for listener in self._listeners.values():
+            if listener.subscribed:
+                listener.server.reply(listener.sender, event)
+
+    def _check_code(self, message: Reset, stop: StopRequest) -> None:
+        """Refuses a reset from another machine that does not repeat the code of this emergency stop."""
+        if not stop.emergency:
+            return
+        if not self._code or message.code != self._code:
+            self._code = float(random.randrange(1000, 10000))
+            raise EmergencyStopError(
+                f"a reset from another machine has to be confirmed: see that nobody is near, then give "
+                f"reset {self._code:.0f}"
+            )
+
+    def _do(self, message: Message, stop: StopRequest, remote: bool) -> tuple[Reply, Progress | None]:
         deck = self._deck
         progress: Progress | None = None
         try:
@@ -183,11 +297,16 @@ class CommandDesk:
             match message:
                 case GetStatus():
                     return self._state(message, stop), None
+                case Heartbeat() | Subscribe():
+                    pass
                 case EmergencyStop():
                     stop.emergency_stop()
                     deck.pause()
                 case Reset():
+                    if remote:
+                        self._check_code(message, stop)
                     stop.reset()
+                    self._code = 0.0
                 case Stop():
                     stop.ask("stopped on command")
                 case Home():

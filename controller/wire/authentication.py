@@ -2,7 +2,7 @@
 
     signed = HMAC-SHA256(token, data) | data
 
-The token itself is never sent. The data is not encrypted, and whoever records a datagram can send it again.
+The token itself is never sent. The data is not encrypted. `network_transport` sees to it that nothing is taken twice.
 """
 
 from __future__ import annotations

@@ -1,25 +1,22 @@
-"""Commands over a socket: UDP datagrams on the loopback interface, for a loop that never waits.
+"""Commands over sockets: datagrams for a loop that never waits.
 
-On another interface every datagram must be signed with a token, in both directions; others are dropped unanswered.
-
-A datagram arrives whole or not at all, so that a slow or broken client has no connection to stall. Datagrams are read
-in bounded amounts; those that are not commands are counted and, up to a limit, refused.
+Programs of the same user reach a deck over a Unix socket (`local_transport`); others, where that is wanted, over a
+network with signed datagrams (`network_transport`). Both are read in bounded amounts; datagrams that are not commands
+are counted and, up to a limit, refused.
 """
 
 from __future__ import annotations
 
-import contextlib
 import itertools
-import socket
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from dataclasses import dataclass
 
 import msgspec
 
-from controller.wire.authentication import SIGNATURE_BYTES, sign, verify
 from controller.wire.command_table import read_message
+from controller.wire.local_transport import LocalConnection, LocalListener, PeerGoneError, SocketError
 from controller.wire.messages import (
     MOST_BYTES,
     CommandError,
@@ -32,62 +29,62 @@ from controller.wire.messages import (
     encode,
     read_reply,
 )
-from motiondeck_base.errors import MotiondeckError
+from controller.wire.network_transport import NetworkConnection, NetworkListener
+
+__all__ = ["DEFAULT_PORT", "Address", "CommandClient", "CommandServer", "SocketError", "Traffic"]
 
 DEFAULT_PORT = 47810
-LOOPBACK = "127.0.0.1"
 
 _PER_SENDER = 8  # commands of one sender that are carried out in one poll
 _REFUSALS = 8  # refusals of malformed datagrams in one poll: each costs as much as a command
 _TAKEN = 320  # datagrams read from the system in one poll
 _WAITING = 256  # datagrams kept for later polls
 
-Address = tuple[str, int]
-
-
-class SocketError(MotiondeckError):
-    """A port that cannot be used, or a deck that does not reply; the message has the remedy."""
+Address = Hashable
+"""A sender, as the server tells senders apart."""
 
 
 @dataclass
 class Traffic:
-    """Counts of a server: commands passed on, malformed datagrams, and commands beyond a sender's limit."""
+    """Counts of a server: commands passed on, malformed datagrams, commands beyond a sender's limit, replayed ones."""
 
     commands: int = 0
     malformed: int = 0
     flooded: int = 0
+    replayed: int = 0
 
 
 class CommandServer:
-    """Receives commands on a port; never blocks, and never raises once it is open.
+    """Receives commands; never blocks, and never raises once it is open.
 
     Attributes:
-        port: the port it listens on.
-        traffic: counts of what has arrived.
+        port: the number by which clients find it.
+        remote: whether it listens to a network.
     """
 
-    def __init__(self, port: int = DEFAULT_PORT, host: str = LOOPBACK, token: bytes | None = None) -> None:
-        """Listens on 127.0.0.1, or with a token on another interface too; port 0 takes a free one.
+    def __init__(self, port: int = DEFAULT_PORT, host: str | None = None, token: bytes | None = None) -> None:
+        """Listens to programs of this user, or with a token at an address of this machine; port 0 takes a free one.
 
         Raises:
-            SocketError: if the port is in use or out of range, or another interface is given without a token.
+            SocketError: if the port is in use or out of range, or an address is given without a token.
         """
-        if host != LOOPBACK and token is None:
-            raise SocketError(f"commands on {host} need a token; give one with --token-file FILE")
-        self._token = token
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        try:
-            self._socket.bind((host, port))
-        except (OSError, OverflowError) as error:
-            self._socket.close()
-            raise SocketError(
-                f"command port {port} on {host} cannot be used ({_why(error)}): perhaps another deck is running. "
-                "Stop it with 'motiondeck send stop', or give another port with --command-port"
-            ) from error
-        self._socket.setblocking(False)
+        if host is None:
+            self._listener = LocalListener(port)
+        elif token is None:
+            raise SocketError(f"commands at {host} need a token; give one with --token-file FILE")
+        else:
+            self._listener = NetworkListener(port, host, token)
         self._waiting: deque[tuple[bytes, Address]] = deque()
-        self.port: int = self._socket.getsockname()[1]
-        self.traffic = Traffic()
+        self._traffic = Traffic()
+        self.port, self.remote = self._listener.port, self._listener.remote
+
+    @property
+    def traffic(self) -> Traffic:
+        """Counts of what has arrived."""
+        counts, listener = self._traffic, self._listener
+        if isinstance(listener, LocalListener):
+            return counts
+        return Traffic(counts.commands, counts.malformed + listener.unsigned, counts.flooded, listener.replayed)
 
     def poll(self, limit: int = 64) -> Iterator[tuple[Message, Address]]:
         """The commands among the next `limit` datagrams, each with its sender; an emergency stop comes first."""
@@ -100,15 +97,15 @@ class CommandServer:
             try:
                 message = read_message(data)
             except CommandError as error:
-                self.traffic.malformed += 1
+                self._traffic.malformed += 1
                 reason = str(error)
             else:
                 share[sender] = share.get(sender, 0) + 1
                 if share[sender] <= _PER_SENDER or isinstance(message, EmergencyStop):
-                    self.traffic.commands += 1
+                    self._traffic.commands += 1
                     yield message, sender
                     continue
-                self.traffic.flooded += 1
+                self._traffic.flooded += 1
                 reason = "too many commands at once"
             if refusals < _REFUSALS:
                 refusals += 1
@@ -116,70 +113,51 @@ class CommandServer:
 
     def _take(self) -> None:
         """Reads what has arrived, an emergency stop to the front; what exceeds the limits is dropped and counted."""
-        for _ in range(_TAKEN):
-            try:
-                data, sender = self._socket.recvfrom(SIGNATURE_BYTES + MOST_BYTES + 1)
-            except BlockingIOError:
-                return
-            except OSError:  # an earlier reply reached nobody
-                continue
-            if self._token is not None:
-                data = verify(self._token, data)
-                if data is None:
-                    self.traffic.malformed += 1
-                    continue
-            if b'"estop"' in data:
-                self._waiting.appendleft((data, sender))
+        for datagram in self._listener.receive(MOST_BYTES + 1, _TAKEN):
+            if b'"estop"' in datagram[0]:
+                self._waiting.appendleft(datagram)
             else:
-                self._waiting.append((data, sender))
+                self._waiting.append(datagram)
             if len(self._waiting) > _WAITING:
                 self._waiting.pop()
-                self.traffic.flooded += 1
+                self._traffic.flooded += 1
+
+    def connected(self, sender: Address) -> bool:
+        """Whether a sender is still there, as far as that is known."""
+        return self._listener.connected(sender)  # pyright: ignore[reportArgumentType] (one of its own)
 
     def reply(self, receiver: Address, reply: Reply) -> None:
         """Sends a reply; one that cannot be sent at once is dropped."""
-        data = encode(reply)
-        with contextlib.suppress(OSError):
-            self._socket.sendto(data if self._token is None else sign(self._token, data), receiver)
+        self._listener.send(receiver, encode(reply))  # pyright: ignore[reportArgumentType] (one of its own)
 
     def close(self) -> None:
-        """Closes the port; may be called twice."""
-        self._socket.close()
+        """Closes the socket; may be called twice."""
+        self._listener.close()
 
 
 class CommandClient:
-    """Sends commands to a deck on this machine, or with a token to one on another."""
+    """Sends commands to a deck of this user, or with a token to one at an address."""
 
-    def __init__(self, port: int = DEFAULT_PORT, host: str = LOOPBACK, token: bytes | None = None) -> None:
-        """Prepares to talk to the deck at a port; nothing is sent yet.
+    def __init__(self, port: int = DEFAULT_PORT, host: str | None = None, token: bytes | None = None) -> None:
+        """Prepares to talk to a deck; nothing is sent yet.
 
         Raises:
             SocketError: if the address or port cannot exist.
         """
-        self._port, self._host, self._token = port, host, token
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        try:
-            self._socket.connect((host, port))
-        except (OSError, OverflowError) as error:
-            self._socket.close()
-            raise SocketError(f"a deck at {host}, port {port} cannot be reached ({_why(error)})") from error
+        self._connection = (
+            LocalConnection(port) if host is None or token is None else NetworkConnection(port, host, token)
+        )
         self._numbers = itertools.count(1)
         self._settled: dict[int, Settled | Refused] = {}
 
     def post(self, message: Message) -> int:
-        """Sends a command without waiting; returns the number that its replies will carry.
+        """Sends a command without waiting for a reply; returns the number that its replies will carry.
 
         Raises:
             SocketError: if no deck is running there.
         """
         number = next(self._numbers)
-        data = encode(msgspec.structs.replace(message, id=number))
-        if self._token is not None:
-            data = sign(self._token, data)
-        try:
-            self._socket.send(data)
-        except ConnectionRefusedError:  # reported for an earlier datagram; this one was not sent
-            raise self._no_deck() from None
+        self._connection.send(encode(msgspec.structs.replace(message, id=number)))
         return number
 
     def request(self, message: Message, timeout_s: float = 1.0) -> Reply:
@@ -195,7 +173,7 @@ class CommandClient:
                 return reply
             if isinstance(reply, Settled):
                 self._settled[reply.id] = reply
-        raise self._no_deck()
+        raise PeerGoneError("the deck does not reply: it has ended, or is held up")
 
     def wait_settled(self, number: int, timeout_s: float = 10.0) -> Settled | Refused | None:
         """Waits until the switch with this number has settled or was overtaken; None if neither happens in time.
@@ -218,27 +196,12 @@ class CommandClient:
         Raises:
             SocketError: if no deck is running there.
         """
-        self._socket.settimeout(max(timeout_s, 1e-6))
-        try:
-            data = self._socket.recv(65536)
-            if self._token is not None and (data := verify(self._token, data)) is None:
-                raise SocketError(f"the deck at {self._host} uses another token")
-            return read_reply(data)
-        except TimeoutError:
-            return None
-        except ConnectionRefusedError:
-            raise self._no_deck() from None
+        data = self._connection.receive(timeout_s)
+        return read_reply(data) if data is not None else None
 
     def close(self) -> None:
         """Closes the socket; may be called twice."""
-        self._socket.close()
-
-    def _no_deck(self) -> SocketError:
-        if self._token is not None:
-            return SocketError(
-                f"no deck replies at {self._host}, port {self._port}: was it started with --listen and the same token?"
-            )
-        return SocketError(f"no deck is running on port {self._port}; start one with: motiondeck play")
+        self._connection.close()
 
 
 class _Numbered(msgspec.Struct):
@@ -254,7 +217,3 @@ def _number_in(data: bytes) -> int:
         return _numbered.decode(data).id
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
         return 0
-
-
-def _why(error: Exception) -> str:
-    return getattr(error, "strerror", None) or str(error)

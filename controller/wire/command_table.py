@@ -18,6 +18,7 @@ from controller.wire.messages import (
     CommandError,
     EmergencyStop,
     GetStatus,
+    Heartbeat,
     Home,
     Jump,
     Message,
@@ -28,6 +29,7 @@ from controller.wire.messages import (
     Resume,
     SetTempo,
     Stop,
+    Subscribe,
     Switch,
 )
 
@@ -102,6 +104,8 @@ TEMPO = Number("factor", "TEMPO", -3.0, 3.0)
 TEMPO_SECONDS = Number("over", "SECONDS", 0.0, 60.0, optional=True)
 PHASE = Number("phase", "PHASE", 0.0, 1.0)
 WEIGHT = Number("weight", "WEIGHT", 0.0, 1.0)
+CODE = Number("code", "CODE", 0.0, 999999.0, optional=True)
+WITHIN = Number("within", "SECONDS", 0.0, 60.0)
 
 ALWAYS: frozenset[Mode] = frozenset(get_args(Mode))
 RELEASED: frozenset[Mode] = ALWAYS - {"emergency stop"}
@@ -175,10 +179,18 @@ COMMANDS = (
     DeckCommand(
         "reset",
         Reset,
-        (),
+        (CODE,),
         "release the emergency stop; nothing moves before resume, home or a motion",
         frozenset({"emergency stop"}),
     ),
+    DeckCommand(
+        "heartbeat",
+        Heartbeat,
+        (WITHIN,),
+        "pause when the sender is not heard from for 0 to 60 s; 0 ends that",
+        ALWAYS,
+    ),
+    DeckCommand("subscribe", Subscribe, (), "be told what happens", ALWAYS),
     DeckCommand("status", GetStatus, (), "show what is played and what can be", ALWAYS),
     DeckCommand("stop", Stop, (), "bring the joints to rest and end the run", ALWAYS, ("quit",)),
 )

@@ -1,8 +1,8 @@
 """Messages: the commands that a deck takes and the replies that it gives; typed, and JSON on the wire.
 
 Every command carries a number that its replies repeat. It is answered at once by Accepted, Refused or State; a Switch,
-Queue or Blend that was accepted is answered once more when it has settled. `command_table` has what a person types for
-each command, the ranges of its arguments and when it is allowed.
+Queue or Blend that was accepted is answered once more when it has settled. Who subscribes gets Events, until it leaves.
+`command_table` has what a person types for each command, the ranges of its arguments and when it is allowed.
 """
 
 from __future__ import annotations
@@ -109,13 +109,35 @@ class EmergencyStop(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag
 
 
 class Reset(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="reset"):
-    """Release the emergency stop; nothing moves before Resume, Switch or Home."""
+    """Release the emergency stop; nothing moves before Resume, Switch or Home.
+
+    Attributes:
+        code: from another machine, what the refusal of a reset without one says; it belongs to one emergency stop.
+    """
 
     id: Number = 0
+    code: float = 0.0
 
 
 class Stop(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="stop"):
     """Bring the joints to rest and end the run."""
+
+    id: Number = 0
+
+
+class Heartbeat(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="heartbeat"):
+    """Pause when the sender is not heard from any more, whatever it sends.
+
+    Attributes:
+        within: s in which it will be heard from again; 0 ends this.
+    """
+
+    within: float
+    id: Number = 0
+
+
+class Subscribe(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="subscribe"):
+    """Ask for Events from now on; over a network again within a minute."""
 
     id: Number = 0
 
@@ -187,8 +209,66 @@ class State(msgspec.Struct, frozen=True, tag="state"):
     phase: float | None = None
 
 
-Message = Switch | Queue | Blend | SetTempo | Jump | Pause | Resume | Home | EmergencyStop | Reset | Stop | GetStatus
-Reply = Accepted | Refused | Settled | State
+EventKind = Literal[
+    "motion",
+    "via",
+    "settled",
+    "overtaken",
+    "gave up",
+    "paused",
+    "resumed",
+    "mode",
+    "recognized",
+    "fault",
+    "overrun",
+    "replayed",
+    "lost",
+    "ended",
+]
+
+
+class Event(msgspec.Struct, frozen=True, tag="event"):
+    """Something that happened on a deck.
+
+    Attributes:
+        kind: "motion": another motion, or a blend, is commanded; "via": one on the way to it begins; "settled": nothing
+            is left of the one before; "overtaken": another command came first; "gave up": a blend was given up;
+            "paused", "resumed"; "mode": the joints go home, are held, are stopped in an emergency, or play again;
+            "recognized": the joints look like another motion than before; "fault": of an output or the deck; "overrun":
+            ticks came more than a period late; "replayed": a recorded datagram was refused; "lost": a heartbeat is
+            missing, and the deck was paused; "ended": the run is over.
+        text: the same for a person.
+        motion: the motion that it is about, or "".
+        at: s since the deck's start.
+        number: rises by 1 from event to event of a deck; a gap tells of events that were lost on the way.
+        id: always 0, as no command's.
+    """
+
+    kind: EventKind
+    text: str
+    motion: str = ""
+    at: float = 0.0
+    number: Number = 0
+    id: Number = 0
+
+
+Message = (
+    Switch
+    | Queue
+    | Blend
+    | SetTempo
+    | Jump
+    | Pause
+    | Resume
+    | Home
+    | EmergencyStop
+    | Reset
+    | Stop
+    | Heartbeat
+    | Subscribe
+    | GetStatus
+)
+Reply = Accepted | Refused | Settled | State | Event
 
 encode = msgspec.json.Encoder().encode
 _replies = msgspec.json.Decoder(Reply)

@@ -1,18 +1,22 @@
-"""A viser page that stays on this machine: bound to loopback, used only by its own page, never shared.
+"""A viser page that stays on this machine and its user's: on loopback, used only by its own page, never shared.
 
 viser can publish a page on the internet through a tunnel, and does so whenever a client asks; it also takes commands
 from any web page that happens to be open in the same browser, and lets itself be framed by one, so that a click meant
-for that page is a command. None of this may happen to the panel of a robot.
+for that page is a command. And whoever has an account on the machine can connect to a port of it. None of this may
+happen to the panel of a robot.
 """
 
 from __future__ import annotations
 
 import contextlib
-import functools
 import logging
 import os
 import socket
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
+from http import HTTPStatus
+from pathlib import Path
+from typing import Any
 
 import viser
 import viser._messages
@@ -86,12 +90,44 @@ def _own_pages_only(port: int) -> Iterator[None]:
     """
     serve = websockets.asyncio.server.serve
     pages = [f"http://{host}:{port}" for host in (LOOPBACK, "localhost")]
-    own = functools.partial(serve, origins=pages, process_response=_forbid_frames)  # pyright: ignore
-    websockets.asyncio.server.serve = own  # pyright: ignore
+
+    def guarded(*arguments: Any, process_request: Callable[[ServerConnection, Request], Any], **more: Any) -> Any:
+        def check(connection: ServerConnection, request: Request) -> Any:
+            if not _is_same_user(connection):
+                return connection.respond(HTTPStatus.FORBIDDEN, "This page belongs to another user.\n")
+            return process_request(connection, request)
+
+        return serve(*arguments, origins=pages, process_request=check, process_response=_forbid_frames, **more)  # pyright: ignore
+
+    websockets.asyncio.server.serve = guarded  # pyright: ignore
     try:
         yield
     finally:
         websockets.asyncio.server.serve = serve  # pyright: ignore
+
+
+def _is_same_user(connection: ServerConnection) -> bool:
+    """Whether a program of our own user, or root, is at the other end; the system's table of connections says whose."""
+    near, far = connection.local_address, connection.remote_address
+    return owner_of_connection(far[:2], near[:2]) in (0, os.geteuid())
+
+
+def owner_of_connection(here: tuple[str, int], there: tuple[str, int]) -> int | None:
+    """The user whose program on this machine has a TCP connection over IPv4 between two addresses; None if nobody."""
+    plain = f"{_as_listed(here)} {_as_listed(there)} "
+    mapped = " ".join(f"0000000000000000FFFF0000{_as_listed(end)}" for end in (here, there))
+    for table, ends in (("tcp", plain), ("tcp6", f"{mapped} ")):
+        with contextlib.suppress(OSError):
+            for line in Path("/proc/net", table).read_text().splitlines():
+                if ends in line:
+                    return int(line.split()[7])
+    return None
+
+
+def _as_listed(end: tuple[str, int]) -> str:
+    """An address and port as /proc/net/tcp has them: the address in the order of this machine's bytes."""
+    number = int.from_bytes(socket.inet_aton(end[0]), sys.byteorder)
+    return f"{number:08X}:{end[1]:04X}"
 
 
 def _forbid_frames(connection: ServerConnection, request: Request, response: Response) -> None:

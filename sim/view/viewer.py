@@ -1,7 +1,7 @@
 """The view in the browser: the robot as it moves, a button for each motion, and how the loop is doing.
 
 Runs as a process of its own (`python -m sim.view.viewer`), reads the latest state from shared memory and sends
-commands over loopback, so that nothing it does can hold up the loop.
+commands over a socket, so that nothing it does can hold up the loop.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -117,7 +117,7 @@ def main(arguments: list[str] | None = None) -> int:
         prog="python -m sim.view.viewer", description="Shows a running deck in the browser."
     )
     parser.add_argument("--state", type=Path, required=True, help="the deck's shared state file")
-    parser.add_argument("--command-port", type=int, required=True, help="where the deck takes commands, on loopback")
+    parser.add_argument("--command-port", type=int, required=True, help="where the deck takes commands")
     parser.add_argument("--port", type=int, required=True, help="where to serve the page, on loopback")
     options = parser.parse_args(arguments)
     try:

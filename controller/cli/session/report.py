@@ -1,8 +1,9 @@
-"""The report of a run: what `play --json` prints, and the same in a few lines."""
+"""What a run tells: news while it goes on, and in the end its report, as JSON and in a few lines."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import sys
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import msgspec
@@ -10,10 +11,76 @@ import numpy as np
 
 from controller.cli.session.recognition_watch import summary_lines
 from controller.deck.switch import CommandedSwitch
+from controller.loop.clock import Clock
+from controller.loop.command_desk import CommandDesk
 from controller.loop.loop import LoopReport
+from controller.loop.output_channel import Channel
 from controller.loop.permissions import Permission
+from controller.wire.command_socket import CommandServer
 
 _INCIDENTS_SHOWN = 10  # the latest
+_OVERRUNS_EVERY = 1.0  # s from one event on overruns to the next, which has all since
+_FAULTS_EVERY = 0.25  # s from one look at faults to the next
+
+
+class RunNews:
+    """Notices overruns, faults, replayed commands and recognized motions, and tells them as events.
+
+    Args:
+        desk: tells them.
+        clock: of the loop.
+        channels: the outputs.
+        servers: where commands arrive.
+        seen: the motion that the measured joints are recognised as and the confidence, or None.
+    """
+
+    def __init__(
+        self,
+        desk: CommandDesk,
+        clock: Clock,
+        channels: Sequence[Channel],
+        servers: Sequence[CommandServer],
+        seen: Callable[[], tuple[str, float] | None] | None = None,
+    ) -> None:
+        self._desk, self._clock, self._channels, self._servers, self._seen = desk, clock, channels, servers, seen
+        self._overruns = self._replayed = 0
+        self._faults = [0] * len(channels)
+        self._incidents: set[str] = set()
+        self._motion = ""
+        self._ticks = 0
+        self._overruns_every = max(1, round(_OVERRUNS_EVERY / clock.period))
+        self._faults_every = max(1, round(_FAULTS_EVERY / clock.period))
+
+    def look(self) -> None:
+        """Tells what is new; once a tick."""
+        self._ticks += 1
+        if self._ticks % self._faults_every:
+            return
+        if self._clock.overruns != self._overruns and self._ticks % self._overruns_every < self._faults_every:
+            new, self._overruns = self._clock.overruns - self._overruns, self._clock.overruns
+            self._desk.tell("overrun", f"{new} ticks came more than a period late")
+        self._tell_faults()
+        replayed = sum(server.traffic.replayed for server in self._servers)
+        if replayed != self._replayed:
+            new, self._replayed = replayed - self._replayed, replayed
+            text = f"{new} recorded datagrams that were sent again were refused"
+            self._desk.tell("replayed", text)
+            print(f"motiondeck: {text}", file=sys.stderr)
+        seen = self._seen() if self._seen is not None else None
+        if seen is not None and seen[0] != self._motion:
+            self._motion = seen[0]
+            self._desk.tell("recognized", f"the joints look like {seen[0]} (confidence {seen[1]:.2f})", seen[0])
+
+    def _tell_faults(self) -> None:
+        for index, channel in enumerate(self._channels):
+            if channel.faults != self._faults[index]:
+                self._faults[index] = channel.faults
+                parked = ", and is left out" if channel.parked else ""
+                self._desk.tell("fault", f"{channel.output.name}: {channel.fault}{parked}")
+            for incident in getattr(channel.output, "incidents", ()):
+                if incident not in self._incidents:
+                    self._incidents.add(incident)
+                    self._desk.tell("fault", f"{channel.output.name}: {incident}")
 
 
 def run_report(

@@ -82,6 +82,11 @@ class RigOutput:
         """The latest measured positions (J,), rad; NaN for joints that the rig lacks."""
         return self._measured
 
+    @property
+    def incidents(self) -> list[str]:
+        """What has happened to its servos lately, in words, in order of time."""
+        return [f"{incident.who} {incident.what}" for incident in self._rig.incidents]
+
     def report(self) -> Mapping[str, object]:
         """The rig's part of the report of the run."""
         rig = self._rig
@@ -93,7 +98,7 @@ class RigOutput:
             "read_us": _percentiles(rig.read_us.microseconds),
             "tracking_rmse_rad": (self._squares / self._samples) ** 0.5 if self._samples else None,
             "recoveries": rig.recoveries,
-            "incidents": [f"{incident.who} {incident.what}" for incident in rig.incidents],
+            "incidents": self.incidents,
             "hottest_degc": _hottest(rig.temperatures),
             "faults": rig.faults.total,
             "faults_by_joint": rig.faults.by_joint(rig.names),

@@ -17,7 +17,7 @@ import numpy as np
 from controller.cli.session.child_process import child_process, kept_tty
 from controller.cli.session.page import HEALTH_EVERY, PICTURE_HZ, Page, viewer
 from controller.cli.session.recognition_watch import MismatchPolicy, RecognitionWatch
-from controller.cli.session.report import run_report
+from controller.cli.session.report import RunNews, run_report
 from controller.cli.session.robot_on_deck import RobotOnDeck, channels_of
 from controller.cli.session.script import Timed
 from controller.cli.session.tick_recorder import TickRecorder, recording
@@ -179,18 +179,22 @@ class Session:
             self._deck,
             servers,
             self._recorder.note if self._recorder else None,
-            (lambda watch=self._watch: watch.seen) if self._watch else None,
+            seen := (lambda watch=self._watch: watch.seen) if self._watch else None,
         )
+        self._news = RunNews(self._desk, self._clock, self._channels, servers, seen)
         self._start_terminal(opening)
 
     def _open_servers(self, opening: ExitStack) -> list[CommandServer]:
         settings = self._settings
-        servers = [CommandServer(settings.command_port)]
-        opening.callback(servers[0].close)
-        self.command_port = servers[0].port
+        self.command_port, servers = settings.command_port, list[CommandServer]()
+        # A network knows which ports are free; the local socket then has the same number.
         if settings.listen is not None:
             servers.append(CommandServer(self.command_port, settings.listen, settings.token))
-            opening.callback(servers[1].close)
+            opening.callback(servers[0].close)
+            self.command_port = servers[0].port
+        servers.append(CommandServer(self.command_port))
+        opening.callback(servers[-1].close)
+        self.command_port = servers[-1].port
         return servers
 
     def _start_page(self, opening: ExitStack) -> Path | None:
@@ -265,6 +269,7 @@ class Session:
                 publish_every=1 if self._recorder or self._watch else self._ticks_a_picture,
                 stop=self._stop,
             )
+        self._desk.tell("ended", report.reason)
         # The joints first: what else is closed may take its time.
         for channel in self._channels:
             channel.output.close()
@@ -304,6 +309,7 @@ class Session:
             if robot.rig is not None and robot.rig.parked:
                 stop.ask(f"the rig is lost: {robot.rig.fault}")
         self._desk(stop)
+        self._news.look()
 
     def _measured(self) -> Array | None:
         """Where the joints of the first robot are, as far as it is known, rad."""

@@ -17,12 +17,14 @@ from controller.wire.messages import (
     Accepted,
     Blend,
     CommandError,
+    Event,
     GetStatus,
     Message,
     Refused,
     Reply,
     Settled,
     State,
+    Subscribe,
     Switch,
 )
 from motiondeck_base.errors import MotiondeckError
@@ -36,6 +38,7 @@ _HELP_ROWS = [
 HELP = "\n".join(f"{typed:26} {effect}" for typed, effect in _HELP_ROWS)
 
 _HEARTBEAT = 0.3  # s of silence before a status request; after three without an answer the deck is gone
+_TOLD = ("via", "gave up", "recognized", "fault", "replayed", "lost")  # what replies to commands do not say
 _STARTING = 5.0  # s that a deck may take from opening its port to answering
 
 
@@ -48,6 +51,8 @@ def describe(reply: Reply) -> str:
             return f"refused: {reason}"
         case Settled(to=to, seconds=seconds):
             return f"settled on {to} after {seconds:.2f} s"
+        case Event(kind=kind, text=text):
+            return f"{kind}: {text}"
         case State():
             how = "paused" if reply.paused else f"at tempo {reply.tempo:.2f}"
             how += f", phase {reply.phase:.2f}" if reply.phase is not None else ""
@@ -103,16 +108,17 @@ async def converse(client: CommandClient) -> None:
 
 
 def listen_to(client: CommandClient, enough: Callable[[], bool]) -> None:
-    """Prints the answers of the deck until it answers no more, or `enough` is true."""
-    questions: set[int] = set()  # status requests whose answers are not printed
+    """Prints the replies of the deck and what happens, until it replies no more, or `enough` is true."""
+    questions: set[int] = set()  # requests whose answers are not printed
     try:
+        questions.add(client.post(Subscribe()))
         while not enough() and len(questions) < 3:
             reply = client.receive(_HEARTBEAT)
             if reply is None:
                 questions.add(client.post(GetStatus()))
             elif reply.id in questions:
                 questions.clear()
-            else:
+            elif not isinstance(reply, Event) or reply.kind in _TOLD:
                 print(describe(reply))
     except MotiondeckError:
         pass

@@ -15,7 +15,19 @@ from controller.cli.session.child_process import child_process
 from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
 from controller.rotations import Array
-from controller.wire.messages import Blend, GetStatus, Jump, Message, Queue, Refused, Reply, SetTempo, Switch
+from controller.wire.messages import (
+    Blend,
+    GetStatus,
+    Heartbeat,
+    Jump,
+    Message,
+    Queue,
+    Refused,
+    Reply,
+    SetTempo,
+    Subscribe,
+    Switch,
+)
 from controller.wire.run_folder import run_folder
 from controller.wire.run_recording import COMMANDS, MODES
 from controller.wire.telemetry import StateWriter
@@ -65,7 +77,7 @@ class TickRecorder:
 
     def note(self, message: Message, reply: Reply) -> None:
         """Remembers a command and whether it was refused."""
-        if isinstance(message, GetStatus):
+        if isinstance(message, GetStatus | Heartbeat | Subscribe):
             return
         fields = self._writer.fields
         fields["command"][0] = COMMANDS.index(message.__struct_config__.tag) + 1  # a tag is a command's name

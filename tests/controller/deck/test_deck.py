@@ -438,3 +438,21 @@ def test_a_motion_is_entered_where_it_moves_as_the_body_does(library):
         )
         opposite.append(velocities[forwards] @ velocities[backwards] < 0.0)
     assert all(opposite)
+
+
+def test_what_happens_is_told_in_order(library):
+    deck = new_deck(library)
+    deck.switch("wave")
+    deck.switch("bow")
+    ticks_until(deck, lambda: deck.settled)
+    assert [(event.kind, event.motion) for event in deck.events] == [
+        *(("motion", "wave"), ("overtaken", "wave"), ("motion", "bow"), ("settled", "bow")),
+    ]
+    assert [event.at for event in deck.events] == sorted(event.at for event in deck.events)
+    deck.events.clear()
+    deck.blend_in("march", "wave", 0.5)
+    ticks_until(deck, lambda: deck.settled)
+    deck._give_up_blend("stands still")
+    told = {event.kind: event.text for event in deck.events}
+    assert told["settled"].startswith("march with 0.50 of wave after")
+    assert told["gave up"] == "march with 0.50 of wave stands still, fell back to march"

@@ -1,6 +1,6 @@
 import socket
 import threading
-import time
+from collections import deque
 from contextlib import closing
 from dataclasses import dataclass, field
 
@@ -18,6 +18,7 @@ from controller.loop.stop_requests import StopRequest
 from controller.mocap.posture import Pose
 from controller.wire.command_socket import CommandClient, CommandServer, SocketError
 from controller.wire.command_table import read_message
+from controller.wire.local_transport import command_folder
 from controller.wire.messages import (
     Accepted,
     CommandError,
@@ -67,6 +68,7 @@ class TinyDeck:
     under_way: Progress | None = None
     queue: list[str] = field(default_factory=list)
     ramp: float = 0.0
+    events: deque = field(default_factory=deque)
     phase: float | None = None
 
     @property
@@ -106,6 +108,14 @@ class TinyDeck:
         return np.zeros(1), Pose(np.zeros(3), np.array(0.0), np.array([[1.0, 0.0, 0.0, 0.0]]))
 
 
+def raw_socket(port):
+    """A connection that sends any bytes."""
+    made = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    made.setblocking(False)
+    made.connect(str(command_folder() / str(port)))
+    return made
+
+
 class Stage:
     """A deck, its desk and a client, brought forward tick by tick."""
 
@@ -129,10 +139,9 @@ class Stage:
 
     def send_raw(self, *datagrams):
         """Throws bytes at the server from a socket of its own, and returns the answers."""
-        with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as thrower:
-            thrower.settimeout(0.0)
+        with closing(raw_socket(self.server.port)) as thrower:
             for data in datagrams:
-                thrower.sendto(data, ("127.0.0.1", self.server.port))
+                thrower.send(data)
             self.tick()
             replies = []
             while True:
@@ -207,7 +216,7 @@ def test_from_home_a_motion_goes_on(stage):
 
 def test_an_emergency_stop_behind_a_flood_is_carried_out_in_the_same_tick(stage):
     with closing(CommandClient(stage.server.port)) as flooder:
-        for _ in range(150):
+        for _ in range(60):
             flooder.post(Resume())
         flooder.post(EmergencyStop())
         stage.tick()
@@ -301,7 +310,7 @@ def test_a_tempo_out_of_range_is_refused_and_says_the_range(stage, factor):
 @pytest.mark.parametrize(
     ("data", "said"),
     [
-        (b"", "not a command"),
+        (b" ", "not a command"),
         (b'{"type":"dance"}', "switch MOTION [direct], queue MOTION, blend A B WEIGHT"),
         (b'{"type":"switch"}', "to"),
         (b'{"type":"switch","to":""}', "1 to 100 characters"),
@@ -332,7 +341,7 @@ def test_a_refusal_carries_the_number_of_what_it_refuses(stage):
 @given(
     st.lists(
         st.one_of(
-            st.binary(max_size=200),
+            st.binary(min_size=1, max_size=200),
             st.builds(
                 lambda message, place, byte: message[:place] + bytes([byte]) + message[place + 1 :],
                 st.sampled_from([encode(Switch("jog", 3)), encode(SetTempo(1.5, 2**40)), encode(GetStatus())]),
@@ -396,12 +405,12 @@ def test_a_flood_does_not_cost_the_loop_a_tick(stage):
     limits = JointLimits(*(np.array([x]) for x in (-1.0, 1.0, 1.0, 10.0, 100.0)))
     data = [encode(GetStatus(3)), b"nonsense", b"{" * 5000]
     clock = VirtualClock(200.0)
-    with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as flooder:
+    with closing(raw_socket(stage.server.port)) as flooder:
 
         def commands(stop):
             for _ in range(20):
                 for datagram in data:
-                    flooder.sendto(datagram, ("127.0.0.1", stage.server.port))
+                    flooder.send(datagram)
             stage.desk(stop)
 
         report = run(stage.deck, [], clock, SafetyEnvelope(limits, clock.period), seconds=1.0, commands=commands)
@@ -418,7 +427,7 @@ def test_answering_nobody_does_no_harm(stage):
 
 
 def test_a_port_in_use_is_said_in_one_line(stage):
-    said = f"port {stage.server.port} on 127.0.0.1 cannot be used.*another deck"
+    said = f"port {stage.server.port} cannot be used.*another deck"
     with pytest.raises(SocketError, match=said) as caught:
         CommandServer(stage.server.port)
     assert "\n" not in str(caught.value)
@@ -432,10 +441,6 @@ def test_a_port_that_cannot_be_is_refused(port):
         CommandClient(port)
 
 
-def test_the_server_listens_on_this_machine_only(stage):
-    assert stage.server._socket.getsockname()[0] == "127.0.0.1"
-
-
 def test_with_no_deck_running_the_client_says_how_to_start_one():
     server = CommandServer(0)
     server.close()
@@ -446,7 +451,7 @@ def test_with_no_deck_running_the_client_says_how_to_start_one():
 
 
 def test_a_deck_that_does_not_answer_is_none(stage):
-    with pytest.raises(SocketError, match="no deck is running"):
+    with pytest.raises(SocketError, match="does not reply"):
         stage.client.request(GetStatus(), timeout_s=0.01)
 
 
@@ -472,58 +477,3 @@ def test_a_client_waits_for_its_own_answer(stage):
     finally:
         finished.set()
         thread.join()
-
-
-TOKEN = b"0123456789abcdef"
-
-
-@pytest.fixture
-def remote():
-    """A server that asks for a token, and a client that has it."""
-    with (
-        closing(CommandServer(0, "0.0.0.0", TOKEN)) as server,
-        closing(CommandClient(server.port, token=TOKEN)) as client,
-    ):
-        yield server, client
-
-
-def arrived(server):
-    """The commands that have come, after a moment for the datagrams."""
-    for _ in range(100):
-        if found := list(server.poll()):
-            return found
-        time.sleep(0.001)
-    return []
-
-
-def test_who_has_the_token_is_heard_and_answered_under_seal(remote):
-    server, client = remote
-    number = client.post(Switch("walk"))
-    ((message, sender),) = arrived(server)
-    assert message == Switch("walk", number)
-    server.reply(sender, Accepted(number))
-    assert client.receive(1.0) == Accepted(number)
-
-
-@pytest.mark.parametrize("token", [None, b"fedcba9876543210"])
-def test_without_the_token_nobody_is_heard_nor_answered(remote, token):
-    server, _ = remote
-    with closing(CommandClient(server.port, token=token)) as stranger:
-        stranger.post(EmergencyStop())
-        assert arrived(server) == []
-        assert server.traffic.malformed == 1
-        assert stranger.receive(0.01) is None
-
-
-def test_another_interface_is_not_listened_on_without_a_token():
-    with pytest.raises(SocketError, match="need a token"):
-        CommandServer(0, "0.0.0.0")
-
-
-def test_a_deck_with_another_token_is_not_believed(remote):
-    server, _ = remote
-    with closing(CommandClient(server.port, token=b"fedcba9876543210")) as client:
-        client.post(GetStatus())
-        server.reply(client._socket.getsockname(), Accepted(1))
-        with pytest.raises(SocketError, match="another token"):
-            client.receive(1.0)

@@ -1,5 +1,8 @@
 import http.server
+import os
 import socket
+import subprocess
+import sys
 import threading
 
 import msgspec
@@ -8,7 +11,7 @@ import viser
 import websockets.exceptions
 import websockets.sync.client
 
-from sim.view.private_page import PagePortError, PrivatePage
+from sim.view.private_page import PagePortError, PrivatePage, owner_of_connection
 
 
 def free_port():
@@ -145,6 +148,38 @@ def test_another_site_cannot_frame_the_page(ours, browser, other_site):
         tab.close()
     finally:
         page.stop()
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can act as somebody else")
+def test_another_user_gets_neither_the_page_nor_its_state():
+    port = free_port()
+    page = PrivatePage(port, "test")
+    fetch = f"""
+import encodings.idna, os, socket, sys
+if sys.argv[1] == "other":
+    os.setgid(65534); os.setuid(65534)
+with socket.create_connection(("127.0.0.1", {port})) as connection:
+    connection.settimeout(20.0)
+    connection.sendall(b"GET / HTTP/1.1\\r\\nHost: 127.0.0.1:{port}\\r\\n\\r\\n")
+    print(connection.recv(1000).split()[1].decode())
+"""
+    try:
+        for user, status in (("own", "200"), ("other", "403")):
+            done = subprocess.run([sys.executable, "-c", fetch, user], capture_output=True, text=True, check=True)
+            assert done.stdout.split() == [status]
+    finally:
+        page.stop()
+
+
+def test_the_owner_of_a_connection_is_found_for_both_kinds_of_socket():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        there = server.getsockname()
+        with socket.create_connection(there) as client:
+            assert owner_of_connection(client.getsockname(), there) == os.geteuid()
+            assert owner_of_connection(("127.0.0.9", 1), there) is None
+        with socket.socket(socket.AF_INET6) as client:
+            client.connect(("::ffff:127.0.0.1", there[1]))
+            assert owner_of_connection(("127.0.0.1", client.getsockname()[1]), there) == os.geteuid()
 
 
 def test_it_listens_on_loopback_only(monkeypatch):

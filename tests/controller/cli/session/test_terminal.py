@@ -30,6 +30,7 @@ from controller.wire.messages import (
     Settled,
     State,
     Stop,
+    Subscribe,
     Switch,
 )
 
@@ -225,4 +226,4 @@ def test_listening_ends_when_the_deck_goes_away(capsys, monkeypatch):
         listen_to(client, lambda: False)
         client.close()
     assert capsys.readouterr().out.splitlines() == ["accepted", "The deck has ended."]
-    assert deck.heard == [Pause, GetStatus]
+    assert deck.heard == [Pause, Subscribe, GetStatus]

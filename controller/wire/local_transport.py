@@ -1,0 +1,271 @@
+"""Datagrams between programs of one user on this machine: Unix sockets in a folder that nobody else may enter.
+
+A deck is found by its number, which is the name of its socket. Each client has a connection of its own, so that one
+that floods or never reads fills nothing but its own buffer, and either side notices at once when the other is gone.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import random
+import select
+import socket
+import stat
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from motiondeck_base.errors import MotiondeckError
+
+MOST_CLIENTS = 64
+_FREE_NUMBERS = range(49152, 65536)
+_CREDENTIALS = struct.Struct("3i")  # process, user and group of a peer
+
+
+class SocketError(MotiondeckError):
+    """A socket that cannot be used, or a deck that does not reply; the message has the remedy."""
+
+
+class PeerGoneError(SocketError):
+    """The other side of a connection has ended, or was never there."""
+
+
+def command_folder() -> Path:
+    """The folder of the user's own (0700) in which decks have their sockets; it is made where it is missing.
+
+    It is `motiondeck` in XDG_RUNTIME_DIR, else in /run/user/UID, else /tmp/motiondeck-commands-UID.
+
+    Raises:
+        SocketError: if it cannot be made, or is not this user's alone.
+    """
+    user = os.geteuid()
+    session = Path(os.environ.get("XDG_RUNTIME_DIR") or f"/run/user/{user}")
+    folder = session / "motiondeck" if session.is_dir() else Path(f"/tmp/motiondeck-commands-{user}")
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        about = folder.lstat()
+    except OSError as error:
+        raise SocketError(
+            f"{folder}: the folder for command sockets cannot be made ({error.strerror or error}). "
+            "Set XDG_RUNTIME_DIR to a folder of your own"
+        ) from error
+    if not stat.S_ISDIR(about.st_mode) or about.st_uid != user or about.st_mode & 0o077:
+        raise SocketError(
+            f"{folder}: others could command the deck here. Remove it, or forbid that with: chmod 700 {folder}"
+        )
+    return folder
+
+
+class LocalClient:
+    """A program that is connected to a deck."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        self.connection = connection
+
+
+class LocalListener:
+    """Where programs of this user connect to a deck; never blocks, and never raises once it is open.
+
+    Attributes:
+        port: the number by which clients find it.
+    """
+
+    remote = False
+
+    def __init__(self, port: int) -> None:
+        """Takes a number, 0 for any free one.
+
+        Raises:
+            SocketError: if another deck has it, or it cannot be a number of one.
+        """
+        _check(port)
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._socket.setblocking(False)
+        self._clients: dict[int, LocalClient] = {}
+        folder = command_folder()
+        try:
+            with _alone_in(folder):
+                self.port = port or _free_number(folder)
+                self._path = folder / str(self.port)
+                if _answers(self._path):
+                    raise SocketError(
+                        f"command port {port} cannot be used: another deck is running. "
+                        "Stop it with 'motiondeck send stop', or give another port with --command-port"
+                    )
+                self._path.unlink(missing_ok=True)  # of a deck that was killed
+                self._socket.bind(str(self._path))
+                self._socket.listen(MOST_CLIENTS)
+        except OSError as error:
+            self._socket.close()
+            raise SocketError(f"{folder}: no command socket can be made ({error.strerror or error})") from error
+        except SocketError:
+            self._socket.close()
+            raise
+        self._ready = select.epoll()
+        self._ready.register(self._socket, select.EPOLLIN)
+
+    def receive(self, most_bytes: int, limit: int) -> Iterator[tuple[bytes, LocalClient]]:
+        """The datagrams that have arrived, each with its sender; clients take turns.
+
+        A client that comes or goes counts as a datagram, so that no number of them makes this take long.
+        """
+        while limit > 0 and (found := self._ready.poll(0)):
+            limit -= len(found)
+            for number, _ in found:
+                if number == self._socket.fileno():
+                    self._accept()
+                elif data := self._read(client := self._clients[number], most_bytes):
+                    yield data, client
+
+    def _accept(self) -> None:
+        with contextlib.suppress(OSError):
+            client, _ = self._socket.accept()
+            client.setblocking(False)
+            user = _CREDENTIALS.unpack(client.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size))[1]
+            if user not in (0, os.geteuid()) or len(self._clients) >= MOST_CLIENTS:
+                client.close()
+                return
+            self._clients[client.fileno()] = LocalClient(client)
+            self._ready.register(client, select.EPOLLIN)
+
+    def _read(self, client: LocalClient, most_bytes: int) -> bytes:
+        """A datagram of a client; nothing where it has gone. An empty datagram looks the same, and ends it too."""
+        try:
+            if data := client.connection.recv(most_bytes):
+                return data
+        except BlockingIOError:
+            return b""
+        except OSError:
+            pass
+        del self._clients[client.connection.fileno()]
+        self._ready.unregister(client.connection)
+        client.connection.close()
+        return b""
+
+    def connected(self, sender: LocalClient) -> bool:
+        """Whether a sender is still there."""
+        return sender.connection.fileno() >= 0
+
+    def send(self, receiver: LocalClient, data: bytes) -> None:
+        """Sends a datagram; one that its receiver has no room for is dropped."""
+        with contextlib.suppress(OSError):
+            receiver.connection.send(data)
+
+    def close(self) -> None:
+        """Ends all connections and removes the socket; may be called twice."""
+        if self._ready.closed:
+            return
+        self._ready.close()
+        for client in self._clients.values():
+            client.connection.close()
+        self._clients.clear()
+        self._socket.close()
+        with contextlib.suppress(OSError), _alone_in(self._path.parent):
+            if not _answers(self._path):
+                self._path.unlink(missing_ok=True)
+
+
+class LocalConnection:
+    """A client's connection to a deck of this user; made when something is sent."""
+
+    def __init__(self, port: int) -> None:
+        """Prepares to talk to the deck of a number.
+
+        Raises:
+            SocketError: if it cannot be a number of one.
+        """
+        _check(port)
+        self._port = port
+        self._socket: socket.socket | None = None
+
+    def send(self, data: bytes) -> None:
+        """Sends a datagram, and waits while there is no room for it, at most a second.
+
+        Raises:
+            PeerGoneError: if no deck is running there.
+            SocketError: if it takes nothing.
+        """
+        if self._socket is None:
+            path = command_folder() / str(self._port)
+            fresh = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+            try:
+                fresh.connect(str(path))
+            except OSError:
+                fresh.close()
+                raise self._nobody() from None
+            self._socket = fresh
+        self._socket.settimeout(1.0)
+        try:
+            self._socket.send(data)
+        except TimeoutError:
+            raise SocketError(f"the deck on port {self._port} takes no commands: it is held up") from None
+        except OSError:
+            self.close()
+            raise self._nobody() from None
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        """The next datagram, or None if none arrives in time.
+
+        Raises:
+            PeerGoneError: if no deck is running there.
+        """
+        if self._socket is None:
+            raise self._nobody()
+        self._socket.settimeout(max(timeout_s, 1e-6))
+        try:
+            if data := self._socket.recv(65536):
+                return data
+        except (TimeoutError, BlockingIOError):
+            return None
+        except OSError:
+            pass
+        self.close()
+        raise self._nobody()
+
+    def close(self) -> None:
+        """Closes the connection; may be called twice."""
+        if self._socket is not None:
+            self._socket.close()
+        self._socket = None
+
+    def _nobody(self) -> PeerGoneError:
+        return PeerGoneError(f"no deck is running on port {self._port}; start one with: motiondeck play")
+
+
+def _check(port: int) -> None:
+    if not 0 <= port < 1 << 16:
+        raise SocketError(f"command port {port} cannot be used: it must be from 0 to 65535")
+
+
+@contextmanager
+def _alone_in(folder: Path) -> Iterator[None]:
+    """Keeps other decks from taking and releasing numbers meanwhile."""
+    lock = os.open(folder / "lock", os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o600)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(lock)
+
+
+def _free_number(folder: Path) -> int:
+    # By chance, so that the number of a deck that has ended is not soon another's.
+    while (folder / str(number := random.choice(_FREE_NUMBERS))).exists():
+        pass
+    return number
+
+
+def _answers(path: Path) -> bool:
+    """Whether somebody listens at a socket."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as probe:
+        probe.setblocking(False)
+        try:
+            probe.connect(str(path))
+        except BlockingIOError:  # more clients wait than it takes at once
+            return True
+        except OSError:
+            return False
+    return True

@@ -1,0 +1,163 @@
+"""The desk beside its commands: events for who subscribes, heartbeats that are missed, resets that are confirmed."""
+
+import re
+from collections import deque
+
+import pytest
+
+from controller.loop.command_desk import CommandDesk
+from controller.loop.stop_requests import StopRequest
+from controller.wire.messages import (
+    Accepted,
+    EmergencyStop,
+    Event,
+    Heartbeat,
+    Pause,
+    Refused,
+    Reset,
+    Resume,
+    Subscribe,
+    Switch,
+)
+
+
+class Deck:
+    """As much of a deck as the desk looks at."""
+
+    def __init__(self):
+        self.time, self.events, self.paused, self.motion = 1.5, deque(), False, "walk"
+
+    def pause(self):
+        self.paused = True
+
+    def resume(self):
+        self.paused = False
+
+
+class Server:
+    """Hands over commands that are put into it, and keeps the replies."""
+
+    def __init__(self, remote=False):
+        self.remote, self.commands, self.replies, self.gone = remote, [], [], set()
+
+    def poll(self):
+        while self.commands:
+            yield self.commands.pop(0)
+
+    def reply(self, receiver, reply):
+        self.replies.append((receiver, reply))
+
+    def connected(self, sender):
+        return sender not in self.gone
+
+
+class Desk:
+    """A desk with a clock that stands still until it is told otherwise."""
+
+    def __init__(self, remote=False):
+        self.deck, self.server, self.stop, self.now = Deck(), Server(remote), StopRequest(), 100.0
+        self.desk = CommandDesk(self.deck, [self.server], now=lambda: self.now)
+
+    def ask(self, message, sender="somebody"):
+        """The first reply to a command."""
+        self.server.commands.append((message, sender))
+        self.server.replies.clear()
+        self.desk(self.stop)
+        return self.server.replies[0][1]
+
+    def tick(self, seconds=0.0):
+        """The events that are told after some time."""
+        self.now += seconds
+        self.server.replies.clear()
+        self.desk(self.stop)
+        return [reply for _, reply in self.server.replies if isinstance(reply, Event)]
+
+
+@pytest.fixture
+def desk():
+    return Desk()
+
+
+def test_only_who_has_subscribed_is_told_what_happens(desk):
+    assert desk.ask(Pause(), "bystander") == Accepted(0)
+    assert desk.tick() == []
+    desk.ask(Subscribe(), "listener")
+    desk.deck.events.append(Event("settled", "jog after 0.50 s", "jog", 1.4))
+    desk.desk.tell("fault", "rig: it is gone")
+    assert desk.tick() == [Event("settled", "jog after 0.50 s", "jog", 1.4, 3)]
+    assert {receiver for receiver, _ in desk.server.replies} == {"listener"}
+
+
+def test_modes_and_pauses_are_told_whoever_commanded_them_and_numbers_rise(desk):
+    desk.ask(Subscribe(), "listener")
+    desk.ask(EmergencyStop(), "somebody else")
+    told = [reply for receiver, reply in desk.server.replies if receiver == "listener"]
+    assert [(event.kind, event.text) for event in told] == [("mode", "emergency stop"), ("paused", "paused")]
+    assert [event.number for event in told] == [1, 2]
+
+
+def test_a_client_that_is_silent_for_longer_than_it_said_pauses_the_deck_once(desk):
+    desk.ask(Heartbeat(2.0), "hand")
+    desk.ask(Subscribe(), "listener")
+    assert desk.tick(1.9) == []
+    desk.ask(Resume(), "hand")
+    assert desk.tick(1.9) == []
+    (lost, paused) = desk.tick(0.2)
+    assert (lost.kind, paused.kind, desk.deck.paused) == ("lost", "paused", True)
+    desk.ask(Resume(), "listener")
+    assert [event.kind for event in desk.tick(100.0)] == []
+    assert not desk.deck.paused
+
+
+def test_a_client_that_has_gone_is_missed_at_once(desk):
+    desk.ask(Heartbeat(50.0), "hand")
+    desk.server.gone.add("hand")
+    desk.tick()
+    assert desk.deck.paused
+
+
+def test_who_ends_its_heartbeat_may_go(desk):
+    desk.ask(Heartbeat(2.0), "hand")
+    desk.ask(Heartbeat(0.0), "hand")
+    desk.server.gone.add("hand")
+    desk.tick(100.0)
+    assert not desk.deck.paused
+
+
+def test_a_subscriber_over_a_network_is_forgotten_when_it_is_silent():
+    desk = Desk(remote=True)
+    desk.ask(Subscribe(), "listener")
+    desk.desk.tell("fault", "one")
+    assert len(desk.server.replies) == 2
+    desk.tick(61.0)
+    desk.desk.tell("fault", "two")
+    assert desk.server.replies == []
+
+
+def test_a_reset_from_another_machine_has_to_be_confirmed_and_each_stop_anew():
+    desk = Desk(remote=True)
+    for _ in range(2):
+        assert isinstance(desk.ask(EmergencyStop()), Accepted)
+        desk.stop.at_rest = True
+        refused = desk.ask(Reset())
+        assert isinstance(refused, Refused)
+        code = float(re.search(r"give reset (\d{4})$", refused.reason)[1])
+        wrong = desk.ask(Reset(code=code + 1.0))
+        assert isinstance(wrong, Refused)
+        assert desk.stop.emergency
+        code = float(re.search(r"give reset (\d{4})$", wrong.reason)[1])
+        assert isinstance(desk.ask(Reset(code=code)), Accepted)
+        assert not desk.stop.emergency
+
+
+def test_a_reset_on_this_machine_needs_no_code(desk):
+    desk.ask(EmergencyStop())
+    desk.stop.at_rest = True
+    assert isinstance(desk.ask(Reset()), Accepted)
+
+
+def test_during_an_emergency_stop_who_wants_to_know_is_told(desk):
+    desk.ask(EmergencyStop())
+    assert isinstance(desk.ask(Subscribe()), Accepted)
+    assert isinstance(desk.ask(Heartbeat(1.0)), Accepted)
+    assert isinstance(desk.ask(Switch("jog")), Refused)

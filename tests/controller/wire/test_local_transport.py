@@ -1,0 +1,108 @@
+"""Command sockets of this user: nobody else may come near, and what a killed deck leaves does no harm."""
+
+import os
+import socket
+import subprocess
+import sys
+from contextlib import closing
+
+import pytest
+
+from controller.wire.command_socket import CommandClient, CommandServer, SocketError
+from controller.wire.local_transport import command_folder
+from controller.wire.messages import GetStatus, Pause
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder for sockets of this test alone."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    return tmp_path / "motiondeck"
+
+
+def test_sockets_are_in_a_folder_of_the_users_own_and_gone_afterwards(folder):
+    with closing(CommandServer(0)) as server:
+        about = folder.stat()
+        assert (about.st_mode & 0o777, about.st_uid) == (0o700, os.geteuid())
+        assert sorted(file.name for file in folder.iterdir()) == sorted(["lock", str(server.port)])
+    assert [file.name for file in folder.iterdir()] == ["lock"]
+
+
+def test_a_folder_that_others_may_enter_is_refused(folder):
+    folder.mkdir(mode=0o755)
+    with pytest.raises(SocketError, match="chmod 700"):
+        CommandServer(0)
+
+
+def test_a_folder_behind_a_link_is_refused(folder, tmp_path):
+    (tmp_path / "elsewhere").mkdir(mode=0o700)
+    folder.symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(SocketError, match="others could command"):
+        CommandServer(0)
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can act as somebody else")
+def test_another_user_can_neither_command_nor_take_the_place_of_the_deck():
+    with closing(CommandServer(0)) as server:
+        attempt = f"""
+import os, socket
+os.setgid(65534); os.setuid(65534)
+path = {str(command_folder() / str(server.port))!r}
+for act in ("connect", "bind"):
+    try:
+        getattr(socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET), act)(path)
+        print("done")
+    except PermissionError:
+        print("refused")
+"""
+        done = subprocess.run([sys.executable, "-c", attempt], capture_output=True, text=True, check=True)
+        assert done.stdout.split() == ["refused", "refused"]
+
+
+def test_what_a_killed_deck_has_left_is_taken_over(folder):
+    folder.mkdir(mode=0o700)
+    dead = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    dead.bind(str(folder / "47810"))
+    dead.listen()
+    with pytest.raises(SocketError, match="another deck is running"):
+        CommandServer(47810)
+    dead.close()
+    with closing(CommandClient(47810)) as client, pytest.raises(SocketError, match="no deck is running"):
+        client.post(GetStatus())
+    with closing(CommandServer(47810)) as server, closing(CommandClient(47810)) as client:
+        client.post(Pause())
+        assert len(list(server.poll())) == 1
+
+
+def test_a_deck_that_closes_does_not_remove_the_socket_of_its_successor(folder):
+    first = CommandServer(47810)
+    (folder / "47810").unlink()
+    with closing(CommandServer(47810)), closing(CommandClient(47810)) as client:
+        first.close()
+        client.post(Pause())
+
+
+def test_a_client_notices_at_once_that_the_deck_has_ended(folder):
+    server = CommandServer(0)
+    with closing(CommandClient(server.port)) as client:
+        client.post(GetStatus())
+        list(server.poll())
+        server.close()
+        with pytest.raises(SocketError, match="no deck is running"):
+            client.receive(10.0)
+
+
+def test_a_crowd_of_clients_is_limited_and_those_there_are_served(folder):
+    with closing(CommandServer(0)) as server, closing(CommandClient(server.port)) as client:
+        client.post(GetStatus())
+        assert len(list(server.poll())) == 1
+        crowd = []
+        for _ in range(4):
+            for _ in range(40):
+                crowd.append(CommandClient(server.port))
+                crowd[-1].post(Pause())
+            list(server.poll())
+        client.post(GetStatus())
+        assert [type(message) for message, _ in server.poll()] == [GetStatus]
+        for one in crowd:
+            one.close()
