@@ -97,7 +97,7 @@ def main() -> int:
     options = parser.parse_args()
     library = load_library(find_library(options.library))
     repertoire = read_motions(library)
-    routes = Routes.between(repertoire)
+    routes = Routes.of(library)
     loops = [name for name, motion in repertoire.items() if motion.loop]
     pairs = [pair for pair in permutations(loops, 2) if not routes.by_way_of(*pair)]
     seeds = range(options.first_seed, options.first_seed + options.seeds)

@@ -80,7 +80,7 @@ def main() -> int:
     options = parser.parse_args()
     library = load_library(find_library(options.library))
     motions = library.network.motions
-    routes = Routes.between(read_motions(library))
+    routes = Routes.of(library)
     own = {m: peak(played(library, Deck(library, lambda pose: pose.root_position, m), LONGEST)) for m in motions}
     rows = [
         measure(library, source, target, options.joining, own)

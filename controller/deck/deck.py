@@ -63,7 +63,7 @@ class Deck(Paced):
         self._check(motion)
         self._retarget = retarget
         self._show = Performance(library, motion, joining, phase)
-        self._routes = Routes.between(self._show.motions)
+        self._routes = Routes.of(library)
         self._direct = direct
         self._current: CommandedSwitch | None = None  # the switch that is under way
         self._fading: CommandedSwitch | None = None  # the switch whose fade is under way

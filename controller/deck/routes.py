@@ -17,7 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.deck.joins.deck_motions import Motion
+from controller.deck.joins.deck_motions import Motion, read_motions
+from controller.library.motion_library import MotionLibrary, once_a_library
 from controller.rotations import Array
 
 LEAP_M = 0.2
@@ -41,6 +42,12 @@ class Routes:
         """The routes between motions."""
         leaps = {name: {other: leap(a, b) for other, b in motions.items()} for name, a in motions.items()}
         return cls(leaps, frozenset(name for name, motion in motions.items() if not motion.loop))
+
+    @staticmethod
+    @once_a_library
+    def of(library: MotionLibrary) -> Routes:
+        """The routes between the motions of a library."""
+        return Routes.between(read_motions(library))
 
     def by_way_of(self, start: str, goal: str) -> tuple[str, ...]:
         """The motions on the cheapest way from one motion to another (both left out); empty where it is direct.

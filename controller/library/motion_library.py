@@ -7,8 +7,12 @@ used.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import wraps
 from pathlib import Path
+from typing import TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -24,9 +28,9 @@ LARGEST_CHANNEL = 100.0  # of a frame: m, m/s, rad/s or rad; the shipped librari
 KIND = Kind("motion library", "motiondeck", VERSION, "`motiondeck fit`", OLDER)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MotionLibrary:
-    """A library in memory.
+    """A library in memory; two are the same only if they are one object.
 
     Attributes:
         info: the header.
@@ -55,6 +59,22 @@ class MotionLibrary:
     def skeleton(self) -> Skeleton:
         """Whose motions these are."""
         return self.encoding.skeleton
+
+
+Found = TypeVar("Found")
+
+
+def once_a_library(find: Callable[[MotionLibrary], Found]) -> Callable[[MotionLibrary], Found]:
+    """Has a pure function of a library computed once, and remembered for as long as the library is in memory."""
+    known: WeakKeyDictionary[MotionLibrary, Found] = WeakKeyDictionary()
+
+    @wraps(find)
+    def remembered(library: MotionLibrary) -> Found:
+        if library not in known:
+            known[library] = find(library)
+        return known[library]
+
+    return remembered
 
 
 def save_library(library: MotionLibrary, path: Path) -> None:

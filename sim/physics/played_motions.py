@@ -67,7 +67,7 @@ def play_motions(library: MotionLibrary, robot: Robot) -> Iterator[PlayedMotion]
 def play_switches(library: MotionLibrary, robot: Robot) -> Iterator[PlayedMotion]:
     """Each direct switch between two motions; one-shots are left at their end."""
     repertoire = read_motions(library)
-    routes = Routes.between(repertoire)
+    routes = Routes.of(library)
     for source in repertoire.values():
         deck = Deck(library, deepcopy(robot.retarget), source.name)
         for _ in range(round((SETTLED if source.loop else source.seconds) / DT)):
@@ -92,7 +92,7 @@ def play_switches(library: MotionLibrary, robot: Robot) -> Iterator[PlayedMotion
 def switches_by_way_of(library: MotionLibrary) -> dict[tuple[str, str], tuple[str, ...]]:
     """The switches that go by way of other motions, with those motions."""
     repertoire = read_motions(library)
-    routes = Routes.between(repertoire)
+    routes = Routes.of(library)
     pairs = ((a, b) for a in repertoire for b in repertoire if a != b)
     return {(a, b): way for a, b in pairs if (way := routes.by_way_of(a, b))}
 

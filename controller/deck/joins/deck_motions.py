@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from controller.library.library_header import MotionInfo
-from controller.library.motion_library import MotionLibrary
+from controller.library.motion_library import MotionLibrary, once_a_library
 from controller.measures.motion_matching import joint_features
 from controller.mocap.posture import walk_path
 from controller.networks.base import FrameNetwork
@@ -44,7 +45,8 @@ class Motion:
     acceleration: float
 
 
-def read_motions(library: MotionLibrary) -> dict[str, Motion]:
+@once_a_library
+def read_motions(library: MotionLibrary) -> Mapping[str, Motion]:
     """The motions of a library by name; a one-shot may be entered at its beginning only."""
     motions, network = {}, library.network.twin()
     for info in library.info.motions:

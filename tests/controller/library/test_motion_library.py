@@ -1,5 +1,6 @@
 import json
 import shutil
+import weakref
 
 import msgspec
 import numpy as np
@@ -12,7 +13,7 @@ from safetensors.numpy import save_file
 import synthetic
 from controller.cli.common.tables import show_table
 from controller.cli.main import main
-from controller.library.motion_library import MotionLibrary, load_library, save_library
+from controller.library.motion_library import MotionLibrary, load_library, once_a_library, save_library
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 from motiondeck_base.printable import printable
@@ -284,3 +285,19 @@ def test_a_library_is_never_half_written(library, saved, tmp_path, monkeypatch):
         save_library(library, path)
     assert path.read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == ["kept.safetensors"]
+
+
+def test_what_is_found_once_a_library_is_found_again_for_another_and_forgotten_with_it():
+    found = []
+
+    @once_a_library
+    def name_of(library):
+        found.append(library.info.name)
+        return library.info.name
+
+    first, second = synthetic.small_library(), synthetic.small_library()
+    assert name_of(first) == name_of(first) == name_of(second)
+    assert len(found) == 2
+    forgotten = weakref.ref(first)
+    del first
+    assert forgotten() is None
