@@ -15,7 +15,7 @@ from controller.deck.joins.deck_motions import Motion, read_motions
 from controller.deck.joins.join_limits import FASTEST, JoinLimits
 from controller.deck.joins.joining import Joining
 from controller.deck.joins.posture_blend import PostureBlend
-from controller.deck.joins.transition import Fade, best_anchor, difference, extrapolated
+from controller.deck.joins.transition import Bounds, Fade, best_anchor, difference, extrapolated
 from controller.deck.root_path import advance, at_origin
 from controller.deck.tracks.track import Track
 from controller.library.motion_library import MotionLibrary
@@ -33,9 +33,6 @@ MORPH_SECONDS = 1.0
 
 # How often a join that becomes too fast is replaced by a longer fade.
 MOST_CORRECTIONS = 6
-
-# The steepest slope of a quintic from 0 to 1 in a second, 1/s.
-STEEPEST = 1.875
 
 # While the weight of a blend changes, it is given up beyond so many times the limits of a join.
 BLEND_TURNS_OVER = 2.0
@@ -159,7 +156,7 @@ class Performance:
         restarted = self._first.restarted()
         if restarted is not None and self._blend is None:
             self._first.restart_at(restarted)
-            self._fade_to_first(self.here.acceleration)
+            self._fade_to_first(self.here)
         return completed
 
     def show(self) -> Pose:
@@ -193,7 +190,7 @@ class Performance:
             self._fade, self._limits = None, None
             self._switching = True  # completed in the next step
         else:
-            self._fade_to_first(max(leaving.acceleration, entering.acceleration))
+            self._fade_to_first(leaving, entering)
 
     def jump(self, phase: float) -> None:
         """Goes to a phase in [0, 1] of the motion that is played, and fades from what is shown to it."""
@@ -201,9 +198,7 @@ class Performance:
         self._limit(motion)
         self._blend, self._switching = None, False
         self._first.cue_phase(motion.name, phase)
-        way = self._limbs(self._first.step(0.0, 0.0).rotation) - self._limbs(self._shown.rotation)
-        longest = float(np.linalg.norm(way, axis=-1).max())
-        self._fade_to_first(motion.acceleration, STEEPEST * longest / (FASTEST * motion.speed))
+        self._fade_to_first(motion)
 
     def blend_in(self, other: str, weight: float) -> None:
         """Blends another motion in, or changes its weight, at MORPH_SECONDS for a weight of 1."""
@@ -270,25 +265,24 @@ class Performance:
         """Enters a motion on the second track, and mixes both until it is left alone."""
         leaving, entering = self.here, self.motions[motion]
         self._second.cue(motion, anchor)
-        before = self._second.step(0.0, self._tempo)
+        self._second.step(0.0, self._tempo)
         now = self._second.step(self._dt, self._tempo)
         self._blend = PostureBlend(self._first.posture, now, self._rest_direction)
         if self._by_module and self._joining == "morph":
             self._weight = ModuleWeight(len(self._names), *map(self._names.index, (leaving.name, motion)))
         else:
-            bound = max(leaving.acceleration, entering.acceleration)
-            self._weight = Ramp(0.0, 1.0, self._difference(before, now, bound).duration)
+            self._weight = Ramp(0.0, 1.0, self._difference(self._second, leaving, entering).duration)
 
-    def _fade_to_first(self, bound: float, at_least: float = 0.0) -> None:
+    def _fade_to_first(self, *motions: Motion) -> None:
         """Fades from what is shown to the motion of the first track, which has just been cued."""
         tempo = self._tempo if self.here.loop else 0.0
-        before = self._first.step(0.0, tempo)
-        self._begin_fade(before, self._first.step(self._dt, tempo), bound, at_least)
+        self._first.step(0.0, tempo)
+        self._first.step(self._dt, tempo)
+        self._begin_fade(self._first, *motions)
 
     def _fade_instead(self) -> None:
-        """Replaces a join that has become too fast by a fade to its target; a fade by a longer one."""
+        """Replaces a join that has become too fast by a fade from here to its target."""
         self._corrections += 1
-        longer = 1.5 * self._fade.duration if self._fade is not None else 0.0
         track = self._leading
         if self._blend is not None:
             self._first, self._second = self._second, self._first
@@ -298,15 +292,24 @@ class Performance:
             track.step(0.0, self._tempo)
             track.step(self._dt, self._tempo)
         self._switching = False
-        self._begin_fade(track.posture_before, track.posture, track.motion.acceleration, longer)
+        self._begin_fade(track, track.motion)
 
-    def _begin_fade(self, before: Posture, now: Posture, bound: float, at_least: float = 0.0) -> None:
-        self._fade = self._difference(before, now, bound, at_least)
+    def _begin_fade(self, track: Track, *motions: Motion) -> None:
+        self._fade = self._difference(track, *motions)
         self._fade_elapsed = self._turned = 0.0
 
-    def _difference(self, before: Posture, now: Posture, bound: float, at_least: float = 0.0) -> Fade:
-        """The fade from what is shown to a motion that is at two postures in the tick before and now."""
-        return difference((self.posture, self._shown), (before, now), self._dt, self._limbs, bound, at_least)
+    def _difference(self, track: Track, *motions: Motion) -> Fade:
+        """The fade from what is shown to the motion of a track, bounded by what these motions do themselves."""
+        speed, acceleration = (max(getattr(motion, name) for motion in motions) for name in ("speed", "acceleration"))
+        starting = not track.motion.loop
+        return difference(
+            (self.posture, self._shown),
+            (track.posture_before, track.posture),
+            self._dt,
+            lambda times: track.ahead(times, self._tempo, starting=starting),
+            self._limbs,
+            Bounds(FASTEST * speed, acceleration),
+        )
 
     def _best_anchor(self, motion: str, before: Posture, now: Posture) -> int:
         """The anchor where a motion resembles a body most."""

@@ -32,15 +32,25 @@ from controller.rotations import (
 
 SHORTEST, LONGEST = 0.2, 1.6
 
-# The part of the bound that a fade may use: the target's bones do not go on turning quite as they do at the switch.
+# The part of the bounds that a fade may use: it is looked at at some moments only.
 _SHARE = 0.8
 
-# How long bones go on turning as they do, s: limbs swing back.
-_SWING = 0.3
-
-# At how many moments the acceleration of a fade is computed, and the least factor by which it is lengthened.
+# At how many moments speed and acceleration of a fade are computed, and the least factor by which it is lengthened.
 _SAMPLES = 16
 _LONGER = 1.1
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What no joint may exceed while a difference fades.
+
+    Attributes:
+        speed: in the world, m/s.
+        acceleration: in the world, beyond the target's own, m/s^2.
+    """
+
+    speed: float
+    acceleration: float
 
 
 @dataclass(frozen=True)
@@ -92,38 +102,43 @@ def difference(
     shown: tuple[Posture, Posture],
     target: tuple[Posture, Posture],
     dt: float,
+    ahead: Callable[[Array], Posture],
     limbs: Callable[[Array], Array],
-    bound: float,
-    at_least: float = 0.0,
+    bounds: Bounds,
 ) -> Fade:
-    """The fade that leads from what is shown to a target, in the shortest time that keeps accelerations in bounds.
+    """The fade that leads from what is shown to a target, in the shortest time that keeps joints in bounds.
 
-    The bound is on what a joint is accelerated in the world beyond the target's own motion. That is found by looking at
-    the fade over a target whose bones go on turning as they do: from SHORTEST on it is made longer until it is in
-    bounds, or LONGEST.
+    Speed and acceleration are found by looking at the fade over what the target does next: from SHORTEST on it is made
+    longer until it is in bounds. If none up to LONGEST is, it is the one that comes nearest.
 
     Args:
         shown, target: each the postures dt seconds ago and now.
         dt: s.
+        ahead: the target's postures after so many seconds (S,), from 0 on.
         limbs: joint positions relative to the root of rotations (..., 1 + B, 4), shape (..., J, 3), m.
-        bound: m/s^2.
-        at_least: the shortest duration, s, if that is more than SHORTEST.
+        bounds: what no joint may exceed.
     """
     before, aim = _from_now(shown, dt), _from_now(target, dt)
     turn = _turn(shown[1].rotation, target[1].rotation)
     turn_rate = (turn - nearest_rotation_vector(_turn(before.rotation, aim.rotation), turn)) / dt
     drift = _drift(shown[1]) - _drift(target[1])
     drift_rate = (drift - _drift(before) + _drift(aim)) / dt
-    fade = Fade(min(max(SHORTEST, at_least), LONGEST), turn, turn_rate, drift, drift_rate)
-    spin = _turn(target[1].rotation, aim.rotation) / dt
-    while fade.duration < LONGEST:
-        beyond = peak_acceleration(fade, target[1].rotation, spin, limbs) / (_SHARE * bound)
-        if beyond <= 1.0:
-            break
-        # What a difference in place costs goes with 1 / T^2, one in speed with 1 / T: the former never overshoots.
+    fade = Fade(SHORTEST, turn, turn_rate, drift, drift_rate)
+    best, least = fade, np.inf
+    while True:
+        speeds, acceleration = peaks(fade, ahead, limbs)
+        # A body that is already faster than that is slowed down by no choice of the duration.
+        fastest = max(_SHARE * bounds.speed, float(speeds[0]))
+        # What a difference in place costs goes with 1 / T in speed and 1 / T^2 in acceleration, one in speed goes with
+        # 1 and 1 / T: the former never overshoots. But what moves fast away from the target goes the farther the
+        # longer it is given.
+        beyond = max(acceleration / (_SHARE * bounds.acceleration), (float(speeds.max()) / fastest) ** 2)
+        if beyond < least:
+            best, least = fade, beyond
+        if beyond <= 1.0 or fade.duration >= LONGEST:
+            return best
         longer = fade.duration * max(_LONGER, np.sqrt(beyond))
         fade = replace(fade, duration=float(min(LONGEST, longer)))
-    return fade
 
 
 def extrapolated(before: Posture, now: Posture, dt: float) -> Posture:
@@ -139,26 +154,37 @@ def extrapolated(before: Posture, now: Posture, dt: float) -> Posture:
     )
 
 
-def peak_acceleration(fade: Fade, rotation: Array, spin: Array, limbs: Callable[[Array], Array]) -> float:
-    """The largest acceleration by which a fade moves a joint away from its target's own motion, m/s^2.
+def peaks(fade: Fade, ahead: Callable[[Array], Posture], limbs: Callable[[Array], Array]) -> tuple[Array, float]:
+    """How fast joints are during a fade, and how much they are accelerated beyond its target's own motion.
 
     Args:
         fade: which.
-        rotation, spin: the target's at its start, shapes (1 + B, 4) and (1 + B, 3), and rad/s.
-        limbs: as for `difference`.
+        ahead, limbs: as for `difference`.
+
+    Returns:
+        The speed of the fastest joint in each part of the fade, shape (_SAMPLES,), m/s; the largest acceleration beyond
+        the target's own, m/s^2.
     """
     step = fade.duration / _SAMPLES
-    time: Array = step * np.arange(_SAMPLES + 1.0)[:, None, None]
-    share: Array = time / fade.duration
-    value, slope = run_out(share)
+    time: Array = step * np.arange(_SAMPLES + 1.0)
+    value, slope = run_out((time / fade.duration)[:, None, None])
     slope = slope * fade.duration
-    aim = multiply(from_rotation_vector(_SWING * np.tanh(time / _SWING) * spin), rotation)
+    target = ahead(time)
+    heading = step * (np.cumsum(target.turn_rate) - 0.5 * (target.turn_rate + target.turn_rate[0]))
+    facing = yaw(heading)
+    aim = multiply(facing[:, None], target.rotation)
     shown = multiply(from_rotation_vector(value * fade.turn + slope * fade.turn_rate), aim)
-    drift = value[:, 0] * fade.drift + slope[:, 0] * fade.drift_rate
-    beyond = np.diff(limbs(shown) - limbs(aim), n=2, axis=0) / step**2
-    beyond[..., :2] += ((drift[2:, 1:] - drift[:-2, 1:]) / (2.0 * step))[:, None]
-    beyond[..., 2] += np.diff(drift[:, :1], n=2, axis=0) / step**2
-    return float(np.sqrt(np.square(beyond).sum(-1).max()))
+    drift = value * fade.drift + slope * fade.drift_rate
+    height, along = drift[..., :1], drift[..., 1:]
+    walked = rotate(facing, np.column_stack([target.velocity, np.zeros(len(time))]))[:, None, :2] + along
+    places, beside = limbs(shown), limbs(aim)
+    moved = np.diff(places, axis=0) / step
+    moved[..., :2] += 0.5 * (walked[1:] + walked[:-1])
+    moved[..., 2:] += np.diff(height + target.height[:, None, None], axis=0) / step
+    beyond = np.diff(places - beside, n=2, axis=0) / step**2
+    beyond[..., :2] += (along[2:] - along[:-2]) / (2.0 * step)
+    beyond[..., 2:] += np.diff(height, n=2, axis=0) / step**2
+    return np.sqrt(np.square(moved).sum(-1).max(-1)), float(np.sqrt(np.square(beyond).sum(-1).max()))
 
 
 def best_anchor(place: Array, velocity: Array, places: Array, velocities: Array, reach: float) -> int:

@@ -112,6 +112,16 @@ class Track:
         self.posture_before, self.posture = self.posture, self._decode(self._player.step(dt * tempo), tempo)
         return self.posture
 
+    def ahead(self, times: Array, tempo: float, *, starting: bool) -> Posture:
+        """The postures that come after some seconds (S,), the first of them 0, as the stored motion has them.
+
+        While a one-shot is `starting`, it gets going with the square of the share of these times (see `Fade.onset`).
+        """
+        share = times / times[-1]
+        rate = share**2 if starting else np.ones(len(times))
+        elapsed = times * share**2 / 3.0 if starting else times
+        return self.motion.ahead(self.at + tempo * elapsed, tempo * rate)
+
     def _decode(self, channels: Array, tempo: float) -> Posture:
         """The posture of channels, its path played at a tempo."""
         posture = self._encoding.decode(channels)
