@@ -89,10 +89,11 @@ class Measured:
         self.places.append(self._skeleton.joints(pose.root_position, pose.rotation))
 
 
-def own_peaks(library: MotionLibrary) -> dict[str, Peaks]:
-    """The peaks of each motion that plays alone, one round of it or until its end."""
-    peaks = {}
-    for name, motion in read_motions(library).items():
+def own_peaks(library: MotionLibrary, which: tuple[str, ...] = ()) -> dict[str, Peaks]:
+    """The peaks of each motion, or of these, that plays alone, one round of it or until its end."""
+    peaks, motions = {}, read_motions(library)
+    for name in which or motions:
+        motion = motions[name]
         alone = Measured(library, name, 0.0, None, direct=True)
         for _ in range(round(motion.seconds * RATE) + 20):
             alone.tick()

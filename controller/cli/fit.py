@@ -71,9 +71,10 @@ def fit(
 
       motiondeck fit configs/libraries/cmu86.toml --data cmu --centers auto --satellites auto --out small.safetensors
     """
-    from controller.cli.common.library_report import part_fields, print_table, report
+    from controller.cli.common.library_report import join_fields, join_line, part_fields, print_table, report
     from controller.cli.common.options import check_folder
     from controller.cli.common.progress import progress
+    from controller.deck.worst_join import worst_join
     from controller.library.motion_library import save_library
     from controller.mocap.formats.reading import RECORDINGS
     from controller.training import fit as training
@@ -116,6 +117,7 @@ def fit(
         library = training.fit_prepared(plan, training_set, tick)
     closeness = compare(library, training_set, plan.network.anchor_every, plot)
     learned = learned_parts(plan, training_set) if gestures else []
+    worst = worst_join(library)
     failing = [motion.name for motion in library.info.motions if not motion.passed]
     written = not failing or allow_failing
     if written:
@@ -127,6 +129,7 @@ def fit(
                 | {"beside_the_recording": closeness, "written": str(out) if written else None}
                 | {"learned_from": {name: part_fields(part) for name, part in training_set.parts.items()}}
                 | ({"learned": learned} if gestures else {})
+                | {"worst_join": join_fields(worst)}
             )
         )
     else:
@@ -134,6 +137,8 @@ def fit(
         print_closeness(library, {} if gestures else training_set.parts, closeness)
         for part in learned:
             print(described(part))
+        if worst is not None:
+            print(join_line(worst))
     if not written:
         raise MotiondeckError(
             f"{', '.join(failing)} failed the self-test, so {out} was not written. "

@@ -55,6 +55,8 @@ def learn(
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+    from controller.cli.common.library_report import join_fields, join_line
+    from controller.deck.worst_join import worst_join
     from controller.library.motion_library import save_library
     from controller.mocap.formats.writing import write_file
     from controller.training import learn as learning
@@ -79,13 +81,16 @@ def learn(
 
         learned = learning.learn(recordings, out.stem, options=options, progress=progress)
     save_library(learned.library, out)
+    worst = worst_join(learned.library)
     recipe = out.with_suffix(".toml")
     write_file(recipe, recipe_text(learned.recipe).encode())
     if as_json:
         told = {"motions": _rows(learned), "warnings": warnings(learned.recipe)}
-        print(json.dumps({"written": str(out), "recipe": str(recipe)} | told))
+        print(json.dumps({"written": str(out), "recipe": str(recipe)} | told | {"worst_join": join_fields(worst)}))
     else:
         _print(learned)
+        if worst is not None:
+            print(join_line(worst))
         for warning in warnings(learned.recipe):
             print(f"warning: {warning} {recipe}")
         print(f"wrote {out} ({out.stat().st_size / 1e6:.1f} MB) and its recipe {recipe}")

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
+from controller.deck.joins.join_limits import FASTEST, HARDEST
 from controller.library.motion_library import MotionLibrary
 
 if TYPE_CHECKING:
+    from controller.deck.worst_join import Join
     from controller.training.training_set import LearnedPart
 
 
@@ -51,6 +54,20 @@ def print_table(library: MotionLibrary) -> None:
         rows,
         title=f"{info.name}: {info.network}, {library.network.neurons} neurons, {info.rate:g} Hz",
         left=("plays", "self-test"),
+    )
+
+
+def join_fields(join: Join | None) -> dict[str, Any] | None:
+    """The worst join that was found, for scripts; null where nothing can be joined."""
+    return join and asdict(join) | {"passes": join.passes}
+
+
+def join_line(join: Join) -> str:
+    """The worst join that was found, in words."""
+    verdict = "" if join.passes else ": too fast, so a robot may lag there"
+    return (
+        f"worst join found: {join.source} to {join.target} at phase {join.phase:.2f}, {join.speed:.2f} x speed and "
+        f"{join.acceleration:.2f} x acceleration of the motions (limits {FASTEST:g} and {HARDEST:g}){verdict}"
     )
 
 

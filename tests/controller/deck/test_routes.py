@@ -6,6 +6,7 @@ from controller.deck.deck import Deck
 from controller.deck.joins.deck_motions import Motion, read_motions
 from controller.deck.routes import Routes
 from controller.library.motion_library import load_library
+from controller.mocap.posture import Posture
 from motiondeck_base.shipped import shipped_configs
 
 DT = 0.01
@@ -16,7 +17,8 @@ def motion(name, start, end, *, loop):
     places = np.zeros((10, 4))
     places[:, 3] = np.linspace(start, end, 10)
     exits = places if loop else places[-1:]
-    return Motion(name, loop, places[:1], np.zeros((1, 4)), exits, 0.1, 1.0, 1.0, 1.0)
+    upright = Posture(places[:, 3], np.zeros((10, 2)), np.zeros(10), np.tile([1.0, 0.0, 0.0, 0.0], (10, 2, 1)))
+    return Motion(name, loop, places[:1], np.zeros((1, 4)), exits, upright, 0.1, 1.0, 1.0, 1.0)
 
 
 def repertoire(*motions):

@@ -1,0 +1,141 @@
+"""The worst join of a library: how fast and how hard joints move at the hardest of its switches.
+
+To play every pair at every phase takes minutes. The joins that look hardest are found in the stored motions: those
+whose bodies are farthest apart, in place and velocity, for how briskly the two motions move themselves. The deck plays
+a few of them, and the worst of these is told.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from controller.deck.deck import Deck
+from controller.deck.joins.deck_motions import Motion, read_motions
+from controller.deck.joins.join_limits import FASTEST, HARDEST
+from controller.deck.joins.joining import Joining
+from controller.deck.performance import VELOCITY_REACH
+from controller.deck.routes import Routes
+from controller.library.motion_library import MotionLibrary
+from controller.rotations import Array
+
+PHASES = 24
+"""At how many places a loop is left."""
+
+PLAYED = 12
+"""How many of the joins that look hardest are played."""
+
+_RATE = 200.0
+_BEFORE, _AFTER = 3, 10  # ticks before the command, and after the switch has settled
+_LONGEST = 4.0  # s
+
+
+@dataclass(frozen=True)
+class Join:
+    """One switch.
+
+    Attributes:
+        source, target: the motions.
+        phase: where the source is left, [0, 1] of it.
+        speed, acceleration: the largest of any joint in the world, over the larger of both motions' own.
+        seconds: until nothing of the source was left.
+    """
+
+    source: str
+    target: str
+    phase: float
+    speed: float
+    acceleration: float
+    seconds: float
+
+    @property
+    def passes(self) -> bool:
+        """Whether it stays within the limits of a join."""
+        return self.speed <= FASTEST and self.acceleration <= HARDEST
+
+    @property
+    def use(self) -> float:
+        """How much of these limits it needs; 1 is the limit."""
+        return max(self.speed / FASTEST, self.acceleration / HARDEST)
+
+
+def worst_join(library: MotionLibrary, *, phases: int = PHASES, played: int = PLAYED) -> Join | None:
+    """The worst of the joins that look hardest, as the deck plays them; None where nothing can be joined."""
+    joins = [play_join(library, *one) for one in hardest_joins(library, played, phases)]
+    return max(joins, key=lambda join: join.use, default=None)
+
+
+def hardest_joins(library: MotionLibrary, count: int, phases: int = PHASES) -> list[tuple[str, str, float]]:
+    """The joins that look hardest, hardest first: source, target and the phase at which the source is left.
+
+    Of each pair that is joined directly one join at most is taken. One-shots are left at their end, loops at so many
+    phases.
+    """
+    motions, routes = read_motions(library), Routes.of(library)
+    found: list[tuple[float, tuple[str, str, float]]] = []
+    for leaving, entering in product(motions.values(), repeat=2):
+        if routes.by_way_of(leaving.name, entering.name) or (leaving is entering and leaving.loop):
+            continue
+        phase, places, velocities = _exits(leaving, phases)
+        apart = _apart(places, velocities, entering) / max(leaving.acceleration, entering.acceleration)
+        hardest = int(apart.argmax())
+        found.append((float(apart[hardest]), (leaving.name, entering.name, float(phase[hardest]))))
+    return [join for _, join in sorted(found, reverse=True)[:count]]
+
+
+def play_join(
+    library: MotionLibrary,
+    source: str,
+    target: str,
+    phase: float,
+    joining: Joining | None = None,
+    *,
+    direct: bool = False,
+) -> Join:
+    """One join as the deck plays it, measured from the command until the switch has settled."""
+    deck = Deck(
+        library, lambda pose: pose.root_position, source, direct=direct, joining=joining, phase=min(phase, 0.999)
+    )
+    places: list[Array] = []
+
+    def play(ticks: int) -> None:
+        for _ in range(ticks):
+            _, pose = deck.update(1.0 / _RATE)
+            places.append(library.skeleton.joints(pose.root_position, pose.rotation))
+
+    play(_BEFORE)
+    switch = deck.switch(target)
+    while switch.settled_s is None and deck.time - switch.commanded_s < _LONGEST:
+        play(1)
+    seconds = deck.time - switch.commanded_s
+    play(_AFTER)
+    motions = [read_motions(library)[name] for name in (source, *switch.via, target)]
+    step = np.diff(places, axis=0)
+    speed = float(np.linalg.norm(step, axis=-1).max()) * _RATE
+    acceleration = float(np.linalg.norm(np.diff(step, axis=0), axis=-1).max()) * _RATE**2
+    return Join(
+        source,
+        target,
+        phase,
+        speed / max(motion.speed for motion in motions),
+        acceleration / max(motion.acceleration for motion in motions),
+        seconds,
+    )
+
+
+def _exits(motion: Motion, phases: int) -> tuple[Array, Array, Array]:
+    """Phases (P,) at which a motion is left, with the places (P, F), m, and velocities (P, F), m/s, of its joints."""
+    if not motion.loop:
+        return np.ones(1), motion.exits, np.zeros_like(motion.exits)
+    anchors = np.unique(np.arange(phases) * len(motion.places) // phases)
+    return anchors / len(motion.places), motion.places[anchors], motion.velocities[anchors]
+
+
+def _apart(places: Array, velocities: Array, entering: Motion) -> Array:
+    """How far bodies (P, F) are from where a motion resembles them most, in place and velocity, shape (P,), m."""
+    here = np.hstack([places, VELOCITY_REACH * velocities])
+    there = np.hstack([entering.places, VELOCITY_REACH * entering.velocities])
+    squares = np.square(here).sum(1)[:, None] + np.square(there).sum(1) - 2.0 * here @ there.T
+    return np.sqrt(np.maximum(squares.min(1), 0.0))
