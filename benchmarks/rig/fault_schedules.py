@@ -144,8 +144,8 @@ def _passing(rng: random.Random, ids: list[int]) -> Fault:
     return Fault(kind, id, rng.uniform(0.5, SECONDS - _QUIET - lasts), lasts, rng.uniform(0.1, 0.9))
 
 
-def run(seed: int) -> Outcome:
-    """Plays one schedule; nothing but a RigError may leave the loop."""
+def run(seed: int, until_wrong: bool = False) -> Outcome:
+    """Plays one schedule, or only until something is wrong; nothing but a RigError may leave the loop."""
     plan = schedule(seed)
     config, outcome = plan.config, Outcome()
     parts = config.parts
@@ -178,7 +178,6 @@ def run(seed: int) -> Outcome:
         try:
             rig.collect_state()
             rig.write(targets)
-            rig.request_state()
         except RigError as error:
             outcome.stopped = str(error)
             break
@@ -196,6 +195,8 @@ def run(seed: int) -> Outcome:
                 recoveries[number] = part.recoveries
                 judge.recovered()
             judge.look(np.clip(targets, *limits)[place], blocked[place], cut_off[place], not part.mending)
+            if until_wrong and judge.is_wrong:
+                return Outcome(judge.problems)
     outcome.recoveries = sum(recoveries)
     if outcome.stopped:
         _judge_stop(plan, outcome, ports[0].now())
@@ -344,7 +345,7 @@ def _run_schedules(seeds: range) -> int:
 def _went_wrong(seed: int) -> bool:
     """Whether a schedule has a problem; a broken source may also raise what no rig should."""
     try:
-        return bool(run(seed).problems)
+        return bool(run(seed, until_wrong=True).problems)
     except Exception:
         return True
 

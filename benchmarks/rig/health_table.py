@@ -99,7 +99,6 @@ def run(model: str, fault: str, in_place: bool = False, models: Sequence[str] = 
         try:
             rig.collect_state()
             rig.write(np.full(len(models), target))
-            rig.request_state()
         except RigError as error:
             end = str(error)
             break

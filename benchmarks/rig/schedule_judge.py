@@ -125,6 +125,11 @@ class ShaftJudge:
         """What was wrong so far."""
         return [*self._problems.values(), *dict.fromkeys(self._bus.problems), *self._goals_beyond()]
 
+    @property
+    def is_wrong(self) -> bool:
+        """Whether something was wrong in what a look shows; what was sent is judged in `problems`."""
+        return bool(self._problems or self._bus.problems)
+
     def recovered(self) -> None:
         """Notes that the rig has just come back: its joints catch up slowly."""
         self._slow_from[:] = self._port.now() + _COASTS

@@ -87,7 +87,7 @@ class Bus:
     adapter (a USB latency timer may hold a reply for 16 ms) and the servos' return delay. They are repeated at most
     `retries` times. A servo's hardware problem is a field of its answer (`alert`), never an exception.
 
-    For a real-time loop there are three calls that never wait: `sync_write`, `request` and `collect`. Any other call
+    For a real-time loop there are calls that never wait: `sync_write`, `request` and `collect`. Any other call
     gives up a request under way. Every call raises SerialPortError when the port is gone.
 
     Protocol 1.0 has no sync read, and only MX servos know a bulk read: there a group read that waits asks one servo
@@ -109,6 +109,7 @@ class Bus:
         self._pending: _Request | None = None  # the one whose reply is awaited
         self._deadline = 0.0
         self._received = b""
+        self._may_be_late = True  # whether bytes of an earlier answer may still come, so that they must be discarded
 
     @classmethod
     def open(cls, name: str, baud: int) -> Bus:
@@ -169,8 +170,12 @@ class Bus:
         Returns:
             False if the port would not take the bytes: nothing is written then.
         """
+        return self.port.send(self.sync_write_frame(address, length, entries))
+
+    def sync_write_frame(self, address: int, length: int, entries: bytes) -> bytes:
+        """What `sync_write` sends: for `request`, which sends it in one go with a question."""
         words = self._words(entries[0]) if self.old else instructions
-        return self.port.send(words.sync_write(address, length, entries))
+        return words.sync_write(address, length, entries)
 
     def sync_read(self, ids: Sequence[int], address: int, length: int) -> dict[int, StatusPacket]:
         """Reads the same registers of many servos, one status each; who stays silent is missing from the answer."""
@@ -184,22 +189,26 @@ class Bus:
         """Reads (id, address, length) of each servo, one status each; who stays silent is missing from the answer."""
         return self._read_group(blocks, fast=False)
 
-    def request(self, blocks: Blocks, fast: bool = True) -> bool:
+    def request(self, blocks: Blocks, fast: bool = True, before: bytes = b"") -> bool:
         """Starts a group read without waiting for its reply; False if one is under way or the port is full.
+
+        Nothing is sent then, neither the question nor what should go before it.
 
         Args:
             blocks: (id, address, length) of each servo of one protocol; a sync read where all ask for the same, else
                 a bulk read; under Protocol 1.0 one servo, or MX servos.
             fast: whether all answer in one joint reply, which not every model can.
+            before: frames without an answer, sent in one write with the question and in front of it.
         """
         if self._pending is not None:
             return False
         request = self._requests.get((blocks, fast)) or self._plan(blocks, fast)
-        self._discard()
-        if not self.port.send(request.frame):
+        if self._may_be_late:
+            self._discard()
+        if not self.port.send(before + request.frame):
             return False
-        self._pending = request
-        self._deadline = self.port.now() + request.patience
+        self._pending, self._may_be_late = request, True
+        self._deadline = self.port.now() + self.wire_time(len(before)) + request.patience
         self._received = b""
         return True
 
@@ -212,24 +221,24 @@ class Bus:
         if pending is None:
             return None
         self._received += self.port.receive()
-        received, late = self._received, self.port.now() >= self._deadline
-        if len(received) < pending.needed and not late:
-            return None
-        reply = None
-        if pending.old:
-            reply = single_replies(received, pending.ids, pending.lengths, _old_statuses)
-            if len(reply.statuses) < len(pending.ids) and not late:
-                return None
-        elif pending.length is not None:
+        received = self._received
+        is_long_enough = len(received) >= pending.needed
+        if is_long_enough and pending.length is not None:
             whole = whole_fast_reply if pending.fast else whole_single_replies
-            reply = whole(received, pending.ids, pending.length)
-        if reply is None:
-            # Noise, stuffing, damage or a missing servo: what has come counts when it is complete, or at the deadline.
-            read = fast_reply if pending.fast else single_replies
-            reply = read(received, pending.ids, pending.lengths)
+            if (rows := whole(received, pending.ids, pending.length)) is not None:
+                self._pending, self._may_be_late = None, False
+                return rows
+        late = self.port.now() >= self._deadline
+        if not (is_long_enough or late):
+            return None
+        # Noise, stuffing, damage or a missing servo: what has come counts when it is complete, or at the deadline.
+        if pending.old:
+            reply, ended = single_replies(received, pending.ids, pending.lengths, _old_statuses), False
+        else:
+            reply = (fast_reply if pending.fast else single_replies)(received, pending.ids, pending.lengths)
             ended = pending.fast and len(received) - max(0, fast_reply_start(received)) >= pending.needed
-            if len(reply.statuses) < len(pending.ids) and not (ended or late):
-                return None
+        if len(reply.statuses) < len(pending.ids) and not (ended or late):
+            return None
         self._pending = None
         return reply
 
@@ -263,7 +272,7 @@ class Bus:
     def ping_all(self) -> list[Identity]:
         """The servos of Protocol 2.0 that answer a broadcast ping, in order of ID; waits for the slowest of 253."""
         self._pending = None
-        self.port.receive()
+        self._discard()
         if not self.port.send(instructions.ping(BROADCAST)):
             return []
         # Each waits for its turn, at most its return delay of 508 us and its own 14 bytes.
@@ -351,8 +360,9 @@ class Bus:
         return None
 
     def _discard(self) -> None:
-        """Throws away what came too late for an earlier call."""
+        """Throws away what came too late for an earlier call; what is sent next may be answered too late again."""
         self.port.receive()
+        self._may_be_late = True
 
     def _plan(self, blocks: Blocks, fast: bool) -> _Request:
         """What a group read sends and waits for; kept, because a loop asks for the same again and again."""

@@ -64,20 +64,20 @@ class SimulatedRig:
         self._goals = self.positions.copy()
 
     def write(self, targets: Array) -> None:
-        """Sets the servos' targets (J,), rad, clipped to the limits; NaN and infinity change nothing."""
+        """Sets the servos' targets (J,), rad, clipped to the limits, and asks for the state; NaN changes nothing."""
         finite = np.isfinite(targets)
         wanted = np.where(finite, targets, self._goals)
         self._goals = np.clip(wanted, self._scale.lower, self._scale.upper)
         self.faults.clipped[:] += wanted != self._goals
         self.faults.refused[:] += ~finite
-        self._fed = self._now
+        self._asked, self._fed = True, self._now
         for index, (joint, pulses) in enumerate(zip(self.config.joints, self._scale.pulses(self._goals), strict=True)):
             register, device = joint.table["goal_position"], self.servos.devices[index]
             if device.dead or device.write(register.address, register.encode(int(pulses))):
                 self.faults.unsent[index] += 1
 
     def request_state(self) -> None:
-        """Asks for the state."""
+        """Asks for the state without giving targets."""
         self._asked, self._fed = True, self._now
 
     def collect_state(self) -> bool:

@@ -1,7 +1,7 @@
 """A rig of Dynamixel servos as a real-time loop drives it: angles in, angles out; nothing waits and nothing raises.
 
-A tick is  collect_state, write(targets), request_state:  the answer to a request travels while the loop does other
-things, and is collected a tick later.
+A tick is  collect_state, write(targets):  one read and one write. The goals leave with a question for the state, whose
+answer travels while the loop does other things, and is collected a tick later.
 
 The AX, RX, MX (Protocol 1.0) and XL-320 servos have no watchdog: they go to their last goal, which is near, and hold.
 Each other servo's bus watchdog is armed by the first write, since nothing moves before, and again once a second: a
@@ -50,7 +50,7 @@ class DynamixelRig:
         gone: whether the port is gone, or the rig closed.
         faults: what went wrong so far.
         write_us: how long each `write` took.
-        read_us: how long each `request_state` and each `collect_state` took; never the time on the wire.
+        read_us: how long each `collect_state` took; never the time on the wire.
     """
 
     def __init__(self, config: RigConfig, bus: Bus) -> None:
@@ -112,10 +112,11 @@ class DynamixelRig:
         return self._stopped or (self._armed and self.bus.port.now() - self._last_word > patience)
 
     def write(self, targets: Array, reach: Array | None = None) -> None:
-        """Sends the targets (J,), rad, as one sync write of goal positions; no farther from the last than `reach`, rad.
+        """Sends the targets (J,), rad, as a sync write of goal positions, and asks for the state in the same write.
 
-        Targets beyond a limit are clipped, those that are NaN or infinite leave the joint's goal as it was; both are
-        counted.
+        No goal is farther from the last than `reach`, rad. Nothing is asked while an answer is under way, or before it
+        is due by the rig file's `read_hz`. Targets beyond a limit are clipped, those that are NaN or infinite leave the
+        joint's goal as it was; both are counted.
         """
         if self.gone:
             return
@@ -138,25 +139,15 @@ class DynamixelRig:
                 self.faults.unsent[:] += 1
 
     def request_state(self) -> None:
-        """Asks the servos for their state; nothing happens while an answer is under way."""
+        """Asks the servos for their state without giving them targets; nothing happens while an answer is under way."""
         if self.gone:
             return
-        with self.read_us:
-            try:
-                self._stopped = self.stopped
-                now = self.bus.port.now()
-                if now < self._reads_next:
-                    return
-                question = self.readings.next_question()
-                if self.bus.request(question.asked, self._fast):
-                    self.readings.asked(question)
-                    self._last_word = now
-                    if self.config.read_hz:
-                        # Half a tick of grace: a loop's ticks are never quite on time.
-                        self._reads_next = now + 1.0 / self.config.read_hz - 0.5 / self.config.rate_hz
-            except SerialPortError:
-                self.gone = True
-                raise
+        try:
+            self._stopped = self.stopped
+            self._ask()
+        except SerialPortError:
+            self.gone = True
+            raise
 
     def collect_state(self) -> bool:
         """Takes the answer if it has come in the meantime; whether anything new was measured."""
@@ -231,12 +222,29 @@ class DynamixelRig:
             units = round(self.config.watchdog_ms * 1e-3 / WATCHDOG_UNIT)
             self._armed = tell_all(self.config, self.bus, "bus_watchdog", units) or self._armed
             self._arm_next = now + _ARM_AGAIN
-        pulses, sent = self._scale.pulses(goals), True
+        pulses, frames = self._scale.pulses(goals), []
         for group in self._goal_groups:
-            group.entries["goal"] = pulses[group.joints]
-            sent &= self.bus.sync_write(group.address, group.length, group.entries.tobytes())
+            group.goals[:] = pulses[group.joints]
+            frames.append(self.bus.sync_write_frame(group.address, group.length, group.entries.tobytes()))
+        data = b"".join(frames)
+        sent = self._ask(data) or self.bus.port.send(data)
         self._last_word = self.bus.port.now()
         return sent
+
+    def _ask(self, before: bytes = b"") -> bool:
+        """Sends the next question if it is due, behind these frames; False if nothing was sent."""
+        now = self.bus.port.now()
+        if now < self._reads_next:
+            return False
+        question = self.readings.next_question()
+        if not self.bus.request(question.asked, self._fast, before):
+            return False
+        self.readings.asked(question)
+        self._last_word = now
+        if self.config.read_hz:
+            # Half a tick of grace: a loop's ticks are never quite on time.
+            self._reads_next = now + 1.0 / self.config.read_hz - 0.5 / self.config.rate_hz
+        return True
 
 
 class _GoalGroup(NamedTuple):
@@ -246,12 +254,14 @@ class _GoalGroup(NamedTuple):
         address, length: of the goal.
         joints: their indices, shape (n,), or all.
         entries: ID and goal of each, as a sync write takes them, shape (n,).
+        goals: a view of the goals in `entries`, shape (n,), pulses.
     """
 
     address: int
     length: int
     joints: NDArray[np.int64] | slice
     entries: NDArray[Any]
+    goals: NDArray[Any]
 
 
 def _goal_groups(config: RigConfig) -> Iterator[_GoalGroup]:
@@ -260,4 +270,6 @@ def _goal_groups(config: RigConfig) -> Iterator[_GoalGroup]:
     for (_, address, length), members in groups.items():
         entries = np.zeros(len(members), dtype=[("id", "u1"), ("goal", f"<i{length}")])
         entries["id"] = [config.joints[index].id for index in members]
-        yield _GoalGroup(address, length, slice(None) if len(groups) == 1 else np.array(members), entries)
+        yield _GoalGroup(
+            address, length, slice(None) if len(groups) == 1 else np.array(members), entries, entries["goal"]
+        )

@@ -43,6 +43,18 @@ _RESTLESS, _RESTLESS_WITHIN = 5, 10.0  # times, s
 _FULL_PWM = 885.0
 _KEPT = 200
 
+_KINDS = (
+    "does not answer",
+    "has lost its torque or restarted",
+    "was cut off for longer than its watchdog waits",
+    "does not follow its target",
+    "pushes against something and gives way",
+    "is getting hot",
+    "has a low supply voltage",
+    "has shut down",
+)
+_SILENT, _LIMP, _BACK, _STILL, _YIELDS, _WARM, _STARVED, _DOWN = range(len(_KINDS))
+
 
 class Incident(NamedTuple):
     """Something that happened to a joint or a port.
@@ -85,7 +97,7 @@ class Health:
         self._anchor, self._anchored = np.full(count, np.inf), np.full(count, now)
         self._was_idle = np.zeros(count, dtype=np.bool_)
         self._given_up = np.zeros(count, dtype=np.bool_)
-        self._known: dict[str, Mask] = {}
+        self._known, self._seen = (np.zeros((len(_KINDS), count), dtype=np.bool_) for _ in range(2))
         self._mended: list[deque[float]] = [deque(maxlen=_RESTLESS) for _ in range(count)]
         self._reason = [""] * count
 
@@ -111,24 +123,25 @@ class Health:
         limp = ~readings.torque & ~down & ~missing
         still = self._still(readings.positions, goals, now) & readings.torque & ~missing & ~yielding
         idle = still & (np.abs(readings.currents) < _IDLE_CURRENT * self._stall)
-        restless = limp & self._often_mended(now)
+        restless = limp & self._often_mended(now) if limp.any() else limp
         self._return(~missing & ~down, now)
         alive = ~self.lost
         self.mend = alive & (back | limp | idle)
         self.fatal = alive & (down | hot | silent | restless | (idle & self._was_idle))
         margin = self._hottest - readings.temperatures
-        for kind, found in (
-            ("does not answer", silence > _MISSED_AFTER),
-            ("has lost its torque or restarted", limp),
-            ("was cut off for longer than its watchdog waits", back),
-            ("does not follow its target", still),
-            ("pushes against something and gives way", yielding),
-            ("is getting hot", margin < EASED_FROM),
-            ("has a low supply voltage", (readings.voltages < self._lowest) | (readings.errors & 1 != 0)),
-            ("has shut down", down),
-        ):  # fmt: skip
-            if found.any() or kind in self._known:
-                self._report(kind, found & alive, readings, now)
+        known, seen = self._known, self._seen
+        seen[_SILENT] = silence > _MISSED_AFTER
+        seen[_LIMP] = limp
+        seen[_BACK] = back
+        seen[_STILL] = still
+        seen[_YIELDS] = yielding
+        seen[_WARM] = margin < EASED_FROM
+        seen[_STARVED] = (readings.voltages < self._lowest) | (readings.errors & 1 != 0)
+        seen[_DOWN] = down
+        seen &= alive
+        if (new := seen & ~known).any():
+            self._report(new, readings, now)
+        self._known, self._seen = seen, known
         if self.fatal.any():
             self._explain(readings, down, hot, silent, restless)
 
@@ -171,20 +184,17 @@ class Health:
         for index in np.flatnonzero(returned).tolist():
             self.incidents.append(Incident(now, self._who[index], "answers again"))
 
-    def _report(self, kind: str, found: Mask, readings: Readings, now: float) -> None:
-        """Makes incidents of what is new."""
-        before = self._known.get(kind)
-        new = found if before is None else found & ~before
-        self._known[kind] = found.copy()
-        for index in np.flatnonzero(new).tolist():
+    def _report(self, new: Mask, readings: Readings, now: float) -> None:
+        """Makes incidents of what is new, shape (kinds, J)."""
+        for kind, index in zip(*(axis.tolist() for axis in np.nonzero(new)), strict=True):
             detail = ""
-            if kind == "has shut down":
+            if kind == _DOWN:
                 detail = f": {describe_errors(int(readings.errors[index]))}"
-            elif kind == "is getting hot":
+            elif kind == _WARM:
                 detail = f": {readings.temperatures[index]:.0f} degC, its limit is {self._hottest[index]:.0f}"
-            elif kind == "has a low supply voltage":
+            elif kind == _STARVED:
                 detail = f": {readings.voltages[index]:.1f} V"
-            self.incidents.append(Incident(now, self._who[index], kind + detail))
+            self.incidents.append(Incident(now, self._who[index], _KINDS[kind] + detail))
 
     def _explain(self, readings: Readings, down: Mask, hot: Mask, silent: Mask, restless: Mask) -> None:
         """Notes why each joint in `fatal` is."""

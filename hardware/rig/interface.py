@@ -39,11 +39,11 @@ class Rig(Protocol):
         ...
 
     def write(self, targets: Array) -> None:
-        """Sends the targets (J,), rad, without waiting."""
+        """Sends the targets (J,), rad, and asks the joints for their state, without waiting."""
         ...
 
     def request_state(self) -> None:
-        """Asks the joints for their state, without waiting."""
+        """Asks the joints for their state without giving them targets, and without waiting."""
         ...
 
     def collect_state(self) -> bool:

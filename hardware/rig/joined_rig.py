@@ -30,7 +30,7 @@ class JoinedRig:
     Attributes:
         config: the whole rig file.
         names: of the joints.
-        write_us, read_us: how long each `write`, and each `request_state` and `collect_state`, took.
+        write_us, read_us: how long each `write` and each `collect_state` took.
     """
 
     def __init__(self, config: RigConfig, parts: Sequence[SupervisedRig]) -> None:
@@ -92,7 +92,7 @@ class JoinedRig:
         return joined
 
     def write(self, targets: Array) -> None:
-        """Sends the targets (J,), rad; see `SupervisedRig.write`.
+        """Sends the targets (J,), rad, and asks for the state; see `SupervisedRig.write`.
 
         Raises:
             RigError: when a part has stopped for good, once.
@@ -102,8 +102,8 @@ class JoinedRig:
                 part.write(targets[places])
 
     def request_state(self) -> None:
-        """Asks the servos for their state; see `SupervisedRig.request_state`."""
-        with self.read_us, self._all_or_none() as parts:
+        """Asks the servos for their state without giving them targets; see `SupervisedRig.request_state`."""
+        with self._all_or_none() as parts:
             for part, _ in parts:
                 part.request_state()
 

@@ -173,7 +173,7 @@ class SupervisedRig:
 
     @property
     def read_us(self) -> Timings:
-        """How long each `request_state` and `collect_state` took."""
+        """How long each `collect_state` took."""
         return self._rig.read_us
 
     @property
@@ -194,7 +194,7 @@ class SupervisedRig:
     def write(self, targets: Array) -> None:
         """Sends the targets (J,), rad, or as far towards them as the joints' speed limits allow by now.
 
-        See `DynamixelRig.write`.
+        It asks for the state too: see `DynamixelRig.write`.
         """
         if not self._ready():
             self._rig.faults.unsent[:] += 1
@@ -205,7 +205,7 @@ class SupervisedRig:
             self._mend(_MENDED_WITHIN)
 
     def request_state(self) -> None:
-        """Asks the servos for their state; see `DynamixelRig.request_state`."""
+        """Asks the servos for their state without giving them targets; see `DynamixelRig.request_state`."""
         if self._ready():
             with self._mend_what_breaks():
                 self._rig.request_state()

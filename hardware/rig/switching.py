@@ -43,10 +43,9 @@ def switch_on(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambd
             or outside their limits, it names them all; or if it was cancelled.
         SerialPortError: if the port vanishes.
     """
-    _have_old_answer(config, bus)
+    have_old_answer(config, bus)
     check_identities(config, bus)
-    # A servo set to keep silent would look like one that is missing.
-    tell_all(config.only(_answer_by_ram(config)), bus, "status_return_level", _ANSWER_EVERYTHING)
+    have_answer(config, bus)
     try:
         _write(config, bus, "torque_enable", [0] * len(config.joints))
         _refuse_shut_down(config, bus)
@@ -106,7 +105,7 @@ def resume(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambda: 
         SerialPortError: if the port vanishes.
     """
     check_identities(config, bus)
-    tell_all(config.only(_answer_by_ram(config)), bus, "status_return_level", _ANSWER_EVERYTHING)
+    have_answer(config, bus)
     try:
         _refuse_shut_down(config, bus)
         ends = position_ends(config).astype(np.int64).tolist()
@@ -225,7 +224,7 @@ def check_identities(config: RigConfig, bus: Bus) -> None:
     if missing:
         raise RigError(
             f"no answer on {bus.port.name} at {bus.baud} baud from {_who(missing)}. "
-            "Check power, cables, ids and the baud rate."
+            "Check power, cables and ids; motiondeck rig doctor finds servos at other baud rates."
         )
     others = [
         f"{joint.name} (id {joint.id}) is a {identity.model}, not a {joint.model}"
@@ -241,7 +240,12 @@ def _answer_by_ram(config: RigConfig) -> list[int]:
     return [i for i, joint in enumerate(config.joints) if joint.table["status_return_level"].memory == "RAM"]
 
 
-def _have_old_answer(config: RigConfig, bus: Bus) -> None:
+def have_answer(config: RigConfig, bus: Bus) -> None:
+    """Has servos answer every instruction: one set to keep silent would look like one that is missing."""
+    tell_all(config.only(_answer_by_ram(config)), bus, "status_return_level", _ANSWER_EVERYTHING)
+
+
+def have_old_answer(config: RigConfig, bus: Bus) -> None:
     """Sets old servos that answer only a ping, or only reads: of these a ping does not tell the model.
 
     The level is in EEPROM, whose cells wear out, so it is written only where it is wrong.

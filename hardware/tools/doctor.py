@@ -17,12 +17,13 @@ from hardware.errors import NoReplyError, RigError, ServoError
 from hardware.rig.audit import audit, settle
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.state_block import arranged
-from hardware.rig.switching import describe_errors, hardware_errors
+from hardware.rig.switching import describe_errors, hardware_errors, have_answer, have_old_answer
 
 _USB_SERIAL = Path("/sys/bus/usb-serial/devices")
 _LIKELY = (57600, 1_000_000, 4_000_000, 2_000_000, 3_000_000, 115_200, 9600)
 _OLD_BLOCK = 20  # bytes that are read of a servo without indirect cells
 _CLOSE_TO_HOT = 12.0  # degC
+_THE_RIGS_OWN = ("min_position_limit", "max_position_limit", "current_limit")  # of which no servo knows beforehand
 
 
 class Found(NamedTuple):
@@ -71,6 +72,8 @@ class Report(msgspec.Struct, frozen=True):
         possible_hz: that the wire allows as it is now.
         servos: that answered.
         problems: each with its remedy.
+        notes: what differs from what the rig needs, and is set whenever it is switched on.
+        missing: IDs that did not answer.
     """
 
     port: str
@@ -80,6 +83,8 @@ class Report(msgspec.Struct, frozen=True):
     possible_hz: float
     servos: list[ServoReport]
     problems: list[str]
+    notes: list[str]
+    missing: list[int]
 
 
 def scan(open_bus: Callable[[int], Bus], bauds: Iterable[int] = _LIKELY) -> list[Found]:
@@ -134,11 +139,14 @@ def examine(config: RigConfig, bus: Bus) -> Report:
         SerialPortError: if the port vanishes.
     """
     problems: list[str] = []
+    notes: list[str] = []
+    missing: list[int] = []
     servos: list[ServoReport] = []
     for index, joint in enumerate(config.joints):
         identity = bus.ping(joint.id)
         who = f"{joint.name} (id {joint.id})"
         if identity is None:
+            missing.append(joint.id)
             problems.append(
                 f"{who} does not answer at {bus.baud} baud: check power, cable, id; try motiondeck rig scan"
             )
@@ -147,16 +155,24 @@ def examine(config: RigConfig, bus: Bus) -> Report:
         else:
             try:
                 servo = _ask(joint, identity, bus)
-                differences = [
-                    f"{difference}: motiondeck rig doctor --fix"
-                    for difference in audit(config.only([index]), bus)
-                    if difference.when != "switch-on"
-                ]
+                differences = audit(config.only([index]), bus)
                 servos.append(servo)
+            except NoReplyError:
+                problems.append(
+                    f"{who} answers a ping but no read, as if its status_return_level is 0, the rig needs 2: "
+                    "motiondeck rig doctor --fix; set at every switch-on too"
+                )
+                continue
             except ServoError as error:
                 problems.append(str(error))
                 continue
-            problems += _complaints(servo, joint, who) + differences
+            problems += _complaints(servo, joint, who)
+            problems += [f"{one}: motiondeck rig doctor --fix" for one in differences if one.when != "switch-on"]
+            notes += [
+                f"{one}: set at every switch-on"
+                for one in differences
+                if one.when == "switch-on" and one.register not in _THE_RIGS_OWN
+            ]
     latency = latency_timer(bus.port.name)
     if latency is not None and latency > 1:
         problems.append(
@@ -174,7 +190,21 @@ def examine(config: RigConfig, bus: Bus) -> Report:
         problems.append(
             f"the wire allows {possible:.0f} Hz, the rig file wants {wanted:g}: raise baud, or lower rate_hz"
         )
-    return Report(bus.port.name, bus.baud, latency, config.rate_hz, possible, servos, problems)
+    return Report(bus.port.name, bus.baud, latency, config.rate_hz, possible, servos, problems, notes, missing)
+
+
+def look_elsewhere(report: Report, open_bus: Callable[[int], Bus]) -> list[str]:
+    """Servos that answer at another baud rate than the rig's, one line each; nobody is looked for if none is missing.
+
+    Raises:
+        SerialPortError: if the port cannot be opened, or vanishes.
+    """
+    others = [baud for baud in _LIKELY if baud != report.baud] if report.missing else []
+    return [
+        f"a {who.model} answers as id {who.id} at {baud} baud: connect it alone, then motiondeck rig setup "
+        f"{report.port} --id {report.missing[0] if len(report.missing) == 1 else 'ID'} --baud {report.baud}"
+        for baud, who in scan(open_bus, others)
+    ]
 
 
 def fix_settings(config: RigConfig, bus: Bus) -> list[str]:
@@ -190,6 +220,8 @@ def fix_settings(config: RigConfig, bus: Bus) -> list[str]:
     for index, joint in enumerate(config.joints):
         one = config.only([index])
         try:
+            have_old_answer(one, bus)
+            have_answer(one, bus)
             torque = joint.table["torque_enable"]
             differences = audit(one, bus)
             if differences and bus.read(joint.id, torque.address, torque.length).params != b"\0":

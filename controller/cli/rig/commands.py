@@ -46,7 +46,8 @@ def doctor(
     """
     import msgspec
 
-    from hardware.tools.doctor import examine, fix_settings, shorten_latency
+    from hardware.bus.servo_bus import Bus
+    from hardware.tools.doctor import examine, fix_settings, look_elsewhere, shorten_latency
 
     config = load(rig)
     reports, refused = [], []
@@ -56,6 +57,8 @@ def doctor(
                 refused += fix_settings(part, bus)
                 print(shorten_latency(bus.port.name), file=sys.stderr)
             reports.append(examine(part, bus))
+    for report in reports:
+        report.problems.extend(look_elsewhere(report, lambda baud, port=report.port: Bus.open(port, baud)))
     if as_json:
         print(msgspec.json.encode(reports[0] if len(reports) == 1 else {"ports": reports}).decode())
     for report in reports if not as_json else []:
@@ -68,6 +71,8 @@ def doctor(
         print(f"the wire allows {report.possible_hz:.0f} Hz; the rig file wants {report.rate_hz:g} Hz")
         for problem in report.problems:
             print(f"problem: {problem}")
+        for note in report.notes:
+            print(f"note: {note}")
     problems = sum(len(report.problems) for report in reports)
     if not as_json:
         if refused:

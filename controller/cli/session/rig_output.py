@@ -53,7 +53,7 @@ class RigOutput:
         self._lost = ""
 
     def write(self, targets: Array, pose: Pose) -> None:
-        """Takes the state requested a tick ago, sends the targets, and requests the next; never waits for the wire.
+        """Takes the state asked for a tick ago, sends the targets, and asks for the next; never waits for the wire.
 
         Raises:
             MotiondeckError: if the rig has stopped for good, at this and every later write.
@@ -76,7 +76,6 @@ class RigOutput:
             self._measured[self._order] = rig.positions
         self._written[:] = targets[self._order]
         rig.write(self._written)
-        rig.request_state()
 
     def measured(self) -> Array | None:
         """The latest measured positions (J,), rad; NaN for joints that the rig lacks."""

@@ -36,7 +36,6 @@ def follow(port, rig, targets, seconds):
     for _ in range(round(seconds * 100)):
         rig.collect_state()
         rig.write(targets)
-        rig.request_state()
         port.elapse(0.01)
 
 

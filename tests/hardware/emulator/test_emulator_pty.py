@@ -175,7 +175,6 @@ def test_the_rig_plays_over_the_wire(servo20_file, monkeypatch):
         for _ in range(200):
             rig.collect_state()
             rig.write(targets)
-            rig.request_state()
             port.wait(1.0)
             clock.time += 0.01
         assert rig.positions == pytest.approx(targets, abs=3e-3)

@@ -22,7 +22,6 @@ def play(rig: Rig, elapse, ticks):
         rig.collect_state()
         seen.append(rig.positions.copy())
         rig.write(0.5 * np.sin(0.03 * tick + np.arange(4)))
-        rig.request_state()
         elapse(0.01)
     return np.array(seen)
 

@@ -10,7 +10,7 @@ from hardware.errors import RigError
 from hardware.rig.audit import audit, settle
 from hardware.rig.dynamixel_rig import DynamixelRig
 from hardware.rig.rig_file import RigConfig, RigJoint
-from hardware.tools.doctor import examine, fix_settings
+from hardware.tools.doctor import examine, fix_settings, look_elsewhere, set_up
 
 LIMIT = 1.5  # rad/s
 
@@ -57,10 +57,54 @@ def fastest(rig, port, seconds=2.0):
     for _ in range(round(seconds / 0.01)):
         rig.collect_state()
         rig.write(np.full(2, 1.4))
-        rig.request_state()
         port.elapse(0.01)
         shafts.append(float(device.bank.shaft[device.row]))
     return float(np.abs(np.diff(shafts)).max()) / 0.01 * 2.0 * np.pi / 4096
+
+
+# What the doctor says of a servo as LeRobot or DYNAMIXEL Wizard leave it, and whether it must be mended first.
+AS_OTHER_TOOLS_LEAVE_IT = {
+    "time-based profile": ({"drive_mode": 4}, "drive_mode is 4, the rig needs 0", "refused"),
+    "homing offset": ({"homing_offset": 700}, "homing_offset is 700, the rig needs 0", "refused"),
+    "reversed": ({"drive_mode": 1}, "drive_mode is 1, the rig needs 0", "refused"),
+    "extended position": ({"operating_mode": 4}, "operating_mode is 4, the rig needs 3", "mended"),
+    "status return level 0": ({"status_return_level": 0}, "its status_return_level is 0", "mended"),
+    "from the box": ({"baud_rate": 1}, "a XM430-W350 answers as id 1 at 57600 baud", "refused"),
+}
+
+
+@pytest.mark.parametrize("left", AS_OTHER_TOOLS_LEAVE_IT)
+def test_what_other_tools_leave_is_named_and_refused_or_mended_and_never_too_fast(used_rig, port, left):
+    settings, said, then = AS_OTHER_TOOLS_LEAVE_IT[left]
+    for register, value in settings.items():
+        port.bus[1][register] = value
+
+    def open_bus(baud):
+        port.bus.baud = baud
+        return Bus(port, baud)
+
+    report = examine(used_rig, open_bus(used_rig.baud))
+    assert said in "\n".join(report.problems + report.notes + look_elsewhere(report, open_bus))
+    bus = open_bus(used_rig.baud)
+    if then == "refused":
+        with pytest.raises(RigError, match=r"joint_1 \(id 1\)"):
+            DynamixelRig(used_rig, bus)
+        assert [port.bus[id]["torque_enable"] for id in (1, 2)] == [0, 0]
+        if "baud_rate" in settings:
+            port.bus[2].dead = True  # one servo at a time
+            set_up(open_bus, 1, used_rig.baud)
+            port.bus[2].dead = False
+        else:
+            assert fix_settings(used_rig, bus) == []
+    rig = DynamixelRig(used_rig, open_bus(used_rig.baud))
+    assert fastest(rig, port) < 1.05 * LIMIT
+    assert rig.positions == pytest.approx([1.4, 1.4], abs=0.01)
+
+
+def test_the_doctor_mends_a_servo_that_answers_no_read(used_rig, port, bus):
+    port.bus[1]["status_return_level"] = 0
+    assert fix_settings(used_rig, bus) == []
+    assert [servo.id for servo in examine(used_rig, bus).servos] == [1, 2]
 
 
 @pytest.mark.parametrize("register", LEFT_BEHIND)

@@ -23,7 +23,6 @@ def play(rig, port, targets, ticks=1):
     for _ in range(ticks):
         fresh += rig.collect_state()
         rig.write(np.asarray(targets, dtype=float))
-        rig.request_state()
         port.elapse(TICK)
     return fresh
 
@@ -326,7 +325,6 @@ def test_a_vanished_port_is_raised_once(rig, port):
     with pytest.raises(SerialPortError, match="is gone"):
         rig.write(np.zeros(4))
     rig.write(np.zeros(4))
-    rig.request_state()
     assert not rig.collect_state()
     assert rig.close() == list(rig.names)
 
@@ -336,7 +334,6 @@ def test_a_full_port_is_counted(rig, port):
     send = port.send
     port.send = lambda data: False
     rig.write(np.full(4, 0.3))
-    rig.request_state()
     port.send = send
     assert rig.faults.unsent.tolist() == [1] * 4
     play(rig, port, [np.nan] * 4, 100)
@@ -347,5 +344,5 @@ def test_calls_are_timed(rig, port):
     assert rig.write_us.median == 0.0
     play(rig, port, [0.0] * 4, 3)
     assert rig.write_us.microseconds.shape == (3,)
-    assert rig.read_us.microseconds.shape == (6,)
+    assert rig.read_us.microseconds.shape == (3,)
     assert rig.write_us.median > 0.0

@@ -33,7 +33,6 @@ def play(rig, port, seconds, target=0.0):
     for _ in range(round(seconds / TICK)):
         rig.collect_state()
         rig.write(np.full(len(MODELS), target))
-        rig.request_state()
         port.elapse(TICK)
 
 
@@ -80,7 +79,6 @@ def test_an_alert_is_answered_by_asking_what_it_means_in_the_next_request():
         port.sent.clear()
         rig.collect_state()
         rig.write(np.zeros(6))
-        rig.request_state()
         (asked,) = [frame for frame in Parser().feed(b"".join(port.sent)) if frame.instruction in (0x92, 0x9A)]
         return {asked.params[at] for at in range(0, len(asked.params), 5) if asked.params[at + 3] > 80}
 

@@ -45,7 +45,6 @@ class Bench:
     def tick(self, targets):
         self.rig.collect_state()
         self.rig.write(targets)
-        self.rig.request_state()
         self.elapse(0.01)
 
     def play(self, ticks):

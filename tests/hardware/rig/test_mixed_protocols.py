@@ -50,7 +50,6 @@ def play(rig, port, target, seconds):
     for _ in range(round(seconds / TICK)):
         rig.collect_state()
         rig.write(np.full(COUNT, target))
-        rig.request_state()
         port.elapse(TICK)
         now = shafts(rig.config, port)
         fastest, before = np.maximum(fastest, np.abs(now - before) / TICK), now

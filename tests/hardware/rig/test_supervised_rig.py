@@ -39,7 +39,6 @@ def play(rig, port, targets, seconds):
     for _ in range(round(seconds / TICK)):
         rig.collect_state()
         rig.write(np.asarray(targets, dtype=float))
-        rig.request_state()
         port.elapse(TICK)
         off = off + TICK if np.abs(rig.positions - targets).max() > 0.05 else 0.0
     return off

@@ -51,9 +51,6 @@ class FakeRig:
             raise MotiondeckError("servo 7 is silent")
         self.written.append(targets.copy())
 
-    def request_state(self):
-        pass
-
     def close(self):
         return self.unconfirmed
 
