@@ -1,7 +1,8 @@
-"""python -m hardware.emulator RIG.toml: prints the port of an emulated rig and serves it until it is killed."""
+"""python -m hardware.emulator RIG.toml: prints the port of an emulated rig and serves it while its parent lives."""
 
 from __future__ import annotations
 
+import os
 import sys
 
 from hardware.emulator.pty_server import serve
@@ -14,8 +15,9 @@ def main() -> int:
     if len(sys.argv) != 2:
         print("usage: python -m hardware.emulator RIG.toml", file=sys.stderr)
         return 2
+    parent = os.getppid()
     try:
-        serve(load_rig(sys.argv[1]), lambda port: print(port, flush=True))
+        serve(load_rig(sys.argv[1]), lambda port: print(port, flush=True), goes_on=lambda: os.getppid() == parent)
     except MotiondeckError as error:
         print(f"motiondeck: {error}", file=sys.stderr)
         return 1

@@ -144,20 +144,21 @@ def serve(
     seed: int = 0,
     plant: JointPlant | None = None,
     between: Callable[[Sequence[EmulatedBus]], None] = lambda buses: None,
+    goes_on: Callable[[], bool] = lambda: True,
 ) -> None:
-    """Emulates the rig, passes the port to open to `announce`, and serves any client until the parent process is gone.
+    """Emulates the rig, passes the port to open to `announce`, and serves any client for as long as `goes_on`.
 
-    Runs for ever otherwise: end it with a signal. A rig with several ports gets as many, announced in order; a link is
+    Runs for ever by default: end it with a signal. A rig with several ports gets as many, announced in order; a link is
     numbered then (NAME-1, NAME-2), and a fault about one servo happens on every port that has its ID.
 
-    `between` is called with the bus of each port, fifty times a second or more: for what people do to the servos.
+    Fifty times a second or more `goes_on` is asked, and `between` called with the bus of each port: for what people do
+    to the servos.
 
     Raises:
         RigError: if a model cannot be emulated, or a rig on several ports is to move one plant.
         SerialPortError: if the link cannot be made.
         FaultError: if a fault is about a servo that is not there.
     """
-    parent = os.getppid()
     if plant is not None and len(config.ports) > 1:
         raise RigError(f"a rig on several ports ({', '.join(config.ports)}) cannot be coupled to one body")
     FaultPlan(faults, seed).check([joint.id for joint in config.joints])
@@ -169,7 +170,7 @@ def serve(
             name = link.with_name(f"{link.name}-{number}") if link is not None and len(config.ports) > 1 else link
             servers.append(PtyServer(EmulatedBus(part, strict, plant=plant), plan, paced, name))
             announce(servers[-1].port)
-        while os.getppid() == parent:
+        while goes_on():
             pump(servers)
             between([server.wire.bus for server in servers])
     finally:

@@ -45,7 +45,9 @@ def emulate(
         bool, typer.Option("--fresh", help="Only the first servo, as it comes from the box: id 1, 57600 baud.")
     ] = False,
 ) -> None:
-    """Emulate a rig: print the port to open, and serve any client until Ctrl-C.
+    """Emulate a rig: print the port to open, and serve any client until Ctrl-C or SIGTERM.
+
+    It goes on in the background (&) when the shell that started it ends, and with nohup when the terminal closes.
 
     What you type moves joints that have no torque, as hands would: `swing pan 0.5 every 2`, `move pan 1 tilt 0 in 1.5`
     (rad and s), `rest`; `where` tells where they are.

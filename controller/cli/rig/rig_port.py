@@ -50,13 +50,16 @@ def open_buses(config: RigConfig, ports: list[str] | None) -> Iterator[list[tupl
 
 @contextmanager
 def ended_by_sigterm() -> Iterator[None]:
-    """SIGTERM ends the block as an exception does, so that ports and links are given back."""
+    """SIGTERM, and a terminal that is closed, end the block as an exception does: ports and links are given back."""
 
     def end(number: int, frame: object) -> None:
         raise SystemExit(128 + number)
 
-    before = signal.signal(signal.SIGTERM, end)
+    # Whoever started this with nohup wants it to outlive the terminal.
+    wanted = [one for one in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(one) is not signal.SIG_IGN]
+    before = [(number, signal.signal(number, end)) for number in wanted]
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before:
+            signal.signal(number, handler)

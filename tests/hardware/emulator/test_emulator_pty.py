@@ -17,7 +17,7 @@ from hardware.bus.port import SerialPort
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.process import start_emulator
-from hardware.emulator.pty_server import PtyServer
+from hardware.emulator.pty_server import PtyServer, serve
 from hardware.errors import RigError, RigFileError, SerialPortError
 from hardware.rig.dynamixel_rig import DynamixelRig
 from hardware.rig.rig_file import load_rig
@@ -244,6 +244,15 @@ def test_nobody_reading_does_not_block_the_emulator(served):
         bus._pending = None
     until(lambda: bus.ping(1), "an answer")
     bus.close()
+
+
+def test_the_emulator_serves_for_as_long_as_it_is_wanted_whoever_its_parent_is(rig_of_four, monkeypatch):
+    parents, turns, ports = iter(range(9)), iter([True] * 3 + [False]), []
+    monkeypatch.setattr(os, "getppid", lambda: next(parents))
+    seen = []
+    serve(rig_of_four, ports.append, between=seen.append, goes_on=lambda: next(turns))
+    assert (len(seen), len(ports)) == (3, 1)
+    assert not Path(ports[0]).exists()
 
 
 def test_the_emulator_dies_with_its_parent(servo20_file):
