@@ -1,4 +1,4 @@
-"""The program as its users run it: a process, its output and its exit code."""
+"""The program as its users run it: its output and its exit code; what plays, in a process of its own."""
 
 import json
 import subprocess
@@ -8,20 +8,20 @@ import time
 import pytest
 
 import synthetic
+from command_line import motiondeck
 from controller.library.motion_library import save_library
 
 pytestmark = pytest.mark.smoke
 
 
-def motiondeck(*arguments, timeout=60, **options):
+def process(*arguments):
     return subprocess.run(
         [sys.executable, "-m", "controller.cli.main", *map(str, arguments)],
         capture_output=True,
         text=True,
-        timeout=timeout,
+        timeout=110,
         stdin=subprocess.DEVNULL,
         check=False,
-        **options,
     )
 
 
@@ -35,7 +35,7 @@ def library(tmp_path_factory):
 @pytest.fixture(scope="module")
 def report(library):
     """A short headless run with switches."""
-    run = motiondeck(
+    run = process(
         *("play", "--library", library, "--headless", "--command-port", "0", "--seconds", "3"),
         *("--script", "march 1, wave 1, march", "--json"),
     )
@@ -58,14 +58,14 @@ def test_each_switch_of_the_script_is_on_record(report):
 
 
 def test_without_json_a_few_words_are_said(library):
-    run = motiondeck("play", "--library", library, "--headless", "--command-port", "0", "--seconds", "0.3")
+    run = process("play", "--library", library, "--headless", "--command-port", "0", "--seconds", "0.3")
     assert run.returncode == 0
     assert "played to the end" in run.stdout
     assert "ticks at" in run.stdout
 
 
 def test_an_emulated_rig_is_streamed_to_and_answers():
-    run = motiondeck(
+    run = process(
         *("play", "box1", "--headless", "--command-port", "0", "--seconds", "2"),
         *("--rig", "emulated", "--robot", "servo20", "--json"),
     )
@@ -88,10 +88,11 @@ def test_a_running_deck_takes_commands_and_stops(library, tmp_path):
         text=True,
     )
     try:
-        deadline = time.monotonic() + 30
+        deadline = time.monotonic() + 90.0
         while motiondeck("send", "status", "--command-port", port).returncode:
             assert time.monotonic() < deadline, "the deck did not come up"
-        settled = motiondeck("send", "switch", "wave", "--wait", "--command-port", port)
+            time.sleep(0.05)
+        settled = process("send", "switch", "wave", "--wait", "--command-port", port)
         assert settled.returncode == 0
         assert "settled on wave" in settled.stdout
         refused = motiondeck("send", "switch", "wafe", "--command-port", port)
@@ -158,8 +159,15 @@ def test_a_mistake_ends_in_one_clear_line(arguments, says):
     assert run.stdout == ""
 
 
+def test_a_mistake_in_a_process_ends_in_the_same_line():
+    run = process("play", "wlak", "--headless")
+    assert (run.returncode, run.stdout) == (1, "")
+    assert run.stderr.startswith("motiondeck: unknown motion 'wlak'. Did you mean walk")
+    assert len(run.stderr.strip().splitlines()) == 1
+
+
 def test_debug_shows_where_a_mistake_was_noticed():
-    run = motiondeck("--debug", "play", "wlak", "--headless")
+    run = process("--debug", "play", "wlak", "--headless")
     assert run.returncode != 0
     assert "Traceback" in run.stderr
 
@@ -171,7 +179,7 @@ def test_a_page_port_in_use_is_named(library):
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        run = motiondeck("play", "--library", library, "--port", port, "--command-port", "0", "--seconds", "1")
+        run = process("play", "--library", library, "--port", port, "--command-port", "0", "--seconds", "1")
     assert run.returncode == 1
     assert f"port {port} for the page cannot be used" in run.stderr
 

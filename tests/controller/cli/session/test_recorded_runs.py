@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import synthetic
+from command_line import motiondeck
 from controller.cli.pictures.clip_scene import act_of_recording
 from controller.deck.recorded_deck import RecordedDeck
 from controller.library.motion_library import load_library, save_library
@@ -42,12 +43,12 @@ say = "resume"
 """
 
 
-def motiondeck(*arguments):
+def process(*arguments):
     return subprocess.run(
         [sys.executable, "-m", "controller.cli.main", *map(str, arguments)],
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=110,
         stdin=subprocess.DEVNULL,
         check=False,
     )
@@ -63,7 +64,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def run(folder):
-    done = motiondeck(
+    done = process(
         *("play", "--library", folder / "small.safetensors", "--headless", "--command-port", "0", "--seconds", "3"),
         *("--rate", "100", "--script", folder / "show.toml", "--record", folder / "show.rec", "--json"),
     )
@@ -86,7 +87,7 @@ def test_every_tick_is_recorded_with_its_commands(run, folder):
 
 
 def test_a_recording_is_replayed(run, folder):
-    done = motiondeck(
+    done = process(
         *("replay", folder / "show.rec", "--library", folder / "small.safetensors", "--headless", "--kinematic"),
         *("--command-port", "0", "--json"),
     )
@@ -99,7 +100,7 @@ def test_a_recording_is_replayed(run, folder):
 @pytest.fixture(scope="module")
 def servo_run(folder):
     """A run of a robot that is placed by its feet, with what its joints looked like."""
-    done = motiondeck(
+    done = process(
         *("play", "walk", "--robot", "servo20", "--headless", "--kinematic", "--command-port", "0", "--seconds", "1.5"),
         *("--rate", "100", "--record", folder / "servo.rec", "--recognize", "--json"),
     )
