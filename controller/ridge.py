@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from controller.rotations import Array
 
@@ -18,6 +17,8 @@ def ridge(states: Array, targets: Array, regulariser: float) -> Array:
         targets: shape (T, C).
         regulariser: gamma > 0.
     """
+    from scipy.linalg import cho_factor, cho_solve  # takes longer to import than a library takes to load
+
     frames, neurons = states.shape
     if frames < neurons:
         gram = states @ states.T

@@ -6,10 +6,23 @@ import errno
 import os
 import signal
 import sys
+from collections.abc import Sequence
+from importlib import import_module
 from typing import Annotated
 
 # While modules are still being imported Ctrl-C ends the program silently.
 signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def _end_early(number: int, frame: object) -> None:
+    """Ends the program where a signal asks for it before a run has begun, which takes signals itself."""
+    print(f"motiondeck: ended by {signal.Signals(number).name}", file=sys.stderr)
+    sys.exit(128 + number)
+
+
+for _number in (signal.SIGTERM, signal.SIGHUP):
+    if signal.getsignal(_number) == signal.SIG_DFL:
+        signal.signal(_number, _end_early)
 
 # Two BLAS threads cost a loop eight milliseconds at p99; this must be set before numpy is imported.
 for _library in ("OPENBLAS", "OMP", "MKL"):
@@ -17,55 +30,59 @@ for _library in ("OPENBLAS", "OMP", "MKL"):
 
 import typer  # noqa: E402
 
-from controller.cli import (  # noqa: E402
-    evaluate,
-    fit,
-    gamepad,
-    learn,
-    play,
-    plot,
-    preflight,
-    recognize,
-    replay,
-    segment,
-    send,
-)
-from controller.cli.clip import fill  # noqa: E402
-from controller.cli.library import motions  # noqa: E402
-from controller.cli.rig import commands as rig  # noqa: E402
-from controller.cli.robot import commands as robot  # noqa: E402
-from controller.cli.robot import retarget  # noqa: E402
 from motiondeck_base.errors import MotiondeckError  # noqa: E402
 from motiondeck_base.printable import printable  # noqa: E402
 
-app = typer.Typer(
-    name="motiondeck",
-    help="Plays learned human motions live on simulated humanoids and servo rigs, and switches them on command.",
-    no_args_is_help=True,
-    add_completion=False,
-    rich_markup_mode="rich",
-    pretty_exceptions_enable=False,
-)
-app.command("play")(play.play)
-app.command("send")(send.send)
-app.command("events")(send.events)
-app.command("gamepad")(gamepad.gamepad)
-app.command("replay")(replay.replay)
-app.command("plot")(plot.plot)
-app.command("learn")(learn.learn)
-app.command("fit")(fit.fit)
-app.command("evaluate")(evaluate.evaluate)
-app.command("preflight")(preflight.preflight)
-app.command("retarget")(retarget.retarget)
-app.add_typer(motions.app, name="library")
-app.add_typer(fill.app, name="clip")
-app.add_typer(rig.app, name="rig")
-app.add_typer(robot.app, name="robot")
-app.add_typer(recognize.app, name="recognize")
-app.command("segment")(segment.segment)
+# Where each subcommand is; a group of commands is an app of its own.
+_COMMANDS = {
+    "play": "play",
+    "send": "send",
+    "events": "send",
+    "gamepad": "gamepad",
+    "replay": "replay",
+    "plot": "plot",
+    "learn": "learn",
+    "fit": "fit",
+    "evaluate": "evaluate",
+    "preflight": "preflight",
+    "retarget": "robot.retarget",
+    "library": "library.motions",
+    "clip": "clip.fill",
+    "rig": "rig.commands",
+    "robot": "robot.commands",
+    "recognize": "recognize",
+    "segment": "segment",
+}
+_GROUPS = ("library", "clip", "rig", "robot", "recognize")
 
 
-@app.callback()
+def command_line(words: Sequence[str] = ()) -> typer.Typer:
+    """The command line; of words that begin with a subcommand only that one is imported, so that it starts sooner."""
+    app = typer.Typer(
+        name="motiondeck",
+        help="Plays learned human motions live on simulated humanoids and servo rigs, and switches them on command.",
+        no_args_is_help=True,
+        add_completion=False,
+        rich_markup_mode="rich",
+        pretty_exceptions_enable=False,
+    )
+    app.callback()(options)
+    first = next((word for word in words if word != "--debug"), "")
+    for name in [first] if first in _COMMANDS else _COMMANDS:
+        module = import_module(f"controller.cli.{_COMMANDS[name]}")
+        if name in _GROUPS:
+            app.add_typer(module.app, name=name)
+        else:
+            app.command(name)(getattr(module, name))
+    return app
+
+
+def __getattr__(name: str) -> typer.Typer:
+    if name == "app":  # the whole command line, made when somebody asks for it
+        return command_line()
+    raise AttributeError(name)
+
+
 def options(
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
 ) -> None:
@@ -78,7 +95,7 @@ def main() -> None:
     """Runs the command line; a user's mistake ends in one clear line and exit code 1."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        app()
+        command_line(sys.argv[1:])()
     except KeyboardInterrupt:
         sys.exit(130)
     except BrokenPipeError:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import sys
+from contextlib import ExitStack
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -144,65 +146,74 @@ def play(
 
       motiondeck play --video walk.mp4 --seconds 6
     """
-    from controller.cli.session.recognition_watch import MismatchPolicy
-    from controller.cli.session.report import summary
-    from controller.cli.session.robot_on_deck import open_robots
-    from controller.cli.session.session import RunSettings, Session
-    from controller.cli.session.setup import check_seconds, robot_setup
-    from controller.deck.deck import Deck
-    from controller.library.motion_library import load_library
-    from controller.wire.authentication import read_token
-    from motiondeck_base.errors import MotiondeckError
-    from motiondeck_base.shipped import find_library
+    if video is None:
+        os.environ.setdefault("MUJOCO_GL", "disable")  # nothing is drawn here, and MuJoCo starts sooner without OpenGL
+    from controller.cli.session.child_process import page_process
 
-    check_seconds(seconds)
-    if script is not None and motion is not None:
-        raise MotiondeckError(f"give either a motion ('{motion}') or a --script, not both")
-    if (kinematic or video is not None) and (root != "gantry" or balance):
-        raise MotiondeckError("--root and --balance are for simulated servos: leave --kinematic and --video")
-    if not 0.0 < mismatch_after < 1e4:
-        raise MotiondeckError(f"--mismatch-after {mismatch_after:g} s is not a length of time above 0")
-    loaded = load_library(find_library(library))
-    first, timeline, length = _timeline(loaded, motion, script)
-    seconds = seconds if seconds is not None else length
-    if video is not None:
-        _refuse_live_options(rig=rig is not None, record=record is not None, recognize=recognize)
-        _film(loaded, robot, first, timeline, seconds, video, solver, as_json)
-        return
-    if follow_rig is not None and follow is None:
-        raise MotiondeckError("--follow-rig needs --follow ROBOT: whose servos are they?")
-    if listen is not None and token_file is None:
-        raise MotiondeckError(f"--listen {listen} needs --token-file FILE: anybody could move the robot otherwise")
-    physics = {"physics": not kinematic, "root": root, "balance": balance, "keep_apart": check_collisions}
-    setups = [robot_setup(robot, rig, solver=solver, **physics)]
-    if follow is not None:
-        setups.append(robot_setup(follow, follow_rig, **physics))
-    settings = RunSettings(
-        rate=rate,
-        command_port=command_port,
-        page_port=None if headless else page_port,
-        terminal=not (headless or as_json) and sys.stdin.isatty() and sys.stdout.isatty(),
-        seconds=seconds,
-        record=record,
-        realtime=realtime,
-        core=core,
-        catch_up=overruns == "catch-up",
-        mismatch=MismatchPolicy(mismatch_after, on_mismatch is OnMismatch.STOP) if recognize else None,
-        listen=listen,
-        token=read_token(token_file) if token_file is not None else None,
-    )
-    with Session(
-        loaded,
-        lambda opening: open_robots(opening, setups, loaded, rate),
-        lambda retarget: Deck(loaded, retarget, first, direct=direct, joining=join),
-        settings,
-        timeline,
-    ) as session:
-        report = session.run()
-    _print(report, as_json, summary(report))
-    incomplete = not report.get("recording", {"complete": True})["complete"]
-    if incomplete or any(o["parked"] for o in report["outputs"]) or report.get("recognition", {}).get("stopped"):
-        raise typer.Exit(1)
+    with ExitStack() as early:
+        # The page takes longest to start, so it does that while all the rest is imported and loaded.
+        shown = not headless and video is None and core is None
+        page = early.enter_context(page_process(page_port)) if shown else None
+        from controller.cli.session.recognition_watch import MismatchPolicy
+        from controller.cli.session.report import summary
+        from controller.cli.session.robot_on_deck import open_robots
+        from controller.cli.session.session import RunSettings, Session
+        from controller.cli.session.setup import check_seconds, robot_setup
+        from controller.deck.deck import Deck
+        from controller.library.motion_library import load_library
+        from controller.wire.authentication import read_token
+        from motiondeck_base.errors import MotiondeckError
+        from motiondeck_base.shipped import find_library
+
+        check_seconds(seconds)
+        if script is not None and motion is not None:
+            raise MotiondeckError(f"give either a motion ('{motion}') or a --script, not both")
+        if (kinematic or video is not None) and (root != "gantry" or balance):
+            raise MotiondeckError("--root and --balance are for simulated servos: leave --kinematic and --video")
+        if not 0.0 < mismatch_after < 1e4:
+            raise MotiondeckError(f"--mismatch-after {mismatch_after:g} s is not a length of time above 0")
+        loaded = load_library(find_library(library))
+        first, timeline, length = _timeline(loaded, motion, script)
+        seconds = seconds if seconds is not None else length
+        if video is not None:
+            _refuse_live_options(rig=rig is not None, record=record is not None, recognize=recognize)
+            _film(loaded, robot, first, timeline, seconds, video, solver, as_json)
+            return
+        if follow_rig is not None and follow is None:
+            raise MotiondeckError("--follow-rig needs --follow ROBOT: whose servos are they?")
+        if listen is not None and token_file is None:
+            raise MotiondeckError(f"--listen {listen} needs --token-file FILE: anybody could move the robot otherwise")
+        physics = {"physics": not kinematic, "root": root, "balance": balance, "keep_apart": check_collisions}
+        setups = [robot_setup(robot, rig, solver=solver, **physics)]
+        if follow is not None:
+            setups.append(robot_setup(follow, follow_rig, **physics))
+        settings = RunSettings(
+            rate=rate,
+            command_port=command_port,
+            page_port=None if headless else page_port,
+            page=page,
+            terminal=not (headless or as_json) and sys.stdin.isatty() and sys.stdout.isatty(),
+            seconds=seconds,
+            record=record,
+            realtime=realtime,
+            core=core,
+            catch_up=overruns == "catch-up",
+            mismatch=MismatchPolicy(mismatch_after, on_mismatch is OnMismatch.STOP) if recognize else None,
+            listen=listen,
+            token=read_token(token_file) if token_file is not None else None,
+        )
+        with Session(
+            loaded,
+            lambda opening: open_robots(opening, setups, loaded, rate),
+            lambda retarget: Deck(loaded, retarget, first, direct=direct, joining=join),
+            settings,
+            timeline,
+        ) as session:
+            report = session.run()
+        _print(report, as_json, summary(report))
+        incomplete = not report.get("recording", {"complete": True})["complete"]
+        if incomplete or any(o["parked"] for o in report["outputs"]) or report.get("recognition", {}).get("stopped"):
+            raise typer.Exit(1)
 
 
 def _timeline(library: MotionLibrary, motion: str | None, script: str | None) -> tuple[str, list[Timed], float | None]:

@@ -14,6 +14,7 @@ from controller.wire.command_table import BY_WORD, TEMPO, WEIGHT
 from controller.wire.messages import (
     Blend,
     EmergencyStop,
+    Event,
     Home,
     Jump,
     Message,
@@ -35,6 +36,8 @@ from sim.view.recognition_text import what_is_seen
 ANSWER_WITHIN = 1.0
 # A hand on a slider keeps it for so long before the deck's own value is shown again, s.
 HAND_ON = 1.0
+
+_TOLD = ("via", "gave up", "fault", "lost", "replayed")
 
 CURRENT = (38, 110, 200)
 OTHERS = (120, 130, 145)
@@ -71,7 +74,7 @@ class Panel:
         self._estop = gui.add_button(
             "Emergency stop", icon=viser.Icon.ALERT_OCTAGON, color="orange", hint=BY_WORD["estop"].help
         )
-        self._estop.on_click(lambda _: self._send(Reset() if self._stopped else EmergencyStop()))
+        self._estop.on_click(self._stop_or_ask)
         self._buttons = [gui.add_button(motion, color=OTHERS) for motion in motions]
         for motion, button in zip(motions, self._buttons, strict=True):
             button.on_click(lambda _, motion=motion: self._send(Queue(motion) if self._queue.value else Switch(motion)))
@@ -164,6 +167,32 @@ class Panel:
         self._health.content = _health(state)
         if "seen" in state:
             self._seen.content = what_is_seen(state, self._motions, self._joints)
+
+    def tell(self, event: Event) -> None:
+        """Shows an event that nothing else on the page shows."""
+        if event.kind in _TOLD:
+            alarming = event.kind in ("fault", "lost", "replayed")
+            for client in self._page.get_clients().values():
+                colour = "red" if alarming else "blue"
+                client.add_notification(event.kind, event.text, auto_close_seconds=8.0, color=colour)
+
+    def _stop_or_ask(self, event: viser.GuiEvent) -> None:
+        """Stops at once; a reset is asked about first."""
+        if not self._stopped:
+            self._send(EmergencyStop())
+            return
+        gui = event.client.gui if event.client is not None else self._page.gui
+        with gui.add_modal("Release the emergency stop?") as question:
+            gui.add_markdown("See that nobody is near. Nothing moves yet; Resume, Home or a motion then starts slowly.")
+            release = gui.add_button("Release", icon=viser.Icon.LOCK_OPEN, color="orange")
+            cancel = gui.add_button("Cancel", color="gray")
+        cancel.on_click(lambda _: question.close())
+
+        def reset(_: object) -> None:
+            question.close()
+            self._send(Reset())
+
+        release.on_click(reset)
 
     def _tempo_moved(self, event: viser.GuiEvent) -> None:
         # A slider set by this program, not by a hand, reports no client.

@@ -24,6 +24,7 @@ import mujoco
 import numpy as np
 
 from controller.wire.command_socket import CommandClient
+from controller.wire.messages import Event, Subscribe
 from controller.wire.telemetry import StateReader
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 from sim.view.drawn_model import DrawnModel
@@ -39,8 +40,11 @@ BESIDE = 0.75  # of the robot's height: so far aside a follower, or the human, i
 LONGEST_WAIT = 60.0  # s for a deck that is starting
 
 
-def view(state: Path, command_port: int, port: int) -> None:
+def view(state: Path, command_port: int | None, port: int) -> None:
     """Shows a deck until it ends or the process that started this one is gone; waits for its state file to appear.
+
+    Prints the address of the page on standard error as soon as that answers. Without a command port, the state file
+    says it.
 
     Raises:
         MotiondeckError: if there is no such deck, or the port is taken.
@@ -55,8 +59,11 @@ def view(state: Path, command_port: int, port: int) -> None:
     motions = [str(motion) for motion in description["motions"]]
     phased = bool(description.get("has_phase"))
     joints = [str(joint) for joint in description.get("joints", ())]
+    if command_port is None:
+        command_port = int(description["command_port"])
     model = _model(str(description["model_file"]))
     page = PrivatePage(port, label=f"Motiondeck · {description['robot']}")
+    print(f"page: {page.address}", file=sys.stderr, flush=True)
     scene = Scene(page, model)
     files = [str(file) for file in description.get("followers", ())]
     followers = [DrawnModel(page, _model(file), scene.height, f" {k}") for k, file in enumerate(files)]
@@ -68,6 +75,9 @@ def view(state: Path, command_port: int, port: int) -> None:
         ghost = Ghost(DrawnModel(page, human, scene.height, " human"), human, about, aside)
     steps = LiveSteps(page, model, np.array(description.get("rest", model.qpos0)), scene.height)
     panel = Panel(page, motions, joints, CommandClient(command_port), has_human=ghost is not None, has_phase=phased)
+    events = CommandClient(command_port)
+    with contextlib.suppress(MotiondeckError):
+        events.post(Subscribe())
     follower = Follower()
     centre = np.zeros(2)
     last_picture = last_health = 0.0
@@ -96,12 +106,21 @@ def view(state: Path, command_port: int, port: int) -> None:
                 if now - last_health >= 1.0 / HEALTH_PER_SECOND:
                     panel.show(latest)
                     last_health = now
+            tell_news(events, panel)
             time.sleep(max(0.0, now + 1.0 / PICTURES_PER_SECOND - time.monotonic()))
     finally:
         page.stop()
         if os.getppid() != parent and state.parent.name.startswith("motiondeck-"):
             # A deck that was killed could not tidy up after itself.
             shutil.rmtree(state.parent, ignore_errors=True)
+
+
+def tell_news(events: CommandClient, panel: Panel) -> None:
+    """Shows the events that have arrived; a deck that has ended has none."""
+    with contextlib.suppress(MotiondeckError):
+        while (reply := events.receive(0.0)) is not None:
+            if isinstance(reply, Event):
+                panel.tell(reply)
 
 
 def _model(file: str) -> mujoco.MjModel:
@@ -117,7 +136,7 @@ def main(arguments: list[str] | None = None) -> int:
         prog="python -m sim.view.viewer", description="Shows a running deck in the browser."
     )
     parser.add_argument("--state", type=Path, required=True, help="the deck's shared state file")
-    parser.add_argument("--command-port", type=int, required=True, help="where the deck takes commands")
+    parser.add_argument("--command-port", type=int, help="where the deck takes commands")
     parser.add_argument("--port", type=int, required=True, help="where to serve the page, on loopback")
     options = parser.parse_args(arguments)
     try:

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import contextlib
+import socket
 import subprocess
 import sys
 import termios
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from controller.wire.run_folder import run_folder
+from motiondeck_base.errors import MotiondeckError
 
 
 @contextmanager
@@ -34,6 +40,54 @@ def child_process(
         except subprocess.TimeoutExpired:
             child.kill()
             child.wait()
+
+
+@dataclass(frozen=True)
+class PageProcess:
+    """The browser view, in its own process.
+
+    Attributes:
+        state: the file that it waits for.
+        process: itself.
+        port: where its page is.
+    """
+
+    state: Path
+    process: subprocess.Popen[bytes]
+    port: int
+
+
+@contextmanager
+def page_process(port: int) -> Iterator[PageProcess]:
+    """The browser view while the block runs; it prints the address of its page when that answers.
+
+    It takes longest of all to start, so it is started before anything else is imported or loaded.
+
+    Args:
+        port: where its page is to be; 0 for any free one.
+
+    Raises:
+        MotiondeckError: if the port is taken, or there can be no temporary folder.
+    """
+    port = free_port(port)
+    with run_folder() as folder:
+        state = folder / "state"
+        with child_process("sim.view.viewer", "--state", str(state), "--port", str(port), own_session=True) as process:
+            yield PageProcess(state, process, port)
+
+
+def free_port(port: int) -> int:
+    """The port itself if nobody has it, or any free one for 0."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("127.0.0.1", port))
+        except (OSError, OverflowError) as error:
+            raise MotiondeckError(
+                f"port {port} for the page cannot be used ({getattr(error, 'strerror', None) or error}). "
+                "Give another one with --port, or --port 0 for any that is free."
+            ) from None
+        return int(probe.getsockname()[1])
 
 
 @contextmanager

@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 import math
-import socket
-import subprocess
-import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from controller.cli.session.child_process import child_process
+from controller.cli.session.child_process import free_port
 from controller.cli.session.recognition_watch import NUMBERS, RecognitionWatch
 from controller.cli.session.robot_on_deck import RobotOnDeck, Simulation
 from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
 from controller.mocap.skeleton import Skeleton
-from controller.wire.run_folder import run_folder
 from controller.wire.run_recording import MODES
 from controller.wire.telemetry import StateWriter
-from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:
     from sim.view.clip_page import Act
@@ -45,18 +40,6 @@ _NUMBERS = (
     "work_p50_us",
     "kept_apart",
 )
-
-
-@contextmanager
-def viewer(command_port: int, port: int) -> Iterator[tuple[Path, subprocess.Popen[bytes], int]]:
-    """The browser view in its own process; yields the state file that it waits for, the process, and its port."""
-    port = free_port(port)
-    with run_folder() as folder:
-        state = folder / "state"
-        arguments = ("--state", str(state), "--command-port", str(command_port), "--port", str(port))
-        with child_process("sim.view.viewer", *arguments, own_session=True) as viewer:
-            print(f"page: http://127.0.0.1:{port}", file=sys.stderr, flush=True)
-            yield state, viewer, port
 
 
 class Showable(Protocol):
@@ -120,6 +103,7 @@ class Page:
         robots: Sequence[RobotOnDeck],
         human: Skeleton | None,
         watch: RecognitionWatch | None = None,
+        command_port: int = 0,
     ) -> Iterator[Page]:
         """Puts the robots' models, the human's and the state beside each other, where the view waits for them."""
         from sim.view.ghost import draw_ghost
@@ -139,6 +123,7 @@ class Page:
             "has_phase": deck.phase is not None,
             "joints": list(robot.joints),
             "robot": robot.name,
+            "command_port": command_port,
         }
         numbers = {"qpos": robot.model.nq, "root_xy": 2} | dict.fromkeys(_NUMBERS + (NUMBERS if watch else ()), 1)
         numbers |= {f"qpos {index}": one.model.nq for index, one in enumerate(shown[1:])}
@@ -198,17 +183,3 @@ def show_act(act: Act, port: int) -> None:
     port = free_port(port)
     print(f"page: http://127.0.0.1:{port}", flush=True)
     show(act, port)
-
-
-def free_port(port: int) -> int:
-    """The port itself if nobody has it, or any free one for 0."""
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind(("127.0.0.1", port))
-        except (OSError, OverflowError) as error:
-            raise MotiondeckError(
-                f"port {port} for the page cannot be used ({getattr(error, 'strerror', None) or error}). "
-                "Give another one with --port, or --port 0 for any that is free."
-            ) from None
-        return int(probe.getsockname()[1])

@@ -17,8 +17,6 @@ from controller.library.motion_library import MotionLibrary
 from controller.loop.loop import LoopState
 from controller.loop.output_channel import Channel
 from controller.loop.stop_requests import StopRequest
-from controller.recognition.deck_recognizer import joint_motions, teach_joints, unwind
-from controller.recognition.deck_watch import DeckWatch
 from controller.rotations import Array
 
 # What the page shows of it, one number each.
@@ -91,6 +89,11 @@ class RecognitionWatch:
             channel: the output whose measurements are looked at; joints that it does not measure are left out.
             rate: ticks a second, Hz.
         """
+        # What recognizes takes longer to import than all that plays, and few runs recognize.
+        from controller.recognition.deck_recognizer import joint_motions, teach_joints, unwind
+        from controller.recognition.deck_watch import DeckWatch
+
+        self._unwind = unwind
         measured = channel.output.measured()
         known = np.ones(len(joints), dtype=np.bool_) if measured is None else np.isfinite(measured[: len(joints)])
         self._order = np.flatnonzero(known)
@@ -119,8 +122,8 @@ class RecognitionWatch:
             return
         np.take(state.targets, self._order, out=self._targets)
         np.take(self._channel.measured, self._order, out=self._measured)
-        unwind(self._targets, self._balls)
-        unwind(self._measured, self._balls)
+        self._unwind(self._targets, self._balls)
+        self._unwind(self._measured, self._balls)
         settled = played and deck.settled
         for alarm in self.watch.update(self._targets, self._measured, deck.playing, settled=settled, at=deck.time):
             if self._policy.stop and not stop:

@@ -14,8 +14,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from controller.cli.session.child_process import child_process, kept_tty
-from controller.cli.session.page import HEALTH_EVERY, PICTURE_HZ, Page, viewer
+from controller.cli.session.child_process import PageProcess, child_process, kept_tty, page_process
+from controller.cli.session.page import HEALTH_EVERY, PICTURE_HZ, Page
 from controller.cli.session.recognition_watch import MismatchPolicy, RecognitionWatch
 from controller.cli.session.report import RunNews, run_report
 from controller.cli.session.robot_on_deck import RobotOnDeck, channels_of
@@ -57,6 +57,7 @@ class RunSettings:
         rate: ticks of the loop a second, Hz.
         command_port: where commands come in; 0 for a free port.
         page_port: where the page is, 0 for a free port, None for no page.
+        page: its process, if that has been started already.
         terminal: whether there is a prompt.
         seconds: how long to play, or None until somebody stops it.
         record: the file in which every tick is recorded, if any.
@@ -71,6 +72,7 @@ class RunSettings:
     rate: float
     command_port: int = 0
     page_port: int | None = None
+    page: PageProcess | None = None
     terminal: bool = False
     seconds: float | None = None
     record: Path | None = None
@@ -172,7 +174,7 @@ class Session:
         self._envelope = SafetyEnvelope(all_limits([robot.limits for robot in self.robots]), self._clock.period)
         self._watch = self._open_watch()
         if page_state is not None:
-            page = Page.open(page_state, self._deck, self.robots, self._shown_human(), self._watch)
+            page = Page.open(page_state, self._deck, self.robots, self._shown_human(), self._watch, self.command_port)
             self._page = opening.enter_context(page)
         self._recorder = self._open_recorder(opening)
         self._desk = CommandDesk(
@@ -199,11 +201,14 @@ class Session:
 
     def _start_page(self, opening: ExitStack) -> Path | None:
         """The state file that the page waits for, if there is a page."""
-        if self._settings.page_port is None:
-            return None
-        state, process, self.page_port = opening.enter_context(viewer(self.command_port, self._settings.page_port))
-        self._children.append(("the page", process))
-        return state
+        page = self._settings.page
+        if page is None:
+            if self._settings.page_port is None:
+                return None
+            page = opening.enter_context(page_process(self._settings.page_port))
+        self.page_port = page.port
+        self._children.append(("the page", page.process))
+        return page.state
 
     def _open_watch(self) -> RecognitionWatch | None:
         settings = self._settings

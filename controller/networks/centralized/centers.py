@@ -18,7 +18,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ellipk
 
 from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
@@ -125,6 +124,8 @@ class Pendulum:
 
     def orbit(self, control: Array | float, momentum: float) -> tuple[Array, Array]:
         """Frequency and amplitude; K is the complete elliptic integral of the first kind."""
+        from scipy.special import ellipk
+
         root = np.sqrt(control)
         modulus = momentum / (2.0 * root)
         return np.pi * root / (2.0 * ellipk(modulus**2)), 2.0 * np.arcsin(modulus)
@@ -160,6 +161,8 @@ class Duffing:
 
     def orbit(self, control: Array | float, momentum: float) -> tuple[Array, Array]:
         """Frequency and amplitude."""
+        from scipy.special import ellipk
+
         stiffness = np.multiply(control, self.linear)
         loss = np.multiply(control, self.cubic) * momentum**2
         speed = 0.5 * (stiffness + np.sqrt(np.square(stiffness) - 2.0 * loss))

@@ -18,7 +18,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 
 from controller.networks.centralized.centers import pairs_at
 from controller.networks.centralized.satellites import GaussianSatellites
@@ -83,6 +82,8 @@ class MovementPrimitive:
         deviations = self._deviations(phase)
         variance = np.square(deviations).sum(0) + np.square(self.bend)
         if len(self.via.phase):
+            from scipy.linalg import cho_solve
+
             with_via = self._covariance_with_via(phase)
             solved = cho_solve(self._factor, with_via.reshape(-1, with_via.shape[2]).T).T.reshape(with_via.shape)
             variance -= (with_via * solved).sum(2)
@@ -157,6 +158,8 @@ class MovementPrimitive:
     @cached_property
     def _factor(self) -> tuple[Array, bool]:
         """The Cholesky factor of the covariance of the via points."""
+        from scipy.linalg import cho_factor  # slow to import, and nothing that plays needs it
+
         via, steps = self.via, np.arange(len(self.via.phase))
         covariance = self._covariance_with_via(via.phase)[steps, via.channel, :]
         size = np.square(self.bend[via.channel])
@@ -166,6 +169,8 @@ class MovementPrimitive:
     @cached_property
     def _pull(self) -> Array:
         """What each via point contributes, shape (V,)."""
+        from scipy.linalg import cho_solve
+
         via = self.via
         there = self._demonstrated(via.phase).mean(0)[np.arange(len(via.phase)), via.channel]
         return cho_solve(self._factor, via.value - there)

@@ -16,7 +16,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import expit
 
 from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
@@ -172,7 +171,7 @@ def _sides(dimensions: int, count: int) -> tuple[int, ...] | None:
 
 def logistic(h: Array) -> Array:
     """1 / (1 + exp(-h)), the first sigmoid of eq. 8."""
-    return expit(h)
+    return 0.5 + 0.5 * np.tanh(0.5 * h)
 
 
 def algebraic(h: Array) -> Array:

@@ -21,8 +21,8 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import expit, logit
 
+from controller.networks.centralized.satellites import logistic
 from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
@@ -95,11 +95,11 @@ class ModuleDesign:
 
     def satellites(self, z: Array | float) -> Array:
         """s(b z - h_j) of z (...), shape (..., m): what w_j / kappa tends to."""
-        return expit(self.slope * np.asarray(z)[..., None] - self.thresholds)
+        return logistic(self.slope * np.asarray(z)[..., None] - self.thresholds)
 
     def staircase(self, z: Array | float) -> Array:
         """G(z), shape (...)."""
-        return expit(self.satellites(z) @ self.weights - self.threshold)
+        return logistic(self.satellites(z) @ self.weights - self.threshold)
 
     def memberships(self, z: Array | float) -> Array:
         """How much z (...) belongs to each motion, shape (..., m): s_(k-1) - s_k of the module's own satellites.
@@ -179,9 +179,11 @@ def design_module(motions: int, beta: float = 0.5, slope: float = 24.0, kappa: f
     targets = np.arange(1.0, motions + 0.5) - 0.5 + beta
     thresholds = slope * (targets + 0.5)
     decay = 1.0 / (motions + 1.0 + beta)
-    steps = expit(slope * targets[:, None] - thresholds)
+    steps = logistic(slope * targets[:, None] - thresholds)
     equations = np.column_stack([steps[:, :-1], -np.ones(motions)])
-    solution = np.linalg.solve(equations, logit(decay * targets) - LAST_WEIGHT * steps[:, -1])
+    solution = np.linalg.solve(
+        equations, np.log(decay * targets / (1.0 - decay * targets)) - LAST_WEIGHT * steps[:, -1]
+    )
     weights = np.append(solution[:-1], LAST_WEIGHT)
     design = ModuleDesign(weights, slope, thresholds, float(solution[-1]), decay, kappa, beta, targets)
     _check(design)
@@ -300,10 +302,10 @@ def advance_state(
     """
     if drive is None:
         drive = CommandInput(np.zeros(len(design)))
-    goal = design.kappa * expit(design.slope * z[..., None] - design.thresholds + drive.level)
+    goal = design.kappa * logistic(design.slope * z[..., None] - design.thresholds + drive.level)
     w_next = goal + (w - goal) * np.exp(-dt / design.kappa)
     rate = drive.haste * drive.xi * design.decay + drive.pull
-    source = drive.haste * expit(w_next @ design.weights / design.kappa - design.threshold)
+    source = drive.haste * logistic(w_next @ design.weights / design.kappa - design.threshold)
     source = source + drive.pull * drive.towards + drive.kick + kick
     return source / rate + (z - source / rate) * np.exp(-rate * dt), w_next
 

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.linalg import ArpackError, eigs
 
 from controller.rotations import Array
 
@@ -69,6 +68,8 @@ def random_reservoir(
 def largest_eigenvalue(weights: Array, rng: np.random.Generator) -> float:
     """|lambda_max| of a square matrix, by Arnoldi iteration where that converges and in full where it does not."""
     if len(weights) > 100:
+        from scipy.sparse.linalg import ArpackError, eigs  # slow to import, and nothing that plays needs it
+
         try:
             found = eigs(
                 weights,
