@@ -59,6 +59,9 @@ def play(
         Path | None, typer.Option("--record", metavar="FILE", help="Record every tick, for `replay` and `plot`.")
     ] = None,
     rate: Annotated[float, typer.Option("--rate", help="Ticks of the loop a second.")] = 200.0,
+    lower_rate: Annotated[
+        bool, typer.Option("--lower-rate", help="Where the network is too large for --rate, play at one that it holds.")
+    ] = False,
     kinematic: Annotated[
         bool, typer.Option("--kinematic", help="Show the targets themselves, without simulated servos and masses.")
     ] = False,
@@ -158,7 +161,7 @@ def play(
         from controller.cli.session.report import summary
         from controller.cli.session.robot_on_deck import open_robots
         from controller.cli.session.session import RunSettings, Session
-        from controller.cli.session.setup import check_seconds, robot_setup
+        from controller.cli.session.setup import check_seconds, checked_rate, robot_setup
         from controller.deck.deck import Deck
         from controller.library.motion_library import load_library
         from controller.wire.authentication import read_token
@@ -179,6 +182,8 @@ def play(
             _refuse_live_options(rig=rig is not None, record=record is not None, recognize=recognize)
             _film(loaded, robot, first, timeline, seconds, video, solver, as_json)
             return
+        if rate != (rate := checked_rate(loaded, first, rate, lower=lower_rate)):
+            print(f"playing at {rate:g} Hz, which the network can hold", file=sys.stderr)
         if follow_rig is not None and follow is None:
             raise MotiondeckError("--follow-rig needs --follow ROBOT: whose servos are they?")
         if listen is not None and token_file is None:

@@ -57,7 +57,7 @@ def play(
     """
     from controller.cli.session.report import summary
     from controller.cli.session.session import RunSettings
-    from controller.cli.session.setup import check_seconds, first_motion
+    from controller.cli.session.setup import check_seconds, checked_rate, first_motion
     from controller.library.motion_library import load_library
     from controller.mocap.formats.reading import read_clip
     from motiondeck_base.shipped import find_library
@@ -72,6 +72,7 @@ def play(
     else:
         library = load_library(find_library(what))
         first = first_motion(library, motion)
+        checked_rate(library, first, config.rate_hz)
         report = play_library(config, port or [], library, first, robot or Path(rig).stem, settings)
     print(json.dumps(report) if as_json else summary(report))
     if any(output["parked"] for output in report["outputs"]):

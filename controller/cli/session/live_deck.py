@@ -83,7 +83,7 @@ def play_live(request: LiveRequest) -> None:
     os.environ.setdefault("MUJOCO_GL", "disable")  # nothing is drawn here, and MuJoCo starts sooner without OpenGL
     from controller.cli.session.robot_on_deck import open_robots
     from controller.cli.session.session import RunSettings, Session
-    from controller.cli.session.setup import check_seconds, first_motion, robot_setup
+    from controller.cli.session.setup import check_seconds, checked_rate, first_motion, robot_setup
     from controller.deck.deck import Deck
     from controller.library.motion_library import load_library
     from motiondeck_base.shipped import find_library
@@ -91,6 +91,7 @@ def play_live(request: LiveRequest) -> None:
     check_seconds(request.seconds)
     library = load_library(find_library(request.library))
     first = first_motion(library, request.motion)
+    checked_rate(library, first, request.rate)
     setup = robot_setup(request.robot, request.rig, physics=request.physics, root=request.root, balance=request.balance)
     settings = RunSettings(
         rate=request.rate,

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import math
+import time
+from collections.abc import Callable
 from pathlib import Path
+
+import numpy as np
 
 from controller.cli.session.robot_on_deck import RobotSetup
 from controller.library.motion_library import MotionLibrary
@@ -10,6 +15,8 @@ from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from motiondeck_base.shipped import find_rig, find_robot
 
 EMULATED = "emulated"
+TIMED_FRAMES = 100
+_TIMED_AT_ONCE = 20  # the quickest of these batches counts: others were disturbed
 
 
 def check_seconds(seconds: float | None) -> None:
@@ -20,6 +27,53 @@ def check_seconds(seconds: float | None) -> None:
     """
     if seconds is not None and not 0.0 < seconds < 1e8:
         raise MotiondeckError(f"--seconds {seconds:g} is not a length of time above 0")
+
+
+def frame_seconds(library: MotionLibrary, motion: str, clock: Callable[[], float] = time.thread_time) -> float:
+    """What a frame of a library's network costs, in s of a clock; nothing that plays is changed."""
+    network = library.network.twin()
+    network.cue(motion, 0)
+    frame = np.empty(network.channels)
+    batches: list[float] = []
+    for _ in range(TIMED_FRAMES // _TIMED_AT_ONCE):
+        began = clock()
+        for _ in range(_TIMED_AT_ONCE):
+            network.advance(frame)
+        batches.append((clock() - began) / _TIMED_AT_ONCE)
+    return min(batches)
+
+
+def checked_rate(
+    library: MotionLibrary, motion: str, rate: float, *, lower: bool = False, cost: float | None = None
+) -> float:
+    """The rate at which a library is played: as wanted, unless its network needs more than half of a period for a tick.
+
+    A tick has as many frames as fall into it at the recorded tempo.
+
+    Args:
+        library: what is played.
+        motion: which of its motions is timed.
+        rate: as wanted, ticks a second, Hz.
+        lower: play at the rate that the network can hold, instead of refusing.
+        cost: of a frame, s; measured if not given.
+
+    Raises:
+        MotiondeckError: if it is refused; it names the rate that the network can hold.
+    """
+    if not 0.0 < rate < 1e6:
+        return rate  # the clock refuses it
+    cost = frame_seconds(library, motion) if cost is None else cost
+    recorded = library.info.rate
+    needs = cost * math.ceil(recorded / rate)
+    if needs <= 0.5 / rate:
+        return rate
+    said = f"the network of {library.info.name} needs {1e3 * needs:.2f} ms of the {1e3 / rate:.2f} ms of a tick"
+    held = math.floor(0.5 / cost)
+    if held < recorded:
+        raise MotiondeckError(f"{said}; on this machine it is too large to be played live at any rate: make a film")
+    if lower:
+        return float(held)
+    raise MotiondeckError(f"{said}, and half of it is the most; it can hold --rate {held} (or give --lower-rate)")
 
 
 def first_motion(library: MotionLibrary, motion: str | None) -> str:
