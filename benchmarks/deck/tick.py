@@ -1,9 +1,11 @@
-"""CPU time of one tick, part by part, without the simulator.
+"""CPU time of one tick, part by part, without the simulator, and the Python calls of a whole tick of `play`.
 
 A phase-driven reservoir, retargeting, safety, and the servos' frame.
 
 Each part is measured within the same run of the deck on servo20 at 200 Hz; `all` is the whole tick. The servos' frame
-is the sync write of 20 goal positions, encoded with its CRC and byte stuffing, not sent.
+is the sync write of 20 goal positions, encoded with its CRC and byte stuffing, not sent. With --calls the calls of
+Python functions in a tick of `play` with simulated servos and masses are counted instead (`sys.setprofile`, the mean of
+200 ticks, no time is measured): in all, for each room, and the functions that are called most.
 """
 
 from __future__ import annotations
@@ -13,15 +15,21 @@ import json
 import os
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable
+from pathlib import Path
+from types import FrameType
 
 for _library in ("OPENBLAS", "OMP", "MKL"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
 
 import numpy as np  # noqa: E402
 
+from controller.cli.session.robot_on_deck import RobotSetup, open_robots  # noqa: E402
+from controller.cli.session.session import RunSettings, Session  # noqa: E402
 from controller.deck.deck import Deck  # noqa: E402
-from controller.library.motion_library import load_library  # noqa: E402
+from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
+from controller.loop.clock import VirtualClock  # noqa: E402
 from controller.loop.gc_and_blas import undisturbed  # noqa: E402
 from controller.loop.safety_envelope import SafetyEnvelope  # noqa: E402
 from controller.mocap.posture import Pose  # noqa: E402
@@ -33,6 +41,7 @@ from motiondeck_base.shipped import find_library, find_rig, find_robot  # noqa: 
 from sim.robots.robot import load_robot  # noqa: E402
 
 RATE = 200.0
+COUNTED = (1000, 1200)  # the ticks whose calls are counted; before them the joints approach
 
 
 def encoder(joints: tuple[str, ...]) -> Callable[[Array], bytes]:
@@ -51,6 +60,48 @@ def encoder(joints: tuple[str, ...]) -> Callable[[Array], bytes]:
     return encode
 
 
+def count_calls(library: MotionLibrary, motion: str, shown: int = 12) -> dict[str, dict[str, float]]:
+    """Python calls a tick: in all, for each room of the project (numpy is one, too), and of the busiest functions."""
+    counts: Counter[tuple[str, str]] = Counter()
+
+    def note(frame: FrameType, event: str, argument: object) -> None:
+        if event == "call":
+            counts[frame.f_code.co_filename, frame.f_code.co_qualname] += 1
+
+    class Counting(VirtualClock):
+        ticks = 0
+
+        def wait(self) -> int:
+            self.ticks += 1
+            if self.ticks == COUNTED[0]:
+                sys.setprofile(note)
+            elif self.ticks == COUNTED[1]:
+                sys.setprofile(None)
+            return super().wait()
+
+    setup = RobotSetup(find_robot("servo20"))
+    settings = RunSettings(rate=RATE, seconds=COUNTED[1] / RATE)
+    with Session(
+        library,
+        lambda opening: open_robots(opening, [setup], library, RATE),
+        lambda retarget: Deck(library, retarget, motion),
+        settings,
+        clock=Counting(RATE),
+    ) as session:
+        session.run()
+    ticks = COUNTED[1] - COUNTED[0]
+    rooms: Counter[str] = Counter()
+    for (file, _), count in counts.items():
+        parts = Path(file).parts
+        known = [k for k, part in enumerate(parts) if part in ("controller", "sim", "numpy")]
+        rooms["/".join(parts[known[-1] :][: 1 if parts[known[-1]] == "numpy" else 2]) if known else "elsewhere"] += (
+            count
+        )
+    busiest = {f"{Path(file).stem}: {name}": count / ticks for (file, name), count in counts.most_common(shown)}
+    total = {"all": sum(counts.values()) / ticks}
+    return {"calls": total | {room: n / ticks for room, n in rooms.most_common()}, "busiest": busiest}
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks tick", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -58,9 +109,19 @@ def main() -> int:
     parser.add_argument("--library", default="thesis15")
     parser.add_argument("--motion", default="walk")
     parser.add_argument("--ticks", type=int, default=20_000)
+    parser.add_argument("--calls", action="store_true", help="count the Python calls of a tick of play instead")
     parser.add_argument("--json", action="store_true", help="one JSON object")
     options = parser.parse_args()
     library = load_library(find_library(options.library))
+    if options.calls:
+        counted = count_calls(library, options.motion)
+        if options.json:
+            print(json.dumps({"library": library.info.name, "motion": options.motion} | counted))
+            return 0
+        for title, rows in counted.items():
+            print(f"| {title} | a tick |\n|---|---|")
+            print("".join(f"| {name} | {calls:.1f} |\n" for name, calls in rows.items()))
+        return 0
     robot = load_robot(find_robot("servo20"), library.skeleton)
     retargeting = 0
 

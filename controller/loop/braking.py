@@ -12,23 +12,18 @@ A joint at velocity v that takes the acceleration -H(v) therefore reaches v = 0 
 j. The law of stopping is to take -H(v), or the nearest acceleration that the limits allow. It depends on the state
 alone, so a joint that has followed it for a tick continues along the same path: a stop once found safe stays safe.
 
-One joint at a time, in plain numbers: for the few joints that need it in a tick that is faster than numpy.
+One joint at a time, in plain numbers: for the few joints that need it in a tick that is faster than numpy. G and H are
+written out where a stop is computed: calls would cost as much as what they do.
 """
 
 from __future__ import annotations
 
 from math import ceil, copysign, floor, sqrt
-from typing import NamedTuple
 
 from controller.rotations import Array
 
-
-class Run(NamedTuple):
-    """How far a stopping joint still moves, relative to where it is (rad): its highest, lowest and last position."""
-
-    rise: float
-    fall: float
-    rest: float
+Run = tuple[float, float, float]
+"""How far a stopping joint still moves, relative to where it is (rad): its highest, lowest and last position."""
 
 
 def released(h: float, j: float) -> float:
@@ -47,7 +42,9 @@ def held_back(v: float, j: float) -> float:
 
 def braked(v: float, a: float, most: float, j: float) -> float:
     """The law of stopping: the acceleration of the next tick on the way to rest, with |a| <= most (rad/tick^2)."""
-    return min(max(-held_back(v, j), a - j, -most), a + j, most)
+    size = abs(v)
+    n = ceil(0.5 * (sqrt(1.0 + 8.0 * size / j) - 1.0)) or 1
+    return min(max(-copysign(size / n + 0.5 * j * (n - 1), v), a - j, -most), a + j, most)  # -H(v)
 
 
 def stopping_run(v: float, a: float, most: float, j: float) -> Run:
@@ -55,8 +52,10 @@ def stopping_run(v: float, a: float, most: float, j: float) -> Run:
 
     Four stretches, each a closed sum: m ticks of full jerk, q ticks of full acceleration, then the release of h.
     """
-    # Letting go of a leaves the velocity `left`; where that is negative everything happens mirrored.
-    mirrored = v + released(a, j) - a < 0.0
+    # Letting go of a leaves the velocity v + G(a) - a; where that is negative everything happens mirrored.
+    size = abs(a)
+    n = ceil(size / j)
+    mirrored = v + copysign(n * size - 0.5 * j * n * (n - 1), a) - a < 0.0
     if mirrored:
         v, a = -v, -a
 
@@ -72,13 +71,16 @@ def stopping_run(v: float, a: float, most: float, j: float) -> Run:
     fast = v + m * a - 0.5 * j * m * (m + 1)
 
     # Full acceleration while the curve lies below the floor.
-    q = floor((fast - released(most, j)) / most) + 1
+    n = ceil(most / j)
+    q = floor((fast - (n * most - 0.5 * j * n * (n - 1))) / most) + 1
     if q > 0:
         run += q * fast - 0.5 * most * q * (q + 1)
         fast -= q * most
 
-    # Along the curve to rest.
-    h = held_back(fast, j)
+    # Along the curve to rest: h = H(fast).
+    size = abs(fast)
+    n = ceil(0.5 * (sqrt(1.0 + 8.0 * size / j) - 1.0)) or 1
+    h = copysign(size / n + 0.5 * j * (n - 1), fast)
     n = ceil(h / j)
     run += n * (n - 1) * (0.5 * (h - n * j) + j * (n + 1) / 6.0)
 
@@ -90,7 +92,7 @@ def stopping_run(v: float, a: float, most: float, j: float) -> Run:
         dip = k * v + 0.5 * k * (k + 1) * (a - j * (k + 2) / 3.0)
 
     high, low = run if run > 0.0 else 0.0, dip if dip < 0.0 else 0.0
-    return Run(-low, -high, -run) if mirrored else Run(high, low, run)
+    return (-low, -high, -run) if mirrored else (high, low, run)
 
 
 def longest_run(speed: Array, size: Array, most: Array, j: Array) -> Array:

@@ -31,7 +31,7 @@ class FaultCounter:
 
     def call(self, action: Callable[P, None], *args: P.args, **kwargs: P.kwargs) -> None:
         """Calls the action and counts what it raises, unless given up."""
-        if self.given_up:
+        if self._in_a_row >= FAULTS_TO_GIVE_UP:
             return
         try:
             action(*args, **kwargs)

@@ -147,7 +147,7 @@ def run(
                 state.tick += 1
                 state.overruns = clock.overruns
                 state.seconds = (clock.now() - start) * 1e-9
-                if channels and all(channel.parked for channel in channels):
+                if channels and channels[-1].parked and all(channel.parked for channel in channels):
                     faults = "; ".join(f"{channel.output.name}: {channel.fault}" for channel in channels)
                     stop.ask(f"every output is parked ({faults})")
                     break

@@ -183,15 +183,15 @@ def _limited(
         goal_v, goal_a = min(max(goal_v, -v_max), v_max), goal_a if steady else 0.0
 
         def overshoot(c: float) -> float:
-            return p + v + c - goal + stopping_run(v + c - goal_v, c - goal_a, a_max, j_max).rest
+            return p + v + c - goal + stopping_run(v + c - goal_v, c - goal_a, a_max, j_max)[2]
 
         chosen = _rising_zero(overshoot, low, high)
 
     bottom, top = min(lower, p) - _ROUNDING, max(upper, p) + _ROUNDING
 
     def stops_inside(c: float) -> bool:
-        run = stopping_run(v + c, c, a_max, j_max)
-        return p + v + c + run.rise <= top and p + v + c + run.fall >= bottom
+        rise, fall, _ = stopping_run(v + c, c, a_max, j_max)
+        return p + v + c + rise <= top and p + v + c + fall >= bottom
 
     if stops_inside(chosen):
         return goal if passes else p + (v + chosen), chosen

@@ -40,11 +40,36 @@ def orient(skeleton: Skeleton, direction: Array) -> Array:
     one_frame = direction.ndim == 2
     goal: Any = direction.tolist() if one_frame else np.ascontiguousarray(np.moveaxis(direction, (-2, -1), (0, 1)))
     rotation: list[Quaternion] = [root.tolist() if one_frame else np.moveaxis(root, -1, 0)]
-    for bone, (parent, rest, children) in enumerate(skeleton.walk):
-        turned = _swung(rotation[parent + 1], rest, goal[bone])
+    for (parent, rest, children), target in zip(skeleton.walk, goal, strict=True):
+        # Where the parent carries the bone; all in one piece: the loop does nothing more often, and calls would cost as
+        # much as what they do.
+        w, x, y, z = rotation[parent + 1]
+        vx, vy, vz = rest
+        tx = 2.0 * (y * vz - z * vy)
+        ty = 2.0 * (z * vx - x * vz)
+        tz = 2.0 * (x * vy - y * vx)
+        ax, ay, az = vx + w * tx + y * tz - z * ty, vy + w * ty + z * tx - x * tz, vz + w * tz + x * ty - y * tx
+
+        # The least rotation that turns it onto its goal.
+        bx, by, bz = target
+        pw = 1.0 + ax * bx + ay * by + az * bz
+        opposite = pw < 0.01
+        if opposite is not False and np.any(opposite):  # the first half spares a plain number the call
+            q = between(np.stack([ax, ay, az], axis=-1), np.stack([bx, by, bz], axis=-1))
+            pw, px, py, pz = q.tolist() if q.ndim == 1 else np.moveaxis(q, -1, 0)
+        else:
+            px, py, pz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+            scale = (pw * pw + px * px + py * py + pz * pz) ** -0.5
+            pw, px, py, pz = pw * scale, px * scale, py * scale, pz * scale
+        turned = (
+            pw * w - px * x - py * y - pz * z,
+            pw * x + px * w + py * z - pz * y,
+            pw * y - px * z + py * w + pz * x,
+            pw * z + px * y - py * x + pz * w,
+        )
         if len(children) > 1:
             start = [_rotate(turned, skeleton.walk[child][1]) for child in children]
-            turned = _multiply(_twist(goal[bone], start, [goal[child] for child in children]), turned)
+            turned = _multiply(_twist(target, start, [goal[child] for child in children]), turned)
         rotation.append(turned)
     out = np.array(rotation)
     return out if one_frame else np.ascontiguousarray(np.moveaxis(out, (0, 1), (-2, -1)))
@@ -69,37 +94,6 @@ def _multiply(p: Quaternion, q: Quaternion) -> Quaternion:
         pw * qx + px * qw + py * qz - pz * qy,
         pw * qy - px * qz + py * qw + pz * qx,
         pw * qz + px * qy - py * qx + pz * qw,
-    )
-
-
-def _swung(carried: Quaternion, rest: Vector, goal: Vector) -> Quaternion:
-    """A bone's rotation: as its parent carries it, and then by the least rotation that turns it onto its goal.
-
-    All in one piece: the loop does nothing more often, and calls would cost as much as what they do.
-    """
-    w, x, y, z = carried
-    vx, vy, vz = rest
-    tx = 2.0 * (y * vz - z * vy)
-    ty = 2.0 * (z * vx - x * vz)
-    tz = 2.0 * (x * vy - y * vx)
-    ax, ay, az = vx + w * tx + y * tz - z * ty, vy + w * ty + z * tx - x * tz, vz + w * tz + x * ty - y * tx
-
-    bx, by, bz = goal
-    pw = 1.0 + ax * bx + ay * by + az * bz
-    opposite = pw < 0.01
-    if opposite is not False and np.any(opposite):  # the first half spares a plain number the call
-        q = between(np.stack([ax, ay, az], axis=-1), np.stack([bx, by, bz], axis=-1))
-        pw, px, py, pz = q.tolist() if q.ndim == 1 else np.moveaxis(q, -1, 0)
-    else:
-        px, py, pz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-        scale = (pw * pw + px * px + py * py + pz * pz) ** -0.5
-        pw, px, py, pz = pw * scale, px * scale, py * scale, pz * scale
-
-    return (
-        pw * w - px * x - py * y - pz * z,
-        pw * x + px * w + py * z - pz * y,
-        pw * y - px * z + py * w + pz * x,
-        pw * z + px * y - py * x + pz * w,
     )
 
 

@@ -176,7 +176,7 @@ class LimbAngles:
             moved = [10.0] * len(direction)
         else:
             step = direction - self._direction
-            moved = np.sqrt(np.einsum("ij,ij->i", step, step)).tolist()
+            moved = np.sqrt(np.add.reduce(step * step, axis=1)).tolist()
         self._direction = direction
         d = direction.tolist()
         angles = self._last.copy()

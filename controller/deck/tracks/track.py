@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -125,12 +124,8 @@ class Track:
     def _decode(self, channels: Array, tempo: float) -> Posture:
         """The posture of channels, its path played at a tempo."""
         posture = self._encoding.decode(channels)
-        return replace(
-            posture,
-            height=posture.height.copy(),
-            velocity=posture.velocity * tempo,
-            turn_rate=posture.turn_rate * tempo,
-        )
+        # A copy of the height: the channels are overwritten by the next step.
+        return Posture(posture.height.copy(), posture.velocity * tempo, posture.turn_rate * tempo, posture.rotation)
 
     def finish_round(self) -> None:
         """Has a loop end with its present round."""

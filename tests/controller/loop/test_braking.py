@@ -49,9 +49,9 @@ def test_the_closed_sums_are_those_of_the_walk_itself(state):
     positions, _ = walk_to_rest(*state)
     run = stopping_run(*state)
     tolerance = 1e-7 * (np.ptp(positions) + state[3])
-    assert abs(run.rise - positions.max()) < tolerance
-    assert abs(run.fall - positions.min()) < tolerance
-    assert abs(run.rest - positions[-1]) < tolerance
+    assert abs(run[0] - positions.max()) < tolerance
+    assert abs(run[1] - positions.min()) < tolerance
+    assert abs(run[2] - positions[-1]) < tolerance
 
 
 def test_every_brake_of_a_grid_goes_as_far_as_its_closed_sums_say():
@@ -66,8 +66,8 @@ def test_every_brake_of_a_grid_goes_as_far_as_its_closed_sums_say():
         run = stopping_run(*state)
         walked = positions.max(), positions.min(), positions[-1]
         assert tuple(run) == pytest.approx(walked, abs=1e-9), state
-        assert max(run.rise, -run.fall) <= longest_run(*map(np.abs, state)), state
-        turned_round += run.rise > 1e-9 and run.fall < -1e-9
+        assert max(run[0], -run[1]) <= longest_run(*map(np.abs, state)), state
+        turned_round += run[0] > 1e-9 and run[1] < -1e-9
     assert turned_round > 50
 
 
@@ -82,7 +82,7 @@ def test_braking_obeys_acceleration_and_jerk(state):
 @given(states())
 def test_no_run_is_longer_than_the_bound(state):
     run = stopping_run(*state)
-    assert max(run.rise, -run.fall) <= longest_run(*map(np.abs, state))
+    assert max(run[0], -run[1]) <= longest_run(*map(np.abs, state))
 
 
 def test_a_joint_at_rest_stays_where_it_is():
