@@ -17,6 +17,7 @@ from controller.wire.messages import Switch
 
 if TYPE_CHECKING:
     from controller.cli.session.script import Timed
+    from controller.cli.session.session import WiredStop
     from controller.library.motion_library import MotionLibrary
 
 
@@ -114,6 +115,12 @@ def play(
     token_file: Annotated[
         Path | None, typer.Option("--token-file", metavar="FILE", help="The token; only you may read the file.")
     ] = None,
+    stop_input: Annotated[
+        Path | None,
+        typer.Option(
+            "--stop-input", metavar="DEVICE", help="A wired emergency stop: a serial adapter, or /dev/input/eventN."
+        ),
+    ] = None,
     join: Annotated[
         Literal["inertialise", "crossfade", "morph", "cut"] | None,
         typer.Option("--join", help="How motions are joined; default: what suits the network."),
@@ -206,6 +213,7 @@ def play(
             mismatch=MismatchPolicy(mismatch_after, on_mismatch is OnMismatch.STOP) if recognize else None,
             listen=listen,
             token=read_token(token_file) if token_file is not None else None,
+            stop_input=_wired_stop(stop_input) if stop_input is not None else None,
         )
         with Session(
             loaded,
@@ -219,6 +227,13 @@ def play(
         incomplete = not report.get("recording", {"complete": True})["complete"]
         if incomplete or any(o["parked"] for o in report["outputs"]) or report.get("recognition", {}).get("stopped"):
             raise typer.Exit(1)
+
+
+def _wired_stop(device: Path) -> WiredStop:
+    """The emergency stop that is wired to a device."""
+    from hardware.tools.stop_input import open_stop_input
+
+    return open_stop_input(device)
 
 
 def _timeline(library: MotionLibrary, motion: str | None, script: str | None) -> tuple[str, list[Timed], float | None]:

@@ -45,8 +45,20 @@ from controller.mocap.encodings.joint_angles import JointBody
 from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array
 from controller.wire.command_socket import CommandServer
-from controller.wire.messages import Refused
+from controller.wire.messages import EmergencyStop, Refused
 from motiondeck_base.errors import MotiondeckError
+
+
+class WiredStop(Protocol):
+    """An emergency stop that is wired."""
+
+    name: str
+    pulled: bool
+    pulls: int
+
+    def close(self) -> None:
+        """Asks it no more."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -67,6 +79,7 @@ class RunSettings:
         mismatch: what to do when the joints look like another motion than the commanded one; None recognizes nothing.
         listen: the address of another interface where commands are taken, if they are sealed with the token.
         token: who has it may command.
+        stop_input: a wired emergency stop, if there is one; the session closes it.
     """
 
     rate: float
@@ -82,6 +95,7 @@ class RunSettings:
     mismatch: MismatchPolicy | None = None
     listen: str | None = None
     token: bytes | None = None
+    stop_input: WiredStop | None = None
 
 
 class PlayableDeck(Player, Commandable, Protocol):
@@ -142,6 +156,7 @@ class Session:
         self.robots: list[RobotOnDeck] = []
         self.command_port = 0
         self.page_port: int | None = None
+        self._pulls = 0
         self._refused: list[dict[str, object]] = []
         self._permissions: list[Permission] = []
         self._restore_tty: Callable[[], None] = lambda: None
@@ -165,6 +180,8 @@ class Session:
 
     def _prepare(self, opening: ExitStack) -> None:
         """Opens everything; the page takes longest to start, so it starts first and waits for the rest."""
+        if self._settings.stop_input is not None:
+            opening.callback(self._settings.stop_input.close)
         servers = self._open_servers(opening)
         page_state = self._start_page(opening)
         self.robots = self._open_robots(opening)
@@ -313,8 +330,21 @@ class Session:
         for robot in self.robots:
             if robot.rig is not None and robot.rig.parked:
                 stop.ask(f"the rig is lost: {robot.rig.fault}")
+        self._look_at_wired_stop(stop)
         self._desk(stop)
         self._news.look()
+
+    def _look_at_wired_stop(self, stop: StopRequest) -> None:
+        """Stops while the wired stop is pulled, and if it was since the last look; a reset before that is in vain."""
+        wired = self._settings.stop_input
+        if wired is None:
+            return
+        before, self._pulls = self._pulls, wired.pulls
+        if stop.emergency or not (wired.pulled or self._pulls != before):
+            return
+        self._desk.carry_out(EmergencyStop(), stop)
+        self._desk.tell("fault", f"the emergency stop at {wired.name} was pulled")
+        print(f"motiondeck: the emergency stop at {wired.name} was pulled", file=sys.stderr)
 
     def _measured(self) -> Array | None:
         """Where the joints of the first robot are, as far as it is known, rad."""

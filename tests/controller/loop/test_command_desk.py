@@ -5,6 +5,7 @@ from collections import deque
 
 import pytest
 
+from controller.cli.session.session import RunSettings, Session
 from controller.loop.command_desk import CommandDesk
 from controller.loop.stop_requests import StopRequest
 from controller.wire.messages import (
@@ -161,3 +162,37 @@ def test_during_an_emergency_stop_who_wants_to_know_is_told(desk):
     assert isinstance(desk.ask(Subscribe()), Accepted)
     assert isinstance(desk.ask(Heartbeat(1.0)), Accepted)
     assert isinstance(desk.ask(Switch("jog")), Refused)
+
+
+class Wired:
+    """A wired emergency stop."""
+
+    name, pulled, pulls = "/dev/ttyUSB1", False, 0
+
+    def close(self):
+        pass
+
+
+def test_a_wired_stop_stops_and_while_it_is_pulled_a_reset_is_in_vain(desk, capsys):
+    wired = Wired()
+    nothing = None
+    session = Session(nothing, nothing, nothing, RunSettings(rate=100.0, stop_input=wired))
+    session._desk = desk.desk
+    session._look_at_wired_stop(desk.stop)
+    assert not desk.stop.emergency
+    wired.pulled, wired.pulls = True, 1
+    session._look_at_wired_stop(desk.stop)
+    assert desk.stop.emergency
+    assert "/dev/ttyUSB1 was pulled" in capsys.readouterr().err
+    desk.stop.at_rest = True
+    assert isinstance(desk.ask(Reset()), Accepted)
+    session._look_at_wired_stop(desk.stop)
+    assert desk.stop.emergency, "it is still pulled"
+    wired.pulled = False
+    desk.stop.at_rest = True
+    assert isinstance(desk.ask(Reset()), Accepted)
+    session._look_at_wired_stop(desk.stop)
+    assert not desk.stop.emergency
+    wired.pulls = 2  # a key that was let go again before anybody looked
+    session._look_at_wired_stop(desk.stop)
+    assert desk.stop.emergency
