@@ -4,9 +4,12 @@ For each source (a folder, an actor) it prints how many files were read and
 
     joints      the farthest that a joint (for C3D a marker, for patterns a channel) is from the independent reading, mm
     carried     the largest angle between a bone on the canonical body and the line between the landmarks of the file
+    path        by how much of it the way of the canonical root differs from that of the middle between the file's hips
     bvh         the farthest that a joint, mm, and a bone, degrees, is from where it was, written as BVH and read back
     csv         the same for positions, mm, and the farthest that a landmark of the canonical body is off then, mm
-    stands      how high the root is when the person stands (9 frames of 10 with a foot near the ground are lower), m
+    root, hips  how high the file's root, and the middle between its hips, is when the person stands (9 frames of 10
+                with a foot near the ground are lower), m: an .asf has its root a hand's breadth above the hips
+    lacking     in how many files more than hands and toes was not found
     by shape    in how many files all limbs are found on the right side, when the names say nothing
 
     python -m benchmarks readings ../shared/data
@@ -16,6 +19,7 @@ from __future__ import annotations
 
 import tempfile
 from collections import defaultdict
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -35,7 +39,7 @@ from benchmarks.recordings.independent_readings import (
     landmarks,
     pattern_channels,
 )
-from controller.mocap.canonical.canonical_body import CANONICAL_BONES, to_canonical
+from controller.mocap.canonical.canonical_body import CANONICAL_BONES, landmarks_of, to_canonical
 from controller.mocap.clip import Clip
 from controller.mocap.encodings.bone_directions import BoneDirections
 from controller.mocap.formats.markers.c3d import read_c3d
@@ -47,6 +51,8 @@ from motiondeck_base.errors import MotiondeckError
 
 SHORTEST = 1e-4  # m: shorter bones point nowhere in files of six digits
 NEAR_GROUND = 0.06  # m
+SEEN = 0.1  # m: a path shorter than this is no path
+MAY_LACK = {"lfoo", "rfoo", "lhan", "rhan"}
 CARRIERS = {"joint_Root", "RL_BoneRoot"}  # above the hips: on the floor, and no part of the body
 SAME_LIMB = 0.03  # m: a landmark found by shape may be the end of a short bone beside it
 
@@ -61,7 +67,10 @@ class Reading:
     bvh_degrees: float
     csv_mm: float
     csv_carried_mm: float
-    stands: float
+    path: float
+    root_stands: float
+    hips_stand: float
+    lacking: bool
     by_shape: bool
 
 
@@ -99,9 +108,8 @@ def _unit_of(clip: Clip, seen: dict[str, Array]) -> float:
     return min(units, key=lambda unit: abs(np.log(size * unit / own)))
 
 
-def carried_degrees(clip: Clip, seen: dict[str, Array]) -> float:
+def carried_degrees(own: Clip, seen: dict[str, Array]) -> float:
     """The largest angle of a carried bone to the line between the file's landmarks."""
-    own = to_canonical(clip)
     worst = 0.0
     for index, (bone, parent) in enumerate(zip(CANONICAL_BONES, own.skeleton.parent, strict=True)):
         start = "root" if parent < 0 else CANONICAL_BONES[parent]
@@ -110,6 +118,16 @@ def carried_degrees(clip: Clip, seen: dict[str, Array]) -> float:
             ours = rotate(own.rotation[:, 1 + index], own.skeleton.rest_direction[index])
             worst = max(worst, _degrees(line, ours))
     return worst
+
+
+def path_differs(own: Clip, seen: dict[str, Array]) -> float:
+    """By what share the way that a carried root goes on the ground differs from the hips' own."""
+    ways = [_way(own.root_position), _way(seen["root"])]
+    return abs(ways[0] - ways[1]) / ways[1] if ways[1] > SEEN else float("nan")
+
+
+def _way(track: Array) -> float:
+    return float(np.linalg.norm(np.diff(track[:, :2], axis=0), axis=-1).sum())
 
 
 def _degrees(one: Array, other: Array) -> float:
@@ -136,15 +154,20 @@ def measured(path: Path, data: Path) -> Reading:
     before = rotate(clip.rotation[:, 1:], clip.skeleton.rest_direction)[:, long]
     after = rotate(bvh.rotation[:, 1:], bvh.skeleton.rest_direction)[:, order[long]]
     low = clip.joints()[..., 2].min(axis=1)
-    grounded = low - np.quantile(low, 0.05) < NEAR_GROUND
+    ground = np.quantile(low, 0.05)
+    grounded = low - ground < NEAR_GROUND
+    own = to_canonical(clip)
+    lacking = set(landmarks_of(clip.skeleton).lacking)
     return Reading(
         joints_mm,
-        carried_degrees(clip, seen) if seen is not None else float("nan"),
+        carried_degrees(own, seen) if seen is not None else float("nan"),
         1000.0 * float(np.linalg.norm(bvh.joints()[:, [0, *(1 + order)]] - clip.joints(), axis=-1).max()),
         _degrees(before, after),
         1000.0 * float(np.linalg.norm(csv.joints() - clip.joints(), axis=-1).max()),
-        1000.0 * float(np.linalg.norm(to_canonical(csv).joints() - to_canonical(clip).joints(), axis=-1).max()),
-        float(np.quantile((clip.root_position[:, 2] - np.quantile(low, 0.05))[grounded], 0.9)),
+        1000.0 * float(np.linalg.norm(to_canonical(csv).joints() - own.joints(), axis=-1).max()),
+        path_differs(own, seen) if seen is not None else float("nan"),
+        *(float(np.quantile((at.root_position[:, 2] - ground)[grounded], 0.9)) for at in (clip, own)),
+        bool(lacking - MAY_LACK),
         found_by_shape(path, skeleton, clip),
     )
 
@@ -177,6 +200,11 @@ def source_of(path: Path, data: Path) -> str:
     return str(Path(*folder.parts[:2])) if folder.parts[:1] == ("bvh",) else folder.parts[0] if folder.parts else "."
 
 
+def _most(values: Iterable[float]) -> float:
+    """The largest that is a number; NaN where none is."""
+    return max((value for value in values if not np.isnan(value)), default=float("nan"))
+
+
 def main(data: Path) -> None:
     """Compare every recording of a folder with an independent reading of its file."""
     found: dict[str, list[Reading]] = defaultdict(list)
@@ -187,21 +215,22 @@ def main(data: Path) -> None:
             found[source].append(measured(path, data))
         except MotiondeckError as error:
             unread[source].append(str(error))
-    heads = {"read": 9, "joints": 9, "carried": 9, "bvh": 16, "csv": 16, "stands": 12, "by shape": 10}
+    heads = {"read": 9, "joints": 9, "carried": 9, "path": 9, "bvh": 16, "csv": 16, "root": 11, "hips": 11}
+    heads |= {"lacking": 9, "by shape": 10}
     print(f"{'source':<20}" + "".join(f"{name:>{width}}" for name, width in heads.items()))
     for source in sorted({*found, *unread}):
         rows = found[source]
         cells = [f"{len(rows)} of {len(rows) + len(unread[source])}"]
         if rows:
-            worst = {name: max(getattr(row, name) for row in rows) for name in Reading.__annotations__}
-            stands = [row.stands for row in rows]
-            cells += [f"{worst[name]:.1e}" for name in ("joints_mm", "carried_degrees")]
+            worst = {name: _most(getattr(row, name) for row in rows) for name in Reading.__annotations__}
+            cells += [f"{worst[name]:.1e}" for name in ("joints_mm", "carried_degrees", "path")]
             cells += [
                 f"{worst['bvh_mm']:.1e} {worst['bvh_degrees']:.1e}",
                 f"{worst['csv_mm']:.1e} {worst['csv_carried_mm']:.1e}",
             ]
-            cells += [f"{min(stands):.2f}-{max(stands):.2f}"]
-            cells += [str(sum(row.by_shape for row in rows))]
+            for stands in ([row.root_stands for row in rows], [row.hips_stand for row in rows]):
+                cells += [f"{min(stands):.2f}-{max(stands):.2f}"]
+            cells += [str(sum(row.lacking for row in rows)), str(sum(row.by_shape for row in rows))]
         print(f"{source:<20}" + "".join(f"{cell:>{width}}" for cell, width in zip(cells, heads.values(), strict=False)))
     for source, lines in unread.items():
         for line in lines:

@@ -19,6 +19,9 @@ def test_a_recording_is_read_carried_and_written_as_its_file_has_it(mocap_data, 
     found = measured(path, mocap_data)
     assert found.joints_mm < 0.01
     assert not found.carried_degrees > 1.0
+    assert not found.path > 0.01
+    assert 0.8 < found.hips_stand < 1.1 or "Standup" in file
+    assert not found.lacking
     assert found.bvh_mm < 1.0
     assert found.bvh_degrees < 0.1
     assert found.csv_mm < 1.0
