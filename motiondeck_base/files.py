@@ -83,7 +83,8 @@ def read_bytes(path: str | Path, largest: int = LARGEST) -> bytes:
         raise FileFormatError(f"{path}: the file is empty. Fetch it again.")
     if len(content) > largest:
         raise FileFormatError(
-            f"{path}: larger than {largest // 2**20} MiB, which no such file is. Is it the right one?"
+            f"{path}: larger than {largest // 2**20} MiB, the most that is read. Is it the right file? "
+            "Cut a longer recording into pieces."
         )
     return content
 

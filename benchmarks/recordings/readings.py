@@ -156,6 +156,10 @@ def measured(path: Path, data: Path) -> Reading:
     low = clip.joints()[..., 2].min(axis=1)
     ground = np.quantile(low, 0.05)
     grounded = low - ground < NEAR_GROUND
+
+    def stands(body: Clip) -> float:
+        return float(np.quantile((body.root_position[:, 2] - ground)[grounded], 0.9))
+
     own = to_canonical(clip)
     lacking = set(landmarks_of(clip.skeleton).lacking)
     return Reading(
@@ -166,7 +170,8 @@ def measured(path: Path, data: Path) -> Reading:
         1000.0 * float(np.linalg.norm(csv.joints() - clip.joints(), axis=-1).max()),
         1000.0 * float(np.linalg.norm(to_canonical(csv).joints() - own.joints(), axis=-1).max()),
         path_differs(own, seen) if seen is not None else float("nan"),
-        *(float(np.quantile((at.root_position[:, 2] - ground)[grounded], 0.9)) for at in (clip, own)),
+        stands(clip),
+        stands(own),
         bool(lacking - MAY_LACK),
         found_by_shape(path, skeleton, clip),
     )

@@ -23,7 +23,12 @@ def fit(
             help="A recipe (TOML), such as configs/libraries/thesis15.toml, or clips from `motiondeck rig teach`.",
         ),
     ],
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The library to write (.safetensors).")],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="FILE", help="The library to write (.safetensors); default: here, by the recipe's name."
+        ),
+    ] = None,
     data: Annotated[
         Path | None,
         typer.Option(
@@ -76,26 +81,29 @@ def fit(
     from controller.cli.common.progress import progress
     from controller.deck.worst_join import worst_join
     from controller.library.motion_library import save_library
-    from controller.mocap.formats.reading import RECORDINGS
+    from controller.mocap.formats.reading import CONVERTIBLE, RECORDINGS, read_clip
     from controller.training import fit as training
     from controller.training.recipe import gesture_recipe, read_recipe, warnings
     from controller.training.training_set import prepare
     from motiondeck_base.errors import MotiondeckError
 
+    for path in what:
+        if path.suffix.lower() in CONVERTIBLE:
+            read_clip(path)  # refuses it, and says how to convert it
     gestures = False
     if all(path.suffix.lower() == ".clip" for path in what):
         if data is not None:
             raise MotiondeckError(
                 f"--data {data} is for the recordings of a recipe: clips are read from where they are"
             )
-        plan, data = gesture_recipe(out.stem, what, trim), Path()
+        plan, data = gesture_recipe("gestures" if out is None else out.stem, what, trim), Path()
         gestures = True
     elif not trim:
         raise MotiondeckError("--no-trim is for clips taught by hand: in a recipe, frames and loop_keeps say it")
     elif recorded := [path for path in what if path.suffix.lower() in RECORDINGS or path.is_dir()]:
         raise MotiondeckError(
             f"{recorded[0]}: a recording, not a recipe. "
-            f"Type: motiondeck learn {' '.join(map(str, recorded))} --out {out}"
+            f"Type: motiondeck learn {' '.join(map(str, recorded))} --out {out or 'mine.safetensors'}"
         )
     elif len(what) > 1:
         raise MotiondeckError(f"give one recipe, or clips taught by hand (.clip) only, not {', '.join(map(str, what))}")
@@ -104,6 +112,7 @@ def fit(
     data = what[0].parent if data is None else data
     if not data.is_dir():
         raise MotiondeckError(f"{data}: there is no such folder; --data is the folder that holds the recordings")
+    out = Path(f"{plan.name}.safetensors") if out is None else out
     check_folder(out)
     plan = sized(plan, centers, satellites)
     if plot is not None:

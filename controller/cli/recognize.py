@@ -77,7 +77,9 @@ def train(
 @app.command("run")
 def run(
     recognizer: Annotated[Path, typer.Argument(metavar="RECOGNIZER", help="A recognizer file (.safetensors).")],
-    clips: Annotated[list[Path], typer.Argument(metavar="CLIP...", help="Recordings of any format.")],
+    clips: Annotated[
+        list[Path], typer.Argument(metavar="FILE_OR_FOLDER...", help="Recordings of any format, and folders of them.")
+    ],
     skeleton: SkeletonOption = None,
     unit: UnitOption = None,
     up: UpOption = None,
@@ -92,12 +94,15 @@ def run(
 
     Example:  motiondeck recognize run hdm05.safetensors squat.amc --skeleton HDM_bd.asf
     """
-    from controller.mocap.formats.reading import read_clip
+    from controller.mocap.formats.reading import read_clip, recordings_below
     from controller.recognition.recognizer_file import load_recognizer
     from motiondeck_base.errors import MotiondeckError
 
     options = reading_options(skeleton, unit, up, rename)
     loaded = load_recognizer(recognizer)
+    clips = [clip for path in clips for clip in (recordings_below(path) if path.is_dir() else [path])]
+    if not clips:
+        raise MotiondeckError("there is no recording in it. Give a folder with recordings, or a recording.")
     out: list[dict[str, Any]] = []
     failed: list[str] = []
     for path in clips:

@@ -40,6 +40,9 @@ from controller.training.stress_test import stress_test
 from controller.training.training_set import LearnedPart, to_learn
 from motiondeck_base.errors import MotiondeckError
 
+FARTHEST = 50.0  # half ranges of a channel in the stored motions: beyond it no reservoir can follow
+STILL = 1e-3  # m, m/s, rad, or of a direction: what moves less stands still
+
 
 @dataclass(frozen=True)
 class Addition:
@@ -104,6 +107,22 @@ def add_motion(library: MotionLibrary, path: Path, clip: Clip, motion: MotionRec
     return Addition(MotionLibrary(header, grown, library.encoding), verdict[motion.name], part, *claimed)
 
 
+def _scaled(normalisation: Normalisation, frames: Array, library: str) -> Array:
+    """The frames as the stored motions are scaled.
+
+    Raises:
+        MotiondeckError: if the motion moves what stands still in all stored ones, and so has no scale.
+    """
+    scaled = normalisation.apply(frames)
+    unscaled = np.abs(frames + normalisation.shift)[:, normalisation.scaling == 0.0]
+    if np.abs(scaled).max() > FARTHEST or (unscaled > STILL).any():
+        raise MotiondeckError(
+            f"the motion moves parts that stand still in all motions of the library '{library}'. "
+            "Train all of them together, with fit or learn."
+        )
+    return scaled
+
+
 def _learn(
     library: MotionLibrary,
     recipe: LibraryRecipe,
@@ -114,19 +133,19 @@ def _learn(
     """The network with one more motion, and what of its space is claimed before and after."""
     network, seed, plan, loop = library.network, library.info.seed, recipe.network, motion.plays == "loop"
     if isinstance(network, ConceptorNetwork) and isinstance(plan, ConceptorRecipe):
-        to_load = TrainingMotion(motion.name, memory_of(network).normalisation.apply(frames), loop)
+        to_load = TrainingMotion(motion.name, _scaled(memory_of(network).normalisation, frames, recipe.name), loop)
         grown = load_one_more(network, lengths, to_load, plan, seed)
         if plan.rank_tolerance_mm is not None:
             # The stored motions were cut when they were learned.
             grown = cut_to_tolerance(grown, library.encoding, plan.rank_tolerance_mm, (motion.name,))
         return grown, (quota(network, lengths, plan), quota(grown, lengths | {motion.name: len(frames)}, plan))
     if isinstance(network, PhaseConceptorNetwork) and isinstance(plan, PhaseRecipe):
-        one = TrainingMotion(motion.name, network.normalisation.apply(frames), loop)
+        one = TrainingMotion(motion.name, _scaled(network.normalisation, frames, recipe.name), loop)
         reservoir = PhaseReservoir.draw(network.scales, network.channels, network.seed)
         part = learn_motion(one, reservoir, network.normalisation, plan, library.info.rate)
         return network.with_motions({motion.name: part}), (None, None)
     if isinstance(network, EchoStateNetwork) and isinstance(plan, EchoStateRecipe):
-        to_load = TrainingMotion(motion.name, network.normalisation.apply(frames), loop)
+        to_load = TrainingMotion(motion.name, _scaled(network.normalisation, frames, recipe.name), loop)
         reservoir = Reservoir(network.weights, network.feedback, network.bias, network.leak)
         # Noise of its own, the same whenever this motion is added in this place.
         part = learn_readouts(reservoir, [to_load], plan, np.random.default_rng([seed, len(lengths)]))

@@ -6,7 +6,6 @@ carried to one body. What was found out is written into the recipe, so that it c
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -21,12 +20,12 @@ from controller.mocap.canonical.clip_edits import moving_part, resampled, span
 from controller.mocap.clip import Clip
 from controller.mocap.encodings.encoding import encoding_of
 from controller.mocap.encodings.joint_angles import JointBody
-from controller.mocap.formats.reading import RECORDINGS, read_clip, recordings_below, skeleton_of
+from controller.mocap.formats.reading import CONVERTIBLE, RECORDINGS, read_clip, recordings_below, skeleton_of
 from controller.mocap.reading_options import AS_FOUND, ReadingOptions
 from controller.training.fit import fit_prepared
 from controller.training.preparation.loops import best_seam, farthest_left_out, with_velocities
 from controller.training.preparation.takes import by_motion, read_takes
-from controller.training.recipe import LibraryRecipe, MotionRecipe, NetworkRecipe, check_recipe
+from controller.training.recipe import LibraryRecipe, MotionRecipe, NetworkRecipe, check_recipe, typeable
 from controller.training.reservoirs.phase_training import PhaseRecipe
 from controller.training.training_set import (
     COMMON_RATE,
@@ -44,11 +43,6 @@ LOOP_KEEPS = 0.5  # a loop keeps at least this share of its recording
 # A seam is good enough for a loop if joints are this close, mm, and by this share of how far the motion spreads,
 # velocities included; and if all that is left out comes within the other share of it in the loop.
 SEAM_MM, SEAM_SHARE, LEFT_OUT_SHARE = 50.0, 0.5, 0.6
-
-
-def default_network() -> NetworkRecipe:
-    """The network that learns motions nobody tuned for."""
-    return PhaseRecipe()
 
 
 @dataclass(frozen=True)
@@ -105,7 +99,7 @@ class _Prepared:
 
 
 def recordings_in(paths: Iterable[Path]) -> list[Path]:
-    """Files, and the recordings in folders and below, in order and once each.
+    """Files, and the recordings in folders and below, in order and once each; those that must be converted last.
 
     Raises:
         MotiondeckError: if a path does not exist, or there is no recording.
@@ -114,6 +108,7 @@ def recordings_in(paths: Iterable[Path]) -> list[Path]:
     for path in paths:
         if path.is_dir():
             found += recordings_below(path)
+            found += sorted(one for one in path.rglob("*") if one.suffix.lower() in CONVERTIBLE and one.is_file())
         elif path.exists():
             found.append(path)
         else:
@@ -140,7 +135,7 @@ def learn(
         paths: recordings, and folders that hold some.
         name: of the library.
         options: what overrules the files, for all of them.
-        network: its kind and sizes; None takes `default_network`.
+        network: its kind and sizes; None takes a recipe's default.
         seeds: tried in turn until every motion passes the self-test.
         progress: called with each step in a few words.
 
@@ -166,7 +161,7 @@ def learn(
     recipe = check_recipe(
         LibraryRecipe(
             name=name,
-            network=network or default_network(),
+            network=network or PhaseRecipe(),
             motions=[one.motion for one in prepared],
             rate=COMMON_RATE if kinds == {False} else None,
             loop_keeps=LOOP_KEEPS,
@@ -252,10 +247,11 @@ def _prepare(file: Path, name: str, options: ReadingOptions, takes: list[Path]) 
 
 
 def _skeleton(file: Path, options: ReadingOptions) -> Path | None:
-    """The .asf file of a recording that needs one: the given one, or the one nearby."""
-    if file.suffix.lower() != ".amc":
-        return None
-    return options.skeleton or skeleton_of(file, file.parent.parent)
+    """The skeleton of a recording: the given one where it is for files of this kind, or the .asf nearby."""
+    unfit = {".amc": ".npz", ".npz": ".asf"}.get(file.suffix.lower())
+    if options.skeleton is not None and unfit and options.skeleton.suffix.lower() != unfit:
+        return options.skeleton
+    return skeleton_of(file, file.parent.parent)
 
 
 def _loops(clip: Clip) -> tuple[bool, float, float]:
@@ -276,16 +272,12 @@ def _names(files: list[Path]) -> dict[Path, str]:
     """A name for each file that can be typed: its stem, with its folder or a number where stems are alike."""
     names: dict[Path, str] = {}
     for file in files:
-        plain = _typed(file.stem)
-        same = [other for other in files if _typed(other.stem) == plain]
-        name = plain if len(same) == 1 else _typed(f"{file.parent.name}-{file.stem}")
+        plain = typeable(file.stem)
+        same = [other for other in files if typeable(other.stem) == plain]
+        name = plain if len(same) == 1 else typeable(f"{file.parent.name}-{file.stem}")
         number = 2
         while name in names.values():
             name = f"{plain[:36]}-{number}"
             number += 1
         names[file] = name
     return names
-
-
-def _typed(text: str) -> str:
-    return re.sub(r"[^A-Za-z0-9_-]+", "-", text).strip("-_")[-40:].lstrip("-_") or "motion"

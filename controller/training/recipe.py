@@ -39,8 +39,8 @@ class MotionRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_o
     """One motion.
 
     Attributes:
-        name: what it is called when it plays.
         file: the recording, relative to the data folder.
+        name: what it is called when it plays; without it, as its file.
         plays: "loop" is closed and goes on for ever, "once" ends in a pose and holds it.
         frames: first frame and the one after the last, or the whole recording.
         skeleton: for an .amc, its .asf, relative to the data folder; without it the one nearby is taken.
@@ -49,8 +49,8 @@ class MotionRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_o
         takes: further recordings of the same motion, joined with the first; clips taught to a rig only.
     """
 
-    name: str
     file: str
+    name: str = ""
     plays: Literal["loop", "once"] = "loop"
     frames: tuple[int, int] | None = None
     skeleton: str | None = None
@@ -65,9 +65,9 @@ class LibraryRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_
     """A motion library to be trained.
 
     Attributes:
-        name: of the library.
-        network: its kind and parameters.
         motions: what it learns.
+        name: of the library; without it, as the recipe's file.
+        network: its kind and parameters; without it, the one that learns motions nobody tuned for.
         body: the recording whose own skeleton all motions are carried to; without it, the canonical body with the
             proportions of the first recording.
         rate: frames per second that recordings are brought to, Hz; without it that of the recordings, or 120 Hz where
@@ -80,9 +80,9 @@ class LibraryRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_
         licence, acknowledgement: of the recordings; they go into the library.
     """
 
-    name: str
-    network: NetworkRecipe
     motions: list[MotionRecipe]
+    name: str = ""
+    network: NetworkRecipe = msgspec.field(default_factory=PhaseRecipe)
     body: str = ""
     rate: float | None = None
     encoding: Literal["bone directions", "joint rotations"] = "bone directions"
@@ -99,7 +99,16 @@ def read_recipe(path: Path) -> LibraryRecipe:
     Raises:
         FileFormatError: one line that names the file, the key and what is allowed.
     """
-    return check_recipe(read_toml(path, LibraryRecipe), path)
+    recipe = read_toml(path, LibraryRecipe)
+    motions = [
+        one if one.name else msgspec.structs.replace(one, name=typeable(Path(one.file).stem)) for one in recipe.motions
+    ]
+    return check_recipe(msgspec.structs.replace(recipe, name=recipe.name or path.stem, motions=motions), path)
+
+
+def typeable(text: str) -> str:
+    """The name nearest to a text that can be typed at a prompt and in a script."""
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", text).strip("-_")[-40:].lstrip("-_") or "motion"
 
 
 def warnings(recipe: LibraryRecipe) -> list[str]:

@@ -23,9 +23,13 @@ from controller.training.preparation.loops import Seam, best_seam, close_loop, h
 from controller.training.preparation.takes import read_takes
 from controller.training.preparation.training_motion import TrainingMotion
 from controller.training.recipe import CenterRecipe, LibraryRecipe, MotionRecipe
+from controller.training.reservoirs.phase_training import PhaseRecipe
 from motiondeck_base.errors import FileFormatError
 
 SHORTEST_SECONDS = 0.4  # of a recording: two windows of the self-test
+# A channel of a network with a phase counts as varying by 1 (of a direction, m, m/s, rad) at least, so that a motion
+# that is added later may move what stands still in all others.
+LEAST_RANGE = 1.0
 COMMON_RATE = 120.0  # Hz, of a library whose recordings have different rates
 
 Progress = Callable[[str], None]
@@ -61,6 +65,7 @@ class TrainingSet:
         loops: whether it is a loop.
         before: what was recorded before those frames, of each motion, or nothing.
         parts: which part of its recording each motion is learned from; not of recordings learned as they are.
+        least_range: of a channel, for its normalisation, in its unit.
     """
 
     encoding: Encoding
@@ -69,10 +74,11 @@ class TrainingSet:
     loops: dict[str, bool]
     before: dict[str, Array] = field(default_factory=dict[str, Array])
     parts: dict[str, LearnedPart] = field(default_factory=dict[str, LearnedPart])
+    least_range: float = 0.0
 
     def normalised(self) -> tuple[list[TrainingMotion], Normalisation]:
         """What a trainer is given, and the normalisation of its channels."""
-        normalisation = Normalisation.fit([*self.frames.values(), *self.before.values()])
+        normalisation = Normalisation.fit([*self.frames.values(), *self.before.values()], self.least_range)
         return [
             TrainingMotion(
                 name,
@@ -131,7 +137,8 @@ def prepare(
             continue
         frames[motion.name], parts[motion.name] = to_learn(encoding, clip, motion, rate, recipe.loop_keeps)
     loops = {motion.name: motion.plays == "loop" for motion in recipe.motions}
-    return TrainingSet(encoding, rate, frames, loops, before, parts)
+    least = LEAST_RANGE if isinstance(recipe.network, PhaseRecipe) else 0.0
+    return TrainingSet(encoding, rate, frames, loops, before, parts, least)
 
 
 def read_motion(data: Path, motion: MotionRecipe) -> Clip:

@@ -52,7 +52,7 @@ def show(
 def add(
     library: LibraryArgument,
     clip: Annotated[Path, typer.Argument(help="The recording to learn, of any format, skeleton and rate.")],
-    name: Annotated[str, typer.Option("--name", help="Name of the motion.")],
+    name: Annotated[str, typer.Option("--name", help="Name of the motion; default: the recording's.")] = "",
     once: Annotated[
         bool, typer.Option("--once", help="A one-shot, which holds its last pose; default: a loop.")
     ] = False,
@@ -84,7 +84,7 @@ def add(
     from controller.library.motion_library import load_library, save_library
     from controller.mocap.formats.reading import read_clip
     from controller.training.adding import add_motion
-    from controller.training.recipe import MotionRecipe
+    from controller.training.recipe import MotionRecipe, typeable
     from motiondeck_base.errors import MotiondeckError
     from motiondeck_base.shipped import find_library
 
@@ -94,6 +94,7 @@ def add(
     target = out or path
     check_folder(target)
     options = reading_options(skeleton, unit, up, rename)
+    name = name or typeable(clip.stem)
     plan = MotionRecipe(
         name=name,
         file=str(clip),

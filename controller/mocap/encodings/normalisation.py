@@ -45,10 +45,15 @@ class Normalisation:
             raise MotiondeckError("normalisation: a shift or a scaling is not finite, or a scaling is negative")
 
     @classmethod
-    def fit(cls, patterns: Sequence[Array]) -> Normalisation:
+    def fit(cls, patterns: Sequence[Array], least_range: float = 0.0) -> Normalisation:
         """The normalisation of the given patterns, each of shape (T, C), taken together.
 
         A channel whose range float32 could not resolve counts as constant: scaled up, it would be rounding noise.
+
+        Args:
+            patterns: at least one.
+            least_range: of a channel, in its unit; one that varies less, or not at all, is scaled as if it varied so
+                much. A motion that is added later may move what stands still in these.
 
         Raises:
             MotiondeckError: if there is no frame, the patterns differ in their channels, or a number is not finite.
@@ -66,7 +71,9 @@ class Normalisation:
             raise MotiondeckError(f"normalisation: channel {bad[0]} holds a number that is not finite or far too large")
         resolution = np.maximum(_FLOAT32.eps * np.maximum(np.abs(low), np.abs(high)), _FLOAT32.tiny)
         varies = high - low > resolution
-        return cls(shift=-0.5 * (low + high), scaling=np.where(varies, 2.0 / np.where(varies, high - low, 1.0), 0.0))
+        spread = np.maximum(np.where(varies, high - low, 0.0), least_range)
+        known = spread > 0.0
+        return cls(shift=-0.5 * (low + high), scaling=np.where(known, 2.0 / np.where(known, spread, 1.0), 0.0))
 
     @cached_property
     def _half_range(self) -> Array:

@@ -77,6 +77,8 @@ def _tree(path: str | Path, contents: _Contents, names: list[str], turn: Array, 
                 f"{path}: a joint leads from '{shortened(above)}' to '{shortened(child)}', no segments."
             )
         children[above].append(child)
+    if not parent:
+        raise FileFormatError(f"{path}: no <joints> say how its segments hang together. Export it again with them.")
     tops = [name for name in names if name not in parent and children[name]]
     order = tops[:1]
     for name in order:  # grows as it goes: no segment can come twice, because each has one parent

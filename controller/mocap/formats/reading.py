@@ -41,6 +41,8 @@ _INSTEAD = {
     ".blend": "Blender's own format. Export it there: File > Export > glTF 2.0 or Motion Capture (.bvh).",
     ".usd": "not read. Convert it in Blender: import it, then File > Export > glTF 2.0.",
 }
+CONVERTIBLE = frozenset(_INSTEAD) - {".asf"}
+"""The endings of recordings that `read_clip` refuses with the way to convert them, in small letters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +131,9 @@ def _acclaim(path: str | Path, options: ReadingOptions) -> Clip:
     if asf is None:
         found = _skeletons(recording.parent)
         names = f"{len(found)} .asf files ({', '.join(other.name for other in found)})" if found else "no .asf files"
-        raise FileFormatError(f"{path}: there are {names} beside it. Give the skeleton it was recorded with.")
+        raise FileFormatError(
+            f"{path}: there are {names} beside it. Give the skeleton that it was recorded with (--skeleton FILE.asf)."
+        )
     skeleton = read_asf(asf, options.unit)
     clip = read_amc(path, skeleton)
     bones = options.renamed(clip.skeleton.bones, path)

@@ -89,9 +89,11 @@ def test_recordings_of_any_format_train_and_are_recognized_together(mocap_data, 
             (tmp_path / "all" / motion / Path(file).name).symlink_to((mocap_data / file).resolve())
     out = tmp_path / "two.safetensors"
     assert "5 clips of 2 motions: run, walk" in invoke("recognize", "train", tmp_path / "all", "--out", out).stdout
-    asked = [mocap_data / file for file in ("bvh/bandai/walk_old_001.bvh", "cmu/02/02_03.amc")]
-    said = json.loads(invoke("recognize", "run", out, *asked, "--json").stdout)["results"]
-    assert [one["motion"] for one in said] == ["walk", "run"]
+    (tmp_path / "asked").mkdir()
+    for file in ("bvh/bandai/walk_old_001.bvh", "cmu/02/02_03.amc", "cmu/02/02.asf"):
+        (tmp_path / "asked" / Path(file).name).symlink_to((mocap_data / file).resolve())
+    said = json.loads(invoke("recognize", "run", out, tmp_path / "asked", "--json").stdout)["results"]
+    assert {Path(one["file"]).stem: one["motion"] for one in said} == {"walk_old_001": "walk", "02_03": "run"}
 
 
 def test_train_at_several_stretches(folder, tmp_path):

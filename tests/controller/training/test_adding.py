@@ -8,19 +8,23 @@ import numpy as np
 import pytest
 
 import synthetic
+from bodies import waving
 from controller.library.motion_library import MotionLibrary, load_library, save_library
 from controller.measures.self_test import run_free
+from controller.mocap.canonical.clip_edits import mirrored
 from controller.mocap.clip import Clip
 from controller.networks.reservoirs.conceptor import ConceptorNetwork
 from controller.rotations import multiply
 from controller.training.adding import add_motion
 from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network
+from controller.training.fit import fit_prepared
 from controller.training.preparation.training_motion import TrainingMotion
 from controller.training.recipe import LibraryRecipe, MotionRecipe
 from controller.training.reservoirs.conceptor_training import conceptor_network, load_reservoir
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
 from controller.training.reservoirs.incremental_loading import load_one_more, quota
 from controller.training.reservoirs.phase_training import PhaseRecipe
+from controller.training.training_set import prepare
 from motiondeck_base.errors import MotiondeckError
 
 FILE = Path("small.safetensors")
@@ -104,6 +108,30 @@ def library():
 
 
 NEW = MotionRecipe(name="skip", file="skip.bvh")
+
+
+def library_of_waving(network):
+    """A library of one motion in which trunk, head and left arm stand still, but for rounding."""
+    clip = waving(60.0, 3.0)
+    recipe = LibraryRecipe(name="wave", network=network, motions=[MotionRecipe(name="wave", file="")], seeds=[0])
+    return fit_prepared(recipe, prepare(recipe, Path(), read=lambda _: clip))
+
+
+def waving_left():
+    """The same with the other arm."""
+    return replace(mirrored(waving(60.0, 3.0)), name="left")
+
+
+def test_a_motion_may_move_what_stands_still_in_all_others():
+    library = library_of_waving(PhaseRecipe(neurons=100, rank=20))
+    added = add_motion(library, FILE, waving_left(), MotionRecipe(name="left", file=""))
+    assert added.verdict.passed
+
+
+def test_a_network_without_a_scale_for_it_refuses_the_motion():
+    library = library_of_waving(EchoStateRecipe(neurons=60, washout=60, drives=1))
+    with pytest.raises(MotiondeckError, match="moves parts that stand still in all motions of the library 'wave'"):
+        add_motion(library, FILE, waving_left(), MotionRecipe(name="left", file=""))
 
 
 @pytest.mark.parametrize("make", [conceptor_library, phase_library, echo_state_library, centralized_library])

@@ -1,12 +1,15 @@
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from controller.cli.main import app
 from controller.library.motion_library import load_library, save_library
 from controller.mocap.formats.reading import read_clip
 from controller.training.fit import fit, steps
 from controller.training.recipe import read_recipe, warnings
+from controller.training.reservoirs.phase_training import PhaseRecipe
 from controller.training.training_set import prepare
-from motiondeck_base.errors import FileFormatError
+from motiondeck_base.errors import FileFormatError, MotiondeckError
 from motiondeck_base.shipped import shipped_configs
 
 pytestmark = pytest.mark.smoke
@@ -63,6 +66,29 @@ def test_a_phase_driven_library_needs_one_seed_and_is_exact(tmp_path, mocap_data
     assert max(motion.error_mm for motion in library.info.motions) < 2.0
     save_library(library, tmp_path / "three.safetensors")
     assert load_library(tmp_path / "three.safetensors").info == library.info
+
+
+def test_a_recipe_need_only_name_its_recordings(tmp_path):
+    recipe = recipe_of(tmp_path, '[[motions]]\nfile = "my walks/old (1).bvh"\n')
+    assert (recipe.name, recipe.motions[0].name) == ("recipe", "old-1")
+    assert recipe.network == PhaseRecipe()
+
+
+def test_two_recordings_of_one_name_need_names_of_their_own(tmp_path):
+    with pytest.raises(FileFormatError, match="two motions are called 'walk'"):
+        recipe_of(tmp_path, '[[motions]]\nfile = "a/walk.bvh"\n[[motions]]\nfile = "b/walk.bvh"\n')
+
+
+def test_fit_given_a_recording_says_what_to_type(tmp_path):
+    (tmp_path / "walk.bvh").write_text("HIERARCHY")
+    with pytest.raises(MotiondeckError, match=r"Type: motiondeck learn \S*walk\.bvh --out mine\.safetensors"):
+        CliRunner().invoke(app, ["fit", str(tmp_path / "walk.bvh")], standalone_mode=False, catch_exceptions=False)
+
+
+def test_fit_given_a_closed_format_says_how_to_convert_it(tmp_path):
+    (tmp_path / "walk.fbx").touch()
+    with pytest.raises(MotiondeckError, match=r"walk\.fbx: a closed format .* FBX2glTF"):
+        CliRunner().invoke(app, ["fit", str(tmp_path / "walk.fbx")], standalone_mode=False, catch_exceptions=False)
 
 
 def test_motions_are_carried_to_one_body(tmp_path, mocap_data):

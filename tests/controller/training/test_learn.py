@@ -36,6 +36,7 @@ def folder(tmp_path):
     (inside / "stone.bvh").write_text(bvh_text(waving(60.0, 1.0, hertz=0.0)))
     (inside / "blink.bvh").write_text(bvh_text(waving(60.0, 0.2, hertz=5.0)))
     (inside / "broken.bvh").write_text("HIERARCHY\n")
+    (inside / "closed.FBX").write_text("Kaydara FBX Binary")
     (inside / "notes.txt").write_text("no recording")
     return inside
 
@@ -55,6 +56,7 @@ def test_a_folder_of_any_rates_is_learned_and_every_recording_has_its_line(folde
     assert "nothing moves" in rows["stone"].remedy
     assert "too short" in rows["blink"].remedy
     assert "no MOTION section" in rows["broken"].remedy
+    assert "Convert it with FBX2glTF" in rows["closed"].remedy
     assert learned.library.info.rate == 120.0
 
 
@@ -69,7 +71,9 @@ def test_the_recipe_trains_the_same_library_again(folder, tmp_path):
 
 def test_files_and_folders_are_searched_once_each(folder):
     files = recordings_in([folder, folder / "swing.bvh"])
-    assert [file.name for file in files] == ["blink.bvh", "broken.bvh", "my bow (1).bvh", "stone.bvh", "swing.bvh"]
+    assert [file.name for file in files] == [
+        "blink.bvh", "broken.bvh", "my bow (1).bvh", "stone.bvh", "swing.bvh", "closed.FBX",
+    ]  # fmt: skip
     with pytest.raises(MotiondeckError, match="there is no such file or folder"):
         recordings_in([folder / "none.bvh"])
     with pytest.raises(MotiondeckError, match="no recording found; recordings end in"):
@@ -95,10 +99,26 @@ def test_the_command_writes_library_and_recipe_and_prints_what_it_found(folder, 
     assert result.exit_code == 0, result.output
     told = json.loads(result.stdout)
     assert {row["name"]: row["plays"] for row in told["motions"]} == {
-        "swing": "loop", "my-bow-1": "once", "stone": None, "blink": None, "broken": None,
+        "swing": "loop", "my-bow-1": "once", "stone": None, "blink": None, "broken": None, "closed": None,
     }  # fmt: skip
     assert load_library(out).info.name == "mine"
     assert read_recipe(tmp_path / "mine.toml").name == "mine"
+
+
+@pytest.mark.parametrize(("given", "taken"), [("person.npz", [None, "person.npz"]), ("p.asf", ["p.asf", None])])
+def test_a_skeleton_that_is_given_is_for_recordings_of_its_kind(tmp_path, monkeypatch, given, taken):
+    files = [tmp_path / "a.amc", tmp_path / "b.npz"]
+    for file in files:
+        file.touch()
+    seen = []
+
+    def reader(file, options):
+        seen.append(options.skeleton)
+        return replace(waving(60.0, 2.0), name=file.stem)
+
+    monkeypatch.setattr("controller.training.learn.read_clip", reader)
+    learn(files, "mine", options=ReadingOptions(Path(given)), network=QUICK, seeds=[0])
+    assert seen == [name and Path(name) for name in taken]
 
 
 @cache

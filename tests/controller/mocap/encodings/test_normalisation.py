@@ -66,6 +66,13 @@ def test_rounding_noise_around_a_constant_is_not_blown_up():
     assert np.array_equal(Normalisation.fit([noise]).apply(noise), np.zeros((50, 1)))
 
 
+def test_what_hardly_varies_is_scaled_as_if_it_varied_by_a_least_range():
+    normalisation = Normalisation.fit([np.array([[5.0, 0.0, 0.0], [5.0, 0.1, 8.0]])], least_range=2.0)
+    assert normalisation.scaling.tolist() == [1.0, 1.0, 0.25]
+    seen = np.array([[5.5, -0.4, 6.0]])
+    assert np.allclose(normalisation.invert(normalisation.apply(seen)), seen)
+
+
 def test_values_beyond_the_fitted_range_go_beyond_one_and_back():
     normalisation = Normalisation.fit([np.array([[0.0], [2.0]])])
     assert normalisation.apply(np.array([4.0])).tolist() == [3.0]
