@@ -20,8 +20,8 @@ from controller.evaluation.failure_rates import sweep
 from controller.evaluation.tables import Table, Value, failure_table, training_table
 from controller.measures.disturbance import Kind
 from controller.rotations import Array
+from controller.training.recipe import find_recording
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe
-from controller.training.training_set import find_recording
 
 
 def main(

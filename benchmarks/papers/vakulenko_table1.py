@@ -16,7 +16,7 @@ from controller.cli.common.tables import deliver
 from controller.cli.pictures.figures import check_picture
 from controller.evaluation.tables import Table, Value
 from controller.mocap.formats.reading import read_clip
-from controller.training.training_set import find_recording
+from controller.training.recipe import find_recording
 
 
 def main(

@@ -108,11 +108,11 @@ def fit(
     elif len(what) > 1:
         raise MotiondeckError(f"give one recipe, or clips taught by hand (.clip) only, not {', '.join(map(str, what))}")
     else:
-        plan = read_recipe(what[0])
-    data = what[0].parent if data is None else data
-    if not data.is_dir():
-        raise MotiondeckError(f"{data}: there is no such folder; --data is the folder that holds the recordings")
-    out = Path(f"{plan.name}.safetensors") if out is None else out
+        data = what[0].parent if data is None else data
+        if not data.is_dir():
+            raise MotiondeckError(f"{data}: there is no such folder; --data is the folder that holds the recordings")
+        plan = read_recipe(what[0], data)
+    out = _new_library(plan.name) if out is None else out
     check_folder(out)
     plan = sized(plan, centers, satellites)
     if plot is not None:
@@ -155,6 +155,20 @@ def fit(
         )
     if not as_json:
         print(f"wrote {out} ({out.stat().st_size / 1e6:.1f} MB, seed {library.info.seed})")
+
+
+def _new_library(name: str) -> Path:
+    """The file that a library is written to where none is given.
+
+    Raises:
+        MotiondeckError: if there is one of that name: it may be of another recipe.
+    """
+    from motiondeck_base.errors import MotiondeckError
+
+    path = Path(f"{name}.safetensors")
+    if path.exists():
+        raise MotiondeckError(f"{path} exists already: write over it with --out {path}, or name another file")
+    return path
 
 
 def learned_parts(plan: LibraryRecipe, training_set: TrainingSet) -> list[dict[str, Any]]:

@@ -93,17 +93,21 @@ class LibraryRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_
     acknowledgement: str = ""
 
 
-def read_recipe(path: Path) -> LibraryRecipe:
+def read_recipe(path: Path, data: Path | None = None) -> LibraryRecipe:
     """The recipe in a TOML file.
 
+    Args:
+        path: of the recipe.
+        data: the folder of its recordings, if they are to be there.
+
     Raises:
-        FileFormatError: one line that names the file, the key and what is allowed.
+        FileFormatError: one line for each problem that names the file, the key and what is allowed.
     """
     recipe = read_toml(path, LibraryRecipe)
     motions = [
         one if one.name else msgspec.structs.replace(one, name=typeable(Path(one.file).stem)) for one in recipe.motions
     ]
-    return check_recipe(msgspec.structs.replace(recipe, name=recipe.name or path.stem, motions=motions), path)
+    return check_recipe(msgspec.structs.replace(recipe, name=recipe.name or path.stem, motions=motions), path, data)
 
 
 def typeable(text: str) -> str:
@@ -187,16 +191,40 @@ def check_name(name: str, path: Path) -> None:
         raise FileFormatError(f"{path}: motion '{name}' cannot be typed; use letters, digits, - and _ (at most 40)")
 
 
-def check_recipe(recipe: LibraryRecipe, path: Path) -> LibraryRecipe:
-    """The recipe itself, if its names and numbers make sense.
+def check_recipe(recipe: LibraryRecipe, path: Path, data: Path | None = None) -> LibraryRecipe:
+    """The recipe itself, if its names and numbers make sense, and its files are in the data folder, if one is given.
 
     Raises:
         FileFormatError: if they do not; one line for each problem, with the path and what is allowed.
     """
     problems = [*_motion_problems(recipe), *_network_problems(recipe)]
+    problems += [] if data is None else _missing_files(recipe, data)
     if problems:
         raise FileFormatError.listing(str(path), problems)
     return recipe
+
+
+def find_recording(data: Path, file: str) -> Path:
+    """A recording below the data folder, or directly in it.
+
+    Raises:
+        FileFormatError: if it is in neither.
+    """
+    for path in (data / file, data / Path(file).name):
+        if path.exists():
+            return path
+    raise FileFormatError(f"{data / file}: there is no such file; --data is the folder that holds the recordings")
+
+
+def _missing_files(recipe: LibraryRecipe, data: Path) -> Iterator[str]:
+    """The files of a recipe that are not in the data folder."""
+    files = [file for motion in recipe.motions for file in (motion.file, motion.skeleton, *motion.takes)]
+    for file in dict.fromkeys([*files, recipe.body]):
+        try:
+            if file:
+                find_recording(data, file)
+        except FileFormatError as error:
+            yield str(error)
 
 
 def _motion_problems(recipe: LibraryRecipe) -> Iterator[str]:
@@ -209,6 +237,10 @@ def _motion_problems(recipe: LibraryRecipe) -> Iterator[str]:
     for name in dict.fromkeys(names):
         if not NAME.fullmatch(name):
             yield f"motion '{name}' cannot be typed; use letters, digits, - and _ (at most 40)"
+    for motion in recipe.motions:
+        first, end = motion.frames or (0, 1)
+        if not 0 <= first < end:
+            yield f"motion '{motion.name}': frames is [{first}, {end}]; give the first one and the one after the last"
     if not recipe.seeds or min(recipe.seeds) < 0:
         yield f"seeds is {recipe.seeds}; give at least one whole number, none below 0"
     if not 0.1 <= recipe.loop_keeps <= 1.0:

@@ -22,7 +22,7 @@ from controller.rotations import Array, dot
 from controller.training.preparation.loops import Seam, best_seam, close_loop, hold_end
 from controller.training.preparation.takes import read_takes
 from controller.training.preparation.training_motion import TrainingMotion
-from controller.training.recipe import CenterRecipe, LibraryRecipe, MotionRecipe
+from controller.training.recipe import CenterRecipe, LibraryRecipe, MotionRecipe, find_recording
 from controller.training.reservoirs.phase_training import PhaseRecipe
 from motiondeck_base.errors import FileFormatError
 
@@ -207,18 +207,6 @@ def apart_at(encoding: Encoding, channels: Array, features: Array, seam: Seam) -
     bones = encoding.directions(channels[ends])
     turned = np.degrees(np.arccos(np.clip(dot(bones[0], bones[1]), -1.0, 1.0)))
     return float(np.sqrt(np.square(last - first).sum() / (len(first) / 3.0))), float(turned.max())
-
-
-def find_recording(data: Path, file: str) -> Path:
-    """A recording below the data folder, or directly in it.
-
-    Raises:
-        FileFormatError: if it is in neither.
-    """
-    for path in (data / file, data / Path(file).name):
-        if path.exists():
-            return path
-    raise FileFormatError(f"{data / file}: there is no such file; --data is the folder that holds the recordings")
 
 
 def cut(clip: Clip, motion: MotionRecipe) -> Clip:

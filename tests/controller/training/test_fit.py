@@ -1,10 +1,14 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from bodies import waving
 from controller.cli.main import app
 from controller.library.motion_library import load_library, save_library
 from controller.mocap.formats.reading import read_clip
+from controller.mocap.formats.writing import bvh_text
 from controller.training.fit import fit, steps
 from controller.training.recipe import read_recipe, warnings
 from controller.training.reservoirs.phase_training import PhaseRecipe
@@ -203,3 +207,30 @@ def test_a_mirrored_copy_exchanges_left_and_right(tmp_path, mocap_data):
     for bone, partner in (("lkne", "rkne"), ("rwri", "lwri"), ("head", "head")):
         at, there = (4 + 3 * bones.index(name) for name in (bone, partner))
         assert other[:, at : at + 3] == pytest.approx(one[:, there : there + 3] * [1.0, -1.0, 1.0], abs=1e-6)
+
+
+def test_what_is_wrong_with_motions_and_which_files_are_missing_is_said_at_once(tmp_path):
+    (tmp_path / "here.bvh").touch()
+    (tmp_path / "recipe.toml").write_text(
+        "[[motions]]\nfile = 'gone.bvh'\nframes = [9, 3]\n"
+        "[[motions]]\nfile = 'here.bvh'\nname = 'a b'\n"
+        "[[motions]]\nfile = 'gone.amc'\nskeleton = 'gone.asf'\n"
+    )
+    with pytest.raises(FileFormatError) as caught:
+        read_recipe(tmp_path / "recipe.toml", tmp_path)
+    lines = str(caught.value).splitlines()
+    for part in ("called 'gone'", "'a b' cannot be typed", "frames is [9, 3]", "gone.bvh: there is no such file"):
+        assert sum(part in line for line in lines) == 1
+    assert len(lines) == 6
+
+
+def test_a_library_that_exists_is_only_written_over_when_it_is_named(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("wave.bvh").write_text(bvh_text(waving(60.0, 2.0)))
+    Path("waves.toml").write_text(
+        "[[motions]]\nfile = 'wave.bvh'\n[network]\ntype = 'phase-conceptor'\nneurons = 60\nrank = 20\n"
+    )
+    assert CliRunner().invoke(app, ["fit", "waves.toml"]).exit_code == 0
+    assert Path("waves.safetensors").exists()
+    again = CliRunner().invoke(app, ["fit", "waves.toml"])
+    assert "waves.safetensors exists already: write over it with --out" in str(again.exception)
