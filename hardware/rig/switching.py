@@ -22,6 +22,7 @@ _NEAR = 0.05  # rad that a joint may stand outside its limits when switched on: 
 
 _PATH = ("present_velocity", "present_position", "velocity_trajectory", "position_trajectory")
 _LAG = 0.15  # s that a joint may be behind its path and still follows it
+_ROUNDS = 2  # of asking for the end of torque: a servo that has just restarted is deaf for a while
 _UNTIL_TOLD = 0.02  # s from reading where a joint is to its taking the new goal
 
 _HARDWARE_ERRORS = {1: "input voltage", 4: "overheated", 8: "encoder", 16: "electrical shock", 32: "overload"}
@@ -148,18 +149,23 @@ def switch_off(config: RigConfig, bus: Bus) -> list[str]:
     Returns:
         The joints that did not confirm it: dead ones, or all where the port is gone.
     """
-    unconfirmed: list[str] = []
+
+    def confirms(joint: RigJoint) -> bool:
+        try:
+            bus.write(joint.id, joint.table["torque_enable"].address, b"\0")
+        except ServoError:
+            return False
+        return True
+
+    unconfirmed = list(config.joints)
     try:
         tell_all(config, bus, "torque_enable", 0)
         tell_all(config, bus, "bus_watchdog", 0)
-        for joint in config.joints:
-            try:
-                bus.write(joint.id, joint.table["torque_enable"].address, b"\0")
-            except ServoError:
-                unconfirmed.append(joint.name)
+        for _ in range(_ROUNDS):
+            unconfirmed = [joint for joint in unconfirmed if not confirms(joint)]
     except SerialPortError:
         return list(config.names)
-    return unconfirmed
+    return [joint.name for joint in unconfirmed]
 
 
 def hold_each(config: RigConfig, bus: Bus) -> list[str]:

@@ -313,6 +313,13 @@ def test_closing_goes_past_a_dead_servo(rig, port):
     assert registers(port.bus, "torque_enable") == [1, 0, 0, 0]
 
 
+def test_a_servo_that_is_deaf_for_a_moment_at_the_end_is_switched_off_too(rig, port):
+    port.bus[3].reboot(port.now() + 0.2)
+    port.bus[3]["torque_enable"] = 1  # as a startup configuration would set it
+    assert rig.close() == []
+    assert registers(port.bus, "torque_enable") == [0] * 4
+
+
 def test_leaving_the_block_takes_the_torque_off(rig_of_four, bus, servos):
     with pytest.raises(KeyError), DynamixelRig(rig_of_four, bus):
         raise KeyError
