@@ -44,6 +44,15 @@ def fit(
     satellites: Annotated[
         str | None, typer.Option("--satellites", metavar="N|auto", help="Number of satellites; auto: chosen by AICc.")
     ] = None,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(
+            "--tolerance",
+            metavar="MM",
+            min=0.01,
+            help="The smallest phase-driven network that keeps every motion's joints so near, in the mean.",
+        ),
+    ] = None,
     plot: Annotated[
         Path | None,
         typer.Option("--plot", metavar="DIR", help="Plot feet and hands of each motion as recorded and as played."),
@@ -114,7 +123,7 @@ def fit(
         plan = read_recipe(what[0], data)
     out = _new_library(plan.name) if out is None else out
     check_folder(out)
-    plan = sized(plan, centers, satellites)
+    plan = sized(plan, centers, satellites, tolerance)
     if plot is not None:
         from controller.cli.pictures.figures import check_picture
 
@@ -195,16 +204,24 @@ def described(row: dict[str, Any]) -> str:
     )
 
 
-def sized(plan: LibraryRecipe, centers: str | None, satellites: str | None) -> LibraryRecipe:
-    """The recipe with other sizes of its centralized network.
+def sized(
+    plan: LibraryRecipe, centers: str | None, satellites: str | None, tolerance: float | None = None
+) -> LibraryRecipe:
+    """The recipe with other sizes of its centralized network, or a tolerance for its phase-driven one, mm.
 
     Raises:
-        MotiondeckError: if it has none, or a size is neither a number nor "auto".
+        MotiondeckError: if it has no such network, or a size is neither a number nor "auto".
     """
     import msgspec
 
     from controller.training.centralized.centralized_training import CentralizedRecipe
+    from controller.training.reservoirs.phase_training import PhaseRecipe
     from motiondeck_base.errors import MotiondeckError
+
+    if tolerance is not None:
+        if not isinstance(plan.network, PhaseRecipe):
+            raise MotiondeckError(f"recipe '{plan.name}' is not for phase-driven conceptors, which take --tolerance")
+        plan = msgspec.structs.replace(plan, network=msgspec.structs.replace(plan.network, tolerance_mm=tolerance))
 
     given = {name: value for name, value in (("centers", centers), ("satellites", satellites)) if value is not None}
     if not given:

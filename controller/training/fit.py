@@ -30,6 +30,7 @@ from controller.training.reservoirs.echo_state_training import EchoStateRecipe, 
 from controller.training.reservoirs.noise_choice import settled_echo_state
 from controller.training.reservoirs.phase_training import PhaseRecipe, train_phase_conceptors
 from controller.training.reservoirs.random_feature_training import RandomFeatureRecipe, train_random_features
+from controller.training.reservoirs.size_choice import smallest_within
 from controller.training.stress_test import stress_test
 from controller.training.training_set import Progress, TrainingSet, prepare
 from motiondeck_base.errors import FileFormatError
@@ -78,6 +79,12 @@ def fit_prepared(
     motions, normalisation = training_set.normalised()
     holds = not recipe.as_recorded
     judge = Judge(training_set.encoding, training_set.frames, training_set.loops, training_set.rate, holds=holds)
+
+    if isinstance(recipe.network, PhaseRecipe) and recipe.network.tolerance_mm is not None:
+        wanted = (recipe.network.tolerance_mm, motions, normalisation, recipe.network)
+        with threadpool_limits(1):
+            sized = smallest_within(*wanted, training_set.rate, recipe.seeds[0], judge, progress)
+        recipe = msgspec.structs.replace(recipe, network=sized)
 
     def train_with(seed: int) -> TrainedNetwork:
         progress(f"training (seed {seed})")

@@ -56,6 +56,7 @@ class PhaseRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
         rank: k, how many directions of a conceptor are kept.
         piece_seconds: about how long the pieces are that a motion is cut into, s.
         ridge: gamma of both regressions.
+        tolerance_mm: with it, N and k are the smallest of `size_choice.SIZES` with which no motion is further off, mm.
     """
 
     neurons: int = 300
@@ -68,6 +69,7 @@ class PhaseRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
     rank: int = 40
     piece_seconds: float = 1.5
     ridge: float = 1e-3
+    tolerance_mm: float | None = None
 
     @property
     def anchor_every(self) -> int:
