@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -69,7 +69,14 @@ class Library:
         return self.model.skeleton
 
     def generate(
-        self, motion: str, *, seconds: float, rate: float | None = None, tempo: float = 1.0, phase: float = 0.0
+        self,
+        motion: str,
+        *,
+        seconds: float,
+        rate: float | None = None,
+        tempo: float = 1.0,
+        phase: float = 0.0,
+        inputs: Mapping[str, float] | None = None,
     ) -> NDArray[np.float64]:
         """A motion as an array of the network's channels.
 
@@ -79,6 +86,7 @@ class Library:
             rate: frames per second, Hz; the library's own where none is given.
             tempo: 1 is as fast as recorded; negative plays backwards, where the network has a phase.
             phase: where in the motion to begin, in [0, 1].
+            inputs: values of the motion's inputs besides the phase, such as {"speed": 1.4}.
 
         Returns:
             Shape (round(seconds * rate), C). For a human body: height of the root (m), turn rate (rad/s), forward and
@@ -87,17 +95,26 @@ class Library:
         Raises:
             MotiondeckError: if there is no such motion (it names the nearest), or a number is impossible.
         """
-        return generate(self.model, motion, seconds, rate or self.rate, tempo=tempo, phase=phase)
+        return generate(self.model, motion, seconds, rate or self.rate, tempo=tempo, phase=phase, inputs=inputs)
 
     def generate_clip(
-        self, motion: str, *, seconds: float, rate: float | None = None, tempo: float = 1.0, phase: float = 0.0
+        self,
+        motion: str,
+        *,
+        seconds: float,
+        rate: float | None = None,
+        tempo: float = 1.0,
+        phase: float = 0.0,
+        inputs: Mapping[str, float] | None = None,
     ) -> Clip:
         """The same as a clip of the library's skeleton: to be retargeted, recognized, or saved as BVH."""
-        return generate_clip(self.model, motion, seconds, rate or self.rate, tempo=tempo, phase=phase)
+        return generate_clip(self.model, motion, seconds, rate or self.rate, tempo=tempo, phase=phase, inputs=inputs)
 
-    def generator(self, motion: str, *, tempo: float = 1.0, phase: float = 0.0) -> MotionGenerator:
+    def generator(
+        self, motion: str, *, tempo: float = 1.0, phase: float = 0.0, inputs: Mapping[str, float] | None = None
+    ) -> MotionGenerator:
         """The same step by step: `step(dt)` goes dt seconds on and gives the channels there, shape (C,)."""
-        return MotionGenerator(self.model, motion, tempo=tempo, phase=phase)
+        return MotionGenerator(self.model, motion, tempo=tempo, phase=phase, inputs=inputs)
 
     def save(self, path: str | Path) -> None:
         """Writes the library into one file (.safetensors), whole or not at all.

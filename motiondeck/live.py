@@ -32,6 +32,7 @@ from controller.wire.messages import (
     Refused,
     Reset,
     Resume,
+    SetInput,
     SetTempo,
     Stop,
     Subscribe,
@@ -176,6 +177,19 @@ class LiveDeck:
             CommandError: if the network runs by itself and has no phase, or two motions are blended.
         """
         self._request(Jump(phase))
+
+    @property
+    def inputs(self) -> dict[str, float]:
+        """The present values of the inputs that motions have besides the phase, such as speed."""
+        return self.status().inputs
+
+    def set_input(self, name: str, value: float) -> None:
+        """Gives an input another value, which is reached within a second.
+
+        Raises:
+            CommandError: if no motion has such an input, or the value lies outside of what was learned.
+        """
+        self._request(SetInput(name, value))
 
     def pause(self) -> None:
         """Comes to a standstill."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable
 
+from controller.deck.inputs import Inputs
 from controller.deck.interfaces import Retargeter
 from controller.deck.joins.joining import Joining
 from controller.deck.performance import Performance
@@ -72,6 +73,10 @@ class Deck(Paced):
         self._ahead: deque[str] = deque()  # the motions that the current switch has still to begin
         self._queued: deque[CommandedSwitch] = deque()
         self._waits = False  # whether the next of them waits for the end of the present motion
+        usual = {motion.input.name: motion.input.usual for motion in library.info.motions if motion.input}
+        self._inputs = Inputs(self._show.inputs, usual)
+        for name, value in usual.items():
+            self._show.set_input(name, value)  # motions that share an input begin alike
         self._jump: float | None = None  # the phase to go to in the next update
         self.time = 0.0
         self.switches: deque[CommandedSwitch] = deque(maxlen=REMEMBERED_SWITCHES)
@@ -103,6 +108,11 @@ class Deck(Paced):
     def phase(self) -> float | None:
         """How far the motion is: [0, 1) in a loop, 0 to 1 in a one-shot; None if the network runs by itself."""
         return self._show.phase
+
+    @property
+    def inputs(self) -> dict[str, float]:
+        """The present values of the inputs that motions have besides the phase."""
+        return dict(self._inputs.present)
 
     @property
     def blend(self) -> tuple[str, float] | None:
@@ -202,6 +212,15 @@ class Deck(Paced):
             self._show.require_phase()
         super().set_tempo(factor, over)
 
+    def set_input(self, name: str, value: float) -> None:
+        """Gives an input of the motions, such as speed, another value; it is reached within a second.
+
+        Raises:
+            UnknownNameError: if no motion has such an input.
+            MotiondeckError: if the value lies outside of what was learned.
+        """
+        self._inputs.command(name, value)
+
     def jump(self, phase: float) -> None:
         """Goes to a phase of the motion that is played at the next update, and fades to it from what is shown.
 
@@ -222,6 +241,8 @@ class Deck(Paced):
         """Advances by dt seconds; the joint targets (J,), rad, and the pose they come from."""
         self.time += dt
         show = self._show
+        for name, value in self._inputs.advance(dt).items():
+            show.set_input(name, value)
         if show.step(dt, self._tempo.advance(dt)):
             self._finish_fade()
         if show.blend_problem and not self._ahead:

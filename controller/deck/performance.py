@@ -108,6 +108,16 @@ class Performance:
         """How far the motion is: [0, 1) in a loop, 0 to 1 in a one-shot; None if the network runs by itself."""
         return self._leading.phase
 
+    @property
+    def inputs(self) -> dict[str, tuple[float, float]]:
+        """The inputs that the network has besides the phase, and between which values each was learned."""
+        return self._first.inputs
+
+    def set_input(self, name: str, value: float) -> None:
+        """Gives an input of the network another value."""
+        for track in (self._first, self._second):
+            track.set_input(name, value)
+
     def require_phase(self) -> None:
         """Checks that the network has a phase.
 

@@ -120,6 +120,19 @@ class RecordedDeck(Paced):
         raise MotiondeckError("a recording is being replayed; it has no phase to jump to")
 
     @property
+    def inputs(self) -> dict[str, float]:
+        """Always empty: no network is playing."""
+        return {}
+
+    def set_input(self, name: str, value: float) -> None:
+        """Refuses.
+
+        Raises:
+            MotiondeckError: always.
+        """
+        raise MotiondeckError(f"a recording is being replayed; it has no {name} to set to {value:g}")
+
+    @property
     def blend(self) -> None:
         """Always None: nothing is blended."""
         return

@@ -13,12 +13,14 @@ from controller.mocap.encodings.encoding import Encoding
 from controller.mocap.encodings.joint_angles import JointAngles, JointBody
 from controller.mocap.encodings.joint_rotations import JointRotations
 from controller.mocap.skeleton import Skeleton
+from controller.networks.reservoirs.driving_input import DrivingInput
 from controller.networks.reservoirs.phase_conceptor import PhaseScales
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.toml_file import shaped
 
-VERSION = 3
-OLDER = (1, 2)  # read as well: 2 brought phase-driven networks, 3 centralized ones with weights of low rank
+VERSION = 4
+# Read as well: 2 brought phase-driven networks, 3 centralized ones with weights of low rank, 4 inputs of motions.
+OLDER = (1, 2, 3)
 MOST_NEURONS, MOST_HARMONICS = 20_000, 100
 LONGEST_BONE = 10.0  # m
 FEWEST_ANCHORS = 3  # with fewer nobody can tell how a motion moves
@@ -36,6 +38,7 @@ class MotionInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_onl
         error_mm: median distance to the recorded motion at the end of the free run, mm.
         passed: whether the self-test passed.
         reason: why not, or "".
+        input: what it can be driven with besides the phase, of a motion learned from recordings that differ in it.
     """
 
     name: str
@@ -46,6 +49,7 @@ class MotionInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_onl
     error_mm: float
     passed: bool
     reason: str = ""
+    input: DrivingInput | None = None
 
 
 class SkeletonInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -132,6 +136,10 @@ def read_header(path: Path, tree: object) -> LibraryInfo:
     for motion in info.motions:
         if not (motion.name and motion.frames >= FEWEST_ANCHORS):
             raise FileFormatError(f"{path}: its header has a motion '{motion.name}' of {motion.frames} frames")
+        if motion.input is not None and not (
+            motion.input.possible and motion.plays == "loop" and scales and scales.drive_scale
+        ):
+            raise FileFormatError(f"{path}: motion '{motion.name}' cannot have the input {motion.input}")
     return info
 
 

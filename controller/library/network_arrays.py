@@ -158,7 +158,7 @@ class _Reader:
                 readout=self.take(at + "readout", pieces, channels, rank + 1),
             )
             course = PhaseCourse.of(motion.frames, pieces, loop=motion.plays == "loop", held=held)
-            motions[motion.name] = PhaseMotion(stored, course, reservoir)
+            motions[motion.name] = PhaseMotion(stored, course, reservoir, motion.input)
         return PhaseConceptorNetwork(info.scales, info.seed, self.normalisation("", channels), motions)
 
     def echo_state(self, motion: str, neurons: int, channels: int) -> EchoStateMotion:

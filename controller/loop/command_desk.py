@@ -31,6 +31,7 @@ from controller.wire.messages import (
     Reply,
     Reset,
     Resume,
+    SetInput,
     SetTempo,
     Settled,
     State,
@@ -129,6 +130,15 @@ class Commandable(Protocol):
 
     def set_tempo(self, factor: float, over: float = 0.0) -> None:
         """Plays at another tempo."""
+        ...
+
+    @property
+    def inputs(self) -> dict[str, float]:
+        """The present values of inputs besides the phase."""
+        ...
+
+    def set_input(self, name: str, value: float) -> None:
+        """Gives an input another value."""
         ...
 
     def jump(self, phase: float) -> None:
@@ -337,6 +347,8 @@ class CommandDesk:
                 return deck.set_tempo(factor, over)
             case Jump(phase=phase):
                 return deck.jump(phase)
+            case SetInput(name=name, value=value):
+                return deck.set_input(name, value)
             case _:
                 return deck.pause()
         if stop.mode != "playing":
@@ -359,6 +371,7 @@ class CommandDesk:
             fell_back=deck.fell_back,
             seen=self._seen() if self._seen is not None else None,
             phase=deck.phase,
+            inputs=deck.inputs,
         )
 
 

@@ -55,7 +55,7 @@ class PhaseBatch:
             rows = np.flatnonzero(entering == piece)
             seam = rows[leaving[rows] != piece]
             self._z[seam] = self._z[seam] @ part.hand_on[piece].T + part.shift[piece]
-            inputs = np.hstack([self._z[rows], part.harmonics[self._frame[rows]]])
+            inputs = np.hstack([self._z[rows], part.inputs[self._frame[rows]]])
             hidden = inputs @ part.drive[piece, :, :-1].T + part.drive[piece, :, -1]
             if self._push is not None:
                 hidden += self._push[rows]

@@ -74,6 +74,25 @@ class PhaseNetwork(FrameNetwork, Protocol):
         ...
 
 
+@runtime_checkable
+class InputNetwork(PhaseNetwork, Protocol):
+    """A phase-driven network some of whose motions have inputs besides the phase."""
+
+    @property
+    def inputs(self) -> dict[str, tuple[float, float]]:
+        """The names of the inputs, and between which values each was learned."""
+        ...
+
+    @property
+    def pace(self) -> float:
+        """How many frames are played in the time of one, because of the input."""
+        ...
+
+    def set_input(self, name: str, value: float) -> None:
+        """Gives an input another value, from the next step on."""
+        ...
+
+
 class Generator(Protocol):
     """Plays motions in continuous time.
 

@@ -20,6 +20,7 @@ from controller.measures.self_test import Judge, MotionVerdict, self_test
 from controller.measures.trials import with_trials
 from controller.mocap.encodings.normalisation import Normalisation
 from controller.networks.centralized.centralized_frames import CentralizedNetwork
+from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork
 from controller.rotations import Array
 from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network
 from controller.training.preparation.training_motion import TrainingMotion
@@ -183,7 +184,7 @@ def assemble(
         acknowledgement=recipe.acknowledgement,
         leak=recipe.network.leak if isinstance(recipe.network, EchoStateRecipe) else 1.0,
         clipped=recipe.network.clipped if isinstance(recipe.network, EchoStateRecipe) else True,
-        scales=recipe.network.scales if isinstance(recipe.network, PhaseRecipe) else None,
+        scales=network.scales if isinstance(network, PhaseConceptorNetwork) else None,
     )
     return MotionLibrary(info, network, training_set.encoding)
 
@@ -221,4 +222,5 @@ def describe_motion(
         error_mm=verdict.error_mm,
         passed=verdict.passed,
         reason=verdict.reason,
+        input=network[motion.name].driving if isinstance(network, PhaseConceptorNetwork) else None,
     )

@@ -46,7 +46,10 @@ class MotionRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_o
         skeleton: for an .amc, its .asf, relative to the data folder; without it the one nearby is taken.
         unit, up, rename: what overrules the file, as in `ReadingOptions`.
         mirrored: whether left and right are exchanged.
-        takes: further recordings of the same motion, joined with the first; clips taught to a rig only.
+        takes: further recordings of the same motion. Clips taught to a rig are joined with the first; with an input,
+            they are other values of it.
+        input: the name of an input besides the phase, in which the recordings differ, such as "speed".
+        values: of the input in the recording and in each take; without them, those of "speed" are measured, m/s.
     """
 
     file: str
@@ -59,6 +62,8 @@ class MotionRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_o
     rename: dict[str, str] = msgspec.field(default_factory=dict[str, str])
     mirrored: bool = False
     takes: tuple[str, ...] = ()
+    input: str = ""
+    values: tuple[float, ...] = ()
 
 
 class LibraryRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -241,12 +246,32 @@ def _motion_problems(recipe: LibraryRecipe) -> Iterator[str]:
         first, end = motion.frames or (0, 1)
         if not 0 <= first < end:
             yield f"motion '{motion.name}': frames is [{first}, {end}]; give the first one and the one after the last"
+        yield from _input_problems(motion, recipe)
     if not recipe.seeds or min(recipe.seeds) < 0:
         yield f"seeds is {recipe.seeds}; give at least one whole number, none below 0"
     if not 0.1 <= recipe.loop_keeps <= 1.0:
         yield f"loop_keeps is {recipe.loop_keeps}; it lies between 0.1 and 1"
     if recipe.rate is not None and not 10.0 <= recipe.rate <= 1000.0:
         yield f"rate is {recipe.rate}; it lies between 10 and 1000 Hz"
+
+
+def _input_problems(motion: MotionRecipe, recipe: LibraryRecipe) -> Iterator[str]:
+    """What is wrong with the input of a motion."""
+    if not motion.input:
+        if motion.values:
+            yield f"motion '{motion.name}' has values, but no input that they are of"
+        return
+    if not NAME.fullmatch(motion.input):
+        yield f"input '{motion.input}' cannot be typed; use letters, digits, - and _ (at most 40)"
+    if not isinstance(recipe.network, PhaseRecipe):
+        yield f"motion '{motion.name}' has an input, which only phase-driven conceptors can have"
+    if motion.plays != "loop" or not motion.takes:
+        yield f"motion '{motion.name}' has an input; it has to be a loop with takes, which are its other values"
+    many = 1 + len(motion.takes)
+    if not motion.values and motion.input != "speed":
+        yield f"give the values of '{motion.input}' in the {many} recordings of motion '{motion.name}'"
+    if motion.values and not (len(motion.values) == many == len(set(motion.values))):
+        yield f"motion '{motion.name}' has {many} recordings, which need as many different values"
 
 
 def _network_problems(recipe: LibraryRecipe) -> Iterator[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,10 +18,12 @@ from controller.mocap.encodings.normalisation import Normalisation
 from controller.mocap.formats.reading import read_clip, skeleton_of
 from controller.mocap.reading_options import ReadingOptions
 from controller.mocap.skeleton import Skeleton
+from controller.networks.reservoirs.driving_input import DrivingInput
 from controller.rotations import Array, dot
+from controller.training.preparation.cycles import in_step
 from controller.training.preparation.loops import Seam, best_seam, close_loop, hold_end
 from controller.training.preparation.takes import read_takes
-from controller.training.preparation.training_motion import TrainingMotion
+from controller.training.preparation.training_motion import TrainingMotion, Variant
 from controller.training.recipe import CenterRecipe, LibraryRecipe, MotionRecipe, find_recording
 from controller.training.reservoirs.phase_training import PhaseRecipe
 from motiondeck_base.errors import FileFormatError
@@ -66,6 +68,8 @@ class TrainingSet:
         before: what was recorded before those frames, of each motion, or nothing.
         parts: which part of its recording each motion is learned from; not of recordings learned as they are.
         least_range: of a channel, for its normalisation, in its unit.
+        variants: of motions with an input, the loop at each of its values, the first as in `frames`; and
+        inputs: what their inputs are called.
     """
 
     encoding: Encoding
@@ -75,19 +79,33 @@ class TrainingSet:
     before: dict[str, Array] = field(default_factory=dict[str, Array])
     parts: dict[str, LearnedPart] = field(default_factory=dict[str, LearnedPart])
     least_range: float = 0.0
+    variants: dict[str, list[Variant]] = field(default_factory=dict[str, list[Variant]])
+    inputs: dict[str, str] = field(default_factory=dict[str, str])
 
     def normalised(self) -> tuple[list[TrainingMotion], Normalisation]:
         """What a trainer is given, and the normalisation of its channels."""
-        normalisation = Normalisation.fit([*self.frames.values(), *self.before.values()], self.least_range)
+        variants = [variant.frames for loops in self.variants.values() for variant in loops]
+        normalisation = Normalisation.fit([*self.frames.values(), *self.before.values(), *variants], self.least_range)
         return [
             TrainingMotion(
                 name,
                 normalisation.apply(frames),
                 self.loops[name],
                 normalisation.apply(self.before[name]) if name in self.before else None,
+                self._driving(name),
+                tuple(replace(one, frames=normalisation.apply(one.frames)) for one in self.variants.get(name, ())),
             )
             for name, frames in self.frames.items()
         ], normalisation
+
+    def _driving(self, motion: str) -> DrivingInput | None:
+        """The input of a motion, if it has one."""
+        if motion not in self.variants:
+            return None
+        rising = sorted(self.variants[motion], key=lambda variant: variant.value)
+        usual = self.variants[motion][0].value
+        values, seconds = tuple(one.value for one in rising), tuple(one.seconds for one in rising)
+        return DrivingInput(self.inputs[motion], values, seconds, usual)
 
 
 def prepare(
@@ -126,8 +144,17 @@ def prepare(
     frames: dict[str, Array] = {}
     before: dict[str, Array] = {}
     parts: dict[str, LearnedPart] = {}
+    variants: dict[str, list[Variant]] = {}
     for motion in recipe.motions:
         clip = clips[motion.name]
+        if motion.input:
+            takes = [clip, *(read_clip(find_recording(data, take)) for take in motion.takes)]
+            alike = [carried(resampled(take, rate), encoding.skeleton) for take in takes]
+            variants[motion.name] = in_step(encoding, alike, motion.values, rate)
+            usual = variants[motion.name][0]
+            frames[motion.name] = usual.frames
+            parts[motion.name] = LearnedPart(0.0, usual.seconds, clip.duration)
+            continue
         if recipe.as_recorded and not isinstance(recipe.network, CenterRecipe):
             own = cut(clip, motion)
             channels, washout = encoding_of(own.skeleton, twist=twist).encode(own), recipe.network.washout
@@ -138,14 +165,19 @@ def prepare(
         frames[motion.name], parts[motion.name] = to_learn(encoding, clip, motion, rate, recipe.loop_keeps)
     loops = {motion.name: motion.plays == "loop" for motion in recipe.motions}
     least = LEAST_RANGE if isinstance(recipe.network, PhaseRecipe) else 0.0
-    return TrainingSet(encoding, rate, frames, loops, before, parts, least)
+    inputs = {motion.name: motion.input for motion in recipe.motions if motion.input}
+    return TrainingSet(encoding, rate, frames, loops, before, parts, least, variants, inputs)
 
 
 def read_motion(data: Path, motion: MotionRecipe) -> Clip:
     """The recording of a motion, all of its frames, or its takes joined; mirrored if it is to be."""
     path = find_recording(data, motion.file)
     takes = [path, *(find_recording(data, take) for take in motion.takes)]
-    clip = read_takes(takes)[0] if motion.takes else read_clip(path, reading_options(data, path, motion))
+    clip = (
+        read_takes(takes)[0]
+        if motion.takes and not motion.input
+        else read_clip(path, reading_options(data, path, motion))
+    )
     return mirrored(clip) if motion.mirrored else clip
 
 

@@ -27,6 +27,7 @@ from controller.wire.messages import (
     Queue,
     Reset,
     Resume,
+    SetInput,
     SetTempo,
     Stop,
     Subscribe,
@@ -43,6 +44,7 @@ class MotionName:
     field: str
     name: str = "MOTION"
     optional: bool = False
+    kind: str = "motion"
 
     def parse(self, word: str) -> str:
         """The name itself."""
@@ -51,7 +53,7 @@ class MotionName:
     def check(self, value: str) -> None:
         """Raises a CommandError where a name is empty or too long to be a motion's."""
         if not 0 < len(value) <= LONGEST_NAME:
-            raise CommandError(f"a motion's name has 1 to {LONGEST_NAME} characters")
+            raise CommandError(f"the name of a {self.kind} has 1 to {LONGEST_NAME} characters")
 
 
 @dataclass(frozen=True)
@@ -170,6 +172,12 @@ COMMANDS = (
         SetTempo,
         (TEMPO, TEMPO_SECONDS),
         "play at -3 to 3 times the recorded tempo, reached smoothly or within 0 to 60 s; below 0 backwards",
+    ),
+    DeckCommand(
+        "input",
+        SetInput,
+        (MotionName("name", "INPUT", kind="input"), Number("value", "VALUE", -1e6, 1e6)),
+        "give an input that motions were learned with another value, such as speed 1.4 (m/s); it is reached smoothly",
     ),
     DeckCommand("jump", Jump, (PHASE,), "go to a phase (0 to 1) of the motion that is played, through a join"),
     DeckCommand("pause", Pause, (), "stand still"),

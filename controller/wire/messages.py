@@ -84,6 +84,19 @@ class Jump(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="jump"):
     id: Number = 0
 
 
+class SetInput(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="input"):
+    """Give an input of the motions another value.
+
+    Attributes:
+        name: of the input, such as "speed".
+        value: in its own unit.
+    """
+
+    name: str
+    value: float
+    id: Number = 0
+
+
 class Pause(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="pause"):
     """Come to a standstill."""
 
@@ -193,6 +206,7 @@ class State(msgspec.Struct, frozen=True, tag="state"):
         blend: the motion that is blended in, and its weight.
         fell_back: why the last blend was given up and what was played instead.
         seen: the motion that the measured joints are recognised as, and the confidence, while that is switched on.
+        inputs: the present values of the inputs that motions have besides the phase.
     """
 
     motion: str
@@ -207,6 +221,7 @@ class State(msgspec.Struct, frozen=True, tag="state"):
     fell_back: str = ""
     seen: tuple[str, float] | None = None
     phase: float | None = None
+    inputs: dict[str, float] = {}
 
 
 EventKind = Literal[
@@ -257,6 +272,7 @@ Message = (
     | Queue
     | Blend
     | SetTempo
+    | SetInput
     | Jump
     | Pause
     | Resume

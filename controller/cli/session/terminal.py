@@ -56,6 +56,7 @@ def describe(reply: Reply) -> str:
         case State():
             how = "paused" if reply.paused else f"at tempo {reply.tempo:.2f}"
             how += f", phase {reply.phase:.2f}" if reply.phase is not None else ""
+            how += "".join(f", {name} {value:.3g}" for name, value in reply.inputs.items())
             doing = "switching to" if reply.switching else "playing"
             mode = "" if reply.mode == "playing" else f"{reply.mode}; "
             queue = f"; next: {', '.join(reply.queue)}" if reply.queue else ""

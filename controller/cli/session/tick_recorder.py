@@ -24,6 +24,7 @@ from controller.wire.messages import (
     Queue,
     Refused,
     Reply,
+    SetInput,
     SetTempo,
     Subscribe,
     Switch,
@@ -91,6 +92,8 @@ class TickRecorder:
                 argument = weight
             case Jump(phase=phase):
                 argument = phase
+            case SetInput(value=value):
+                argument = value
             case _:
                 argument = math.nan
         fields["argument"][0] = argument

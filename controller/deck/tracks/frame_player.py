@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.networks.base import Channels, CrossingNetwork, FrameNetwork, PhaseNetwork
-from motiondeck_base.errors import MotiondeckError
+from controller.networks.base import Channels, CrossingNetwork, FrameNetwork, InputNetwork, PhaseNetwork
+from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 # Rows: the weights of p0 .. p3 for 1, u, u^2, u^3.
 _CUBIC = 0.5 * np.array([[0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3, 1]], dtype=np.float64)
@@ -45,6 +45,7 @@ class FramePlayer:
         self.rate = rate
         self.motions = network.motions
         self._center = network if isinstance(network, PhaseNetwork) else None
+        self._driven = network if isinstance(network, InputNetwork) and network.inputs else None
         self._frames = np.zeros((4, network.channels))
         self._phases = [0.0] * 4
         self._forwards = True
@@ -107,7 +108,7 @@ class FramePlayer:
             self.require_phase()
             if dt and (dt > 0.0) is not self._forwards:
                 self._turn_round()
-        self._fraction += abs(dt) * self.rate
+        self._fraction += abs(dt) * self.rate * self.pace
         while self._fraction >= 1.0:
             self._fraction -= 1.0
             for older, newer in zip(self._frames, self._frames[1:], strict=False):
@@ -145,6 +146,26 @@ class FramePlayer:
             return
         for place in range(1, 4):
             self._take(place)
+
+    @property
+    def pace(self) -> float:
+        """How many frames are played in the time of one, because of the input."""
+        return self._driven.pace if self._driven is not None else 1.0
+
+    @property
+    def inputs(self) -> dict[str, tuple[float, float]]:
+        """The inputs that the network has besides the phase, and between which values each was learned."""
+        return self._driven.inputs if self._driven is not None else {}
+
+    def set_input(self, name: str, value: float) -> None:
+        """Gives an input another value: the frames taken from now on follow it.
+
+        Raises:
+            UnknownNameError: if the network has no such input.
+        """
+        if self._driven is None:
+            raise UnknownNameError(f"there is no input '{name}': no motion of this library was learned with one")
+        self._driven.set_input(name, value)
 
     def require_phase(self) -> None:
         """Checks that a center drives the network.

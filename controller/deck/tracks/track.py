@@ -65,6 +65,15 @@ class Track:
         self._player.require_phase()
 
     @property
+    def inputs(self) -> dict[str, tuple[float, float]]:
+        """The inputs that the network has besides the phase, and between which values each was learned."""
+        return self._player.inputs
+
+    def set_input(self, name: str, value: float) -> None:
+        """Gives an input of the network another value."""
+        self._player.set_input(name, value)
+
+    @property
     def restarts(self) -> int:
         """How often the network lost its motion and was restarted."""
         return self._guard.recues if self._guard else 0
@@ -104,7 +113,7 @@ class Track:
 
     def step(self, dt: float, tempo: float) -> Posture:
         """Advances by dt seconds at a tempo; the posture there, its path played at that tempo."""
-        self.at += dt * tempo
+        self.at += dt * tempo * self._player.pace
         if not self.motion.loop:
             self.at = min(max(self.at, self._round[0]), self._round[1])
         self._backwards = tempo < 0.0 or (tempo == 0.0 and self._backwards)

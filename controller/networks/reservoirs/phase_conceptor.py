@@ -16,6 +16,9 @@ C ~ U S U' has rank k and the state is x = m + U z, so that a step costs 2 N k m
     z(n+1)  = S U' tanh(A z(n) + W_phi p(phi(n+1)) + B) - S U' m,    A = W U + W_in V U,    B = W m + W_in (V m + v) + b
 
 One step is one frame's worth of phase: tempo is how many steps are made a second, and never changes what is played.
+
+A motion may have an input u besides the phase (`driving_input`): W_u u is added within tanh, and W_u is drawn after the
+other weights.
 """
 
 from __future__ import annotations
@@ -29,6 +32,7 @@ from numpy.typing import NDArray
 
 from controller.mocap.encodings.normalisation import Normalisation
 from controller.networks.base import Channels
+from controller.networks.reservoirs.driving_input import LEVELS, DrivingInput
 from motiondeck_base.errors import UnknownNameError
 
 Float32 = NDArray[np.float32]
@@ -46,6 +50,7 @@ class PhaseScales(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         harmonics: H of the phase.
         spectral_radius: of W, by the circular law: that of an infinitely large W.
         input_scale, phase_scale, bias_scale: of W_in, W_phi (a in the equation) and b.
+        drive_scale: of W_u; 0 where no motion has an input besides the phase.
     """
 
     neurons: int
@@ -54,6 +59,7 @@ class PhaseScales(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     input_scale: float
     phase_scale: float
     bias_scale: float
+    drive_scale: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -65,12 +71,14 @@ class PhaseReservoir:
         input_weights: W_in, shape (N, C).
         phase_weights: W_phi a / sqrt(H), shape (N, 2 H).
         bias: b, shape (N,).
+        drive_weights: W_u, shape (N, 1), or (N, 0) where there is no input besides the phase.
     """
 
     weights: Float32
     input_weights: Float32
     phase_weights: Float32
     bias: Float32
+    drive_weights: Float32
 
     @classmethod
     def draw(cls, scales: PhaseScales, channels: int, seed: int) -> PhaseReservoir:
@@ -89,6 +97,7 @@ class PhaseReservoir:
             uniform(scales.input_scale, neurons, channels),
             uniform(scales.phase_scale / np.sqrt(scales.harmonics), neurons, inputs),
             uniform(scales.bias_scale, neurons),
+            uniform(scales.drive_scale, neurons, int(scales.drive_scale > 0.0)),
         )
 
     def harmonics_of(self, phase: NDArray[np.float64]) -> Float32:
@@ -171,28 +180,34 @@ class PhaseMotion:
         stored: its pieces.
         course: of its phase.
         reservoir: the weights that it shares with others.
+        driving: its input besides the phase, if it has one.
 
     Attributes:
-        drive: (A, W_phi, B) of each piece, shape (P, N, k + 2 H + 1), to be multiplied with (z, p, 1).
+        drive: (A, W_phi, W_u, B) of each piece, shape (P, N, k + I + 1), to be multiplied with (z, p, u, 1).
         project: S U' of each piece, shape (P, k, N).
         offset: S U' m of each piece, shape (P, k).
         hand_on: from the state of the piece before to that of each piece, shape (P, k, k), and
         shift: what is added to it, shape (P, k).
-        harmonics: p at each frame, shape (T, 2 H).
+        inputs: (p, u) at each frame, u at its usual value, shape (T, I); I is 2 H, or 2 H + 1 with inputs.
         states: z at each frame once the network has settled, shape (T, k).
+        by_level: the same at each of LEVELS, shape (L, T, k), of a motion with an input.
     """
 
-    def __init__(self, stored: StoredPieces, course: PhaseCourse, reservoir: PhaseReservoir) -> None:
-        self.stored, self.course = stored, course
+    def __init__(
+        self, stored: StoredPieces, course: PhaseCourse, reservoir: PhaseReservoir, driving: DrivingInput | None = None
+    ) -> None:
+        self.stored, self.course, self.driving = stored, course, driving
         self.readout = stored.readout
-        self.harmonics = reservoir.harmonics_of(course.phase)
+        self.usual = driving.level(driving.usual) if driving is not None else 0.0
+        usual = np.full((len(course.phase), reservoir.drive_weights.shape[1]), self.usual, dtype=np.float32)
+        self.inputs = np.hstack([reservoir.harmonics_of(course.phase), usual])
         directions, mean, estimate = (a.astype(np.float32) for a in (stored.directions, stored.mean, stored.estimate))
         pieces, neurons, rank = directions.shape
-        inputs = self.harmonics.shape[1]
+        inputs = self.inputs.shape[1]
         self.drive = np.empty((pieces, neurons, rank + inputs + 1), dtype=np.float32)
         self.drive[:, :, :rank] = reservoir.weights @ directions
         self.drive[:, :, :rank] += reservoir.input_weights @ estimate[:, :, :-1]
-        self.drive[:, :, rank:-1] = reservoir.phase_weights
+        self.drive[:, :, rank:-1] = np.hstack([reservoir.phase_weights, reservoir.drive_weights])
         self.drive[:, :, -1] = mean @ reservoir.weights.T + reservoir.bias
         self.drive[:, :, -1] += estimate[:, :, -1] @ reservoir.input_weights.T
         self.project = np.ascontiguousarray(stored.strength[:, :, None] * directions.transpose(0, 2, 1))
@@ -201,7 +216,10 @@ class PhaseMotion:
         before = np.roll(np.arange(pieces), 1)
         self.hand_on = np.einsum("pnk,pnl->pkl", directions, directions[before])
         self.shift = np.einsum("pnk,pn->pk", directions, mean[before] - mean)
-        self.states = self._settled(rank)
+        self.states = self.settled_at(self.usual)
+        self.by_level = (
+            np.stack([self.settled_at(level) for level in LEVELS]) if driving is not None else self.states[None]
+        )
 
     def __len__(self) -> int:
         return len(self.course.phase)
@@ -216,10 +234,19 @@ class PhaseMotion:
         """The frame that precedes one."""
         return frame - 1 if frame > 0 else len(self) - 1 if self.course.loop else 0
 
-    def _settled(self, rank: int) -> Float32:
-        """The states that the motion is led to from wherever it starts."""
-        states = np.zeros((len(self), rank), dtype=np.float32)
-        voice = PhaseVoice(self, -SETTLING_STEPS % len(self) if self.course.loop else 0, states[0])
+    def state_at(self, frame: int, level: float) -> Float32:
+        """The state that the motion settles in at a frame, with its input at a level."""
+        if self.driving is None:
+            return self.states[frame]
+        place = float(np.interp(level, LEVELS, np.arange(len(LEVELS))))
+        below = min(int(place), len(LEVELS) - 2)
+        share = np.float32(place - below)
+        return (1 - share) * self.by_level[below, frame] + share * self.by_level[below + 1, frame]
+
+    def settled_at(self, level: float) -> Float32:
+        """The states that the motion is led to from wherever it starts, its input at a level, shape (T, k)."""
+        states = np.zeros((len(self), self.project.shape[1]), dtype=np.float32)
+        voice = PhaseVoice(self, -SETTLING_STEPS % len(self) if self.course.loop else 0, states[0], level)
         for _ in range(SETTLING_STEPS):
             voice.step(voice.next if self.course.loop else 0)
         states[0] = voice.z
@@ -230,17 +257,18 @@ class PhaseMotion:
 
 
 class PhaseVoice:
-    """A motion while it plays: its state z and the frame it is at."""
+    """A motion while it plays: its state z, the frame it is at, and the level of its input."""
 
-    def __init__(self, motion: PhaseMotion, frame: int, z: Float32) -> None:
-        inputs, neurons = motion.harmonics.shape[1], motion.drive.shape[1]
+    def __init__(self, motion: PhaseMotion, frame: int, z: Float32, level: float = 0.0) -> None:
+        inputs, neurons = motion.inputs.shape[1], motion.drive.shape[1]
         self._hidden = np.zeros(neurons, dtype=np.float32)
         self._input = np.ones(len(z) + inputs + 1, dtype=np.float32)
-        self._harmonics = self._input[len(z) : -1]
+        self._given = self._input[len(z) : -1]
         self._handed = np.zeros(len(z), dtype=np.float32)
         # z and a 1 side by side, for the readout.
         self._state = np.ones(len(z) + 1, dtype=np.float32)
         self.z = self._state[:-1]
+        self.level = level
         self.place(motion, frame, z)
 
     def place(self, motion: PhaseMotion, frame: int, z: Float32) -> None:
@@ -261,7 +289,9 @@ class PhaseVoice:
             np.dot(motion.hand_on[piece], z, out=self._handed)
             np.add(self._handed, motion.shift[piece], out=z)
         np.copyto(self._input[: len(z)], z)
-        np.copyto(self._harmonics, motion.harmonics[frame])
+        np.copyto(self._given, motion.inputs[frame])
+        if motion.driving is not None:
+            self._given[-1] = self.level
         np.dot(motion.drive[piece], self._input, out=self._hidden)
         np.tanh(self._hidden, out=self._hidden)
         np.dot(motion.project[piece], self._hidden, out=z)
@@ -291,7 +321,8 @@ class PhaseConceptorNetwork:
         first = motions[self.motions[0]]
         self.channels = first.readout.shape[1]
         self._frame = np.zeros(self.channels, dtype=np.float32)
-        self._voice = PhaseVoice(first, 0, first.states[0])
+        self._values: dict[str, float] = {}  # of the inputs that were set
+        self._voice = PhaseVoice(first, 0, first.states[0], first.usual)
 
     def __getitem__(self, motion: str) -> PhaseMotion:
         if motion not in self._of:
@@ -305,6 +336,44 @@ class PhaseConceptorNetwork:
     def with_motions(self, more: dict[str, PhaseMotion]) -> PhaseConceptorNetwork:
         """The same reservoir with further motions."""
         return PhaseConceptorNetwork(self.scales, self.seed, self.normalisation, self._of | more)
+
+    @property
+    def inputs(self) -> dict[str, tuple[float, float]]:
+        """The inputs that motions have besides the phase, and between which values each was learned."""
+        found: dict[str, tuple[float, float]] = {}
+        for motion in self._of.values():
+            if (driving := motion.driving) is not None:
+                least, most = found.get(driving.name, (np.inf, -np.inf))
+                found[driving.name] = min(least, driving.values[0]), max(most, driving.values[-1])
+        return found
+
+    def set_input(self, name: str, value: float) -> None:
+        """Gives an input another value, from the next step on; beyond what a motion was learned at, its end counts.
+
+        Raises:
+            UnknownNameError: if no motion has such an input.
+        """
+        if name not in self.inputs:
+            raise UnknownNameError.among("input", name, tuple(self.inputs))
+        self._values[name] = value
+        self._voice.level = self._level_of(self._voice.motion)
+
+    @property
+    def pace(self) -> float:
+        """How many frames are played in the time of one, because of the input."""
+        driving = self._voice.motion.driving
+        return driving.pace(self._voice.level) if driving is not None else 1.0
+
+    def _level_of(self, motion: PhaseMotion) -> float:
+        """Of the input of a motion, at its present value."""
+        if motion.driving is None:
+            return 0.0
+        return motion.driving.level(self._values.get(motion.driving.name, motion.driving.usual))
+
+    def _place(self, motion: PhaseMotion, frame: int) -> None:
+        """Goes to a frame of a motion, in the state that it settles in there with the present input."""
+        self._voice.level = self._level_of(motion)
+        self._voice.place(motion, frame, motion.state_at(frame, self._voice.level))
 
     @property
     def neurons(self) -> int:
@@ -324,8 +393,7 @@ class PhaseConceptorNetwork:
 
     def cue(self, motion: str, anchor: int) -> None:
         """Goes to an anchor; the next `advance` gives the frame after it."""
-        part, frame = self[motion], anchor * ANCHOR_EVERY
-        self._voice.place(part, frame, part.states[frame])
+        self._place(self[motion], anchor * ANCHOR_EVERY)
 
     def advance(self, out: Channels) -> None:
         """Steps one frame on and writes it into out, shape (channels,)."""
@@ -336,8 +404,7 @@ class PhaseConceptorNetwork:
     def retreat(self, out: Channels) -> None:
         """Steps one frame back, along the states that the motion settles in, and writes it into out."""
         part = self._voice.motion
-        frame = part.before(self._voice.frame)
-        self._voice.place(part, frame, part.states[frame])
+        self._place(part, part.before(self._voice.frame))
         self._voice.read(self._frame)
         np.copyto(out, self._frame)
 
@@ -349,13 +416,14 @@ class PhaseConceptorNetwork:
     def seek(self, motion: str, phase: float) -> None:
         """Goes to the frame nearest to a phase, in the state that the motion settles in there."""
         part = self[motion]
-        frame = part.course.frame_at(phase)
-        self._voice.place(part, frame, part.states[frame])
+        self._place(part, part.course.frame_at(phase))
 
-    def snapshot(self) -> tuple[PhaseMotion, int, Float32]:
+    def snapshot(self) -> tuple[PhaseMotion, int, Float32, dict[str, float]]:
         """A copy of the state."""
-        return self._voice.motion, self._voice.frame, self._voice.z.copy()
+        return self._voice.motion, self._voice.frame, self._voice.z.copy(), dict(self._values)
 
     def restore(self, snapshot: Any) -> None:
         """Puts the state back to a snapshot."""
-        self._voice.place(*snapshot)
+        motion, frame, z, self._values = *snapshot[:3], dict(snapshot[3])
+        self._voice.level = self._level_of(motion)
+        self._voice.place(motion, frame, z)

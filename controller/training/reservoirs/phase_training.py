@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.mocap.encodings.normalisation import Normalisation
+from controller.networks.reservoirs.driving_input import DrivingInput
 from controller.networks.reservoirs.phase_conceptor import (
     ANCHOR_EVERY,
     Float32,
@@ -43,6 +44,9 @@ WASHOUT_SECONDS = 0.8
 # Frames on either side of a seam and what they count for a readout, so that both pieces meet there.
 SEAM_FRAMES, SEAM_WEIGHT = 3, 100.0
 
+# Of W_in, in a network whose motions have inputs: what the channels were at other values must not outvote the input.
+DRIVEN_INPUT_SHARE = 0.1
+
 
 class PhaseRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True, tag="phase-conceptor"):
     """The parameters of phase-driven conceptors.
@@ -56,6 +60,7 @@ class PhaseRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
         rank: k, how many directions of a conceptor are kept.
         piece_seconds: about how long the pieces are that a motion is cut into, s.
         ridge: gamma of both regressions.
+        drive_scale: of W_u, where a motion has an input besides the phase.
         tolerance_mm: with it, N and k are the smallest of `size_choice.SIZES` with which no motion is further off, mm.
     """
 
@@ -69,6 +74,7 @@ class PhaseRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
     rank: int = 40
     piece_seconds: float = 1.5
     ridge: float = 1e-3
+    drive_scale: float = 1.0
     tolerance_mm: float | None = None
 
     @property
@@ -76,16 +82,16 @@ class PhaseRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
         """Frames between the states that a motion can be entered at."""
         return ANCHOR_EVERY
 
-    @property
-    def scales(self) -> PhaseScales:
-        """What the shared weights are drawn with."""
+    def scales(self, *, driven: bool) -> PhaseScales:
+        """What the shared weights are drawn with; driven, if a motion has an input besides the phase."""
         return PhaseScales(
             self.neurons,
             self.harmonics,
             self.spectral_radius,
-            self.input_scale,
+            self.input_scale * (DRIVEN_INPUT_SHARE if driven else 1.0),
             self.phase_scale,
             self.bias_scale,
+            self.drive_scale if driven else 0.0,
         )
 
 
@@ -101,15 +107,18 @@ def train_phase_conceptors(
         rate: frames per second.
         seed: of everything random.
     """
-    reservoir = PhaseReservoir.draw(recipe.scales, to_learn[0].frames.shape[1], seed)
+    scales = recipe.scales(driven=any(one.driving is not None for one in to_learn))
+    reservoir = PhaseReservoir.draw(scales, to_learn[0].frames.shape[1], seed)
     motions = {one.name: learn_motion(one, reservoir, normalisation, recipe, rate) for one in to_learn}
-    return PhaseConceptorNetwork(recipe.scales, seed, normalisation, motions)
+    return PhaseConceptorNetwork(scales, seed, normalisation, motions)
 
 
 def learn_motion(
     motion: TrainingMotion, reservoir: PhaseReservoir, normalisation: Normalisation, recipe: PhaseRecipe, rate: float
 ) -> PhaseMotion:
     """One motion in a reservoir."""
+    if motion.driving is not None:
+        return _learn_driven(motion, motion.driving, reservoir, normalisation, recipe, rate)
     course = course_of(motion, recipe.piece_seconds * rate)
     many = int(course.piece[-1]) + 1
     overlap = 0 if motion.loop and many == 1 else round(OVERLAP_SECONDS * rate)
@@ -123,6 +132,30 @@ def learn_motion(
         *(np.concatenate([getattr(piece, field.name) for piece in pieces]) for field in fields(StoredPieces))
     )
     return _read_out(PhaseMotion(stored, course, reservoir), normalisation.invert(motion.frames), reservoir, recipe)
+
+
+def _learn_driven(
+    motion: TrainingMotion,
+    driving: DrivingInput,
+    reservoir: PhaseReservoir,
+    normalisation: Normalisation,
+    recipe: PhaseRecipe,
+    rate: float,
+) -> PhaseMotion:
+    """A loop with an input: one conceptor, V and readout for all values that it was recorded at."""
+    course, washout = PhaseCourse.of(len(motion.frames), 1, loop=True), round(WASHOUT_SECONDS * rate)
+    before, after = [], []
+    for variant in motion.variants:
+        one = TrainingMotion(motion.name, variant.frames, loop=True)
+        states, first = _driven_states(one, course, reservoir, washout, 0, driving.level(variant.value))
+        before.append(states[first - 1 : -1])
+        after.append(states[first:])
+    frames = np.concatenate([variant.frames for variant in motion.variants])
+    stored = _learn_piece(np.concatenate(before), np.concatenate(after), frames, recipe)
+    alone = PhaseMotion(stored, course, reservoir, driving)
+    settled = [alone.settled_at(driving.level(variant.value)) for variant in motion.variants]
+    readout = _affine_ridge(np.concatenate(settled).astype(np.float64), normalisation.invert(frames), recipe.ridge)
+    return PhaseMotion(replace(stored, readout=readout[None]), course, reservoir, driving)
 
 
 def course_of(motion: TrainingMotion, piece_frames: float) -> PhaseCourse:
@@ -143,7 +176,12 @@ def _frames_held(frames: Array) -> int:
 
 
 def _driven_states(
-    motion: TrainingMotion, course: PhaseCourse, reservoir: PhaseReservoir, washout: int, overlap: int
+    motion: TrainingMotion,
+    course: PhaseCourse,
+    reservoir: PhaseReservoir,
+    washout: int,
+    overlap: int,
+    level: float = 0.0,
 ) -> tuple[Array, int]:
     """The states that a motion leaves in the reservoir, and which of them belongs to its first frame."""
     channels, phase = [motion.lead_in(washout), motion.frames], [course.before(washout), course.phase]
@@ -151,8 +189,9 @@ def _driven_states(
         channels.append(motion.frames[:overlap])
         phase.append(course.phase[:overlap])
     inputs = np.hstack([reservoir.input_weights, reservoir.phase_weights])
+    bias = reservoir.bias + level * reservoir.drive_weights.sum(1)
     signal = np.hstack([np.concatenate(channels), reservoir.harmonics_of(np.concatenate(phase))])
-    (states,) = drive(Reservoir(reservoir.weights, inputs, reservoir.bias), [signal.astype(np.float64)])
+    (states,) = drive(Reservoir(reservoir.weights, inputs, bias), [signal.astype(np.float64)])
     return states.astype(np.float64), len(channels[0])
 
 

@@ -17,7 +17,7 @@ from controller.loop.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
 from controller.mocap.posture import Pose
 from controller.wire.command_socket import CommandClient, CommandServer, SocketError
-from controller.wire.command_table import read_message
+from controller.wire.command_table import parse_command, read_message
 from controller.wire.local_transport import command_folder
 from controller.wire.messages import (
     Accepted,
@@ -33,6 +33,7 @@ from controller.wire.messages import (
     Reply,
     Reset,
     Resume,
+    SetInput,
     SetTempo,
     Settled,
     State,
@@ -70,6 +71,7 @@ class TinyDeck:
     ramp: float = 0.0
     events: deque = field(default_factory=deque)
     phase: float | None = None
+    inputs: dict[str, float] = field(default_factory=dict)
 
     @property
     def settled(self):
@@ -89,6 +91,11 @@ class TinyDeck:
 
     def set_tempo(self, factor, over=0.0):
         self.tempo, self.ramp = factor, over
+
+    def set_input(self, name, value):
+        if name != "speed":
+            raise MotiondeckError(f"unknown input '{name}'")
+        self.inputs[name] = value
 
     def jump(self, phase):
         if self.phase is None:
@@ -177,6 +184,15 @@ def test_a_switch_says_its_way_and_queueing_and_tempo_arrive(stage):
     assert isinstance(stage.ask(SetTempo(2.0, over=3.0)), Accepted)
     assert (stage.deck.tempo, stage.deck.ramp) == (2.0, 3.0)
     assert stage.ask(GetStatus()).queue == ["waltz"]
+
+
+def test_an_input_arrives_and_the_state_says_it(stage):
+    assert isinstance(stage.ask(SetInput("speed", 1.4)), Accepted)
+    assert stage.ask(GetStatus()).inputs == {"speed": 1.4}
+    assert "unknown input 'mood'" in stage.ask(SetInput("mood", 1.0)).reason
+    assert parse_command(["input", "speed", "0.7"]) == SetInput("speed", 0.7)
+    with pytest.raises(CommandError, match="input: VALUE must be a number"):
+        parse_command(["input", "speed", "fast"])
 
 
 def test_a_jump_arrives_and_the_state_says_the_phase(stage):

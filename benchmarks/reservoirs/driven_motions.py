@@ -1,0 +1,118 @@
+"""One motion over speed, learned at some speeds and played at one that was held back, beside interpolated clips.
+
+Each family is a gait of one person, or of several, recorded at different speeds. Each recording between the slowest and
+the fastest is held back once; the network learns the others and is driven with the speed of the one held back. The
+clips beside it are those of the two nearest speeds, in step, mixed linearly. Both get the pace of the held-back one
+from the same rule. The error is the mean distance of joints at the same phase, in mm, from the root, the played one
+rolled into step, mean over seeds; "as learned" is that of the network at the values that it learned.
+
+    python -m benchmarks driven_motions --data DIR [--seeds 51 52 53]
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from threadpoolctl import threadpool_limits
+
+from benchmarks import command
+from controller.measures.motion_matching import joint_features
+from controller.mocap.canonical.canonical_body import carried, to_canonical
+from controller.mocap.canonical.clip_edits import resampled
+from controller.mocap.encodings.encoding import Encoding, encoding_of
+from controller.mocap.encodings.normalisation import Normalisation
+from controller.mocap.formats.reading import read_clip
+from controller.networks.reservoirs.driving_input import DrivingInput
+from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork
+from controller.rotations import Array
+from controller.training.preparation.cycles import in_step, steps_behind
+from controller.training.preparation.training_motion import TrainingMotion, Variant
+from controller.training.reservoirs.phase_training import PhaseRecipe, train_phase_conceptors
+
+RATE = 120.0
+RECIPE = PhaseRecipe(neurons=500, rank=100)
+GAIT = "gait"
+
+FAMILIES = {
+    "thesis15: slow walk, walk, jog": ("jaeger/nnRawSlowWalk.mat", "jaeger/nnRawWalk.mat", "jaeger/nnRawRunJog.mat"),
+    "CMU 08: slow walk, two walks": ("c3d/08_04_slowwalk.c3d", "cmu/08/08_03.amc", "cmu/08/08_01.amc"),
+    "CMU 02: two walks, jog": ("cmu/02/02_01.amc", "cmu/02/02_02.amc", "cmu/02/02_03.amc"),
+    "six people, walk to run": (
+        *("cmu/02/02_01.amc", "cmu/35/35_02.amc", "cmu/35/35_01.amc", "cmu/07/07_02.amc", "cmu/07/07_01.amc"),
+        *("cmu/08/08_03.amc", "cmu/02/02_02.amc", "cmu/08/08_01.amc", "c3d/16_36_runjog.c3d", "cmu/02/02_03.amc"),
+        "cmu/09/09_06.amc",
+    ),
+}
+
+
+def family(data: Path, files: tuple[str, ...]) -> tuple[Encoding, list[Variant]]:
+    """Recordings in step, by rising speed."""
+    clips = [resampled(read_clip(data / file), RATE) for file in files]
+    encoding = encoding_of(to_canonical(clips[0]).skeleton)
+    variants = in_step(encoding, [carried(clip, encoding.skeleton) for clip in clips], (), RATE)
+    return encoding, sorted(variants, key=lambda variant: variant.value)
+
+
+def learned(variants: list[Variant], seed: int) -> PhaseConceptorNetwork:
+    """A network of one motion over its input."""
+    normalisation = Normalisation.fit([variant.frames for variant in variants])
+    values, seconds = zip(*((variant.value, variant.seconds) for variant in variants), strict=True)
+    taught = tuple(Variant(one.value, one.seconds, normalisation.apply(one.frames)) for one in variants)
+    motion = TrainingMotion(
+        GAIT, taught[0].frames, True, None, DrivingInput("speed", values, seconds, values[0]), taught
+    )
+    return train_phase_conceptors([motion], normalisation, RECIPE, RATE, seed)
+
+
+def played(network: PhaseConceptorNetwork, value: float) -> Array:
+    """A round at a value of the input, after one in which it settles."""
+    network.set_input("speed", value)
+    network.seek(GAIT, 0.0)
+    frames = len(network[GAIT])
+    out = np.empty((2 * frames, network.channels))
+    for frame in out:
+        network.advance(frame)
+    return out[frames:]
+
+
+def mixed(variants: list[Variant], value: float) -> Array:
+    """The clips of the two nearest values, mixed linearly."""
+    after = int(np.clip(np.searchsorted([one.value for one in variants], value), 1, len(variants) - 1))
+    low, high = variants[after - 1], variants[after]
+    share = (value - low.value) / (high.value - low.value)
+    return (1.0 - share) * low.frames + share * high.frames
+
+
+def error_mm(encoding: Encoding, frames: Array, wanted: Array) -> float:
+    """The mean distance of joints from those wanted, once both run in step, mm."""
+    ours, theirs = (joint_features(encoding, one) for one in (frames, wanted))
+    ours = np.roll(ours, steps_behind(ours, theirs), axis=0)
+    return float(np.linalg.norm((ours - theirs)[:, :-1].reshape(len(ours), -1, 3), axis=-1).mean())
+
+
+def main(
+    data: Annotated[Path, typer.Option(help="The folder with the recordings.")],
+    seeds: Annotated[list[int] | None, typer.Option(help="Of the networks.")] = None,
+) -> None:
+    print("| family | held back, m/s | network (seeds), mm | interpolated clips, mm | as learned, mm |")
+    print("|---|---|---|---|---|")
+    with threadpool_limits(1):
+        for name, files in FAMILIES.items():
+            encoding, variants = family(data, files)
+            for held in variants[1:-1]:
+                rest = [variant for variant in variants if variant is not held]
+                errors, own = [], []
+                for seed in seeds or [51, 52, 53]:
+                    network = learned(rest, seed)
+                    errors.append(error_mm(encoding, played(network, held.value), held.frames))
+                    own += [error_mm(encoding, played(network, one.value), one.frames) for one in (rest[0], rest[-1])]
+                clips = error_mm(encoding, mixed(rest, held.value), held.frames)
+                network_cell = f"{np.mean(errors):.1f} ({min(errors):.1f}-{max(errors):.1f})"
+                print(f"| {name} | {held.value:.2f} | {network_cell} | {clips:.1f} | {np.mean(own):.1f} |", flush=True)
+
+
+if __name__ == "__main__":
+    command.run("driven_motions", main, __doc__)
