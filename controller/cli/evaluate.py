@@ -90,7 +90,10 @@ def failures(evaluation: Evaluation, kind: Kind, seeds: range, runs: int, jobs: 
         networks = evaluation.networks(seeds, jobs, tick)
     with progress(kind, len(networks) * len(evaluation.syllabus.frames)) as tick:
         counts = sweep(kind, networks, evaluation.syllabus, runs, holds=evaluation.holds, jobs=jobs, tick=tick)
-    notes = ["low, high: 95 % Wilson intervals. A one-shot fails where it is not gone through once more."]
+    notes = [
+        "low, high: 95 % intervals over motions and networks, whose runs are not independent. A one-shot fails where "
+        "it is not gone through once more. A clip player has no state that noise could reach: 0 % throughout."
+    ]
     if evaluation.centralized:
         notes.append("Both coordinates of every center are disturbed; the satellites follow from them.")
     elif evaluation.library is not None and isinstance(evaluation.recipe.network, ConceptorRecipe):

@@ -25,7 +25,7 @@ class SegmentMethod(StrEnum):
 
 def segment(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="The recording (.amc, .mat).")],
-    method: Annotated[SegmentMethod, typer.Option("--method", help="How to cut.")] = SegmentMethod.CHANGE_POINTS,
+    method: Annotated[SegmentMethod, typer.Option("--method", help="How to cut.")] = SegmentMethod.PLANES,
     labels: Annotated[
         Path | None, typer.Option("--labels", help="Marked borders to score against (and for experts to learn from).")
     ] = None,
@@ -43,10 +43,10 @@ def segment(
 ) -> None:
     """Cut a recording into its behaviours.
 
+    planes: segments nearest to planes of four dimensions, the best of all segmentations; --segments says how many.
+    change-points: segments that vary least within themselves. cross-prediction: borders across which prediction fails.
     experts: every frame is recognized, by a trained recognizer, or by experts that learn the first occurrence of each
-    behaviour from --labels. The other methods need no labels. change-points: segments that vary least within
-    themselves. cross-prediction: borders across which prediction fails. planes: segments nearest to planes of four
-    dimensions, the best of all segmentations.
+    behaviour from --labels; these are scored on borders between frames that they have not learned.
 
     Labels have the format of Barbic et al. 2004: earliest, best and latest acceptable frame of each border.
 
@@ -54,11 +54,12 @@ def segment(
 
       motiondeck segment 86_01.amc --method experts --labels barbic_01_ground_truth.txt
 
-      motiondeck segment 86_01.amc --method planes --segments 7 --plot cuts.png
+      motiondeck segment 86_01.amc --segments 7 --plot cuts.png
     """
     from controller.mocap.formats.reading import read_clip
     from controller.mocap.reading_options import ReadingOptions
     from controller.recognition.segmentation.border_score import score_borders
+    from controller.recognition.segmentation.by_experts import not_learned
     from controller.recognition.segmentation.labels import read_labels
     from motiondeck_base.errors import MotiondeckError
 
@@ -84,7 +85,10 @@ def segment(
         import numpy as np
 
         borders = np.array([one["from_frame"] for one in cut["segments"][1:]], dtype=np.int64)
-        score = score_borders(borders, marked.borders)
+        accepted = marked.borders
+        if method is SegmentMethod.EXPERTS and recognizer is None:
+            borders, accepted = not_learned(borders, marked)
+        score = score_borders(borders, accepted)
         said["score"] = {
             "found": score.found,
             "marked": score.marked,
@@ -104,7 +108,12 @@ def segment(
         print(f"{one['from_s']:8.2f} to {one['to_s']:8.2f} s  frame {one['from_frame']:6d}  {one['motion'] or ''}")
     if "score" in said:
         score = said["score"]
-        print(f"borders: {score['hits']} of {score['marked']} found, {score['found']} given, F1 {score['f1']:.2f}")
+        where = " between frames that were not learned" if "accuracy" in cut else ""
+        if score["marked"]:
+            given = f"{score['found']} given, F1 {score['f1']:.2f}"
+            print(f"borders{where}: {score['hits']} of {score['marked']} found, {given}")
+        else:
+            print(f"no border{where} is marked")
     if "accuracy" in cut:
         print(
             f"frames that were not learned ({100 * cut['asked_share']:.0f} %): {cut['accuracy']:.3f} right, "

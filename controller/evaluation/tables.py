@@ -10,7 +10,7 @@ import numpy as np
 from controller.evaluation.failure_rates import Count
 from controller.evaluation.training_error import TrainingError
 from controller.evaluation.transitions import MeasuredTransition
-from controller.measures.intervals import wilson
+from controller.measures.intervals import grouped, wilson
 from controller.measures.self_test import MotionVerdict
 
 Value = str | int | float | None
@@ -36,7 +36,10 @@ class Table:
 
 
 def failure_table(title: str, counts: Sequence[Count], notes: list[str]) -> Table:
-    """Failure rates by motion, then over all loops and over everything; percentages with 95 % intervals."""
+    """Failure rates by motion, then over all loops and over everything; percentages with 95 % intervals.
+
+    The runs of one motion of one network are a group: they are not independent of each other.
+    """
     motions = list(dict.fromkeys(count.motion for count in counts))
     groups = {motion: [count for count in counts if count.motion == motion] for motion in motions}
     sums = {"all loops": [count for count in counts if count.loop], "everything": list(counts)}
@@ -47,8 +50,9 @@ def failure_table(title: str, counts: Sequence[Count], notes: list[str]) -> Tabl
         runs = sum(count.runs for count in group)
         row: dict[str, Value] = {"motion": name, "runs": runs}
         for kind in kinds:
-            failed = sum(getattr(count, kind) for count in group)
-            low, high = wilson(failed, runs)
+            by_group = [getattr(count, kind) for count in group]
+            failed = sum(by_group)
+            low, high = grouped(by_group, [count.runs for count in group])
             row[f"{kind} %"] = 100.0 * failed / max(1, runs)
             row[f"{kind} low"], row[f"{kind} high"] = 100.0 * low, 100.0 * high
         by_seed: dict[int, list[Count]] = {}

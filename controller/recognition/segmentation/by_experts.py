@@ -76,6 +76,25 @@ def first_occurrences(labels: Labels, stride: float) -> NDArray[np.bool_]:
     return learn
 
 
+def not_learned(borders: Frames, labels: Labels) -> tuple[Frames, Frames]:
+    """What experts of first occurrences can be scored on: borders whose frames on either side they have not learned.
+
+    Args:
+        borders: found ones, shape (n,), frames.
+        labels: what they learned from.
+
+    Returns:
+        The borders found outside of what was learned, and the earliest, best and latest frame of the marked ones.
+    """
+    learned = first_occurrences(labels, 1.0)
+    marked = labels.borders
+    fair = ~(learned[marked[:, 1] - 1] | learned[np.minimum(marked[:, 1], labels.frames - 1)])
+    within = np.clip(borders, 1, labels.frames - 1)
+    # A border just inside a learned segment may be the one that was marked at its fair end.
+    near = ((borders[:, None] >= marked[fair, 0]) & (borders[:, None] <= marked[fair, 2])).any(1)
+    return borders[near | ~(learned[within - 1] | learned[within])], marked[fair]
+
+
 def bank_of_first_occurrences(
     signal: Array, labels: Labels, stride: float, recipe: ExpertRecipe = EXPERTS
 ) -> ExpertBank:

@@ -31,7 +31,7 @@ def test_a_table_prints_intervals_and_goes_into_csv(tmp_path, capsys):
     print_measurements(table)
     shown = capsys.readouterr().out
     assert "three networks" in shown
-    assert "2.0 (0.7-5.7)" in shown
+    assert "2.0 (0.7-5.8)" in shown
     assert "a note" in shown
     write_csv(table, tmp_path / "table.csv")
     with (tmp_path / "table.csv").open() as file:

@@ -7,7 +7,7 @@ import synthetic
 from controller.evaluation.failure_rates import Subject, sweep
 from controller.evaluation.tables import failure_table
 from controller.measures.disturbance import STEPS, GuardKnowledge, disturbed
-from controller.measures.intervals import wilson
+from controller.measures.intervals import grouped, wilson
 from controller.measures.run_batch import batch_of
 from controller.measures.self_test import Judge, after_disturbance, self_test
 from controller.networks.guard import Guard, beat, spread
@@ -163,6 +163,19 @@ def test_wilson_is_that_of_the_books():
     assert wilson(0, 100) == pytest.approx((0.0, 0.0370), abs=1e-4)
     assert wilson(10, 100) == pytest.approx((0.0552, 0.1744), abs=1e-4)
     assert wilson(0, 0) == (0.0, 1.0)
+
+
+def test_runs_that_fail_together_count_less():
+    alone = grouped([1] * 10 + [0] * 90, [1] * 100)
+    assert alone == pytest.approx(wilson(10, 100), abs=1e-3)
+    together = grouped([10] + [0] * 9, [10] * 10)
+    assert together[1] - together[0] > 2.0 * (alone[1] - alone[0])
+    assert together == pytest.approx(wilson(1, 10), abs=0.02)
+    # As many groups as there are, where none fails or all do; a single group is one run.
+    assert grouped([0] * 15, [20] * 15) == wilson(0, 15)
+    assert grouped([20] * 15, [20] * 15) == wilson(15, 15)
+    assert grouped([3], [20]) == wilson(0.15, 1)
+    assert grouped([], []) == (0.0, 1.0)
 
 
 @pytest.mark.parametrize("kind", ["robustness", "stability"])
