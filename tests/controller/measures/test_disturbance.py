@@ -202,7 +202,7 @@ def test_a_push_acts_through_all_of_the_weights(driven):
     hidden = np.tanh(
         reservoir.weights @ x
         + reservoir.input_weights @ inputs
-        + reservoir.phase_weights @ motion.harmonics[1]
+        + reservoir.phase_weights @ motion.inputs[1]
         + reservoir.bias
     )
     z = motion.stored.strength[0] * (directions.T @ (hidden - mean))

@@ -51,9 +51,10 @@ def test_a_one_shot_ends_where_it_was_learned_to_and_holds(network):
 @pytest.mark.parametrize("name", list(synthetic.MOTIONS))
 def test_any_state_leads_back_to_the_motion(network, name):
     network.cue(name, 0)
-    motion, frame, z = network.snapshot()
+    motion, frame, z, inputs = network.snapshot()
     expected = run(network, 300)[-1]
-    network.restore((motion, frame, np.random.default_rng(1).uniform(-50.0, 50.0, z.shape).astype(np.float32)))
+    wrong = np.random.default_rng(1).uniform(-50.0, 50.0, z.shape).astype(np.float32)
+    network.restore((motion, frame, wrong, inputs))
     assert np.abs(run(network, 300)[-1] - expected).max() < 1e-3
 
 
