@@ -2,7 +2,8 @@
 
 Three shares of each blend, from several moments.
 
-Each mixture is played inside the network, as its paper has it, and bone by bone, as the deck does. It stands still if
+Each mixture is played inside the network, as its paper has it; bone by bone, each at its own tempo; and bone by bone in
+step, as the deck does. It stands still if
 in some half second after the share was reached no joint moves a tenth as far as in the motion that moves less; it turns
 over if a joint goes farther in one frame than two and a half times what it ever does in either motion.
 """
@@ -21,9 +22,10 @@ for _library in ("OPENBLAS", "OMP", "MKL"):
 import numpy as np  # noqa: E402
 
 from controller.deck.joins.blend_check import STILL, TURNS_OVER  # noqa: E402
-from controller.deck.joins.deck_motions import read_motions  # noqa: E402
+from controller.deck.joins.deck_motions import read_motions, tempos_in_step  # noqa: E402
 from controller.deck.joins.posture_blend import PostureBlend  # noqa: E402
 from controller.deck.routes import Routes  # noqa: E402
+from controller.deck.tracks.frame_player import FramePlayer  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
 from controller.measures.motion_matching import joint_features  # noqa: E402
 from controller.mocap.encodings.bone_directions import BoneDirections  # noqa: E402
@@ -32,21 +34,22 @@ from controller.quintic import rise  # noqa: E402
 from controller.rotations import Array  # noqa: E402
 from motiondeck_base.shipped import find_library  # noqa: E402
 
-WAYS = ("inside", "bone by bone")
+WAYS = ("inside", "bone by bone", "in step")
 SHARES = (0.25, 0.5, 0.75)
 SECONDS = 8.0
 
 
-def played(library: MotionLibrary, first: str, second: str, share: float, seed: int, inside: bool) -> Array:
+def played(library: MotionLibrary, first: str, second: str, share: float, seed: int, way: str) -> Array:
     """Joint positions of a mixture from a random moment of the first motion on, shape (frames, F), mm."""
     encoding, rate = library.encoding, library.info.rate
     one, other = library.network.twin(), library.network.twin()
     frames = np.zeros((2, one.channels))
-    one.cue(first, int(np.random.default_rng(seed).integers(len(one.anchors(first)))))
+    begin = int(np.random.default_rng(seed).integers(len(one.anchors(first))))
+    one.cue(first, begin)
     for _ in range(10):
         one.advance(frames[0])
     weights = [share * rise(min(1.0, k / round(share * rate))) for k in range(1, round(SECONDS * rate) + 1)]
-    if inside:
+    if way == "inside":
         assert isinstance(one, ReservoirNetwork)
         mixture, out = morph(one, first, second), np.zeros((len(weights), one.channels))
         for weight, frame in zip(weights, out, strict=True):
@@ -54,15 +57,18 @@ def played(library: MotionLibrary, first: str, second: str, share: float, seed: 
         return joint_features(encoding, out)
     anchors = joint_features(encoding, one.anchors(second))
     near = int(np.square(anchors - joint_features(encoding, frames[:1])).sum(1).argmin())
-    other.cue(second, near)
+    players = FramePlayer(one, rate), FramePlayer(other, rate)
+    players[0].cue_anchor(first, begin)
+    players[0].step(10.0 / rate)
+    players[1].cue_anchor(second, near)
     twist_by_rule = type(encoding) is BoneDirections
-    start = encoding.decode(frames[0]), encoding.decode(one.anchors(second)[near])
-    blend = PostureBlend(*start, encoding.skeleton.rest_direction if twist_by_rule else None)
-    postures = []
+    start = [encoding.decode(player.step(0.0)) for player in players]
+    blend = PostureBlend(start[0], start[1], encoding.skeleton.rest_direction if twist_by_rule else None)
+    motions, postures = read_motions(library), []
     for weight in weights:
-        one.advance(frames[0])
-        other.advance(frames[1])
-        postures.append(blend.advance(encoding.decode(frames[0]), encoding.decode(frames[1]), weight, 1.0 / rate))
+        tempos = tempos_in_step(motions[first], motions[second], weight) if way == "in step" else (1.0, 1.0)
+        now = [encoding.decode(player.step(own / rate)) for player, own in zip(players, tempos, strict=True)]
+        postures.append(blend.advance(now[0], now[1], weight, 1.0 / rate))
     rotation, height = np.array([p.rotation for p in postures]), np.array([p.height for p in postures])
     joints = encoding.skeleton.joints(np.zeros((len(postures), 3)), rotation)[:, 1:]
     return 1e3 * np.concatenate([joints.reshape(len(postures), -1), height[:, None]], axis=1)
@@ -93,13 +99,14 @@ def main() -> int:
     parser.add_argument("--library", default="thesis15")
     parser.add_argument("--seeds", type=int, default=2, help="moments at which each mixture begins")
     parser.add_argument("--first-seed", type=int, default=0)
+    parser.add_argument("--every", type=int, default=1, metavar="N", help="take every Nth pair only")
     parser.add_argument("--json", action="store_true", help="one JSON object")
     options = parser.parse_args()
     library = load_library(find_library(options.library))
     repertoire = read_motions(library)
     routes = Routes.of(library)
     loops = [name for name, motion in repertoire.items() if motion.loop]
-    pairs = [pair for pair in permutations(loops, 2) if not routes.by_way_of(*pair)]
+    pairs = [pair for pair in permutations(loops, 2) if not routes.by_way_of(*pair)][:: options.every]
     seeds = range(options.first_seed, options.first_seed + options.seeds)
     own = alone(library)
     found = {}
@@ -108,7 +115,7 @@ def main() -> int:
         for first, second in pairs:
             least, fastest = (choose(own[first][k], own[second][k]) for k, choose in enumerate((min, max)))
             for share in SHARES:
-                runs = [played(library, first, second, share, seed, way == "inside") for seed in seeds]
+                runs = [played(library, first, second, share, seed, way) for seed in seeds]
                 verdicts = np.array([judged(places, library.info.rate, least, fastest) for places in runs])
                 still, turned = still + verdicts[:, 0].any(), turned + verdicts[:, 1].any()
         found[way] = {"mixtures": len(pairs) * len(SHARES), "stand_still": int(still), "turn_over": int(turned)}

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Callable
 from contextlib import ExitStack
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -13,11 +15,12 @@ import typer
 
 from controller.cli.common.options import PAGE_PORT
 from controller.wire.command_socket import DEFAULT_PORT
-from controller.wire.messages import Switch
+from controller.wire.messages import Blend, Jump, Pause, Queue, Resume, SetTempo, Switch
 
 if TYPE_CHECKING:
     from controller.cli.session.script import Timed
     from controller.cli.session.session import WiredStop
+    from controller.deck.deck import Deck
     from controller.library.motion_library import MotionLibrary
 
 
@@ -183,11 +186,13 @@ def play(
         if not 0.0 < mismatch_after < 1e4:
             raise MotiondeckError(f"--mismatch-after {mismatch_after:g} s is not a length of time above 0")
         loaded = load_library(find_library(library))
+        name_failing(loaded)
         first, timeline, length = _timeline(loaded, motion, script)
         seconds = seconds if seconds is not None else length
         if video is not None:
             _refuse_live_options(rig=rig is not None, record=record is not None, recognize=recognize)
-            _film(loaded, robot, first, timeline, seconds, video, solver, as_json)
+            film_deck = partial(Deck, loaded, motion=first, direct=direct, joining=join)
+            _film(loaded, robot, film_deck, timeline, seconds, video, solver, as_json)
             return
         if rate != (rate := checked_rate(loaded, first, rate, lower=lower_rate)):
             print(f"playing at {rate:g} Hz, which the network can hold", file=sys.stderr)
@@ -236,6 +241,14 @@ def _wired_stop(device: Path) -> WiredStop:
     return open_stop_input(device)
 
 
+def name_failing(library: MotionLibrary) -> None:
+    """Names the motions of a library that failed its self-test, on standard error."""
+    failing = [f"{motion.name} ({motion.reason})" for motion in library.info.motions if not motion.passed]
+    if failing:
+        told = f"{', '.join(failing)} failed the self-test and may not play as recorded"
+        print(f"motiondeck: warning: {told}", file=sys.stderr)
+
+
 def _timeline(library: MotionLibrary, motion: str | None, script: str | None) -> tuple[str, list[Timed], float | None]:
     """The first motion, what is commanded when, and the length of a script, if it has one."""
     from controller.cli.session.script import Timed, parse_script, read_timeline
@@ -265,7 +278,7 @@ def _refuse_live_options(*, rig: bool, record: bool, recognize: bool) -> None:
 def _film(
     library: MotionLibrary,
     robot: str,
-    first: str,
+    deck_for: Callable[[Callable[..., Any]], Deck],
     timeline: list[Timed],
     seconds: float | None,
     video: Path,
@@ -274,17 +287,18 @@ def _film(
 ) -> None:
     """Films a run instead of playing it live."""
     from controller.cli.pictures.library_pictures import film
-    from controller.cli.session.script import Cue
     from motiondeck_base.errors import MotiondeckError
 
-    cues = [Cue(0.0, first)]
     for timed in timeline:
-        if not isinstance(timed.message, Switch):
-            raise MotiondeckError("a film can have switches only: leave the other commands out of the script")
-        cues.append(Cue(timed.at, timed.message.to))
-    length = seconds if seconds is not None else max(6.0, cues[-1].at + 4.0)
-    report = film(library, robot, cues, length, video, solver)
-    _print(report, as_json, f"wrote {video} ({length:g} s, {video.stat().st_size / 1e6:.1f} MB)")
+        if not isinstance(timed.message, Switch | Queue | Blend | SetTempo | Jump | Pause | Resume):
+            raise MotiondeckError(
+                f"the command at {timed.at:g} s is not for a film, in which no joint is driven: "
+                "it can have switches, the queue, blends, tempo, jumps, pause and resume"
+            )
+    length = seconds if seconds is not None else max(6.0, max((timed.at for timed in timeline), default=0.0) + 4.0)
+    report = film(library, robot, deck_for, timeline, length, video, solver)
+    fell_back = f"; {report['fell_back']}" if report["fell_back"] else ""
+    _print(report, as_json, f"wrote {video} ({length:g} s, {video.stat().st_size / 1e6:.1f} MB){fell_back}")
 
 
 def _print(report: dict[str, Any], as_json: bool, words: str) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from controller.deck.joins.blend_check import BlendCheck
 from controller.deck.joins.blend_weight import ModuleWeight, Ramp, Weight
-from controller.deck.joins.deck_motions import Motion, read_motions
+from controller.deck.joins.deck_motions import Motion, read_motions, tempos_in_step
 from controller.deck.joins.join_limits import FASTEST, JoinLimits
 from controller.deck.joins.joining import Joining
 from controller.deck.joins.posture_blend import PostureBlend
@@ -33,6 +33,9 @@ MORPH_SECONDS = 1.0
 
 # How often a join that becomes too fast is replaced by a longer fade.
 MOST_CORRECTIONS = 6
+
+# From which share of the limits of a join on it is replaced: a body that is slowed down gets a little faster at first.
+CORRECTED_FROM = 0.9
 
 # While the weight of a blend changes, it is given up beyond so many times the limits of a join.
 BLEND_TURNS_OVER = 2.0
@@ -158,7 +161,7 @@ class Performance:
         use = self._limits.use(self._next, dt) / max(1.0, abs(tempo)) if self._limits is not None else 0.0
         if self.other and use > BLEND_TURNS_OVER:
             self.blend_problem = "turns over"
-        elif not self.other and use > 1.0 and self._corrections < MOST_CORRECTIONS:
+        elif not self.other and use > CORRECTED_FROM and self._corrections < MOST_CORRECTIONS:
             self._take(extrapolated(self._before, self.posture, dt))
             self._fade_instead()
         if self.blend_problem == "turns over":
@@ -239,8 +242,12 @@ class Performance:
             starting = self._fade is not None and not self.here.loop
             onset = self._fade.onset(self._fade_elapsed) if self._fade is not None and starting else 1.0
             return self._first.step(dt, tempo * onset)
-        first, second = self._first.step(dt, tempo), self._second.step(dt, tempo)
-        return self._blend.advance(first, second, self._weight.advance(dt), dt)
+        weight = self._weight.advance(dt)
+        tempos = (1.0, 1.0)
+        if not self._switching:
+            tempos = tempos_in_step(self._first.motion, self._second.motion, weight)
+        first, second = self._first.step(dt, tempo * tempos[0]), self._second.step(dt, tempo * tempos[1])
+        return self._blend.advance(first, second, weight, dt)
 
     def _faded(self, dt: float) -> tuple[Posture, bool]:
         """The target with what is left of the last switch, and whether the switch is now complete."""

@@ -1,10 +1,10 @@
-"""The benchmark of blends: both ways begin in the first motion, and the whole of the second one ends in it."""
+"""The benchmark of blends: all ways begin in the first motion, and the whole of the second one ends in it."""
 
 import numpy as np
 import pytest
 
 import synthetic
-from benchmarks.deck.blends import judged, played
+from benchmarks.deck.blends import WAYS, judged, played
 from controller.measures.motion_matching import joint_features
 
 
@@ -13,10 +13,10 @@ def library():
     return synthetic.small_library()
 
 
-@pytest.mark.parametrize("inside", [True, False])
-def test_the_mixture_leads_from_the_first_motion_to_the_second(library, inside):
+@pytest.mark.parametrize("way", WAYS)
+def test_the_mixture_leads_from_the_first_motion_to_the_second(library, way):
     first, second = [motion.name for motion in library.info.motions if motion.plays == "loop"][:2]
-    places = played(library, first, second, 1.0, seed=0, inside=inside)
+    places = played(library, first, second, 1.0, seed=0, way=way)
 
     def away(motion, frame):
         own = joint_features(library.encoding, library.network.anchors(motion))

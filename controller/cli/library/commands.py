@@ -136,11 +136,22 @@ def sheet(
     library: LibraryArgument,
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The picture to write (.png).")],
     robot: Annotated[str, typer.Option("--robot", help="The robot that is drawn.")] = "mannequin",
+    blends: Annotated[
+        list[str] | None,
+        typer.Option("--blend", metavar="'A B WEIGHT'", help="Draw this blend instead of the motions; repeatable."),
+    ] = None,
 ) -> None:
     """Draw a contact sheet: one row a motion, eight moments each, as the network plays them.
 
-    Example:  motiondeck library sheet thesis15 --out sheet.png
+    [bold]Examples[/]
+
+      motiondeck library sheet thesis15 --out sheet.png
+
+      motiondeck library sheet thesis15 --blend "walk jog 0.5" --blend "walk waltz 0.5" --out blends.png
     """
     from controller.cli.pictures.library_pictures import draw_sheet
+    from controller.wire.command_table import parse_command
+    from controller.wire.messages import Blend
 
-    draw_sheet(library, robot, out)
+    parsed = (parse_command(["blend", *text.split()]) for text in blends or ())
+    draw_sheet(library, robot, out, [blend for blend in parsed if isinstance(blend, Blend)])

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.cli.session.script import Cue
+from controller.cli.session.script import Timed
 from controller.deck.deck import Deck
 from controller.library.motion_library import MotionLibrary, load_library
+from controller.loop.command_desk import CommandDesk
+from controller.loop.stop_requests import StopRequest
 from controller.rotations import Array
+from controller.wire.messages import Blend, Refused
+from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from motiondeck_base.shipped import find_library, find_robot
 
 if TYPE_CHECKING:
@@ -26,41 +31,80 @@ MOMENTS = 8
 SHEET_SECONDS = {"loop": 1.0, "once": 0.6}
 
 
-def draw_sheet(library: str, robot: str, out: Path) -> None:
-    """One row a motion, MOMENTS pictures each, spread over one period of a loop or the moving part of a single act."""
+def draw_sheet(library: str, robot: str, out: Path, blends: Sequence[Blend] = ()) -> None:
+    """One row a motion, MOMENTS pictures each, spread over one period of a loop or the moving part of a single act.
+
+    With blends, one row each of them instead, over one period of the longer of its motions.
+
+    Raises:
+        MotiondeckError: if there is no such motion, or two cannot be blended.
+    """
     from sim.physics.playback import KinematicPlayback
     from sim.pictures.video import contact_sheet
     from sim.robots.robot import load_robot
 
     loaded = load_library(find_library(library))
     body = load_robot(find_robot(robot), loaded.skeleton)
+    lasts = {motion.name: motion.frames / loaded.info.rate for motion in loaded.info.motions}
     rows: list[tuple[str, list[Array]]] = []
-    for motion in loaded.info.motions:
-        deck = Deck(loaded, body.retarget, motion.name)
+
+    def draw(label: str, deck: Deck, seconds: float) -> None:
         stage = KinematicPlayback(body)
-        # A third of what a single act was learned from is the pose that it holds in the end.
-        seconds = motion.frames / loaded.info.rate * SHEET_SECONDS[motion.plays]
         moments: list[Array] = []
         for _ in range(MOMENTS):
             _play_on(deck, stage, body, seconds / MOMENTS)
             moments.append(stage.qpos.copy())
-        rows.append((motion.name, moments))
+        rows.append((label, moments))
+
+    for blend in blends:
+        deck = _blended(loaded, body, blend)
+        label = f"{blend.first} + {blend.weight:g} {blend.second}"
+        draw(
+            f"{label}: {deck.fell_back}" if deck.fell_back else label,
+            deck,
+            max(lasts[blend.first], lasts[blend.second]),
+        )
+    for motion in () if blends else loaded.info.motions:
+        # A third of what a single act was learned from is the pose that it holds in the end.
+        seconds = lasts[motion.name] * SHEET_SECONDS[motion.plays]
+        draw(motion.name, Deck(loaded, body.retarget, motion.name), seconds)
     contact_sheet(body.model, rows, out)
-    print(f"wrote {out} ({len(rows)} motions)", file=sys.stderr)
+    print(f"wrote {out} ({len(rows)} {'blends' if blends else 'motions'})", file=sys.stderr)
+
+
+def _blended(library: MotionLibrary, body: Robot, blend: Blend) -> Deck:
+    """A deck that plays a blend, or what it has fallen back to."""
+    if blend.first not in library.network.motions:
+        raise UnknownNameError.among("motion", blend.first, library.network.motions)
+    deck = Deck(library, body.retarget, blend.first)
+    switch = deck.blend_in(blend.first, blend.second, blend.weight)
+    while switch.settled_s is None and not deck.fell_back:
+        deck.update(1.0 / STEPS_A_SECOND)
+    return deck
 
 
 def film(
-    library: MotionLibrary, robot: str, cues: list[Cue], seconds: float, out: Path, solver: str | None = None
+    library: MotionLibrary,
+    robot: str,
+    deck_for: Callable[[Callable[..., Any]], Deck],
+    timeline: Sequence[Timed],
+    seconds: float,
+    out: Path,
+    solver: str | None = None,
 ) -> dict[str, object]:
-    """Films a script and returns what `play --video --json` says.
+    """Films a run and returns what `play --video --json` says.
 
     Args:
         library: what is played.
         robot: whose body plays it.
-        cues: what is played when.
+        deck_for: the deck of that body's retargeting.
+        timeline: what is commanded when.
         seconds: how long.
         out: the film, .mp4 or .gif.
         solver: how motions are carried onto the robot, in place of what its file says.
+
+    Raises:
+        MotiondeckError: if a command is refused; it says when.
     """
     from sim.models.robot_file import solver_named
     from sim.robots.robot import load_robot
@@ -68,7 +112,9 @@ def film(
     body = load_robot(find_robot(robot), library.skeleton, solver_named(solver), 1.0 / STEPS_A_SECOND)
     hz, _ = FILM.get(out.suffix.lower(), FILM[".mp4"])
     total = max(1, round(seconds * hz))
-    return film_frames(body.model, _frames(library, body, cues, total, hz), total, out)
+    deck = deck_for(body.retarget)
+    report = film_frames(body.model, _frames(deck, body, timeline, total, hz), total, out)
+    return report | {"fell_back": deck.fell_back}
 
 
 def film_frames(model: Any, frames: Iterable[Array], total: int, out: Path) -> dict[str, object]:
@@ -82,16 +128,18 @@ def film_frames(model: Any, frames: Iterable[Array], total: int, out: Path) -> d
     return {"video": str(out), "frames": count, "fps": hz, "bytes": out.stat().st_size}
 
 
-def _frames(library: MotionLibrary, body: Robot, cues: list[Cue], total: int, hz: float) -> Iterator[Array]:
+def _frames(deck: Deck, body: Robot, timeline: Sequence[Timed], total: int, hz: float) -> Iterator[Array]:
     """One qpos a picture."""
     from sim.physics.playback import KinematicPlayback
 
-    deck = Deck(library, body.retarget, cues[0].motion)
-    stage = KinematicPlayback(body)
-    waiting = list(cues[1:])
+    stage, desk = KinematicPlayback(body), CommandDesk(deck, ())
+    waiting = deque(timeline)
     for _ in range(total):
         while waiting and waiting[0].at <= deck.time:
-            deck.switch(waiting.pop(0).motion)
+            timed = waiting.popleft()
+            reply, _ = desk.carry_out(timed.message, StopRequest())
+            if isinstance(reply, Refused):
+                raise MotiondeckError(f"the command at {timed.at:g} s was refused: {reply.reason}")
         _play_on(deck, stage, body, 1.0 / hz)
         yield stage.qpos
 

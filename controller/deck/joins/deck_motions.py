@@ -67,6 +67,20 @@ class Motion:
         return Posture(height, velocity, rate * turn_rate, rotation)
 
 
+def tempos_in_step(first: Motion, second: Motion, weight: float) -> tuple[float, float]:
+    """The tempos at which two loops of a blend stay in step, with the weight of the second.
+
+    The shorter goes round a whole number of times in each round of the longer, as often as suits its own tempo best.
+    The common round of both takes T_a^(1 - w) T_b^w, as in a morph inside the network (`networks.reservoirs`).
+    """
+    rounds = max(1, round(max(first.seconds, second.seconds) / min(first.seconds, second.seconds)))
+    lasts = (first.seconds, rounds * second.seconds)
+    if first.seconds < second.seconds:
+        lasts = (rounds * first.seconds, second.seconds)
+    common = lasts[0] ** (1.0 - weight) * lasts[1] ** weight
+    return lasts[0] / common, lasts[1] / common
+
+
 @once_a_library
 def read_motions(library: MotionLibrary) -> Mapping[str, Motion]:
     """The motions of a library by name; a one-shot may be entered at its beginning only."""

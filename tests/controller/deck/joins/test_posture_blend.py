@@ -1,11 +1,15 @@
 """Blending postures: both ends are exact, bones turn along the rotation between them, and none changes sides."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import synthetic
 from controller.deck.joins.blend_weight import Ramp
+from controller.deck.joins.deck_motions import read_motions, tempos_in_step
 from controller.deck.joins.posture_blend import PostureBlend, SmoothHeading
 from controller.mocap.posture import Posture
 from controller.rotations import conjugate, from_rotation_vector, multiply, normalise, rotate, to_rotation_vector, yaw
@@ -117,3 +121,16 @@ def test_a_ramp_rises_smoothly_to_its_goal_and_stays():
     assert not ramp.changing
     assert np.diff(values).min() >= 0.0
     assert max(abs(np.diff(values, n=2))) < 6.0 * 0.6 * 0.02**2
+
+
+@pytest.mark.parametrize(("first", "second", "rounds"), [(1.0, 1.2, (1, 1)), (0.9, 2.7, (3, 1)), (4.0, 1.1, (1, 4))])
+@pytest.mark.parametrize("weight", [0.0, 0.3, 1.0])
+def test_loops_in_step_go_round_whole_numbers_of_times_together(first, second, rounds, weight):
+    march = read_motions(synthetic.small_library())["march"]
+    loops = [replace(march, seconds=seconds) for seconds in (first, second)]
+    tempos = tempos_in_step(*loops, weight)
+    lasts = [count * loop.seconds / tempo for count, loop, tempo in zip(rounds, loops, tempos, strict=True)]
+    assert lasts[0] == pytest.approx(lasts[1])
+    assert tempos[0] == pytest.approx(1.0) or weight > 0.0
+    assert tempos[1] == pytest.approx(1.0) or weight < 1.0
+    assert all(0.7 < tempo < 1.5 for tempo in tempos)
