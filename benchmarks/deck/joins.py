@@ -2,7 +2,8 @@
 
 Every pair of motions is joined at phases all over the first; measured are speed and acceleration in the world.
 
-python -m benchmarks joins [--library thesis15] [--joining WAY] [--phases 24] [--direct] [--chain 200] [--json]
+python -m benchmarks joins [--library thesis15] [--joining WAY] [--phases 24] [--direct] [--sample N]
+    [--chain 200] [--json]
 
 For each pair and phase: the largest speed and acceleration of a joint in the world from the command until the switch
 has settled, over the larger of both motions' own (at least 0.5 m/s and 2 m/s^2: a motion may stand still). Without
@@ -132,19 +133,21 @@ def measure(
     )
 
 
-def grid(library: MotionLibrary, joining: Joining | None, phases: int, *, direct: bool) -> list[Join]:
-    """Every pair at every phase; where one-shots are not left before their end, at that alone."""
+def grid(
+    library: MotionLibrary, joining: Joining | None, phases: int, *, direct: bool, sample: int, seed: int
+) -> list[Join]:
+    """Every pair at every phase, or a random sample; where one-shots are left at their end only, at that alone."""
     own, motions = own_peaks(library), read_motions(library)
-    joins = []
+    cells: list[tuple[str, str, float]] = []
     for source, motion in motions.items():
         moments = np.arange(phases) / phases if motion.loop or direct else np.array([0.999])
-        for target in motions:
-            if target != source or not motion.loop:
-                joins += [
-                    measure(library, own, source, target, float(phase), joining, direct=direct) for phase in moments
-                ]
-        report_progress(f"{source} done")
-    return joins
+        targets = [target for target in motions if target != source or not motion.loop]
+        cells += [(source, target, float(phase)) for target in targets for phase in moments]
+    if sample:
+        drawn = np.random.default_rng(seed).permutation(len(cells))[:sample]
+        cells = [cells[cell] for cell in sorted(drawn)]
+    report_progress(f"{len(cells)} joins")
+    return [measure(library, own, *cell, joining, direct=direct) for cell in cells]
 
 
 def chain(library: MotionLibrary, joining: Joining | None, switches: int, *, direct: bool, seed: int) -> list[Join]:
@@ -199,14 +202,16 @@ def main() -> int:
     parser.add_argument("--phases", type=int, default=24)
     parser.add_argument("--direct", action="store_true", help="join every pair at once, at every phase")
     parser.add_argument("--chain", type=int, default=0, metavar="N", help="N random switches during switches instead")
-    parser.add_argument("--seed", type=int, default=1, help="of the random switches")
+    parser.add_argument("--sample", type=int, default=0, metavar="N", help="N joins of the grid, drawn at random")
+    parser.add_argument("--seed", type=int, default=1, help="of the random switches, or of the sample")
     parser.add_argument("--json", action="store_true", help="one JSON object")
     options = parser.parse_args()
     library = load_library(find_library(options.library))
     if options.chain:
         joins = chain(library, options.joining, options.chain, direct=options.direct, seed=options.seed)
     else:
-        joins = grid(library, options.joining, options.phases, direct=options.direct)
+        sampled = {"sample": options.sample, "seed": options.seed}
+        joins = grid(library, options.joining, options.phases, direct=options.direct, **sampled)
     found = summary(joins)
     if options.json:
         print(json.dumps(found))
