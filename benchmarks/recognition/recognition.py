@@ -29,7 +29,7 @@ from benchmarks.recognition.unknown import Doubter, nested_unknown_auc, unknown_
 from controller.cli.common.progress import progress
 from controller.cli.common.tables import show_table
 from controller.cli.pictures.figures import need_matplotlib
-from controller.cli.recognition_data import AsJson, DataArgument, leave, read
+from controller.cli.recognition.recognition_data import AsJson, DataArgument, leave, read
 from controller.recognition.experts import ExpertRecipe
 from controller.recognition.labelled_recordings import Dataset
 from controller.recognition.splits import PROTOCOLS, Protocol

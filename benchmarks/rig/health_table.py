@@ -16,8 +16,8 @@ from benchmarks import command
 from hardware.bus.servo_bus import Bus
 from hardware.control_table.models import MODELS as TABLES
 from hardware.emulator.bus import BOOT_TIME, EmulatedBus
-from hardware.emulator.device import Device
 from hardware.emulator.port import EmulatedPort
+from hardware.emulator.servos.device import Device
 from hardware.errors import RigError
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.supervised_rig import SupervisedRig

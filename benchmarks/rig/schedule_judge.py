@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.emulator.bus import Answer, EmulatedBus
-from hardware.emulator.device import Device
 from hardware.emulator.faults import FaultPlan
 from hardware.emulator.port import EmulatedPort
-from hardware.emulator.servo_bank import TRIPPED
+from hardware.emulator.servos.device import Device
+from hardware.emulator.servos.servo_bank import TRIPPED
 from hardware.protocol2 import instructions as wire
 from hardware.protocol2.frames import Parser
 from hardware.rig.rig_file import RigConfig

@@ -50,8 +50,8 @@ _COMMANDS = {
     "clip": "clip.fill",
     "rig": "rig.commands",
     "robot": "robot.commands",
-    "recognize": "recognize",
-    "segment": "segment",
+    "recognize": "recognition.recognize",
+    "segment": "recognition.segment",
 }
 _GROUPS = ("library", "clip", "rig", "robot", "recognize")
 

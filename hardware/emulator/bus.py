@@ -11,10 +11,10 @@ from collections import defaultdict
 from collections.abc import Callable
 
 from hardware.control_table.baud_rates import baud_value
-from hardware.emulator.device import ACCESS, INSTRUCTION, LENGTH, RANGE, Device
-from hardware.emulator.old_answers import BOOT_TIME, Answer, answer_old, old_status
 from hardware.emulator.plant import STEP, Coupling, JointPlant
-from hardware.emulator.servo_bank import ServoBank
+from hardware.emulator.servos.device import ACCESS, INSTRUCTION, LENGTH, RANGE, Device
+from hardware.emulator.servos.old_answers import BOOT_TIME, Answer, answer_old, old_status
+from hardware.emulator.servos.servo_bank import ServoBank
 from hardware.protocol1.frames import BAD_CHECKSUM as OLD_CHECKSUM
 from hardware.protocol1.frames import OldParser
 from hardware.protocol2 import instructions as wire

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from hardware.emulator.bus import BOOT_TIME, Answer, EmulatedBus
-from hardware.emulator.device import Device
+from hardware.emulator.servos.device import Device
 from hardware.errors import MotiondeckError
 
 ON_ANSWERS = ("drop", "corrupt", "truncate", "delay")

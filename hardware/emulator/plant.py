@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from hardware.emulator.device import Device
+from hardware.emulator.servos.device import Device
 from hardware.rig.rig_file import RigJoint
 from hardware.rig.scale import Array
 

@@ -24,7 +24,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.emulator.motor import Motor
+from hardware.emulator.servos.motor import Motor
 
 CURRENT, VELOCITY, PWM = 0, 1, 16
 POSITION_MODES = (3, 4, 5)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from controller.cli.common.options import RenameOption, SkeletonOption, UnitOption, UpOption, reading_options
-from controller.cli.recognition_data import SKIPPED_EXIT, AsJson, DataArgument, leave, read
+from controller.cli.recognition.recognition_data import SKIPPED_EXIT, AsJson, DataArgument, leave, read
 
 if TYPE_CHECKING:
     from controller.recognition.recognizer import Recognizer

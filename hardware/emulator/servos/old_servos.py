@@ -14,7 +14,7 @@ import numpy as np
 
 from hardware.control_table.table import ControlTable
 from hardware.control_table.xm430_w350 import XM430_W350
-from hardware.emulator.drive import VELOCITY, MotorDrive
+from hardware.emulator.servos.drive import VELOCITY, MotorDrive
 
 _BEHIND = 1024  # bytes: farther than any old servo's memory reaches
 _LACKING = ("indirect_", "present_current", "goal_current", "current_limit", "startup_configuration", "backup_ready",

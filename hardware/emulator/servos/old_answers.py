@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple, Protocol
 
-from hardware.emulator.device import ACCESS, LENGTH, LIMIT, RANGE, Device
+from hardware.emulator.servos.device import ACCESS, LENGTH, LIMIT, RANGE, Device
 from hardware.protocol1 import instructions as wire
 from hardware.protocol1.frames import ANGLE_LIMIT, BAD_INSTRUCTION, OUT_OF_RANGE, build
 from hardware.protocol2.frames import BROADCAST, Frame

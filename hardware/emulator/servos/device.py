@@ -12,8 +12,8 @@ import math
 from hardware.control_table.baud_rates import BAUD_RATES, baud_of
 from hardware.control_table.register import Register
 from hardware.control_table.servo_traits import TRAITS
-from hardware.emulator.old_servos import is_old
-from hardware.emulator.servo_bank import TRIPPED, ServoBank
+from hardware.emulator.servos.old_servos import is_old
+from hardware.emulator.servos.servo_bank import TRIPPED, ServoBank
 from hardware.protocol2.instructions import (
     BACKUP_RESTORE,
     BACKUP_STORE,

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.control_table.table import ControlTable
-from hardware.emulator.drive import CURRENT, POSITION_MODES, PWM, VELOCITY, MotorDrive
-from hardware.emulator.motor import motor_of
-from hardware.emulator.old_servos import follow, is_old, whole_table, with_sign
+from hardware.emulator.servos.drive import CURRENT, POSITION_MODES, PWM, VELOCITY, MotorDrive
+from hardware.emulator.servos.motor import motor_of
+from hardware.emulator.servos.old_servos import follow, is_old, whole_table, with_sign
 
 TRIPPED = -1
 """The bus watchdog register after it has stopped the servo."""

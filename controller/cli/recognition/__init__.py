@@ -1,0 +1,1 @@
+"""`motiondeck recognize` and `motiondeck segment`."""

@@ -1,0 +1,1 @@
+"""Emulated servos: memory, rules, motors, and the answers of older ones."""
