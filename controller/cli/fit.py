@@ -60,7 +60,7 @@ def fit(
     trim: Annotated[
         bool,
         typer.Option(
-            "--trim/--no-trim", help="Of a taught loop, learn the part that comes back best, or (--no-trim) all of it."
+            "--trim/--no-trim", help="Learn the part of a taught loop that closes best; --no-trim: all of it."
         ),
     ] = True,
     allow_failing: Annotated[

@@ -29,7 +29,12 @@ def learn(
         typer.Argument(metavar="FILE_OR_FOLDER...", help="Recordings in any format, and folders that hold some."),
     ],
     out: Annotated[
-        Path, typer.Option("--out", metavar="FILE", help="Where the library goes; its recipe goes beside it, as .toml.")
+        Path,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="The library to write (.safetensors); its recipe is written beside it (.toml).",
+        ),
     ] = Path("mine.safetensors"),
     play: Annotated[bool, typer.Option("--play", help="Play the first motion afterwards.")] = False,
     robot: Annotated[str | None, typer.Option("--robot", help="The robot that plays: a robot file or name.")] = None,

@@ -32,7 +32,9 @@ class OnMismatch(StrEnum):
 
 
 def play(
-    motion: Annotated[str | None, typer.Argument(help="What to play first; `walk` where the library has it.")] = None,
+    motion: Annotated[
+        str | None, typer.Argument(help="The motion to play first; default: `walk`, or the library's first.")
+    ] = None,
     library: Annotated[
         str, typer.Option("--library", help="A library file, or a shipped one by its name.")
     ] = "thesis15",
@@ -107,7 +109,7 @@ def play(
         typer.Option("--on-mismatch", help="With --recognize: warn or stop when the joints do something else."),
     ] = OnMismatch.WARN,
     mismatch_after: Annotated[
-        float, typer.Option("--mismatch-after", help="How long they must do something else before that, s.")
+        float, typer.Option("--mismatch-after", help="How long the joints must do something else before that, s.")
     ] = 0.5,
     listen: Annotated[
         str | None,

@@ -80,7 +80,11 @@ def events(
     token_file: TokenFile = None,
     heartbeat: Annotated[
         float | None,
-        typer.Option("--heartbeat", metavar="SECONDS", help="The deck pauses when it misses this program for so long."),
+        typer.Option(
+            "--heartbeat",
+            metavar="SECONDS",
+            help="Pause the deck when it has not heard from this program for so long, s.",
+        ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object a line.")] = False,
 ) -> None:

@@ -1,4 +1,4 @@
-"""How a set of examples is split into what is learned and what is asked.
+"""How a set of examples is split into training and test examples.
 
 actor-out   each actor in turn is asked, the others are learned: will it know somebody new?
 one-actor   one actor is learned, all others are asked: the hardest, and the one that still tells good methods apart

@@ -1,4 +1,4 @@
-"""Flesh: the solids that make a person of the bones of a skeleton, and the mass of each part.
+"""The mannequin's solids: the shape around each bone of a skeleton, and the mass of each part.
 
 A solid lies in the frame of its bone: w along the bone, u to the front (or up, for a bone that itself points ahead),
 v across. Lengths are of a body 1.80 m tall and scale with the skeleton's own stature.

@@ -1,4 +1,4 @@
-"""Overlaps: which bodies of a model are in one another, and how deep."""
+"""Overlaps: which bodies of a model penetrate each other, and how deep."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's names come from compiled modules, which have no type stubs.)
@@ -32,7 +32,7 @@ def near_bodies(model: mujoco.MjModel, rest: Array) -> set[tuple[int, int]]:
 
 
 def overlaps(model: mujoco.MjModel, data: mujoco.MjData) -> dict[tuple[int, int], float]:
-    """How deep bodies are in one another where data has them, m, by pair."""
+    """How deep bodies penetrate each other in the pose of `data`, m, by pair."""
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     mujoco.mj_collision(model, data)

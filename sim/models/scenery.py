@@ -1,4 +1,4 @@
-"""The stage every robot stands on: floor, light and sky, and the gantry that carries its root."""
+"""What surrounds every robot: floor, light and sky, and the gantry that carries its root."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's names come from compiled modules, which have no type stubs.)

@@ -1,4 +1,4 @@
-"""Self-collision: how deep the bodies of a robot are in one another, whatever its model lets touch."""
+"""Self-collision: how deep the bodies of a robot penetrate each other, whatever its model lets touch."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's names come from compiled modules, which have no type stubs.)

@@ -25,7 +25,7 @@ def emulate(
     fault: Annotated[
         list[str] | None, typer.Option("--fault", help="KIND[:key=value,...]; `--fault help` lists them.")
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Of the random faults.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the random faults.")] = 0,
     unpaced: Annotated[bool, typer.Option("--unpaced", help="Bytes take no time on the wire.")] = False,
     lenient: Annotated[
         bool, typer.Option("--lenient", help="In a sync read, servos behind a silent one answer anyway.")

@@ -1,4 +1,4 @@
-"""`motiondeck rig scan`, `setup` and `import`: which servos there are, what they are to be, and the first rig file."""
+"""`motiondeck rig scan`, `setup` and `import`: find servos, set them up one by one, and write a first rig file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`motiondeck rig teach`: joints moved by hand become clips; each can be had again, named, and taken several times."""
+"""`motiondeck rig teach`: joints moved by hand become clips, which can be named and recorded again."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def teach(
         bool | None,
         typer.Option(
             "--once/--loop",
-            help="Learned, it ends in its last pose, or goes on for ever; by default a loop if it comes back.",
+            help="Whether it is learned as a one-shot or as a loop; default: a loop if it ends where it began.",
             show_default=False,
         ),
     ] = None,

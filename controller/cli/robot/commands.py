@@ -126,7 +126,7 @@ def calibrate(
     ] = None,
     view: Annotated[bool, typer.Option("--view", help="Show robot and human side by side in the browser.")] = False,
     port: Annotated[int, typer.Option("--port", help="The page's port; 0 for any free one.")] = PAGE_PORT,
-    motion: Annotated[str, typer.Option("--motion", help="What they do in the picture and in the view.")] = "walk",
+    motion: Annotated[str, typer.Option("--motion", help="The motion that picture and view show.")] = "walk",
     library: Annotated[str, typer.Option("--library", help="Where that motion is from.")] = "thesis15",
     as_json: JsonOption = False,
 ) -> None:
@@ -182,7 +182,7 @@ def check(
     files: Annotated[list[Path], typer.Argument(metavar="RECORDINGS", help="Recordings, or folders full of them.")],
     solver: SolverOption = None,
     seconds: Annotated[
-        float | None, typer.Option("--seconds", help="Only so much of each recording, from its beginning.")
+        float | None, typer.Option("--seconds", help="Check only the first so many seconds of each recording.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:

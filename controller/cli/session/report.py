@@ -1,4 +1,4 @@
-"""What a run tells: news while it goes on, and in the end its report, as JSON and in a few lines."""
+"""What a run prints: news while it goes on, and at the end its report, as JSON or in a few lines."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ class NpzArrays:
     """What an .npz file holds.
 
     Raises:
-        FileFormatError: naming the file, if it is none.
+        FileFormatError: naming the file, if it is not an .npz file.
     """
 
     def __init__(self, path: str | Path) -> None:

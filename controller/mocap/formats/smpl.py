@@ -59,7 +59,7 @@ def read_smpl(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     """The motion in an .npz file of the SMPL family.
 
     Raises:
-        FileFormatError: naming the file and the arrays that it holds, if it is none, or is broken.
+        FileFormatError: naming the file and the arrays that it holds, if it is no such motion, or is broken.
     """
     arrays = NpzArrays(path)
     root = arrays.first("root_orient", "global_orient")
