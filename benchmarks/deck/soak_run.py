@@ -25,7 +25,7 @@ from controller.loop.clock import VirtualClock
 from controller.loop.command_desk import CommandDesk
 from controller.loop.loop import LoopState, run
 from controller.loop.output_channel import Channel
-from controller.loop.safety_envelope import SafetyEnvelope
+from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
 from controller.mocap.posture import Pose
 from controller.rotations import Array

@@ -31,7 +31,7 @@ from controller.deck.deck import Deck  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
 from controller.loop.clock import VirtualClock  # noqa: E402
 from controller.loop.gc_and_blas import undisturbed  # noqa: E402
-from controller.loop.safety_envelope import SafetyEnvelope  # noqa: E402
+from controller.loop.safety.safety_envelope import SafetyEnvelope  # noqa: E402
 from controller.mocap.posture import Pose  # noqa: E402
 from controller.rotations import Array  # noqa: E402
 from hardware.protocol2.instructions import sync_write  # noqa: E402

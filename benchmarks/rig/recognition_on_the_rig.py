@@ -27,7 +27,7 @@ from controller.library.motion_library import load_library
 from controller.loop.clock import VirtualClock
 from controller.loop.loop import LoopState, run
 from controller.loop.output_channel import Channel
-from controller.loop.safety_envelope import SafetyEnvelope
+from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
 from controller.recognition.deck_recognizer import joint_motions
 from controller.recognition.deck_watch import PATIENCE, DeckWatch

@@ -19,7 +19,7 @@ from joblib import Parallel, delayed
 
 from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
-from controller.loop.safety_envelope import SafetyEnvelope
+from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.mocap.posture import Pose
 from controller.rotations import Array
 from motiondeck_base.shipped import find_library, find_robot

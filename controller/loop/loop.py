@@ -20,9 +20,9 @@ from controller.loop.fault_counter import FaultCounter
 from controller.loop.gc_and_blas import undisturbed
 from controller.loop.histogram import DurationHistogram, Percentiles
 from controller.loop.output_channel import Channel
-from controller.loop.pace import Pace
 from controller.loop.run_phases import Player, Source, safe_targets
-from controller.loop.safety_envelope import SafetyEnvelope
+from controller.loop.safety.pace import Pace
+from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest, stop_on_signals
 from controller.mocap.posture import Pose
 from controller.rotations import Array

@@ -8,10 +8,10 @@ from typing import Protocol
 
 import numpy as np
 
-from controller.loop.approach import Approach
 from controller.loop.fault_counter import FaultCounter
 from controller.loop.output_channel import Channel
-from controller.loop.safety_envelope import SafetyEnvelope
+from controller.loop.safety.approach import Approach
+from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
 from controller.mocap.posture import Pose
 from controller.rotations import Array

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.deck.interfaces import JointLimits
-from controller.loop.safety_envelope import SafetyEnvelope
+from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.mocap.posture import Pose
 from controller.rotations import Array, continuous, normalise
 from sim.models.servo_motor import ROOM

@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.loop.safety_envelope import SafetyEnvelope
+from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.mocap.anatomy import Side, anatomy
 from controller.mocap.clip import Clip
 from controller.mocap.posture import Pose

@@ -8,7 +8,7 @@ import synthetic
 from benchmarks.deck.memory_growth import growth
 from benchmarks.deck.soak_run import soak
 from controller.deck.interfaces import JointLimits
-from controller.loop.safety_envelope import SafetyEnvelope
+from controller.loop.safety.safety_envelope import SafetyEnvelope
 
 JOINTS = 9 * 4
 LIMITS = JointLimits(*(np.full(JOINTS, x) for x in (-1.1, 1.1, 8.0, 80.0, 4000.0)))

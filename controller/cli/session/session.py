@@ -38,7 +38,7 @@ from controller.loop.permissions import (
     request_realtime,
 )
 from controller.loop.run_phases import Player
-from controller.loop.safety_envelope import SafetyEnvelope
+from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest, stop_on_signals
 from controller.mocap.clip import Clip
 from controller.mocap.encodings.joint_angles import JointBody

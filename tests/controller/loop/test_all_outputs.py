@@ -12,7 +12,7 @@ from controller.loop.command_desk import CommandDesk
 from controller.loop.ensemble import Ensemble, RobotOutput, all_limits
 from controller.loop.loop import run
 from controller.loop.output_channel import Channel
-from controller.loop.safety_envelope import SafetyEnvelope
+from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.wire.messages import (
     Accepted,
     Blend,

@@ -11,7 +11,7 @@ from controller.deck.deck import Deck
 from controller.loop.clock import VirtualClock
 from controller.loop.loop import run
 from controller.loop.output_channel import Channel
-from controller.loop.safety_envelope import SafetyEnvelope
+from controller.loop.safety.safety_envelope import SafetyEnvelope
 from sim.physics.playback import PhysicsPlayback
 from sim.robots.robot import load_robot
 from simulated_bodies import ROBOTS

@@ -11,7 +11,7 @@ from controller.deck.interfaces import JointLimits
 from controller.loop.clock import VirtualClock
 from controller.loop.loop import run
 from controller.loop.output_channel import Channel
-from controller.loop.safety_envelope import SafetyEnvelope
+from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.mocap.posture import Pose
 
 JOINTS = 3

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from controller.deck.interfaces import JointLimits
 from controller.loop.run_phases import Source, safe_targets
-from controller.loop.safety_envelope import SafetyEnvelope
+from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import EmergencyStopError, StopRequest
 from controller.mocap.posture import Pose
 

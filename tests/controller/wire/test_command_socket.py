@@ -13,7 +13,7 @@ from controller.deck.interfaces import JointLimits
 from controller.loop.clock import VirtualClock
 from controller.loop.command_desk import CommandDesk
 from controller.loop.loop import run
-from controller.loop.safety_envelope import SafetyEnvelope
+from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
 from controller.mocap.posture import Pose
 from controller.wire.command_socket import CommandClient, CommandServer, SocketError

@@ -9,7 +9,7 @@ from controller.deck.interfaces import JointLimits
 from controller.loop.clock import VirtualClock
 from controller.loop.loop import run
 from controller.loop.output_channel import Channel
-from controller.loop.safety_envelope import SafetyEnvelope
+from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
 from sim.view.recognition_text import what_is_seen
 from synthetic import small_library

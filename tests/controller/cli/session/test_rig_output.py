@@ -11,7 +11,7 @@ from controller.cli.session.rig_output import RigOutput, narrowed
 from controller.deck.interfaces import JointLimits
 from controller.loop.loop import run
 from controller.loop.output_channel import Channel
-from controller.loop.safety_envelope import SafetyEnvelope
+from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.mocap.posture import Pose
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus

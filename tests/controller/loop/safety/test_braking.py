@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.loop.braking import braked, held_back, longest_run, released, stopping_run
+from controller.loop.safety.braking import braked, held_back, longest_run, released, stopping_run
 
 rates = st.floats(-4.0, 0.0).map(lambda exponent: 10.0**exponent)
 

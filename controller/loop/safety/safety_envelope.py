@@ -18,7 +18,7 @@ from collections.abc import Callable
 import numpy as np
 
 from controller.deck.interfaces import JointLimits
-from controller.loop.braking import braked, held_back, longest_run, stopping_run
+from controller.loop.safety.braking import braked, held_back, longest_run, stopping_run
 from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 

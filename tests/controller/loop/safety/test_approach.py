@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller.deck.interfaces import JointLimits
-from controller.loop.approach import Approach
+from controller.loop.safety.approach import Approach
 
 LIMITS = JointLimits(*(np.array([a, b]) for a, b in ((-3, -3), (3, 3), (6, 1), (60, 20), (2000, 500))))
 places = st.lists(st.floats(-3.0, 3.0), min_size=2, max_size=2).map(np.array)

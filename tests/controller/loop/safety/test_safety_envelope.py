@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controller.deck.interfaces import JointLimits
-from controller.loop.safety_envelope import LimitError, SafetyEnvelope
+from controller.loop.safety.safety_envelope import LimitError, SafetyEnvelope
 
 DT = 0.005
 

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from controller.deck.interfaces import JointLimits
 from controller.loop.loop import run
 from controller.loop.output_channel import Channel
-from controller.loop.pace import BURST, LEAST, Pace
-from controller.loop.safety_envelope import SafetyEnvelope
+from controller.loop.safety.pace import BURST, LEAST, Pace
+from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.mocap.posture import Pose
 
 PERIOD_NS = 5_000_000
