@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from controller.wire.command_socket import CommandClient
 
 _LONGEST_WAIT = 120.0  # s for --wait: a switch by way of other motions takes that long
+_STARTING = 5.0  # s that a deck may take from opening its socket to its first tick
 _AGAIN = 15.0  # s after which a subscription is renewed
 
 CommandPort = Annotated[int, typer.Option("--command-port", help="The deck's command port.")]
@@ -57,7 +58,7 @@ def send(
     request = parse_command(words)
     client = _client(command_port, host, token_file)
     try:
-        answer = client.request(request)
+        answer = client.request(request, _STARTING)
         if wait and isinstance(request, Switch | Queue | Blend) and isinstance(answer, Accepted):
             if answer.after or answer.via:
                 print(describe(answer), file=sys.stderr)
@@ -104,7 +105,7 @@ def events(
     every = min(_AGAIN, heartbeat / 4.0) if heartbeat else _AGAIN
     client = _client(command_port, host, token_file)
     try:
-        if isinstance(refused := client.request(Subscribe()), Refused):
+        if isinstance(refused := client.request(Subscribe(), _STARTING), Refused):
             raise MotiondeckError(f"the deck refuses to tell: {refused.reason}")
         if heartbeat is not None:
             client.post(checked(Heartbeat(heartbeat)))
