@@ -130,6 +130,11 @@ class Deck(Paced):
         return self._show.restarts
 
     @property
+    def way(self) -> list[str]:
+        """The motions that the switch under way has still to begin."""
+        return [*self._ahead]
+
+    @property
     def queue(self) -> list[str]:
         """The motions that are played after the present one."""
         return [switch.to for switch in self._queued]

@@ -40,6 +40,7 @@ class RecordedDeck(Paced):
         fields = recording.fields
         self.motions = tuple(recording.description["motions"])
         self.switches: list[CommandedSwitch] = []
+        self.way: list[str] = []
         self.queue: list[str] = []
         self.events: deque[Event] = deque()
         self.settled = True

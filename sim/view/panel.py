@@ -27,11 +27,12 @@ from controller.wire.messages import (
     Stop,
     Switch,
 )
-from controller.wire.run_recording import MODES
 from motiondeck_base.errors import MotiondeckError
 from sim.view.ghost import WAYS
+from sim.view.page_style import MARK_OF_MOTIONS, STYLE
 from sim.view.private_page import PrivatePage
 from sim.view.recognition_text import what_is_seen
+from sim.view.state_line import RunState, button_labels, ended_line, state_line
 
 ANSWER_WITHIN = 1.0
 # A hand on a slider keeps it for so long before the deck's own value is shown again, s.
@@ -40,7 +41,13 @@ HAND_ON = 1.0
 _TOLD = ("via", "gave up", "fault", "lost", "replayed")
 
 CURRENT = (38, 110, 200)
+UPCOMING = (112, 72, 232)
 OTHERS = (120, 130, 145)
+STOPS = (201, 42, 42)
+# Keys for the first motions, and from how many motions on one can be searched for.
+DIGITS = ("1", "2", "3", "4", "5", "6", "7", "8", "9")
+SEARCHED = 12
+NOTICE_SECONDS = 8.0
 
 
 class Panel:
@@ -62,22 +69,31 @@ class Panel:
         self._page, self._commands = page, commands
         self._motions, self._joints = motions, joints
         self._lock = Lock()
-        self._current = -1
-        self._paused = False
-        self._mode = MODES[0]
+        self._state = RunState()
         self._moved = self._jumped = 0.0  # when a hand was on the tempo, and on the phase, s
         gui = page.gui
         gui.configure_theme(show_share_button=False, show_logo=False, brand_color=CURRENT)
-        self._health = gui.add_html("")
-        self._seen = gui.add_html("")
-        # Above the motions, so that it is visible in a small window too.
+        gui.add_html(STYLE)
+        # What happens and how to stop it stand first, so that they are visible in a small window too.
+        self._line = gui.add_html("")
         self._estop = gui.add_button(
-            "Emergency stop", icon=viser.Icon.ALERT_OCTAGON, color="orange", hint=BY_WORD["estop"].help
+            "Emergency stop", icon=viser.Icon.ALERT_OCTAGON, color=STOPS, hint=BY_WORD["estop"].help + " Key: Esc."
         )
         self._estop.on_click(self._stop_or_ask)
-        self._buttons = [gui.add_button(motion, color=OTHERS) for motion in motions]
+        self._pause = gui.add_button(
+            "Pause", icon=viser.Icon.PLAYER_PAUSE, color="gray", hint=BY_WORD["pause"].help + " Key: space."
+        )
+        self._pause.on_click(lambda _: self._pause_or_resume())
+        self._home = gui.add_button("Home", icon=viser.Icon.HOME, color="gray", hint=BY_WORD["home"].help)
+        self._home.on_click(lambda _: self._send(Home()))
+        if len(motions) > SEARCHED:
+            search = gui.add_text("search", "", hint="Only motions whose names hold this")
+            search.on_update(lambda _: self._show_only(str(search.value)))
+        with gui.add_folder("motions"):
+            gui.add_html(MARK_OF_MOTIONS)
+            self._buttons = [gui.add_button(motion, color=OTHERS) for motion in motions]
         for motion, button in zip(motions, self._buttons, strict=True):
-            button.on_click(lambda _, motion=motion: self._send(Queue(motion) if self._queue.value else Switch(motion)))
+            button.on_click(lambda _, motion=motion: self._play(motion))
         self._queue = gui.add_checkbox("after the present one", False, hint="Queue a motion instead of switching now")
         with gui.add_folder("blend", expand_by_default=False):
             self._second = gui.add_dropdown("with", motions, hint="Blended into the motion that is playing")
@@ -92,16 +108,16 @@ class Panel:
         )
         self._tempo.on_update(self._tempo_moved)
         self._phase = self._add_phase() if has_phase else None
-        self._pause = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE, color="gray", hint=BY_WORD["pause"].help)
-        self._pause.on_click(lambda _: self._send(Resume() if self._paused else Pause()))
-        self._home = gui.add_button("Home", icon=viser.Icon.HOME, color="gray", hint=BY_WORD["home"].help)
-        self._home.on_click(lambda _: self._send(Home()))
         with gui.add_folder("view", expand_by_default=False):
             self._human = gui.add_dropdown("human", WAYS, hint="The pose that the network plays") if has_human else None
             self._steps = gui.add_checkbox("footprints and contacts", False)
             self._follow = gui.add_checkbox("camera follows", True)
-        self._stop = gui.add_button("Stop", icon=viser.Icon.PLAYER_STOP, color="red", hint=BY_WORD["stop"].help)
-        self._stop.on_click(lambda _: self._send(Stop()))
+        with gui.add_folder("loop", expand_by_default=False):
+            self._health = gui.add_html("")
+        self._seen = gui.add_html("")
+        self._end = gui.add_button("End run", icon=viser.Icon.PLAYER_STOP, color="gray", hint=BY_WORD["stop"].help)
+        self._end.on_click(self._ask_to_end)
+        self._add_keys()
         self._controls = [
             *((button, BY_WORD["switch"]) for button in self._buttons),
             (self._weight, BY_WORD["blend"]),
@@ -112,6 +128,14 @@ class Panel:
         if self._phase is not None:
             self._controls.append((self._phase, BY_WORD["jump"]))
 
+    def _add_keys(self) -> None:
+        """Esc, space and the digits, also found in the page's command palette."""
+        gui = self._page.gui
+        gui.add_command("Emergency stop", hotkey="escape").on_trigger(lambda _: self._send(EmergencyStop()))
+        gui.add_command("Pause or resume", hotkey="space").on_trigger(lambda _: self._pause_or_resume())
+        for digit, motion in zip(DIGITS, self._motions, strict=False):
+            gui.add_command(motion, hotkey=digit).on_trigger(lambda _, motion=motion: self._play(motion))
+
     def _add_phase(self) -> viser.GuiInputHandle[float]:
         phase = self._page.gui.add_slider(
             "phase", min=0.0, max=1.0, step=0.01, initial_value=0.0, hint=BY_WORD["jump"].help
@@ -121,7 +145,7 @@ class Panel:
 
     @property
     def _stopped(self) -> bool:
-        return self._mode == "emergency stop"
+        return self._state.mode == "emergency stop"
 
     @property
     def human(self) -> str:
@@ -140,25 +164,24 @@ class Panel:
 
     def show(self, state: dict[str, Array]) -> None:
         """Brings buttons, slider and figures up to date."""
-        motion = int(_number(state, "motion", -1.0))
-        if motion != self._current:
-            for index, button in enumerate(self._buttons):
-                colour = CURRENT if index == motion else OTHERS
-                if button.color != colour:
-                    button.color = colour
-            self._current = motion
+        now, before = RunState.of(state, self._motions), self._state
+        self._state = now
+        self._line.content = state_line(now).as_html()
+        for button, label, motion in zip(self._buttons, button_labels(now, self._motions), self._motions, strict=True):
+            colour = CURRENT if motion == now.playing else UPCOMING if motion == now.motion else OTHERS
+            if button.color != colour:
+                button.color = colour
+            if button.label != label:
+                button.label = label
+        if now.motion != before.motion:
             self._weight.value = 0.0  # nothing is blended into a motion that was switched to
-        paused = bool(_number(state, "paused", 0.0))
-        if paused != self._paused:
-            self._paused = paused
-            self._pause.label = "Resume" if paused else "Pause"
-            self._pause.icon = viser.Icon.PLAYER_PLAY if paused else viser.Icon.PLAYER_PAUSE
-        mode = MODES[int(_number(state, "mode", 0.0))]
-        if mode != self._mode:
-            self._mode = mode
+        if now.paused != before.paused:
+            self._pause.label = "Resume" if now.paused else "Pause"
+            self._pause.icon = viser.Icon.PLAYER_PLAY if now.paused else viser.Icon.PLAYER_PAUSE
+        if now.mode != before.mode:
             self._estop.label = "Reset" if self._stopped else "Emergency stop"
             for control, command in self._controls:
-                control.disabled = mode not in command.modes
+                control.disabled = now.mode not in command.modes
         tempo = round(_number(state, "tempo", 1.0), 2)
         if abs(tempo - self._tempo.value) > 0.024 and time.monotonic() - self._moved > HAND_ON:
             self._tempo.value = min(max(tempo, self._tempo.min), self._tempo.max)
@@ -171,28 +194,53 @@ class Panel:
     def tell(self, event: Event) -> None:
         """Shows an event that nothing else on the page shows."""
         if event.kind in _TOLD:
-            alarming = event.kind in ("fault", "lost", "replayed")
-            for client in self._page.get_clients().values():
-                colour = "red" if alarming else "blue"
-                client.add_notification(event.kind, event.text, auto_close_seconds=8.0, color=colour)
+            self._notify(event.kind, event.text, alarming=event.kind in ("fault", "lost", "replayed"))
 
     def _stop_or_ask(self, event: viser.GuiEvent) -> None:
         """Stops at once; a reset is asked about first."""
         if not self._stopped:
             self._send(EmergencyStop())
             return
+        text = "See that nobody is near. Nothing moves yet; Resume, Home or a motion then starts slowly."
+        self._ask(event, "Release the emergency stop?", text, "Release", "Cancel", Reset())
+
+    def end(self, reason: str) -> None:
+        """Shows that the run has ended, and why; nothing can be commanded any more."""
+        self._line.content = ended_line(reason).as_html()
+        for control, _ in self._controls:
+            control.disabled = True
+        self._estop.disabled = self._end.disabled = True
+
+    def _play(self, motion: str) -> None:
+        self._send(Queue(motion) if self._queue.value else Switch(motion))
+
+    def _pause_or_resume(self) -> None:
+        self._send(Resume() if self._state.paused else Pause())
+
+    def _show_only(self, text: str) -> None:
+        for motion, button in zip(self._motions, self._buttons, strict=True):
+            button.visible = text.strip().lower() in motion.lower()
+
+    def _ask_to_end(self, event: viser.GuiEvent) -> None:
+        text = "The robot comes to rest, and the deck ends. This page then shows nothing any more."
+        self._ask(event, "End the run?", text, "End the run", "Play on", Stop())
+
+    def _ask(self, event: viser.GuiEvent, title: str, text: str, yes: str, no: str, message: Message) -> None:
+        """Asks the one who clicked; the first answer sends a message, the second does nothing."""
         gui = event.client.gui if event.client is not None else self._page.gui
-        with gui.add_modal("Release the emergency stop?") as question:
-            gui.add_markdown("See that nobody is near. Nothing moves yet; Resume, Home or a motion then starts slowly.")
-            release = gui.add_button("Release", icon=viser.Icon.LOCK_OPEN, color="orange")
-            cancel = gui.add_button("Cancel", color="gray")
-        cancel.on_click(lambda _: question.close())
+        with gui.add_modal(title) as question:
+            gui.add_markdown(text)
+            agree = gui.add_button(yes, color=STOPS)
+            gui.add_button(no, color="gray").on_click(lambda _: question.close())
 
-        def reset(_: object) -> None:
+        @agree.on_click
+        def _(_: viser.GuiEvent) -> None:
             question.close()
-            self._send(Reset())
+            self._send(message)
 
-        release.on_click(reset)
+    def _notify(self, title: str, text: str, *, alarming: bool = True) -> None:
+        for client in self._page.get_clients().values():
+            client.add_notification(title, text, auto_close_seconds=NOTICE_SECONDS, color="red" if alarming else "blue")
 
     def _tempo_moved(self, event: viser.GuiEvent) -> None:
         # A slider set by this program, not by a hand, reports no client.
@@ -206,8 +254,8 @@ class Panel:
             self._send(Jump(phase=float(event.target.value)))
 
     def _weight_moved(self, event: viser.GuiEvent) -> None:
-        if event.client is not None and 0 <= self._current < len(self._motions):
-            self._send(Blend(self._motions[self._current], str(self._second.value), float(self._weight.value)))
+        if event.client is not None and self._state.motion:
+            self._send(Blend(self._state.motion, str(self._second.value), float(self._weight.value)))
 
     def _send(self, message: Message) -> None:
         """Sends a command and shows a refusal on the page; page callbacks come from many threads, the socket is one."""
@@ -218,8 +266,7 @@ class Panel:
         except MotiondeckError as error:
             refusal = str(error)
         if refusal:
-            for client in self._page.get_clients().values():
-                client.add_notification("Refused", refusal, auto_close_seconds=6.0, color="red")
+            self._notify("Refused", refusal)
 
 
 def _number(state: dict[str, Array], field: str, default: float) -> float:
@@ -238,13 +285,14 @@ def _health(state: dict[str, Array]) -> str:
     cells = [
         ("rate", figure("rate_hz", "{:.1f} Hz")),
         ("late p50 / p99.9", late),
-        ("overruns", figure("overruns", "{:.0f}")),
         ("work p50", figure("work_p50_us", "{:.0f} µs")),
     ]
     if _number(state, "restarts", 0.0) > 0.0:
         cells.append(("network restarts", figure("restarts", "{:.0f}")))
     if _number(state, "kept_apart", 0.0) > 0.0:
         cells.append(("limbs kept apart", figure("kept_apart", "{:.0f} times")))
+    overruns = _number(state, "overruns", 0.0)
+    word = "On time: no tick was late." if overruns == 0.0 else f"Late: {overruns:.0f} ticks took longer than a period."
     boxes = "".join(
         f'<div><div style="opacity:.6;font-size:11px">{name}</div>'
         f'<div style="font-variant-numeric:tabular-nums;font-weight:600">{value}</div></div>'
@@ -253,4 +301,5 @@ def _health(state: dict[str, Array]) -> str:
     style = (
         "display:grid;grid-template-columns:1fr 1.3fr;gap:2px 12px;padding:2px 14px 6px;font-size:13px;line-height:1.35"
     )
-    return f'<div id="health" style="{style}">{boxes}</div>'
+    said = f'<div style="padding:2px 14px;font-size:13px">{word}</div>'
+    return f'<div id="health">{said}<div style="{style}">{boxes}</div></div>'

@@ -37,6 +37,8 @@ from sim.view.scene import Follower, Scene
 PICTURES_PER_SECOND = 30.0
 HEALTH_PER_SECOND = 4.0
 BESIDE = 0.75  # of the robot's height: so far aside a follower, or the human, is drawn
+LAST_WORD = 0.3  # s for the browser to get the reason of the end
+REASON_FILE = "ended"  # beside the state, written by the deck
 LONGEST_WAIT = 60.0  # s for a deck that is starting
 
 
@@ -108,6 +110,9 @@ def view(state: Path, command_port: int | None, port: int) -> None:
                     last_health = now
             tell_news(events, panel)
             time.sleep(max(0.0, now + 1.0 / PICTURES_PER_SECOND - time.monotonic()))
+        panel.end(_reason(state))
+        page.flush()
+        time.sleep(LAST_WORD)
     finally:
         page.stop()
         if os.getppid() != parent and state.parent.name.startswith("motiondeck-"):
@@ -121,6 +126,14 @@ def tell_news(events: CommandClient, panel: Panel) -> None:
         while (reply := events.receive(0.0)) is not None:
             if isinstance(reply, Event):
                 panel.tell(reply)
+
+
+def _reason(state: Path) -> str:
+    """Why the run has ended; empty where the deck could not say it any more."""
+    try:
+        return state.with_name(REASON_FILE).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return ""
 
 
 def _model(file: str) -> mujoco.MjModel:

@@ -14,6 +14,7 @@ from controller.cli.session.robot_on_deck import RobotOnDeck, Simulation
 from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
 from controller.mocap.skeleton import Skeleton
+from controller.rotations import Array
 from controller.wire.run_recording import MODES
 from controller.wire.telemetry import StateWriter
 
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 
 PICTURE_HZ = 50.0
 HEALTH_EVERY = 12  # pictures
+REASON_FILE = "ended"
+MOST_SHOWN = 8  # motions on the way, and in the queue
 
 # What the page shows besides the position of the robot: each field is one number.
 _NUMBERS = (
@@ -32,6 +35,10 @@ _NUMBERS = (
     "phase",
     "paused",
     "mode",
+    "playing",
+    "settled",
+    "blend",
+    "blend_weight",
     "rate_hz",
     "lateness_p50_us",
     "lateness_p999_us",
@@ -68,6 +75,31 @@ class Showable(Protocol):
         ...
 
     @property
+    def playing(self) -> str:
+        """What is played now, perhaps on the way to `motion`."""
+        ...
+
+    @property
+    def way(self) -> Sequence[str]:
+        """The motions that the switch under way has still to begin."""
+        ...
+
+    @property
+    def queue(self) -> Sequence[str]:
+        """The motions that are played after that."""
+        ...
+
+    @property
+    def blend(self) -> tuple[str, float] | None:
+        """The motion that is blended in, and its present weight."""
+        ...
+
+    @property
+    def settled(self) -> bool:
+        """Whether no switch is under way."""
+        ...
+
+    @property
     def paused(self) -> bool:
         """Whether it stands still on command."""
         ...
@@ -83,14 +115,19 @@ class Page:
 
     Args:
         writer: of that state.
+        reason_file: where the view reads why the run has ended.
         robots: whose positions are drawn, each with a simulation.
         watch: recognizes the motion of the joints, if that is wanted.
     """
 
     def __init__(
-        self, writer: StateWriter, robots: Sequence[RobotOnDeck], watch: RecognitionWatch | None = None
+        self,
+        writer: StateWriter,
+        reason_file: Path,
+        robots: Sequence[RobotOnDeck],
+        watch: RecognitionWatch | None = None,
     ) -> None:
-        self._writer, self._watch = writer, watch
+        self._writer, self._reason_file, self._watch = writer, reason_file, watch
         self._stage, *self._followers = [simulation.stage for simulation in _simulations(robots)]
         self._guards = [robot.guard for robot in robots if robot.guard is not None]
 
@@ -126,11 +163,12 @@ class Page:
             "command_port": command_port,
         }
         numbers = {"qpos": robot.model.nq, "root_xy": 2} | dict.fromkeys(_NUMBERS + (NUMBERS if watch else ()), 1)
+        numbers |= {"way": MOST_SHOWN, "queue": MOST_SHOWN}
         numbers |= {f"qpos {index}": one.model.nq for index, one in enumerate(shown[1:])}
         if human is not None:
             description["human"] = draw_ghost(human, robot.path_scale, state.with_name("human.xml"))
             numbers |= {"human_root": 3, "human_turn": 4 * (1 + len(human))}
-        page = cls(StateWriter.create(state, description, numbers), robots, watch)
+        page = cls(StateWriter.create(state, description, numbers), state.with_name(REASON_FILE), robots, watch)
         try:
             yield page
         finally:
@@ -151,13 +189,20 @@ class Page:
         fields["motion"][0] = deck.motions.index(deck.motion)
         fields["tempo"][0] = deck.commanded_tempo
         fields["phase"][0] = deck.phase if deck.phase is not None else math.nan
+        fields["playing"][0] = deck.motions.index(deck.playing)
         fields["paused"][0] = deck.paused
+        fields["settled"][0] = deck.settled
         fields["mode"][0] = MODES.index(stop.mode)
         fields["rate_hz"][0] = state.rate
         fields["overruns"][0] = state.overruns
         fields["restarts"][0] = deck.restarts
         fields["kept_apart"][0] = sum(guard.kept_apart.total() for guard in self._guards)
         if health:
+            other, weight = deck.blend or ("", 0.0)
+            fields["blend"][0] = deck.motions.index(other) if other else -1
+            fields["blend_weight"][0] = weight
+            _set_names(fields["way"], deck.way, deck.motions)
+            _set_names(fields["queue"], deck.queue, deck.motions)
             lateness = state.lateness.percentiles()
             fields["lateness_p50_us"][0] = lateness.p50
             fields["lateness_p999_us"][0] = lateness.p999
@@ -166,9 +211,21 @@ class Page:
             self._watch.show(fields, deck.motions)
         self._writer.publish()
 
+    def end(self, reason: str) -> None:
+        """Ends the view with the reason why the run has ended."""
+        self._reason_file.write_text(reason, encoding="utf-8")
+        self._writer.close()
+
     def close(self) -> None:
         """Ends the view; may be called twice."""
         self._writer.close()
+
+
+def _set_names(field: Array, names: Sequence[str], motions: Sequence[str]) -> None:
+    """Writes names as their places among the motions; -1 where there is none."""
+    field[:] = -1.0
+    for place, name in enumerate(names[: len(field)]):
+        field[place] = motions.index(name)
 
 
 def _simulations(robots: Sequence[RobotOnDeck]) -> list[Simulation]:

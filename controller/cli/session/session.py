@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from controller.cli.session.child_process import PageProcess, child_process, kept_tty, page_process
-from controller.cli.session.page import HEALTH_EVERY, PICTURE_HZ, Page
+from controller.cli.session.page import HEALTH_EVERY, PICTURE_HZ, Page, Showable
 from controller.cli.session.recognition_watch import MismatchPolicy, RecognitionWatch
 from controller.cli.session.report import RunNews, run_report
 from controller.cli.session.robot_on_deck import RobotOnDeck, channels_of
@@ -98,29 +98,12 @@ class RunSettings:
     stop_input: WiredStop | None = None
 
 
-class PlayableDeck(Player, Commandable, Protocol):
+class PlayableDeck(Player, Commandable, Showable, Protocol):
     """A deck as a session needs it."""
-
-    time: float
-
-    @property
-    def commanded_tempo(self) -> float:
-        """The tempo that was commanded."""
-        ...
-
-    @property
-    def playing(self) -> str:
-        """What is played now, perhaps on the way to another motion."""
-        ...
 
     @property
     def switches(self) -> Sequence[CommandedSwitch]:
         """What was commanded."""
-        ...
-
-    @property
-    def restarts(self) -> int:
-        """How often the network was lost and had to be started again."""
         ...
 
 
@@ -296,7 +279,7 @@ class Session:
         for channel in self._channels:
             channel.output.close()
         if self._page:
-            self._page.close()
+            self._page.end(self._stop.reason)
         recorded = {"recording": self._recorder.finish()} if self._recorder else {}
         names = [name for robot in self.robots for name in robot.joints]
         full = run_report(report, names, self._deck.switches, self._permissions)

@@ -13,7 +13,7 @@ from PIL import Image
 from test_private_page import free_port
 
 from controller.wire.command_socket import CommandServer
-from controller.wire.messages import Accepted, Jump, Refused, SetTempo, Stop, Switch
+from controller.wire.messages import Accepted, EmergencyStop, Jump, Pause, Refused, SetTempo, Stop, Switch
 from controller.wire.telemetry import StateWriter
 from sim.models.mannequin import build_mannequin
 from sim.view.scene import Follower
@@ -68,6 +68,11 @@ class FakeDeck:
                 reply = Refused("not while someone is watching", message.id) if refused else Accepted(message.id)
                 self.server.reply(sender, reply)
 
+    @property
+    def motions(self):
+        """The motions that were switched to."""
+        return [message.to for message in self.received if isinstance(message, Switch)]
+
     def end(self):
         self._over.set()
         self._thread.join()
@@ -117,19 +122,40 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
         until(lambda: reachable(port), "the page")
         page.goto(f"http://127.0.0.1:{port}/")
         until(lambda: figure_share(page) > IN_VIEW, "the figure")
+        # The loop's figures are in a folder that is closed at first.
+        assert not page.get_by_text("200.0 Hz").is_visible()
+        page.get_by_text("loop", exact=True).click()
         page.get_by_text("200.0 Hz").wait_for()
         page.get_by_text("412 µs").wait_for()
+        page.get_by_text("On time").wait_for()
 
         # Button and highlight: the colour that "walk" had goes to "jog".
-        walk, jog = (page.get_by_role("button", name=name, exact=True) for name in ("walk", "jog"))
+        walk, jog = (page.get_by_role("button", name=name) for name in ("walk", "jog"))
+        page.get_by_role("button", name="walk · playing", exact=True).wait_for()
         colour = "button => getComputedStyle(button).backgroundColor"
         until(lambda: walk.evaluate(colour) != jog.evaluate(colour), "the highlight")
         current = walk.evaluate(colour)
         jog.click()
         page.mouse.move(20, 20)  # a button under the pointer has a colour of its own
-        until(lambda: any(isinstance(message, Switch) for message in deck.received), "the command")
-        assert [message.to for message in deck.received] == ["jog"]
+        until(lambda: deck.motions == ["jog"], "the command")
         until(lambda: jog.evaluate(colour) == current, "the new highlight")
+        until(lambda: page.locator("#state-line").inner_text().split("\n")[:2] == ["PLAYING", "jog"], "the state line")
+
+        # Keys: the third motion, pause, and the emergency stop.
+        page.keyboard.press("3")
+        until(lambda: deck.motions == ["jog", "waltz"], "the key 3")
+        for key, kind in (("Space", Pause), ("Escape", EmergencyStop)):
+            page.keyboard.press(key)
+            until(lambda kind=kind: any(isinstance(message, kind) for message in deck.received), key)
+
+        # State line and emergency stop stay in sight where the panel is longer than the window.
+        page.mouse.move(850, 400)
+        page.mouse.wheel(0, 3000)
+        page.get_by_role("button", name="End run").click(trial=True)
+        for seen in (page.locator("#state-line"), page.get_by_role("button", name="Emergency stop")):
+            box = seen.bounding_box()
+            assert box is not None
+            assert 0.0 < box["y"] < 250.0
 
         # The phase is shown; tempo by keyboard, a step up, and a jump.
         tempo_slider, phase_slider = page.get_by_role("slider").all()
@@ -144,7 +170,11 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
         assert tempo[-1] == pytest.approx(1.05)
 
         # A refusal is shown in the deck's words.
-        page.get_by_role("button", name="Stop", exact=True).click()
+        page.get_by_role("button", name="End run", exact=True).click()
+        page.get_by_role("button", name="Play on", exact=True).click()
+        assert not any(isinstance(message, Stop) for message in deck.received)
+        page.get_by_role("button", name="End run", exact=True).click()
+        page.get_by_role("button", name="End the run", exact=True).click()
         page.get_by_text("not while someone is watching").wait_for()
 
         # By now it has walked several metres: the view has gone along.
@@ -153,8 +183,11 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
         elsewhere = [url for url in asked if not url.startswith((f"http://127.0.0.1:{port}", "data:", "blob:"))]
         assert elsewhere == []
 
+        deck.state.with_name("ended").write_text("the rig is lost: id 3")
         deck.writer.close()
         assert viewer.wait(PATIENCE) == 0
+        ended = ["ENDED", "the rig is lost: id 3"]
+        until(lambda: page.locator("#state-line").inner_text().split("\n")[:2] == ended, "the reason of the end")
         # Standard output belongs to the deck.
         assert viewer.stdout.read() == b""
     finally:

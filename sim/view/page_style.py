@@ -1,0 +1,28 @@
+"""The style of the panel: the state line and the emergency stop stay in sight, and motions stand in two columns.
+
+viser lays a panel out in one column that scrolls as a whole. These rules go by marks of our own in that column; where
+a browser or another version of viser does not match them, the panel is as viser makes it.
+"""
+
+from __future__ import annotations
+
+STATE_LINE = "state-line"
+MOTIONS = "motion-grid"
+
+STYLE = f"""<style>
+#{STATE_LINE} {{
+  height: 5.9em; box-sizing: border-box; margin: 4px 10px 6px; padding: 8px 12px; border-radius: 8px;
+  color: white; line-height: 1.25; overflow: hidden; white-space: nowrap; }}
+div:has(> div > div > div > #{STATE_LINE}) {{ overflow: visible !important; }}
+div:has(> #{STATE_LINE}), div:has(> #{STATE_LINE}) + div {{
+  position: sticky; z-index: 5; background: var(--mantine-color-body, white); }}
+div:has(> #{STATE_LINE}) {{ top: 0; padding-top: 2px; }}
+div:has(> #{STATE_LINE}) + div {{ top: 6.4em; padding-bottom: 4px; }}
+div:has(> #{STATE_LINE}) + div button {{ min-height: 2.6em; font-size: 1.05em; font-weight: 700; }}
+div:has(> div > #{MOTIONS}) {{ display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); }}
+div:has(> div > #{MOTIONS}) button {{ padding: 0 0.2em; }}
+div:has(> #{MOTIONS}) {{ display: none; }}
+</style>"""
+
+MARK_OF_MOTIONS = f'<div id="{MOTIONS}"></div>'
+"""Goes into the folder whose buttons stand in two columns."""
