@@ -17,8 +17,8 @@ from hardware.emulator.process import start_emulator
 from hardware.emulator.simulated_rig import SimulatedRig
 from hardware.errors import RigError, still_on
 from hardware.rig.interface import Rig as ConnectedRig
-from hardware.rig.joined_rig import connect_rig
 from hardware.rig.rig_file import RigConfig, load_rig
+from hardware.rig.supervision.joined_rig import connect_rig
 from motiondeck_base.errors import UnknownNameError
 from motiondeck_base.shipped import find_rig
 

@@ -10,7 +10,7 @@ from typing import Literal
 
 from controller.mocap.clip import Clip
 from motiondeck_base.shipped import find_robot
-from sim.models.average_body import reference_body
+from sim.models.mannequin.average_body import reference_body
 from sim.models.robot_file import read_robot_file, solver_named
 from sim.robots.joint_motion import JointMotion, retargeted
 from sim.robots.retarget_files import RetargetedFile

@@ -25,10 +25,10 @@ from benchmarks.rig.source_mutants import MUTANTS, mutated
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.faults import Fault, FaultPlan
 from hardware.errors import RigError
-from hardware.rig.joined_rig import JoinedRig
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array
-from hardware.rig.supervised_rig import SupervisedRig
+from hardware.rig.supervision.joined_rig import JoinedRig
+from hardware.rig.supervision.supervised_rig import SupervisedRig
 
 _TICK = 0.01
 SECONDS = 12.0

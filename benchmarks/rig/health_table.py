@@ -20,7 +20,7 @@ from hardware.emulator.port import EmulatedPort
 from hardware.emulator.servos.device import Device
 from hardware.errors import RigError
 from hardware.rig.rig_file import RigConfig, RigJoint
-from hardware.rig.supervised_rig import SupervisedRig
+from hardware.rig.supervision.supervised_rig import SupervisedRig
 
 MODELS = ("XM430-W350", "XL330-M288", "XL430-W250", "XC330-T288", "MX-64", "XW540-T260")
 OLD_MODELS = ("AX-12A", "RX-64", "MX-28(1.0)", "MX-64(1.0)", "XL-320", "XM430-W350")

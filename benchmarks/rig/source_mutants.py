@@ -10,7 +10,7 @@ from types import FunctionType
 from typing import NamedTuple, cast
 
 from hardware.rig.dynamixel_rig import DynamixelRig
-from hardware.rig.supervised_rig import SupervisedRig
+from hardware.rig.supervision.supervised_rig import SupervisedRig
 from hardware.rig.switching import _limit_speed, _places_of_rest, check_identities, hold_still
 
 

@@ -19,7 +19,7 @@ from controller.rotations import Array
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 from motiondeck_base.files import listed
 from sim.models.joint_layout import JointLayout
-from sim.models.mannequin import build_mannequin
+from sim.models.mannequin.mannequin import build_mannequin
 from sim.models.model_file import read_model
 from sim.models.robot_file import RobotFile, Solver, read_robot_file
 from sim.models.scenery import add_gantry, add_lamp, set_stage

@@ -15,7 +15,7 @@ import numpy as np
 
 from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array, conjugate, multiply
-from sim.models.mannequin import ROOT_BODY, build_mannequin
+from sim.models.mannequin.mannequin import ROOT_BODY, build_mannequin
 from sim.view.drawn_model import DrawnModel
 
 OPACITY = 0.4

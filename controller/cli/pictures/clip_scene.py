@@ -101,7 +101,7 @@ def _alone(clip: Clip) -> tuple[mujoco.MjModel, Array, Array, list[Foot]]:
     """The mannequin of a clip, its qpos (T, nq), the human's joints and the feet."""
     from sim.models.feet import find_feet
     from sim.models.joint_layout import JointLayout
-    from sim.models.mannequin import build_mannequin
+    from sim.models.mannequin.mannequin import build_mannequin
     from sim.retargeting.retarget import MannequinRetargeter
 
     model = build_mannequin(clip.skeleton).compile()

@@ -123,7 +123,7 @@ def stop(rig: RigArgument, port: PortOption = None, as_json: JsonOption = False)
     Example:  motiondeck rig stop servo20
     """
     from hardware.errors import SerialPortError
-    from hardware.rig.joined_rig import on_ports
+    from hardware.rig.supervision.joined_rig import on_ports
     from hardware.rig.switching import switch_off
 
     config = load(rig)

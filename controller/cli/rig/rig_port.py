@@ -37,7 +37,7 @@ def load(rig: str) -> RigConfig:
 def open_buses(config: RigConfig, ports: list[str] | None) -> Iterator[list[tuple[RigConfig, Bus]]]:
     """The bus of each port of a rig, with the joints that are on it; given back in the end."""
     from hardware.bus.servo_bus import Bus
-    from hardware.rig.joined_rig import on_ports
+    from hardware.rig.supervision.joined_rig import on_ports
 
     with ExitStack() as opening:
         parts: list[tuple[RigConfig, Bus]] = []

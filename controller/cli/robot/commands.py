@@ -68,7 +68,7 @@ def show(robot: RobotArgument, as_json: JsonOption = False) -> None:
     """
     from controller.cli.common.tables import show_table
     from motiondeck_base.shipped import find_robot
-    from sim.models.average_body import reference_body
+    from sim.models.mannequin.average_body import reference_body
     from sim.models.robot_file import read_robot_file
     from sim.robots.robot import load_robot
 

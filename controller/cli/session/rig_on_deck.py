@@ -73,7 +73,7 @@ def _connect(
     opening: ExitStack, config: RigConfig, ports: list[str], joints: tuple[str, ...]
 ) -> tuple[Array, RigOutput]:
     """Where the rig's joints are, rad, and the rig as an output for a robot's joints."""
-    from hardware.rig.joined_rig import connect_rig
+    from hardware.rig.supervision.joined_rig import connect_rig
 
     rig = connect_rig(config, ports)
     opening.callback(close_rig, rig)

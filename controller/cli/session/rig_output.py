@@ -18,9 +18,9 @@ from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:
-    from hardware.rig.joined_rig import JoinedRig
     from hardware.rig.rig_file import RigConfig
-    from hardware.rig.supervised_rig import SupervisedRig
+    from hardware.rig.supervision.joined_rig import JoinedRig
+    from hardware.rig.supervision.supervised_rig import SupervisedRig
     from sim.robots.robot import Robot
 
 
@@ -138,8 +138,8 @@ def open_rig(
         MotiondeckError: if the rig does not fit the robot or the rate, or cannot be connected.
     """
     from hardware.emulator.process import start_emulator
-    from hardware.rig.joined_rig import connect_rig
     from hardware.rig.rig_file import load_rig
+    from hardware.rig.supervision.joined_rig import connect_rig
 
     config = load_rig(file)
     every = rate / config.rate_hz

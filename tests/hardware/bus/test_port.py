@@ -14,7 +14,7 @@ from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import SerialPortError
-from hardware.rig.supervised_rig import SupervisedRig
+from hardware.rig.supervision.supervised_rig import SupervisedRig
 
 _TIOCGEXCL = 0x80045440
 
@@ -68,7 +68,7 @@ def test_a_rig_opens_and_reopens_its_port_by_the_lasting_name(rig_of_four, monke
         opened.append(name)
         return Bus(port, baud)
 
-    monkeypatch.setattr("hardware.rig.supervised_rig.lasting_name", {"/dev/ttyUSB0": "by-id/U2D2"}.get)
+    monkeypatch.setattr("hardware.rig.supervision.supervised_rig.lasting_name", {"/dev/ttyUSB0": "by-id/U2D2"}.get)
     monkeypatch.setattr(Bus, "open", open_bus)
     rig = SupervisedRig.connect(msgspec.structs.replace(rig_of_four, port="/dev/ttyUSB0"))
     port.unplug()

@@ -21,7 +21,7 @@ from hardware.emulator.pty_server import PtyServer, serve
 from hardware.errors import RigError, RigFileError, SerialPortError
 from hardware.rig.dynamixel_rig import DynamixelRig
 from hardware.rig.rig_file import load_rig
-from hardware.rig.supervised_rig import SupervisedRig
+from hardware.rig.supervision.supervised_rig import SupervisedRig
 
 OK = sdk.COMM_SUCCESS
 GOAL, PRESENT, TORQUE, LIMIT = 116, 132, 64, 48

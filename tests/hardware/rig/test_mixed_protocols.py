@@ -15,7 +15,7 @@ from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
 from hardware.rig.audit import audit
 from hardware.rig.rig_file import RigConfig, RigJoint
-from hardware.rig.supervised_rig import SupervisedRig
+from hardware.rig.supervision.supervised_rig import SupervisedRig
 from hardware.tools.doctor import examine, fix_settings, scan, set_up
 from hardware.tools.monitor import observe
 

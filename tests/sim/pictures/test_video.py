@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from PIL import Image, ImageSequence
 
-from sim.models.mannequin import build_mannequin
+from sim.models.mannequin.mannequin import build_mannequin
 from sim.pictures.offscreen import OffScreen, PictureError
 from sim.pictures.video import contact_sheet, render
 from simulated_bodies import human

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 
 from sim.models.feet import find_feet
-from sim.models.mannequin import build_mannequin
+from sim.models.mannequin.mannequin import build_mannequin
 from sim.view.footprints import footprints, soles, standing
 from simulated_bodies import human
 

@@ -1,7 +1,7 @@
 import mujoco
 import numpy as np
 
-from sim.models.mannequin import build_mannequin
+from sim.models.mannequin.mannequin import build_mannequin
 from sim.view.solids import batches, box, cylinder, poses, sphere
 from simulated_bodies import human
 

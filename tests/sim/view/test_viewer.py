@@ -15,7 +15,7 @@ from test_private_page import free_port
 from controller.wire.command_socket import CommandServer
 from controller.wire.messages import Accepted, EmergencyStop, Jump, Pause, Refused, SetTempo, Stop, Switch
 from controller.wire.telemetry import StateWriter
-from sim.models.mannequin import build_mannequin
+from sim.models.mannequin.mannequin import build_mannequin
 from sim.view.scene import Follower
 from sim.view.viewer import main
 from simulated_bodies import human

@@ -21,9 +21,9 @@ from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import SerialPortError
-from hardware.rig.joined_rig import JoinedRig
 from hardware.rig.rig_file import load_rig
-from hardware.rig.supervised_rig import SupervisedRig
+from hardware.rig.supervision.joined_rig import JoinedRig
+from hardware.rig.supervision.supervised_rig import SupervisedRig
 from hardware.tools.teaching import Moment
 
 LIMITS = "zero = 2048, lower = -1.5, upper = 1.5, velocity = 4.0"
@@ -112,7 +112,7 @@ def test_a_clip_that_the_limits_hold_back_comes_to_its_last_frame(rig, tmp_path,
         SupervisedRig.write(connected, targets)
 
     monkeypatch.setattr(connected, "write", write)
-    monkeypatch.setattr("hardware.rig.joined_rig.connect_rig", lambda config, ports: connected)
+    monkeypatch.setattr("hardware.rig.supervision.joined_rig.connect_rig", lambda config, ports: connected)
     run = play_clip(config, [], read_taught_clip(clip), RunSettings(rate=config.rate_hz))
     assert run["reason"] == "played to the end"
     assert connected._rig.goals == pytest.approx([1.2], abs=0.005)
@@ -268,7 +268,7 @@ def test_a_fault_of_one_model_among_others_ends_the_run_with_its_name_and_exit_c
 
     connected = SupervisedRig(config, lambda: Bus(port, config.baud), beside=False)
     monkeypatch.setattr(SupervisedRig, "write", write)
-    monkeypatch.setattr("hardware.rig.joined_rig.connect_rig", lambda config, ports: connected)
+    monkeypatch.setattr("hardware.rig.supervision.joined_rig.connect_rig", lambda config, ports: connected)
     result = CliRunner().invoke(app, ["rig", "play", str(rig), str(clip), "--command-port", "0", "--seconds", "4"])
     assert result.exit_code == 1
     assert len(writes) <= 22

@@ -20,7 +20,7 @@ from hardware.emulator.pty_server import PtyServer
 from hardware.protocol2.frames import Parser
 from hardware.protocol2.instructions import SYNC_WRITE
 from hardware.rig.rig_file import RigConfig, RigJoint, load_rig
-from hardware.rig.supervised_rig import SupervisedRig
+from hardware.rig.supervision.supervised_rig import SupervisedRig
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_rig
 

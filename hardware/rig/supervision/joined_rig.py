@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from hardware.errors import MotiondeckError, RigError, with_torque
 from hardware.rig.faults import RigFaults
-from hardware.rig.health import Incident
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array
-from hardware.rig.supervised_rig import SupervisedRig
+from hardware.rig.supervision.health import Incident
+from hardware.rig.supervision.supervised_rig import SupervisedRig
 from hardware.rig.timings import Timings
 
 

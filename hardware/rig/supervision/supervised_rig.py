@@ -29,12 +29,12 @@ from hardware.bus.servo_bus import Bus
 from hardware.errors import MotiondeckError, RigError, SerialPortError
 from hardware.rig.dynamixel_rig import DynamixelRig
 from hardware.rig.faults import RigFaults
-from hardware.rig.health import EASED_FROM, Health, Incident
 from hardware.rig.indirect_cells import arrange_state
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array
 from hardware.rig.state_block import StateBlock
-from hardware.rig.strain import Strain
+from hardware.rig.supervision.health import EASED_FROM, Health, Incident
+from hardware.rig.supervision.strain import Strain
 from hardware.rig.switching import resume
 from hardware.rig.timings import Timings
 

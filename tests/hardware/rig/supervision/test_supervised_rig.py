@@ -10,7 +10,7 @@ from hardware.emulator.faults import FaultPlan, parse_fault
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
 from hardware.protocol2.frames import Parser
-from hardware.rig.supervised_rig import SupervisedRig
+from hardware.rig.supervision.supervised_rig import SupervisedRig
 
 TICK = 0.01
 

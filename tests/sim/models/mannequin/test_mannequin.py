@@ -10,8 +10,8 @@ from controller.mocap.formats.reading import read_clip
 from controller.mocap.posture import Pose
 from controller.mocap.reading_options import ReadingOptions
 from sim.models.joint_layout import JointLayout
-from sim.models.mannequin import build_mannequin
-from sim.models.mannequin_solids import stature
+from sim.models.mannequin.mannequin import build_mannequin
+from sim.models.mannequin.solids import stature
 from sim.physics.playback import PhysicsPlayback
 from sim.retargeting.retarget import MannequinRetargeter
 from sim.robots.robot import load_robot

@@ -15,7 +15,7 @@ import numpy as np
 from controller.mocap.anatomy import Anatomy, Part, anatomy
 from controller.mocap.skeleton import ROOT, Skeleton
 from controller.rotations import Array, from_matrix
-from sim.models.mannequin_solids import Solid, flesh, limb_inertia, masses, pelvis
+from sim.models.mannequin.solids import Solid, flesh, limb_inertia, masses, pelvis
 from sim.models.overlaps import near_bodies
 from sim.models.scenery import add_gantry, add_lamp, set_stage
 

@@ -9,8 +9,8 @@ from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import Fault, FaultPlan
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError, SerialPortError
-from hardware.rig.joined_rig import JoinedRig, connect_rig, on_ports
-from hardware.rig.supervised_rig import SupervisedRig
+from hardware.rig.supervision.joined_rig import JoinedRig, connect_rig, on_ports
+from hardware.rig.supervision.supervised_rig import SupervisedRig
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
 from hardware.protocol2.frames import Parser
 from hardware.rig.dynamixel_rig import DynamixelRig
-from hardware.rig.supervised_rig import SupervisedRig
+from hardware.rig.supervision.supervised_rig import SupervisedRig
 
 TICK = 0.01
 NONE_HIDDEN, ALL_HIDDEN = (), tuple(range(len(MODELS)))

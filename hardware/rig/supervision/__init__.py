@@ -1,0 +1,1 @@
+"""A rig supervised while it moves: health, strain, restarts, and several ports as one rig."""

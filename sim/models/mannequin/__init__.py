@@ -1,0 +1,1 @@
+"""The mannequin: a robot built from any skeleton."""
