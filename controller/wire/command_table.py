@@ -176,7 +176,7 @@ COMMANDS = (
     DeckCommand(
         "input",
         SetInput,
-        (MotionName("name", "INPUT", kind="input"), Number("value", "VALUE", -1e6, 1e6)),
+        (MotionName("name", "INPUT", kind="input"), Number("value", "VALUE", -1000.0, 1000.0)),
         "give an input that motions were learned with another value, such as speed 1.4 (m/s); it is reached smoothly",
     ),
     DeckCommand("jump", Jump, (PHASE,), "go to a phase (0 to 1) of the motion that is played, through a join"),

@@ -71,4 +71,4 @@ def test_the_emergency_stop_is_always_allowed_and_its_reset_only_while_it_is_on(
     assert "playing" in command_of(EmergencyStop()).modes
     assert command_of(Reset()).modes == {"emergency stop"}
     moving = [c.word for c in COMMANDS if "emergency stop" not in c.modes]
-    assert moving == ["switch", "queue", "blend", "tempo", "jump", "pause", "resume", "home"]
+    assert moving == ["switch", "queue", "blend", "tempo", "input", "jump", "pause", "resume", "home"]
