@@ -220,3 +220,14 @@ def test_a_target_that_jumps_past_the_range_and_back_is_answered():
     targets[39:52] = [0.34, *[0.8] * 11, 0.34]
     envelope.start(targets[:1])
     assert_inside(np.array([envelope(targets[[k]]).copy() for k in range(100)]), limit, DT)
+
+
+@pytest.mark.parametrize("dip_hz", [3.0, 7.0, 11.0])
+def test_targets_that_graze_the_end_of_the_range_break_no_limit(dip_hz):
+    """The joint must stop at the end again and again, and only a part of what it would do still lets it."""
+    limit = limits()
+    envelope = SafetyEnvelope(limit, DT)
+    time = DT * np.arange(200)
+    targets = 2.0 - 0.02 * np.abs(np.sin(2.0 * np.pi * dip_hz * time))
+    envelope.start(targets[:1])
+    assert_inside(np.array([targets[:1], *(envelope(target[None]).copy() for target in targets)]), limit, DT)
