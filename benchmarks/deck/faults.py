@@ -3,8 +3,9 @@
 Each row is a run of `play` on a simulated robot in a temporary folder of its own, with one fault: no room for what the
 processes share, a full disk of the recording, a home that cannot be written, a process killed or stopped for a while, a
 signal at some moment from launch on, a second deck, the socket of a killed one, a closed terminal. `left` are processes
-that outlived the deck by five seconds and folders that are still there after the next start. The exit code of this
-program is 1 if a row is not as it must be.
+that outlived the deck by five seconds and folders that are still there after the next start. Until Python runs our
+first line, within the first 0.1 s, the system itself ends the program without a word. The exit code of this program is
+1 if a row is not as it must be.
 """
 
 from __future__ import annotations
@@ -95,7 +96,12 @@ class Run:
 
     def end(self, fault: str, codes: tuple[int, ...], words: str) -> Outcome:
         """Waits for the end; whether the exit code is one of these, and the words were said."""
-        said = self.process.communicate(timeout=PATIENCE)[0]
+        try:
+            said = self.process.communicate(timeout=PATIENCE)[0]
+        except subprocess.TimeoutExpired:
+            self.send("", signal.SIGKILL)
+            self.process.wait()
+            return Outcome(fault, f"it has not ended within {PATIENCE:g} s", self.process.returncode, [], False)
         deadline = time.monotonic() + LEAVES_WITHIN
         while self.processes() and time.monotonic() < deadline:
             time.sleep(0.1)
@@ -164,7 +170,7 @@ def signalled(after: float, number: signal.Signals) -> Outcome:
         time.sleep(after)
         one.process.send_signal(number)
         return one.end(
-            f"{number.name} {after:g} s after launch", (0, 128 + number, -number), "" if after == 0.0 else number.name
+            f"{number.name} {after:g} s after launch", (0, 128 + number, -number), "" if after < 0.1 else number.name
         )
 
 
