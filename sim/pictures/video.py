@@ -102,7 +102,7 @@ def bodies_sheet(
         for model, numbered in itertools.groupby(enumerate(rows), key=lambda row: row[1][1]):
             with OffScreen(model, tile) as screen:
                 for row, (label, _, poses) in numbered:
-                    text = textwrap.fill(label, 13)
+                    text = textwrap.fill(label, 11)
                     pen.text((12, (row + 0.5) * height), text, fill=(40, 46, 56), font=font, anchor="lm")
                     for column, qpos in enumerate(poses[:FRAMES_A_ROW]):
                         picture = Image.fromarray(screen.draw(qpos, cut=True))
