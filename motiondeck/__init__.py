@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from motiondeck import networks
     from motiondeck.libraries import Library, MotionGenerator, learn, learn_recipe, load_library
-    from motiondeck.live import CommandedMotion, DeckEvent, DeckStatus, LiveDeck, play
+    from motiondeck.live import CommandedMotion, DeckEvent, DeckStatus, LiveDeck, LockState, play
     from motiondeck.recognition import (
         RecognitionStream,
         RecognitionVerdict,
@@ -34,6 +34,7 @@ __all__ = [
     "JointMotion",
     "Library",
     "LiveDeck",
+    "LockState",
     "MotionGenerator",
     "MotiondeckError",
     "RecognitionStream",
@@ -60,7 +61,7 @@ __all__ = [
 
 _HOMES = {
     "motiondeck.libraries": ("Library", "MotionGenerator", "learn", "learn_recipe", "load_library"),
-    "motiondeck.live": ("CommandedMotion", "DeckEvent", "DeckStatus", "LiveDeck", "play"),
+    "motiondeck.live": ("CommandedMotion", "DeckEvent", "DeckStatus", "LiveDeck", "LockState", "play"),
     "motiondeck.recognition": (
         "RecognitionStream",
         "RecognitionVerdict",

@@ -7,6 +7,7 @@ import contextlib
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,8 +25,11 @@ from controller.wire.messages import (
     CommandError,
     EmergencyStop,
     GetStatus,
+    GiveBeat,
     Home,
     Jump,
+    LockPhase,
+    LockState,
     Message,
     Pause,
     Queue,
@@ -37,6 +41,7 @@ from controller.wire.messages import (
     Stop,
     Subscribe,
     Switch,
+    Unlock,
 )
 from controller.wire.messages import Event as DeckEvent
 from controller.wire.messages import State as DeckStatus
@@ -44,7 +49,7 @@ from controller.wire.run_folder import run_folder
 from motiondeck.libraries import Library
 from motiondeck_base.errors import MotiondeckError
 
-__all__ = ["CommandedMotion", "DeckEvent", "DeckStatus", "LiveDeck", "play"]
+__all__ = ["CommandedMotion", "DeckEvent", "DeckStatus", "LiveDeck", "LockState", "play"]
 
 _ANSWERS_WITHIN = 5.0  # s
 _ENDS_WITHIN = 30.0  # s: on the way to rest a rig may take its time
@@ -190,6 +195,40 @@ class LiveDeck:
             CommandError: if no motion has such an input, or the value lies outside of what was learned.
         """
         self._request(SetInput(name, value))
+
+    def lock(self, source: Literal["beat", "deck", "body"], phase: float = 0.0, steps: int = 0) -> None:
+        """Locks the phase of loops to something else than the commanded tempo ([how](docs/deck.md#locks)).
+
+        Args:
+            source: "beat" for the times that `beat` is given, "body" for the measured joints, "deck" for the deck
+                that `play` was given to lock to.
+            phase: the phase that falls on a beat, or how far to be ahead of the other deck, from 0 to 1.
+            steps: how many beats a round has, up to 16; 0 takes 1, 2, 4, 8 or 16, whichever tempo is nearest to 1.
+
+        Raises:
+            CommandError: if the network runs by itself, or there is nothing of that kind to lock to.
+        """
+        self._request(LockPhase(source, phase=phase, steps=steps))
+
+    def unlock(self) -> None:
+        """Plays at the commanded tempo again."""
+        self._request(Unlock())
+
+    @property
+    def locked_to(self) -> LockState | None:
+        """What the phase is locked to: `source`, `state`, `error_ms` and `per_minute`; None if to nothing."""
+        return self.status().lock
+
+    def beat(self, at: float | None = None) -> None:
+        """Gives the deck one beat, and locks it to beats if it is not.
+
+        Args:
+            at: when it was by `time.monotonic()`, s, up to 2 s ago or ahead; None for now.
+
+        Raises:
+            CommandError: if the network runs by itself, or the time is further away.
+        """
+        self._request(GiveBeat(ago=time.monotonic() - at if at is not None else 0.0))
 
     def pause(self) -> None:
         """Comes to a standstill."""
@@ -337,6 +376,7 @@ def play(
     root: Literal["gantry", "fixed", "free"] = "gantry",
     balance: bool = False,
     command_port: int = 0,
+    lock_to: str | int | LiveDeck | None = None,
 ) -> LiveDeck:
     """Starts a live deck and returns when it plays.
 
@@ -355,6 +395,7 @@ def play(
         root: what holds it: a gantry, nothing that moves, or nothing at all.
         balance: whether a free robot keeps its balance.
         command_port: where commands come in; 0 for a free port.
+        lock_to: "beat", "body", another deck or its command port: what the phase is locked to from the start.
 
     Raises:
         MotiondeckError: if a name does not exist (it names the nearest), or a file, port or rig cannot be used.
@@ -377,6 +418,7 @@ def play(
             command_port=command_port,
             seconds=seconds,
             record=str(record) if record is not None else None,
+            lock_to=str(lock_to.command_port if isinstance(lock_to, LiveDeck) else lock_to) if lock_to else None,
         )
         module = "controller.cli.session.live_deck"
         # In a session of its own: Ctrl-C is for the program, whose `with` block then ends the deck.

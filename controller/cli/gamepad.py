@@ -15,6 +15,7 @@ from controller.wire.command_table import TEMPO, command_of
 from controller.wire.messages import (
     EmergencyStop,
     GetStatus,
+    GiveBeat,
     Home,
     Message,
     Pause,
@@ -69,6 +70,8 @@ class Pad:
                 return Home()
             case Button.Y:
                 return Reset()
+            case Button.SHOULDER:
+                return GiveBeat()
             case Button.START:
                 return Stop()
 
@@ -111,12 +114,21 @@ def drive(device: EventDevice, client: CommandClient) -> None:
             reply = client.request(message)
             if isinstance(reply, Refused) or not isinstance(message, SetTempo):
                 print(f"{_typed(message)}: {describe(reply)}", flush=True)
+            if isinstance(message, GiveBeat):
+                _print_lock(client)
             if isinstance(message, Stop):
                 return
     except OSError:
         pass  # unplugged
     client.request(Pause())
     raise MotiondeckError("the gamepad was unplugged, so the deck was paused")
+
+
+def _print_lock(client: CommandClient) -> None:
+    """Prints what the motion is locked to, if it is."""
+    state = client.request(GetStatus())
+    if isinstance(state, State) and state.lock is not None:
+        print(state.lock, flush=True)
 
 
 def _typed(message: Message) -> str:
@@ -135,14 +147,18 @@ def gamepad(
     """Command the running deck with a gamepad (Linux, with the extra `gamepad` installed).
 
     Cross left and right: previous and next motion. Left stick: tempo. A: pause and resume. B: emergency stop. Y: reset.
-    X: home. Start: stop. Unplugging the gamepad pauses the deck.
+    X: home. Right shoulder: tap a beat, to which the motion is locked. Start: stop. Unplugging the gamepad pauses
+    the deck.
 
     Example:  motiondeck gamepad
     """
     pad = open_gamepad(device)
     client = CommandClient(command_port)
     try:
-        print("cross: motion, left stick: tempo, A: pause, B: emergency stop, Y: reset, X: home, Start: stop")
+        print(
+            "cross: motion, left stick: tempo, A: pause, B: emergency stop, Y: reset, X: home, "
+            "right shoulder: tap a beat, Start: stop"
+        )
         drive(pad, client)
     except KeyboardInterrupt:
         sys.exit(130)

@@ -17,6 +17,7 @@ from motiondeck_base.errors import MotiondeckError
 EV_SYN, EV_KEY, EV_ABS = 0, 1, 3
 SYN_DROPPED = 3
 BTN_SOUTH, BTN_EAST, BTN_NORTH, BTN_WEST = 0x130, 0x131, 0x133, 0x134
+BTN_TR = 0x137
 BTN_START = 0x13B
 BTN_DPAD_LEFT, BTN_DPAD_RIGHT = 0x222, 0x223
 ABS_Y, ABS_HAT0X = 0x01, 0x10
@@ -25,7 +26,7 @@ ABS_Y, ABS_HAT0X = 0x01, 0x10
 class Button(Enum):
     """The buttons in use, by their labels on an Xbox gamepad."""
 
-    A, B, X, Y, START, LEFT, RIGHT = range(7)
+    A, B, X, Y, START, LEFT, RIGHT, SHOULDER = range(8)
 
 
 class Stick(NamedTuple):
@@ -39,6 +40,7 @@ BUTTONS = {
     BTN_EAST: Button.B,
     BTN_NORTH: Button.X,
     BTN_WEST: Button.Y,
+    BTN_TR: Button.SHOULDER,
     BTN_START: Button.START,
     BTN_DPAD_LEFT: Button.LEFT,
     BTN_DPAD_RIGHT: Button.RIGHT,

@@ -126,6 +126,15 @@ def play(
             "--stop-input", metavar="DEVICE", help="A wired emergency stop: a serial adapter, or /dev/input/eventN."
         ),
     ] = None,
+    lock_to: Annotated[
+        str | None,
+        typer.Option(
+            "--lock-to",
+            metavar="SOURCE",
+            help="Lock loops to: beat (taps), body (wait while the joints are held), or another deck by its command "
+            "port.",
+        ),
+    ] = None,
     join: Annotated[
         Literal["inertialise", "crossfade", "morph", "cut"] | None,
         typer.Option("--join", help="How motions are joined; default: what suits the network."),
@@ -158,6 +167,10 @@ def play(
       motiondeck play waltz --robot servo20 --check-collisions
 
       motiondeck play --recognize --on-mismatch stop --robot servo20 --rig emulated
+
+      motiondeck play --lock-to body --rig emulated --robot servo20
+
+      motiondeck play --command-port 47811 --port 0 --lock-to 47810
 
       motiondeck play --video walk.mp4 --seconds 6
     """
@@ -221,6 +234,7 @@ def play(
             listen=listen,
             token=read_token(token_file) if token_file is not None else None,
             stop_input=_wired_stop(stop_input) if stop_input is not None else None,
+            lock_to=lock_to,
         )
         with Session(
             loaded,

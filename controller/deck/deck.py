@@ -13,10 +13,11 @@ from collections.abc import Iterable
 from controller.deck.inputs import Inputs
 from controller.deck.interfaces import Retargeter
 from controller.deck.joins.joining import Joining
+from controller.deck.lockable import Lockable
+from controller.deck.locks.lock import LoopPlace
 from controller.deck.performance import Performance
 from controller.deck.routes import Routes
 from controller.deck.switch import CommandedSwitch
-from controller.deck.tempo import Paced
 from controller.library.motion_library import MotionLibrary
 from controller.mocap.posture import Pose, Posture
 from controller.rotations import Array
@@ -31,7 +32,7 @@ REMEMBERED_EVENTS = 64
 MOST_QUEUED = 32
 
 
-class Deck(Paced):
+class Deck(Lockable):
     """Plays one library on one robot.
 
     Args:
@@ -113,6 +114,12 @@ class Deck(Paced):
     def inputs(self) -> dict[str, float]:
         """The present values of the inputs that motions have besides the phase."""
         return dict(self._inputs.present)
+
+    @property
+    def phase_rate(self) -> float | None:
+        """How fast a loop turns, rounds a second, negative backwards; None for a one-shot or without a phase."""
+        here = self._show.here
+        return self.tempo / here.seconds if here.loop and self.phase is not None else None
 
     @property
     def blend(self) -> tuple[str, float] | None:
@@ -205,6 +212,14 @@ class Deck(Paced):
         self._show.finish_round()
         return switch
 
+    def require_phase(self) -> None:
+        """Checks that the network has a phase.
+
+        Raises:
+            MotiondeckError: if it runs by itself.
+        """
+        self._show.require_phase()
+
     def set_tempo(self, factor: float, over: float = 0.0) -> None:
         """Plays at another tempo, reached within `over` seconds; see `Tempo.command`.
 
@@ -244,11 +259,14 @@ class Deck(Paced):
 
     def update(self, dt: float) -> tuple[Array, Pose]:
         """Advances by dt seconds; the joint targets (J,), rad, and the pose they come from."""
+        tempo, jump = self._steer(dt, self._playhead())
+        if jump is not None:
+            self._jump = jump
         self.time += dt
         show = self._show
         for name, value in self._inputs.advance(dt).items():
             show.set_input(name, value)
-        if show.step(dt, self._tempo.advance(dt)):
+        if show.step(dt, tempo):
             self._finish_fade()
         if show.blend_problem and not self._ahead:
             self._give_up_blend(show.blend_problem)
@@ -268,7 +286,17 @@ class Deck(Paced):
             show.jump(self._jump)
             self._jump = None
         self.pose = show.show()
-        return self._retarget(self.pose), self.pose
+        targets = self._retarget(self.pose)
+        self._note(self._playhead(), targets)
+        return targets, self.pose
+
+    def _playhead(self) -> LoopPlace | None:
+        """Where it is before the next step, for a lock; None if the network runs by itself."""
+        here, phase = self._show.here, self.phase
+        if phase is None:
+            return None
+        alone = self.settled and self.blend is None and not self.paused
+        return LoopPlace(self.time, here.name, phase, here.seconds, here.loop, self.commanded_tempo, alone)
 
     def _command(self, switch: CommandedSwitch, direct: bool) -> CommandedSwitch:
         """Starts a switch; earlier commands are overtaken."""

@@ -11,7 +11,7 @@ from controller.deck.switch import CommandedSwitch
 from controller.deck.tempo import Paced
 from controller.mocap.posture import Pose
 from controller.rotations import Array, normalise
-from controller.wire.messages import Event
+from controller.wire.messages import Event, LockSource
 from controller.wire.run_recording import RunRecording
 from motiondeck_base.errors import MotiondeckError
 
@@ -132,6 +132,35 @@ class RecordedDeck(Paced):
             MotiondeckError: always.
         """
         raise MotiondeckError(f"a recording is being replayed; it has no {name} to set to {value:g}")
+
+    @property
+    def phase_rate(self) -> None:
+        """Always None: no network is playing."""
+        return
+
+    @property
+    def lock_state(self) -> None:
+        """Always None: a recording is locked to nothing."""
+        return
+
+    def lock(self, source: LockSource, phase: float = 0.0, steps: int = 0) -> None:
+        """Refuses.
+
+        Raises:
+            MotiondeckError: always.
+        """
+        raise MotiondeckError("a recording is being replayed; it has no phase to lock")
+
+    def unlock(self) -> None:
+        """Does nothing."""
+
+    def beat(self, ago: float = 0.0) -> None:
+        """Refuses.
+
+        Raises:
+            MotiondeckError: always.
+        """
+        self.lock("beat")
 
     @property
     def blend(self) -> None:

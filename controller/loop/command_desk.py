@@ -20,12 +20,18 @@ from controller.wire.messages import (
     EmergencyStop,
     Event,
     EventKind,
+    GetPhase,
     GetStatus,
+    GiveBeat,
     Heartbeat,
     Home,
     Jump,
+    LockPhase,
+    LockSource,
+    LockState,
     Message,
     Mode,
+    PhaseNow,
     Queue,
     Refused,
     Reply,
@@ -38,6 +44,7 @@ from controller.wire.messages import (
     Stop,
     Subscribe,
     Switch,
+    Unlock,
 )
 from motiondeck_base.errors import MotiondeckError
 
@@ -128,6 +135,16 @@ class Commandable(Protocol):
         """How far the motion is, from 0 to 1; None if that is not known."""
         ...
 
+    @property
+    def phase_rate(self) -> float | None:
+        """How many rounds a second a loop makes, negative backwards; None if that is not known."""
+        ...
+
+    @property
+    def lock_state(self) -> LockState | None:
+        """What the phase is locked to, if it is."""
+        ...
+
     def set_tempo(self, factor: float, over: float = 0.0) -> None:
         """Plays at another tempo."""
         ...
@@ -139,6 +156,18 @@ class Commandable(Protocol):
 
     def set_input(self, name: str, value: float) -> None:
         """Gives an input another value."""
+        ...
+
+    def lock(self, source: LockSource, phase: float = 0.0, steps: int = 0) -> None:
+        """Locks the phase to beats, to another deck, or to the measured joints."""
+        ...
+
+    def unlock(self) -> None:
+        """Locks it to nothing."""
+        ...
+
+    def beat(self, ago: float = 0.0) -> None:
+        """Takes a beat."""
         ...
 
     def jump(self, phase: float) -> None:
@@ -309,6 +338,8 @@ class CommandDesk:
                     return self._state(message, stop), None
                 case Heartbeat() | Subscribe():
                     pass
+                case GetPhase():
+                    return PhaseNow(deck.motion, deck.phase, deck.phase_rate, message.id), None
                 case EmergencyStop():
                     stop.emergency_stop()
                     deck.pause()
@@ -349,6 +380,12 @@ class CommandDesk:
                 return deck.jump(phase)
             case SetInput(name=name, value=value):
                 return deck.set_input(name, value)
+            case GiveBeat(ago=ago):
+                return deck.beat(ago)
+            case LockPhase(source=source, phase=phase, steps=steps):
+                return deck.lock(source, phase, steps)
+            case Unlock():
+                return deck.unlock()
             case _:
                 return deck.pause()
         if stop.mode != "playing":
@@ -372,6 +409,7 @@ class CommandDesk:
             seen=self._seen() if self._seen is not None else None,
             phase=deck.phase,
             inputs=deck.inputs,
+            lock=deck.lock_state,
         )
 
 

@@ -13,14 +13,18 @@ from typing import Any, get_args
 import msgspec
 
 from controller.wire.messages import (
+    LOCK_SOURCES,
     MOST_BYTES,
     Blend,
     CommandError,
     EmergencyStop,
+    GetPhase,
     GetStatus,
+    GiveBeat,
     Heartbeat,
     Home,
     Jump,
+    LockPhase,
     Message,
     Mode,
     Pause,
@@ -32,6 +36,7 @@ from controller.wire.messages import (
     Stop,
     Subscribe,
     Switch,
+    Unlock,
 )
 
 LONGEST_NAME = 100
@@ -58,18 +63,19 @@ class MotionName:
 
 @dataclass(frozen=True)
 class Number:
-    """An argument that is a number from `lowest` to `highest`."""
+    """An argument that is a number from `lowest` to `highest`; with `whole` it has no fraction."""
 
     field: str
     name: str
     lowest: float
     highest: float
     optional: bool = False
+    whole: bool = False
 
     def parse(self, word: str) -> float:
         """The number; raises a CommandError where the word is none."""
         try:
-            return float(word)
+            return int(word) if self.whole else float(word)
         except ValueError:
             raise CommandError(self._range(f"'{word}'")) from None
 
@@ -79,7 +85,8 @@ class Number:
             raise CommandError(self._range(f"{value:g}"))
 
     def _range(self, given: str) -> str:
-        return f"{self.name} must be a number from {self.lowest:g} to {self.highest:g}, not {given}"
+        kind = "a whole number" if self.whole else "a number"
+        return f"{self.name} must be {kind} from {self.lowest:g} to {self.highest:g}, not {given}"
 
 
 @dataclass(frozen=True)
@@ -100,7 +107,27 @@ class Flag:
         """Accepts either value."""
 
 
-Argument = MotionName | Number | Flag
+@dataclass(frozen=True)
+class Choice:
+    """An argument that is one of a few words."""
+
+    field: str
+    name: str
+    words: tuple[str, ...]
+    optional: bool = False
+
+    def parse(self, word: str) -> str:
+        """The word itself, if it is one of them; raises a CommandError for any other."""
+        self.check(word)
+        return word
+
+    def check(self, value: str) -> None:
+        """Raises a CommandError where a word is none of them."""
+        if value not in self.words:
+            raise CommandError(f"{self.name} must be one of {', '.join(self.words)}, not '{value}'")
+
+
+Argument = MotionName | Number | Flag | Choice
 
 TEMPO = Number("factor", "TEMPO", -3.0, 3.0)
 TEMPO_SECONDS = Number("over", "SECONDS", 0.0, 60.0, optional=True)
@@ -108,6 +135,9 @@ PHASE = Number("phase", "PHASE", 0.0, 1.0)
 WEIGHT = Number("weight", "WEIGHT", 0.0, 1.0)
 CODE = Number("code", "CODE", 0.0, 999999.0, optional=True)
 WITHIN = Number("within", "SECONDS", 0.0, 60.0)
+AGO = Number("ago", "AGO", -2.0, 2.0, optional=True)
+STEPS = Number("steps", "STEPS", 0, 16, optional=True, whole=True)
+LOCK_PHASE = Number("phase", "PHASE", 0.0, 1.0, optional=True)
 
 ALWAYS: frozenset[Mode] = frozenset(get_args(Mode))
 RELEASED: frozenset[Mode] = ALWAYS - {"emergency stop"}
@@ -180,6 +210,20 @@ COMMANDS = (
         "give an input that motions were learned with another value, such as speed 1.4 (m/s); it is reached smoothly",
     ),
     DeckCommand("jump", Jump, (PHASE,), "go to a phase (0 to 1) of the motion that is played, through a join"),
+    DeckCommand(
+        "beat",
+        GiveBeat,
+        (AGO,),
+        "a beat, now or AGO seconds ago (-2 to 2): locks the motion to the beats",
+        aliases=("tap",),
+    ),
+    DeckCommand(
+        "lock",
+        LockPhase,
+        (Choice("source", "SOURCE", LOCK_SOURCES), LOCK_PHASE, STEPS),
+        "lock the phase to: beat (PHASE falls on it, STEPS beats a round, 0: what suits), deck (PHASE ahead), body",
+    ),
+    DeckCommand("unlock", Unlock, (), "play at the commanded tempo again, locked to nothing"),
     DeckCommand("pause", Pause, (), "stand still"),
     DeckCommand("resume", Resume, (), "play on after a pause, from home, or after a reset"),
     DeckCommand("home", Home, (), "go slowly to the rest pose and stay there"),
@@ -200,6 +244,7 @@ COMMANDS = (
     ),
     DeckCommand("subscribe", Subscribe, (), "be told what happens", ALWAYS),
     DeckCommand("status", GetStatus, (), "show what is played and what can be", ALWAYS),
+    DeckCommand("phase", GetPhase, (), "show how far the motion is, and how many rounds a second it makes", ALWAYS),
     DeckCommand("stop", Stop, (), "bring the joints to rest and end the run", ALWAYS, ("quit",)),
 )
 

@@ -7,7 +7,7 @@ Queue or Blend that was accepted is answered once more when it has settled. Who 
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 import msgspec
 
@@ -97,6 +97,44 @@ class SetInput(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="inp
     id: Number = 0
 
 
+class GiveBeat(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="beat"):
+    """A beat of what the motion is to be locked to; the first one locks it, if it is not locked to beats yet.
+
+    Attributes:
+        ago: how many seconds ago it was; negative for one that is still to come.
+    """
+
+    id: Number = 0
+    ago: float = 0.0
+
+
+LockSource = Literal["beat", "deck", "body"]
+LockStage = Literal["searching", "locked", "waiting"]
+LOCK_SOURCES: tuple[LockSource, ...] = get_args(LockSource)
+LOCK_STAGES: tuple[LockStage, ...] = get_args(LockStage)
+
+
+class LockPhase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="lock"):
+    """Lock the phase of the motion to beats, to another deck, or to the measured joints.
+
+    Attributes:
+        source: which of them.
+        phase: the phase that falls on a beat, or how far to be ahead of the other deck.
+        steps: how many beats a round of the motion has; 0 for what keeps the tempo nearest to 1.
+    """
+
+    source: LockSource
+    id: Number = 0
+    phase: float = 0.0
+    steps: int = 0
+
+
+class Unlock(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="unlock"):
+    """Play at the commanded tempo again."""
+
+    id: Number = 0
+
+
 class Pause(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="pause"):
     """Come to a standstill."""
 
@@ -161,6 +199,12 @@ class GetStatus(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="st
     id: Number = 0
 
 
+class GetPhase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="phase"):
+    """Ask for the PhaseNow."""
+
+    id: Number = 0
+
+
 class Accepted(msgspec.Struct, frozen=True, tag="accepted"):
     """The command is being carried out.
 
@@ -190,6 +234,45 @@ class Settled(msgspec.Struct, frozen=True, tag="settled"):
     id: Number
 
 
+class PhaseNow(msgspec.Struct, frozen=True, tag="phase"):
+    """How far the motion is, and how fast it turns.
+
+    Attributes:
+        motion: the motion that is played.
+        phase: from 0 to 1; None if the network runs by itself.
+        rate: rounds a second, negative backwards; None for a one-shot, or without a phase.
+    """
+
+    motion: str
+    phase: float | None
+    rate: float | None
+    id: Number
+
+
+class LockState(msgspec.Struct, frozen=True):
+    """What the phase is locked to.
+
+    Attributes:
+        source: beats, another deck, or the measured joints.
+        state: "searching" before it is in step, "locked" when it is, "waiting" while the body is held.
+        error_ms: how far the motion is behind, ms; of a body how far the body is; None if that is not known.
+        per_minute: beats a minute, where there are beats.
+    """
+
+    source: LockSource
+    state: LockStage
+    error_ms: float | None = None
+    per_minute: float | None = None
+
+    def __str__(self) -> str:
+        """In a few words, as in "locked to the beat of 120.0 a minute (+4 ms)"."""
+        to = {"beat": "the beat", "deck": "another deck", "body": "the body"}[self.source]
+        beat = f" of {self.per_minute:.1f} a minute" if self.per_minute is not None else ""
+        off = f" ({self.error_ms:+.0f} ms)" if self.error_ms is not None else ""
+        state = {"searching": "searching for", "locked": "locked to", "waiting": "waiting for"}[self.state]
+        return f"{state} {to}{beat}{off}"
+
+
 class State(msgspec.Struct, frozen=True, tag="state"):
     """What is played, and what can be.
 
@@ -198,6 +281,7 @@ class State(msgspec.Struct, frozen=True, tag="state"):
         motions: all motions of the library.
         tempo: the present tempo; negative backwards.
         phase: how far the motion is, from 0 to 1; None if the network runs by itself.
+        lock: what the phase is locked to, if it is.
         paused: whether it is paused.
         switching: whether a switch is under way.
         id: that of the command.
@@ -222,6 +306,7 @@ class State(msgspec.Struct, frozen=True, tag="state"):
     seen: tuple[str, float] | None = None
     phase: float | None = None
     inputs: dict[str, float] = {}
+    lock: LockState | None = None
 
 
 EventKind = Literal[
@@ -274,6 +359,9 @@ Message = (
     | SetTempo
     | SetInput
     | Jump
+    | GiveBeat
+    | LockPhase
+    | Unlock
     | Pause
     | Resume
     | Home
@@ -283,8 +371,9 @@ Message = (
     | Heartbeat
     | Subscribe
     | GetStatus
+    | GetPhase
 )
-Reply = Accepted | Refused | Settled | State | Event
+Reply = Accepted | Refused | Settled | State | PhaseNow | Event
 
 encode = msgspec.json.Encoder().encode
 _replies = msgspec.json.Decoder(Reply)

@@ -27,7 +27,10 @@ from motiondeck_base.errors import FileFormatError
 VERSION = 3
 READABLE = (1, 2, 3)
 """Version 1 lacks `robot_root`, `seen` and `confidence`; up to 2 the tempo is called `speed`, and `phase` lacks."""
-COMMANDS = ("switch", "queue", "tempo", "pause", "resume", "home", "estop", "reset", "stop", "blend", "jump", "input")
+COMMANDS = (
+    *("switch", "queue", "tempo", "pause", "resume", "home", "estop", "reset", "stop", "blend", "jump"),
+    *("input", "beat", "lock", "unlock"),
+)
 """The field `command` is an index into these, counted from 1; 0 is a tick without a command."""
 MODES = ("playing", "home", "held", "emergency stop")
 """The field `mode` is an index into these."""

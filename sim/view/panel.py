@@ -12,11 +12,15 @@ from controller.rotations import Array
 from controller.wire.command_socket import CommandClient
 from controller.wire.command_table import BY_WORD, TEMPO, WEIGHT
 from controller.wire.messages import (
+    LOCK_SOURCES,
+    LOCK_STAGES,
     Blend,
     EmergencyStop,
     Event,
+    GiveBeat,
     Home,
     Jump,
+    LockState,
     Message,
     Pause,
     Queue,
@@ -26,6 +30,7 @@ from controller.wire.messages import (
     SetTempo,
     Stop,
     Switch,
+    Unlock,
 )
 from motiondeck_base.errors import MotiondeckError
 from sim.view.ghost import WAYS
@@ -108,6 +113,7 @@ class Panel:
         )
         self._tempo.on_update(self._tempo_moved)
         self._phase = self._add_phase() if has_phase else None
+        self._tap = self._add_tap() if has_phase else None
         with gui.add_folder("view", expand_by_default=False):
             self._human = gui.add_dropdown("human", WAYS, hint="The pose that the network plays") if has_human else None
             self._steps = gui.add_checkbox("footprints and contacts", False)
@@ -127,6 +133,8 @@ class Panel:
         ]
         if self._phase is not None:
             self._controls.append((self._phase, BY_WORD["jump"]))
+        if self._tap is not None:
+            self._controls.append((self._tap, BY_WORD["beat"]))
 
     def _add_keys(self) -> None:
         """Esc, space and the digits, also found in the page's command palette."""
@@ -142,6 +150,12 @@ class Panel:
         )
         phase.on_update(self._phase_moved)
         return phase
+
+    def _add_tap(self) -> viser.GuiButtonGroupHandle:
+        """Buttons to tap a beat and to end the lock."""
+        tap = self._page.gui.add_button_group("beat", ("Tap", "Unlock"), hint=BY_WORD["beat"].help)
+        tap.on_click(lambda event: self._send(GiveBeat() if event.target.value == "Tap" else Unlock()))
+        return tap
 
     @property
     def _stopped(self) -> bool:
@@ -274,6 +288,19 @@ def _number(state: dict[str, Array], field: str, default: float) -> float:
     return float(values[0]) if values is not None and len(values) and np.isfinite(values[0]) else default
 
 
+def _lock(state: dict[str, Array]) -> LockState | None:
+    """What the phase is locked to, if it is."""
+    source, stage = int(_number(state, "lock_source", -1.0)), int(_number(state, "lock_stage", -1.0))
+    if source < 0 or stage < 0:
+        return None
+    error, beats = (_number(state, field, float("nan")) for field in ("lock_error_ms", "beats_per_minute"))
+    return LockState(LOCK_SOURCES[source], LOCK_STAGES[stage], _known(error), _known(beats))
+
+
+def _known(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
 def _health(state: dict[str, Array]) -> str:
     """The loop's figures as a small table."""
 
@@ -287,6 +314,8 @@ def _health(state: dict[str, Array]) -> str:
         ("late p50 / p99.9", late),
         ("work p50", figure("work_p50_us", "{:.0f} µs")),
     ]
+    if (lock := _lock(state)) is not None:
+        cells.append(("lock", str(lock)))
     if _number(state, "restarts", 0.0) > 0.0:
         cells.append(("network restarts", figure("restarts", "{:.0f}")))
     if _number(state, "kept_apart", 0.0) > 0.0:

@@ -35,6 +35,7 @@ class LiveRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         command_port: where commands come in; 0 for a free port.
         seconds: how long to play, or None.
         record: the file in which every tick is recorded, or None.
+        lock_to: what the phase is locked to; see `RunSettings`.
     """
 
     library: str
@@ -49,6 +50,7 @@ class LiveRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     command_port: int
     seconds: float | None
     record: str | None
+    lock_to: str | None = None
 
 
 class Ready(msgspec.Struct, frozen=True, tag="ready"):
@@ -99,6 +101,7 @@ def play_live(request: LiveRequest) -> None:
         page_port=request.page_port,
         seconds=request.seconds,
         record=Path(request.record) if request.record is not None else None,
+        lock_to=request.lock_to,
     )
     with Session(
         library,

@@ -15,6 +15,7 @@ from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
 from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array
+from controller.wire.messages import LOCK_SOURCES, LOCK_STAGES, LockState
 from controller.wire.run_recording import MODES
 from controller.wire.telemetry import StateWriter
 
@@ -34,6 +35,10 @@ _NUMBERS = (
     "tempo",
     "phase",
     "paused",
+    "lock_source",
+    "lock_stage",
+    "lock_error_ms",
+    "beats_per_minute",
     "mode",
     "playing",
     "settled",
@@ -62,6 +67,11 @@ class Showable(Protocol):
     @property
     def phase(self) -> float | None:
         """How far the motion is, from 0 to 1; None if that is not known."""
+        ...
+
+    @property
+    def lock_state(self) -> LockState | None:
+        """What the phase is locked to, if it is."""
         ...
 
     @property
@@ -192,6 +202,12 @@ class Page:
         fields["playing"][0] = deck.motions.index(deck.playing)
         fields["paused"][0] = deck.paused
         fields["settled"][0] = deck.settled
+        lock = deck.lock_state
+        fields["lock_source"][0] = LOCK_SOURCES.index(lock.source) if lock is not None else -1
+        fields["lock_stage"][0] = LOCK_STAGES.index(lock.state) if lock is not None else -1
+        error, beats = (lock.error_ms, lock.per_minute) if lock is not None else (None, None)
+        fields["lock_error_ms"][0] = error if error is not None else math.nan
+        fields["beats_per_minute"][0] = beats if beats is not None else math.nan
         fields["mode"][0] = MODES.index(stop.mode)
         fields["rate_hz"][0] = state.rate
         fields["overruns"][0] = state.overruns

@@ -22,6 +22,7 @@ from controller.cli.session.robot_on_deck import RobotOnDeck, channels_of
 from controller.cli.session.script import Timed
 from controller.cli.session.tick_recorder import TickRecorder, recording
 from controller.deck.interfaces import Retargeter
+from controller.deck.lockable import Lockable
 from controller.deck.recorded_deck import RecordedDeck
 from controller.deck.switch import CommandedSwitch
 from controller.library.motion_library import MotionLibrary
@@ -45,6 +46,7 @@ from controller.mocap.encodings.joint_angles import JointBody
 from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array
 from controller.wire.command_socket import CommandServer
+from controller.wire.leader_link import LeaderLink
 from controller.wire.messages import EmergencyStop, Refused
 from motiondeck_base.errors import MotiondeckError
 
@@ -80,6 +82,8 @@ class RunSettings:
         listen: the address of another interface where commands are taken, if they are sealed with the token.
         token: who has it may command.
         stop_input: a wired emergency stop, if there is one; the session closes it.
+        lock_to: what the phase is locked to from the start: "beat", "body", the command port of another deck of
+            this machine, or None.
     """
 
     rate: float
@@ -96,6 +100,7 @@ class RunSettings:
     listen: str | None = None
     token: bytes | None = None
     stop_input: WiredStop | None = None
+    lock_to: str | None = None
 
 
 class PlayableDeck(Player, Commandable, Showable, Protocol):
@@ -171,6 +176,7 @@ class Session:
         self._first = self.robots[0]
         self._deck = self._make_deck(Ensemble([robot.retarget for robot in self.robots]))
         self._channels = channels_of(self.robots)
+        self._lock(opening)
         self._envelope = SafetyEnvelope(all_limits([robot.limits for robot in self.robots]), self._clock.period)
         self._watch = self._open_watch()
         if page_state is not None:
@@ -185,6 +191,22 @@ class Session:
         )
         self._news = RunNews(self._desk, self._clock, self._channels, servers, seen)
         self._start_terminal(opening)
+
+    def _lock(self, opening: ExitStack) -> None:
+        """Gives the deck what it can be locked to, and locks it as the settings say."""
+        deck, source = self._deck, self._settings.lock_to
+        if not isinstance(deck, Lockable):
+            return
+        deck.measured = self._measured
+        if source is None:
+            return
+        if source in ("beat", "body"):
+            deck.lock(source)
+            return
+        link = LeaderLink.to(source)
+        opening.callback(link.close)
+        deck.leader = link
+        deck.lock("deck")
 
     def _open_servers(self, opening: ExitStack) -> list[CommandServer]:
         settings = self._settings

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import sys
 import threading
 from collections.abc import Callable, Iterable
@@ -19,7 +20,9 @@ from controller.wire.messages import (
     CommandError,
     Event,
     GetStatus,
+    GiveBeat,
     Message,
+    PhaseNow,
     Refused,
     Reply,
     Settled,
@@ -32,6 +35,7 @@ from motiondeck_base.errors import MotiondeckError
 _HELP_ROWS = [
     ("MOTION", "switch to a motion (Tab completes)"),
     *((command.usage, command.help) for command in COMMANDS),
+    ("F2", "tap: a beat now"),
     ("Ctrl-C, quit", "stop"),
     ("Ctrl-D", "leave the prompt; the deck plays on"),
 ]
@@ -53,10 +57,14 @@ def describe(reply: Reply) -> str:
             return f"settled on {to} after {seconds:.2f} s"
         case Event(kind=kind, text=text):
             return f"{kind}: {text}"
+        case PhaseNow(motion=motion, phase=phase, rate=rate):
+            at = f"at phase {phase:.3f}" if phase is not None else "without a phase"
+            return f"{motion} {at}" + (f", {rate:+.3f} rounds a second" if rate is not None else "")
         case State():
             how = "paused" if reply.paused else f"at tempo {reply.tempo:.2f}"
             how += f", phase {reply.phase:.2f}" if reply.phase is not None else ""
             how += "".join(f", {name} {value:.3g}" for name, value in reply.inputs.items())
+            how += f", {reply.lock}" if reply.lock is not None else ""
             doing = "switching to" if reply.switching else "playing"
             mode = "" if reply.mode == "playing" else f"{reply.mode}; "
             queue = f"; next: {', '.join(reply.queue)}" if reply.queue else ""
@@ -78,12 +86,20 @@ async def converse(client: CommandClient) -> None:
     """
     from prompt_toolkit import PromptSession
     from prompt_toolkit.completion import WordCompleter
+    from prompt_toolkit.key_binding import KeyBindings
     from prompt_toolkit.patch_stdout import patch_stdout
 
     state = client.request(GetStatus(), _STARTING)
     names = state.motions if isinstance(state, State) else []
+    keys = KeyBindings()
+
+    @keys.add("f2")
+    def tap(_: object) -> None:
+        with contextlib.suppress(SocketError):  # that the deck has ended is noticed elsewhere
+            client.post(GiveBeat())
+
     session: PromptSession[str] = PromptSession(
-        completer=WordCompleter([*names, *BY_WORD, "help"]), interrupt_exception=_Interrupted
+        completer=WordCompleter([*names, *BY_WORD, "help"]), interrupt_exception=_Interrupted, key_bindings=keys
     )
     print("Type a motion's name (Tab completes), or help.")
     left = threading.Event()

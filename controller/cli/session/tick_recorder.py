@@ -17,9 +17,12 @@ from controller.loop.stop_requests import StopRequest
 from controller.rotations import Array
 from controller.wire.messages import (
     Blend,
+    GetPhase,
     GetStatus,
+    GiveBeat,
     Heartbeat,
     Jump,
+    LockPhase,
     Message,
     Queue,
     Refused,
@@ -78,7 +81,7 @@ class TickRecorder:
 
     def note(self, message: Message, reply: Reply) -> None:
         """Remembers a command and whether it was refused."""
-        if isinstance(message, GetStatus | Heartbeat | Subscribe):
+        if isinstance(message, GetStatus | GetPhase | Heartbeat | Subscribe):
             return
         fields = self._writer.fields
         fields["command"][0] = COMMANDS.index(message.__struct_config__.tag) + 1  # a tag is a command's name
@@ -90,7 +93,9 @@ class TickRecorder:
                 argument = factor
             case Blend(weight=weight):
                 argument = weight
-            case Jump(phase=phase):
+            case GiveBeat(ago=ago):
+                argument = ago
+            case Jump(phase=phase) | LockPhase(phase=phase):
                 argument = phase
             case SetInput(value=value):
                 argument = value

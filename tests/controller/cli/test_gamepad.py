@@ -34,7 +34,7 @@ pytestmark = pytest.mark.smoke
 
 MOTIONS = ("walk", "jog", "waltz")
 SYN, KEY, ABS = 0, 1, 3
-SOUTH, EAST, NORTH, WEST, START, LEFT, RIGHT = 0x130, 0x131, 0x133, 0x134, 0x13B, 0x222, 0x223
+SOUTH, EAST, NORTH, WEST, START, LEFT, RIGHT, SHOULDER = 0x130, 0x131, 0x133, 0x134, 0x13B, 0x222, 0x223, 0x137
 STICK, CROSS = 1, 16
 
 
@@ -65,9 +65,13 @@ def seen(device):
 
 
 def test_buttons_count_when_pressed_and_other_codes_not_at_all():
-    keys = [(KEY, code, value) for code in (SOUTH, EAST, NORTH, WEST, START, LEFT, RIGHT, 0x137) for value in (1, 2, 0)]
+    keys = [
+        (KEY, code, value)
+        for code in (SOUTH, EAST, NORTH, WEST, START, LEFT, RIGHT, SHOULDER, 0x136)
+        for value in (1, 2, 0)
+    ]
     assert seen(FakePad(*keys, (SYN, 0, 0), (ABS, 3, 99))) == [
-        Button.A, Button.B, Button.X, Button.Y, Button.START, Button.LEFT, Button.RIGHT,
+        Button.A, Button.B, Button.X, Button.Y, Button.START, Button.LEFT, Button.RIGHT, Button.SHOULDER,
     ]  # fmt: skip
 
 
@@ -102,7 +106,7 @@ def test_our_codes_are_those_of_evdev():
     ours = {
         name: code for name, code in vars(gamepad_device).items() if name.split("_")[0] in {"EV", "SYN", "BTN", "ABS"}
     }
-    assert len(ours) == 13
+    assert len(ours) == 14
     assert ours == {name: getattr(codes, name) for name in ours}
 
 

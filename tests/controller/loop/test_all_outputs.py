@@ -17,10 +17,14 @@ from controller.wire.messages import (
     Accepted,
     Blend,
     EmergencyStop,
+    GetPhase,
     GetStatus,
+    GiveBeat,
     Home,
     Jump,
+    LockPhase,
     Pause,
+    PhaseNow,
     Queue,
     Refused,
     Reset,
@@ -29,6 +33,7 @@ from controller.wire.messages import (
     State,
     Stop,
     Switch,
+    Unlock,
 )
 
 RATE = 100.0
@@ -43,8 +48,12 @@ COMMANDS = st.one_of(
     st.builds(Queue, MOTIONS),
     st.builds(Blend, MOTIONS, MOTIONS, st.floats(-0.2, 1.2)),
     st.builds(Jump, st.floats(-0.1, 1.1)),
+    st.builds(GiveBeat, ago=st.floats(-2.1, 2.1)),
+    st.builds(
+        LockPhase, st.sampled_from(["beat", "deck", "body"]), phase=st.floats(-0.1, 1.1), steps=st.integers(-1, 17)
+    ),
     st.builds(SetTempo, st.floats(-4.0, 4.0), over=st.floats(-1.0, 2.0)),
-    st.sampled_from([Pause(), Resume(), Home(), EmergencyStop(), Reset(), GetStatus(), Stop()]),
+    st.sampled_from([Pause(), Resume(), Home(), EmergencyStop(), Reset(), GetStatus(), GetPhase(), Unlock(), Stop()]),
 )
 
 
@@ -119,7 +128,8 @@ def test_every_output_gets_safe_targets_every_command_an_answer_and_all_that_twi
         for call, written in bad.written:  # a tick it missed is lost for it, not for others
             assert np.array_equal(written, targets[call - 1])
     for _, message, answer in answers:
-        assert isinstance(answer, State if isinstance(message, GetStatus) else Accepted | Refused)
+        kinds = {GetStatus: State, GetPhase: PhaseNow}
+        assert isinstance(answer, kinds.get(type(message), Accepted | Refused))
         assert not isinstance(answer, Refused) or answer.reason
         assert not isinstance(message, EmergencyStop) or isinstance(answer, Accepted)
     again, _ = played(timeline)

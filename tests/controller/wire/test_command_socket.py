@@ -23,11 +23,16 @@ from controller.wire.messages import (
     Accepted,
     CommandError,
     EmergencyStop,
+    GetPhase,
     GetStatus,
+    GiveBeat,
     Home,
     Jump,
+    LockPhase,
+    LockState,
     Message,
     Pause,
+    PhaseNow,
     Queue,
     Refused,
     Reply,
@@ -39,6 +44,7 @@ from controller.wire.messages import (
     State,
     Stop,
     Switch,
+    Unlock,
     encode,
     read_reply,
 )
@@ -72,6 +78,12 @@ class TinyDeck:
     events: deque = field(default_factory=deque)
     phase: float | None = None
     inputs: dict[str, float] = field(default_factory=dict)
+    lock_state: LockState | None = None
+    beats: list[float] = field(default_factory=list)
+
+    @property
+    def phase_rate(self):
+        return None if self.phase is None else 0.5 * self.tempo
 
     @property
     def settled(self):
@@ -101,6 +113,17 @@ class TinyDeck:
         if self.phase is None:
             raise MotiondeckError("no phase")
         self.phase = phase
+
+    def lock(self, source, phase=0.0, steps=0):
+        if self.phase is None:
+            raise MotiondeckError("no phase")
+        self.lock_state = LockState(source, "searching", phase, float(steps))
+
+    def unlock(self):
+        self.lock_state = None
+
+    def beat(self, ago=0.0):
+        self.beats.append(ago)
 
     def pause(self):
         self.paused = True
@@ -203,6 +226,25 @@ def test_a_jump_arrives_and_the_state_says_the_phase(stage):
     assert stage.ask(GetStatus()).phase == 0.25
 
 
+def test_locks_beats_and_the_phase_arrive(stage):
+    assert isinstance(stage.ask(LockPhase("beat")), Refused)
+    reply = stage.ask(GetPhase())
+    assert reply == PhaseNow("walk", None, None, reply.id)
+    stage.deck.phase = 0.25
+    assert isinstance(stage.ask(LockPhase("beat", phase=0.5, steps=4)), Accepted)
+    assert stage.ask(GetStatus()).lock == LockState("beat", "searching", 0.5, 4.0)
+    assert isinstance(stage.ask(GiveBeat(ago=0.125)), Accepted)
+    assert stage.deck.beats == [0.125]
+    assert isinstance(stage.ask(Unlock()), Accepted)
+    assert stage.ask(GetStatus()).lock is None
+    reply = stage.ask(GetPhase())
+    assert reply == PhaseNow("walk", 0.25, 0.5, reply.id)
+    (refused,) = stage.send_raw(b'{"type":"lock","source":"moon"}')
+    assert "Invalid enum value 'moon'" in refused.reason
+    (refused,) = stage.send_raw(b'{"type":"lock","source":"beat","steps":17}')
+    assert "STEPS must be a whole number from 0 to 16, not 17" in refused.reason
+
+
 def test_the_emergency_stop_is_latched_until_reset(stage):
     refused = stage.ask(Reset())
     assert isinstance(refused, Refused)
@@ -210,7 +252,17 @@ def test_the_emergency_stop_is_latched_until_reset(stage):
     assert isinstance(stage.ask(EmergencyStop()), Accepted)
     assert stage.ask(GetStatus()).mode == "emergency stop"
     assert stage.deck.paused
-    for message in (Switch("jog"), Queue("jog"), SetTempo(2.0), Jump(0.5), Pause(), Resume(), Home()):
+    for message in (
+        Switch("jog"),
+        Queue("jog"),
+        SetTempo(2.0),
+        Jump(0.5),
+        GiveBeat(),
+        LockPhase("beat"),
+        Pause(),
+        Resume(),
+        Home(),
+    ):
         refused = stage.ask(message)
         assert isinstance(refused, Refused)
         assert "release it with: reset" in refused.reason

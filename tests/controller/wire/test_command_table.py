@@ -9,7 +9,17 @@ from hypothesis import strategies as st
 
 from controller.cli.session.terminal import HELP
 from controller.wire import run_recording
-from controller.wire.command_table import BY_WORD, COMMANDS, Flag, MotionName, command_of, parse_command, read_message
+from controller.wire.command_table import (
+    BY_WORD,
+    COMMANDS,
+    Choice,
+    Flag,
+    MotionName,
+    Number,
+    command_of,
+    parse_command,
+    read_message,
+)
 from controller.wire.messages import CommandError, EmergencyStop, Message, Reset, encode
 
 NAMES = st.text("abc-1", min_size=1, max_size=100).filter(lambda name: name not in BY_WORD)
@@ -31,6 +41,10 @@ def typed(argument):
         return NAMES
     if isinstance(argument, Flag):
         return st.just(argument.name)
+    if isinstance(argument, Choice):
+        return st.sampled_from(argument.words)
+    if argument.whole:
+        return st.integers(argument.lowest, argument.highest).map(str)
     return st.floats(argument.lowest, argument.highest).map(repr)
 
 
@@ -44,7 +58,13 @@ def test_every_command_in_its_ranges_is_read_alike_typed_and_from_the_wire(data)
     assert read_message(encode(message)) == message
 
 
-@pytest.mark.parametrize("argument", [a for c in COMMANDS for a in c.arguments if not isinstance(a, Flag | MotionName)])
+def required(command):
+    """Values for the arguments that a command must have."""
+    examples = {MotionName: lambda a: "a", Number: lambda a: a.lowest, Choice: lambda a: a.words[0]}
+    return {a.field: examples[type(a)](a) for a in command.arguments if not a.optional}
+
+
+@pytest.mark.parametrize("argument", [a for c in COMMANDS for a in c.arguments if isinstance(a, Number)])
 @given(st.data())
 def test_a_number_out_of_range_is_refused_typed_and_on_the_wire(argument, data):
     (command,) = (c for c in COMMANDS if argument in c.arguments)
@@ -54,9 +74,8 @@ def test_a_number_out_of_range_is_refused_typed_and_on_the_wire(argument, data):
         st.just(float("nan")),
     )
     value = data.draw(outside)
-    allowed = {a.field: "a" if isinstance(a, MotionName) else a.lowest for a in command.arguments if not a.optional}
-    message = command.message(**(allowed | {argument.field: value}))
-    with pytest.raises(CommandError, match=f"{argument.name} must be a number from {argument.lowest:g} to"):
+    message = command.message(**(required(command) | {argument.field: value}))
+    with pytest.raises(CommandError, match=f"{argument.name} must be a (whole )?number from {argument.lowest:g} to"):
         argument.check(value)
     with pytest.raises(CommandError):  # JSON has no NaN: there it is not a number at all
         read_message(encode(message))
@@ -71,4 +90,5 @@ def test_the_emergency_stop_is_always_allowed_and_its_reset_only_while_it_is_on(
     assert "playing" in command_of(EmergencyStop()).modes
     assert command_of(Reset()).modes == {"emergency stop"}
     moving = [c.word for c in COMMANDS if "emergency stop" not in c.modes]
-    assert moving == ["switch", "queue", "blend", "tempo", "input", "jump", "pause", "resume", "home"]
+    plays = ["switch", "queue", "blend", "tempo", "input", "jump", "beat", "lock", "unlock"]
+    assert moving == [*plays, "pause", "resume", "home"]

@@ -7,13 +7,14 @@ import threading
 import time
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from PIL import Image
 from test_private_page import free_port
 
 from controller.wire.command_socket import CommandServer
-from controller.wire.messages import Accepted, EmergencyStop, Jump, Pause, Refused, SetTempo, Stop, Switch
+from controller.wire.messages import Accepted, EmergencyStop, GiveBeat, Jump, Pause, Refused, SetTempo, Stop, Switch
 from controller.wire.telemetry import StateWriter
 from sim.models.mannequin.mannequin import build_mannequin
 from sim.view.scene import Follower
@@ -22,6 +23,7 @@ from simulated_bodies import human
 
 MOTIONS = ["walk", "jog", "waltz"]
 NUMBERS = ["tick", "time_s", "motion", "tempo", "phase", "paused", "rate_hz", "overruns"]
+NUMBERS += ["lock_source", "lock_stage", "lock_error_ms", "beats_per_minute"]
 NUMBERS += ["lateness_p50_us", "lateness_p999_us", "work_p50_us"]
 PATIENCE = 60.0  # s: a browser without a graphics card on a busy machine
 
@@ -56,6 +58,10 @@ class FakeDeck:
                 "motion": motion,
                 "tempo": 1.0,
                 "phase": 0.4,
+                "lock_source": 0.0,
+                "lock_stage": 1.0,
+                "lock_error_ms": 3.6,
+                "beats_per_minute": 117.0,
                 "rate_hz": 199.98,
                 "work_p50_us": 412.0,
             }
@@ -128,6 +134,7 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
         page.get_by_text("200.0 Hz").wait_for()
         page.get_by_text("412 µs").wait_for()
         page.get_by_text("On time").wait_for()
+        page.get_by_text("locked to the beat of 117.0 a minute (+4 ms)").wait_for()
 
         # Button and highlight: the colour that "walk" had goes to "jog".
         walk, jog = (page.get_by_role("button", name=name) for name in ("walk", "jog"))
@@ -168,6 +175,9 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
         page.keyboard.press("ArrowRight")
         tempo = until(lambda: [m.factor for m in deck.received if isinstance(m, SetTempo)], "the tempo")
         assert tempo[-1] == pytest.approx(1.05)
+
+        page.get_by_role("button", name="Tap", exact=True).click()
+        until(lambda: GiveBeat() in [msgspec.structs.replace(m, id=0) for m in deck.received], "the beat")
 
         # A refusal is shown in the deck's words.
         page.get_by_role("button", name="End run", exact=True).click()

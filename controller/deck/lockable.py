@@ -1,0 +1,118 @@
+"""A deck whose tempo a lock can steer."""
+
+from __future__ import annotations
+
+from controller.deck.locks.beats import Beats
+from controller.deck.locks.body_lock import BodyLock, Measured
+from controller.deck.locks.lock import Lock, LoopPlace
+from controller.deck.locks.other_deck import Leader, OtherDeck
+from controller.deck.locks.phase_lock import PhaseLock
+from controller.deck.tempo import TEMPO_RATE, Paced
+from controller.rotations import Array
+from controller.wire.command_table import AGO, LOCK_PHASE, STEPS
+from controller.wire.messages import LockSource, LockState
+from motiondeck_base.errors import MotiondeckError
+
+
+class Lockable(Paced):
+    """The locks of a deck, as commands see them.
+
+    Attributes:
+        time: s since the start, summed over updates.
+        leader: sees the deck that this one can be locked to, if there is one.
+        measured: tells where the joints are, if that is measured.
+    """
+
+    time: float
+    leader: Leader | None = None
+    measured: Measured | None = None
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._lock: Lock | None = None
+        self._beats: Beats | None = None
+
+    @property
+    def lock_state(self) -> LockState | None:
+        """What the phase is locked to, and how well; None if to nothing."""
+        return self._lock.state if self._lock is not None else None
+
+    def require_phase(self) -> None:
+        """Checks that the network has a phase.
+
+        Raises:
+            MotiondeckError: if it runs by itself.
+        """
+        raise NotImplementedError
+
+    def lock(self, source: LockSource, phase: float = 0.0, steps: int = 0) -> None:
+        """Locks the phase of loops to something else than the commanded tempo; an earlier lock ends.
+
+        Args:
+            source: "beat" for the times that `beat` is given, "deck" for the `leader`, "body" for what is `measured`.
+            phase: the phase that falls on a beat, or how far to be ahead of the other deck, in [0, 1].
+            steps: how many beats a round has, up to 16; 0 takes 1, 2, 4, 8 or 16, whichever tempo is nearest to 1.
+
+        Raises:
+            CommandError: if a number is out of its range.
+            MotiondeckError: if the network runs by itself, or there is no such source here.
+        """
+        LOCK_PHASE.check(phase)
+        STEPS.check(steps)
+        self.require_phase()
+        beats: Beats | None = None
+        if source == "body":
+            if self.measured is None:
+                raise MotiondeckError("this deck has no joints that are measured")
+            lock = BodyLock(self.measured)
+        elif source == "deck":
+            if self.leader is None:
+                raise MotiondeckError("this deck sees no other deck; start it with: motiondeck play --lock-to PORT")
+            lock = PhaseLock(OtherDeck(self.leader, phase), TEMPO_RATE)
+        else:
+            lock = PhaseLock(beats := Beats(phase, steps), TEMPO_RATE)
+        self._lock, self._beats = lock, beats
+
+    def unlock(self) -> None:
+        """Plays at the commanded tempo again."""
+        self._lock = self._beats = None
+        super().set_tempo(self.commanded_tempo)
+
+    def beat(self, ago: float = 0.0) -> None:
+        """Takes a beat; without a lock to beats it begins one.
+
+        Args:
+            ago: how long ago it was, s; negative for one that is still to come; from -2 to 2.
+
+        Raises:
+            CommandError: if the time is out of its range.
+            MotiondeckError: if the network runs by itself.
+        """
+        AGO.check(ago)
+        if self._beats is None:
+            self.lock("beat")
+        assert self._beats is not None, "locked to beats"
+        self._beats.clock.beat(self.time - ago)
+
+    def set_tempo(self, factor: float, over: float = 0.0) -> None:
+        """Plays at another tempo, reached within `over` seconds; it ends a lock to beats or to another deck."""
+        super().set_tempo(factor, over)
+        if self._lock is not None and self._lock.owns_tempo:
+            self._lock = self._beats = None
+
+    def _note(self, playhead: LoopPlace | None, targets: Array) -> None:
+        """Takes the joint targets (J,), rad, that a tick has led to, and where the deck is with them."""
+        if isinstance(self._lock, BodyLock) and playhead is not None:
+            self._lock.note(playhead, targets)
+
+    def _steer(self, dt: float, playhead: LoopPlace | None) -> tuple[float, float | None]:
+        """The tempo after dt more seconds, as commanded or as a lock wants it, and a phase to jump to, if it wants one.
+
+        Args:
+            dt: s.
+            playhead: where the deck is before them; None if the network runs by itself.
+        """
+        if self._lock is None or playhead is None:
+            return self._tempo.advance(dt), None
+        steering = self._lock.steer(playhead)
+        return self._tempo.steer(steering.tempo, self._lock.rate, dt), steering.jump

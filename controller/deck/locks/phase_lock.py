@@ -1,0 +1,109 @@
+"""A phase lock: steers the tempo so that a loop keeps step with a reference that turns, a beat or another deck."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+from controller.deck.locks.lock import LoopPlace, Steering
+from controller.deck.locks.phase_error import correction, wrapped
+from controller.wire.command_table import TEMPO
+from controller.wire.messages import LockState
+
+LOCKED_WITHIN, LOST_BEYOND = 0.02, 0.05
+"""Locked is who has been within the first for HELD seconds, and remains so up to the second, s."""
+
+HELD = 0.2
+
+JUMPS_BEYOND = 0.8
+"""A loop that is further off than so many seconds of the motion is fetched by a jump, not by its tempo."""
+
+_SLOWEST = 0.1  # a reference below this tempo stands: then errors are seconds of the motion
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """Where the motion should be.
+
+    Attributes:
+        phase: now.
+        rate: how fast it turns, rounds a second; negative backwards.
+        modulus: phases that differ by this are the same; 1 for a round, less where several beats belong to one.
+        steady: whether it is known well enough to be locked to.
+    """
+
+    phase: float
+    rate: float
+    modulus: float = 1.0
+    steady: bool = True
+
+
+class ReferenceSource(Protocol):
+    """Tells where a motion should be."""
+
+    @property
+    def name(self) -> Literal["beat", "deck"]:
+        """What it is."""
+        ...
+
+    def reference(self, playhead: LoopPlace) -> Reference | None:
+        """The reference at the playhead's time, or None before there is one; called once a tick."""
+        ...
+
+    @property
+    def per_minute(self) -> float | None:
+        """Beats a minute, if it has beats."""
+        ...
+
+
+class PhaseLock:
+    """Keeps a loop in step with a reference; one-shots are played at the commanded tempo.
+
+    Args:
+        source: of the reference.
+        rate: how fast the tempo may change, 1/s.
+    """
+
+    owns_tempo = True
+
+    def __init__(self, source: ReferenceSource, rate: float) -> None:
+        self.source, self.rate = source, rate
+        self._error_s: float | None = None
+        self._locked = False
+        self._within_since: float | None = None
+
+    @property
+    def state(self) -> LockState:
+        """Whether it is locked, by how much the motion is behind (ms), and how many beats a minute there are."""
+        error_ms = 1e3 * self._error_s if self._error_s is not None else None
+        return LockState(self.source.name, "locked" if self._locked else "searching", error_ms, self.source.per_minute)
+
+    def steer(self, playhead: LoopPlace) -> Steering:
+        """The reference's own tempo and a correction; far off it asks for a jump, when nothing else is under way."""
+        reference = self.source.reference(playhead)
+        if reference is None or not playhead.loop:
+            self._note(playhead.time, None)
+            return Steering(playhead.tempo)
+        tempo = reference.rate * playhead.seconds
+        error = wrapped(reference.phase - playhead.phase, reference.modulus) * playhead.seconds
+        self._note(playhead.time, error / max(abs(tempo), _SLOWEST) if reference.steady else None)
+        if abs(error) > JUMPS_BEYOND and playhead.alone:
+            return Steering(_clipped(tempo, tempo), (playhead.phase + error / playhead.seconds) % 1.0)
+        return Steering(_clipped(tempo + correction(error, self.rate), tempo))
+
+    def _note(self, time: float, error: float | None) -> None:
+        self._error_s = error
+        if error is None or abs(error) > LOST_BEYOND:
+            self._locked, self._within_since = False, None
+        elif abs(error) > LOCKED_WITHIN:
+            self._within_since = None
+        elif self._within_since is None:
+            self._within_since = time
+        elif time - self._within_since >= HELD:
+            self._locked = True
+
+
+def _clipped(tempo: float, reference: float) -> float:
+    """A tempo in its range that goes the way of the reference: a motion waits rather than turn round."""
+    lowest, highest = (0.0, TEMPO.highest) if reference >= 0.0 else (TEMPO.lowest, 0.0)
+    return min(max(tempo, lowest), highest)
