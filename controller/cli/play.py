@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from controller.cli.common.options import PAGE_PORT
+from controller.cli.common.options import PAGE_PORT, CameraOption, FpsOption, SizeOption
 from controller.wire.command_socket import DEFAULT_PORT
 from controller.wire.messages import Blend, Jump, Pause, Queue, Resume, SetTempo, Switch
 
 if TYPE_CHECKING:
+    from controller.cli.pictures.library_pictures import FilmLook, Staging
     from controller.cli.session.script import Timed
     from controller.cli.session.session import WiredStop
     from controller.deck.deck import Deck
@@ -58,6 +59,13 @@ def play(
     video: Annotated[
         Path | None, typer.Option("--video", metavar="FILE", help="Film it (.mp4 or .gif) instead of playing it live.")
     ] = None,
+    size: SizeOption = None,
+    fps: FpsOption = None,
+    camera: CameraOption = "follow",
+    ghost: Annotated[
+        bool, typer.Option("--ghost", help="In a film: the robot as it is told to be, over the one that tries to.")
+    ] = False,
+    footprints: Annotated[bool, typer.Option("--footprints", help="In a film: where the feet stood.")] = False,
     direct: Annotated[
         bool, typer.Option("--direct", help="Switch at once and straight, never by way of other motions.")
     ] = False,
@@ -173,6 +181,8 @@ def play(
       motiondeck play --command-port 47811 --port 0 --lock-to 47810
 
       motiondeck play --video walk.mp4 --seconds 6
+
+      motiondeck play --robot g1.toml --video g1.mp4 --camera three --footprints --size 1280x720
     """
     if video is None:
         os.environ.setdefault("MUJOCO_GL", "disable")  # nothing is drawn here, and MuJoCo starts sooner without OpenGL
@@ -196,8 +206,8 @@ def play(
         check_seconds(seconds)
         if script is not None and motion is not None:
             raise MotiondeckError(f"give either a motion ('{motion}') or a --script, not both")
-        if (kinematic or video is not None) and (root != "gantry" or balance):
-            raise MotiondeckError("--root and --balance are for simulated servos: leave --kinematic and --video")
+        if kinematic and (root != "gantry" or balance):
+            raise MotiondeckError("--root and --balance are for simulated servos: leave --kinematic")
         if not 0.0 < mismatch_after < 1e4:
             raise MotiondeckError(f"--mismatch-after {mismatch_after:g} s is not a length of time above 0")
         loaded = load_library(find_library(library))
@@ -207,7 +217,11 @@ def play(
         if video is not None:
             _refuse_live_options(rig=rig is not None, record=record is not None, recognize=recognize)
             film_deck = partial(Deck, loaded, motion=first, direct=direct, joining=join)
-            _film(loaded, robot, film_deck, timeline, seconds, video, solver, as_json)
+            from controller.cli.pictures.library_pictures import Staging, film_look
+
+            look = film_look(video, size, fps, camera, ghost, footprints)
+            staging = Staging(not kinematic, root, balance, solver)
+            _film(loaded, robot, film_deck, timeline, seconds, video, look, staging, as_json)
             return
         if rate != (rate := checked_rate(loaded, first, rate, lower=lower_rate)):
             print(f"playing at {rate:g} Hz, which the network can hold", file=sys.stderr)
@@ -298,7 +312,8 @@ def _film(
     timeline: list[Timed],
     seconds: float | None,
     video: Path,
-    solver: str | None,
+    look: FilmLook,
+    staging: Staging,
     as_json: bool,
 ) -> None:
     """Films a run instead of playing it live."""
@@ -312,7 +327,7 @@ def _film(
                 "it can have switches, the queue, blends, tempo, jumps, pause and resume"
             )
     length = seconds if seconds is not None else max(6.0, max((timed.at for timed in timeline), default=0.0) + 4.0)
-    report = film(library, robot, deck_for, timeline, length, video, solver)
+    report = film(library, robot, deck_for, timeline, length, video, look, staging)
     fell_back = f"; {report['fell_back']}" if report["fell_back"] else ""
     _print(report, as_json, f"wrote {video} ({length:g} s, {video.stat().st_size / 1e6:.1f} MB){fell_back}")
 

@@ -6,9 +6,11 @@
 from __future__ import annotations
 
 import itertools
+import os
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,31 +18,48 @@ import mujoco
 from PIL import Image, ImageDraw, ImageFont
 
 from controller.rotations import Array
-from sim.pictures.offscreen import OffScreen, PictureError
+from sim.pictures.offscreen import Camera, OffScreen, PictureError
 
 GIF_COLOURS = 64
 FRAMES_A_ROW = 8
 
 
+@dataclass(frozen=True)
+class Shot:
+    """One picture of a film.
+
+    Attributes:
+        qpos: the robot, shape (nq,).
+        ghost: the robot drawn translucent as well, shape (nq,).
+        prints: corners of footprints on the floor, shape (4, 3) each, m.
+    """
+
+    qpos: Array
+    ghost: Array | None = None
+    prints: Sequence[Array] = ()
+
+
 def render(
     model: mujoco.MjModel,
-    frames: Iterable[Array],
+    frames: Iterable[Array | Shot],
     path: Path,
     fps: float = 30.0,
     size: tuple[int, int] = (640, 480),
     shadows: bool = False,
     progress: Callable[[int], None] | None = None,
+    camera: Camera = "follow",
 ) -> int:
     """Films a robot and returns the number of frames; nothing is left behind if it does not come to its end.
 
     Args:
         model: the robot on its stage.
-        frames: one qpos (nq,) a picture.
+        frames: one qpos (nq,), or more to be drawn, a picture.
         path: where to; the name ends in .mp4 or .gif.
         fps: pictures a second.
         size: width and height, pixels; even numbers for mp4.
         shadows: prettier and about twice as slow.
         progress: told the number of frames done.
+        camera: where it is seen from.
 
     Raises:
         PictureError: for another ending, for no frames, and where OpenGL or ffmpeg is missing.
@@ -52,13 +71,14 @@ def render(
 
     def pictures() -> Iterator[bytes]:
         nonlocal count
-        for qpos in frames:
-            yield screen.draw(qpos).tobytes()
+        for frame in frames:
+            shot = frame if isinstance(frame, Shot) else Shot(frame)
+            yield screen.draw(shot.qpos, ghost=shot.ghost, prints=shot.prints).tobytes()
             count += 1
             if progress:
                 progress(count)
 
-    with _written_whole(path) as unfinished, OffScreen(model, size, shadows) as screen:
+    with _written_whole(path) as unfinished, OffScreen(model, size, shadows, camera) as screen:
         writers[path.suffix.lower()](pictures(), unfinished, fps, size)
         if count == 0:
             raise PictureError(f"{path}: there are no frames to film")
@@ -93,6 +113,7 @@ def bodies_sheet(
         raise PictureError(f"{path}: there are no motions to show")
     if path.suffix.lower() not in Image.registered_extensions():
         raise PictureError(f"{path}: a contact sheet ends in .png, .jpg or .webp")
+    kind = Image.registered_extensions()[path.suffix.lower()]
     width, height = tile
     margin = 120
     sheet = Image.new("RGB", (margin + FRAMES_A_ROW * width, len(rows) * height), "white")
@@ -108,27 +129,51 @@ def bodies_sheet(
                         picture = Image.fromarray(screen.draw(qpos, cut=True))
                         sheet.paste(picture, (margin + column * width, row * height))
         # A palette of 256 colours makes a quarter of the file, and nobody sees it.
-        (sheet.quantize(256, dither=Image.Dither.NONE) if path.suffix.lower() == ".png" else sheet).save(unfinished)
+        (sheet.quantize(256, dither=Image.Dither.NONE) if path.suffix.lower() == ".png" else sheet).save(
+            unfinished, kind
+        )
 
 
 @contextmanager
 def _written_whole(path: Path) -> Iterator[Path]:
-    """A name to write to that becomes the file only if all went well."""
+    """A name to write to that becomes the file only if all went well; a process that is killed leaves nothing."""
     if not path.parent.is_dir():
         raise PictureError(f"{path}: there is no folder {path.parent}")
     unfinished = path.with_name(f".{path.stem}.unfinished{path.suffix}")
     try:
+        nameless = _nameless(path.parent)
         # Better to learn now that nothing can be written here than after minutes of drawing.
         unfinished.touch()
+        if nameless is not None:
+            unfinished.unlink()
     except OSError as error:
         raise PictureError(f"{path}: cannot be written ({error.strerror})") from error
     try:
-        yield unfinished
+        yield unfinished if nameless is None else Path(f"/proc/{os.getpid()}/fd/{nameless}")
+        if nameless is not None:
+            folder = os.open(path.parent, os.O_RDONLY)  # with a folder given, Python follows the link
+            try:
+                os.link(f"/proc/self/fd/{nameless}", unfinished, src_dir_fd=folder, follow_symlinks=True)
+            finally:
+                os.close(folder)
         unfinished.replace(path)
     except OSError as error:
         raise PictureError(f"{path}: cannot be written ({error.strerror})") from error
     finally:
         unfinished.unlink(missing_ok=True)
+        if nameless is not None:
+            os.close(nameless)
+
+
+def _nameless(folder: Path) -> int | None:
+    """A file in a folder that has no name yet and goes with its process; None where the system has none."""
+    flag = getattr(os, "O_TMPFILE", None)
+    if flag is None:
+        return None
+    try:
+        return os.open(folder, flag | os.O_RDWR, 0o644)
+    except OSError:
+        return None
 
 
 def _write_mp4(pictures: Iterator[bytes], path: Path, fps: float, size: tuple[int, int]) -> None:
@@ -140,7 +185,13 @@ def _write_mp4(pictures: Iterator[bytes], path: Path, fps: float, size: tuple[in
         raise PictureError(f"{path}: an mp4 needs an even width and height, not {size[0]} x {size[1]}")
     rate: Any = fps  # ffmpeg takes any number, whatever the annotation says
     writer = imageio_ffmpeg.write_frames(
-        str(path), size, fps=rate, quality=8, macro_block_size=2, ffmpeg_log_level="error"
+        str(path),
+        size,
+        fps=rate,
+        quality=8,
+        macro_block_size=2,
+        ffmpeg_log_level="error",
+        output_params=["-preset", "veryfast", "-f", "mp4"],
     )
     writer.send(None)
     try:
@@ -159,4 +210,4 @@ def _write_gif(pictures: Iterator[bytes], path: Path, fps: float, size: tuple[in
         return
     palette = first.quantize(GIF_COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     rest = (image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images)
-    palette.save(path, save_all=True, append_images=rest, duration=round(1000.0 / fps), loop=0, optimize=True)
+    palette.save(path, "GIF", save_all=True, append_images=rest, duration=round(1000.0 / fps), loop=0, optimize=True)

@@ -97,6 +97,9 @@ class LimbSolver:
         kinds = [kind.removesuffix("_ahead").removesuffix("_left") for kind in kinds]
         longest = max(limbs.reach.values())
         self._weight = np.array([WEIGHT[kind] for kind in kinds])[:, None] / longest
+        # Arms and head are held to the chest: what turns the chest takes their goals along, so it is no way to them.
+        along = np.outer(self._goals.with_chest, limbs.turns_chest)
+        self._slope = self._weight[:, :, None] * ~along[:, None, :]
         self._no_rows = np.zeros((0, len(rest)))
         self._any_sense = np.zeros(len(rest), dtype=np.int32)
         vectors = limbs.vectors
@@ -153,7 +156,7 @@ class LimbSolver:
         positions = limbs.positions()
         goals = self._goals.seen_from_root(goals, limbs.chest_rotation())
         miss = (self._weight * (goals - (positions[1] - positions[0]))).ravel()
-        jacobian = (self._weight[:, :, None] * limbs.jacobian(positions)).reshape(len(miss), -1)
+        jacobian = (self._slope * limbs.jacobian(positions)).reshape(len(miss), -1)
         hessian = jacobian.T @ jacobian
         hessian.flat[:: len(q) + 1] += POSTURE + DAMPING
         slope = POSTURE * (q - self._rest) - miss @ jacobian
@@ -167,7 +170,11 @@ class LimbSolver:
 
 
 class Goals:
-    """What the vectors of a robot should be for the limbs of a human."""
+    """What the vectors of a robot should be for the limbs of a human.
+
+    Attributes:
+        with_chest: which of them turn with the chest, shape (K,).
+    """
 
     def __init__(self, limbs: RobotLimbs, human: Array) -> None:
         """Args: the robot's limbs, and the lengths of the human's (14,), m."""
@@ -182,9 +189,7 @@ class Goals:
                 self._mix[k, rows] = limbs.reach[name] * human[rows] / human[rows].sum()
             elif name in LIMBS:
                 self._mix[k, LIMBS.index(name)] = vectors.length[k]
-        self._with_chest = np.array(
-            [k for k, name in enumerate(names) if "arm" in name or name.startswith("head")], int
-        )
+        self.with_chest = np.array(["arm" in name or name.startswith("head") for name in names])
         self._feet = [
             (names.index(f"{side}_foot_ahead"), *(LIMBS.index(f"{side}_{part}") for part in ("thigh", "shank", "foot")))
             for side in SIDES
@@ -204,7 +209,7 @@ class Goals:
     def seen_from_root(self, goals: Array, chest: Array) -> Array:
         """The goals (K, 3) of a robot whose chest is turned by (3, 3)."""
         turned = goals.copy()
-        turned[self._with_chest] = goals[self._with_chest] @ chest.T
+        turned[self.with_chest] = goals[self.with_chest] @ chest.T
         return turned
 
 

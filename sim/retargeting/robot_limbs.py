@@ -73,6 +73,7 @@ class RobotLimbs:
         reach: length of the legs and arms when stretched, by name ("r_leg"), m.
         surface: the robot's skin.
         segments: thighs, shanks, upper arms and forearms by name ("r_thigh").
+        turns_chest: which of the N joints move the chest, shape (N,).
     """
 
     def __init__(
@@ -123,6 +124,7 @@ class RobotLimbs:
             for joint, (leader, curve) in followers(model).items()
             if leader in index
         ]
+        self.turns_chest = moves[self._parts["chest"]]
         self._moves = moves[self.vectors.body].astype(np.float64)[:, :, None, :]
         self._difference = self._moves[1] - self._moves[0]
         self._cross = np.zeros((3, len(index), 3))

@@ -21,6 +21,7 @@ from sim.models.scenery import body_height
 NEAR = 0.025
 STILL = 0.3
 MOMENT = 0.1  # s
+RISE = 0.5  # 1/s, so fast the ground follows the lowest foot upwards; down it follows at once
 LIFTED = 0.004  # heights: prints are drawn so far above the floor, or they would flicker
 
 
@@ -84,6 +85,43 @@ def footprints(model: mujoco.MjModel, corners: Array, stands: NDArray[np.bool_])
             flat[:, 2] = LIFTED * body_height(model)
             prints.append(Print(foot, first, end - 1, flat))
     return sorted(prints, key=lambda p: p.first)
+
+
+class StepWatch:
+    """Sees, picture by picture, which feet of a running robot stand and which have left a print.
+
+    Attributes:
+        corners: of the soles at the last picture, shape (F, 4, 3), m.
+        stands: which feet stand, shape (F,).
+    """
+
+    def __init__(self, model: mujoco.MjModel, feet: Sequence[Foot], height: float) -> None:
+        """Args: the robot, its feet, and how high it is, m."""
+        self._feet, self._height = feet, height
+        self._bodies = [model.body(foot.body).id for foot in feet]
+        self.corners = np.zeros((len(feet), 4, 3))
+        self.stands = np.zeros(len(feet), dtype=bool)
+        self._started, self._ground = False, np.inf
+        self._stood = np.zeros(len(feet))  # s
+
+    def __call__(self, data: mujoco.MjData, dt: float) -> list[Array]:
+        """The corners (4, 3), m, of the prints that are left dt seconds after the last picture."""
+        if not self._feet:
+            return []
+        places = ((data.xpos[body], data.xmat[body].reshape(3, 3)) for body in self._bodies)
+        corners = np.array([at + foot.corners @ turn.T for foot, (at, turn) in zip(self._feet, places, strict=True)])
+        before = self.corners if self._started else corners
+        self.corners, self._started = corners, True
+        low = corners[..., 2].min(axis=1)
+        self._ground = min(low.min(), self._ground + RISE * dt * max(low.min() - self._ground, 0.0))
+        speed = np.linalg.norm(corners.mean(axis=1) - before.mean(axis=1), axis=1) / max(dt, 1e-3)
+        self.stands = (low < self._ground + NEAR * self._height) & (speed < STILL * self._height)
+        stood = np.where(self.stands, self._stood + dt, 0.0)
+        left = [corners[foot].copy() for foot in np.flatnonzero((self._stood < MOMENT) & (stood >= MOMENT))]
+        self._stood = stood
+        for flat in left:
+            flat[:, 2] = LIFTED * self._height
+        return left
 
 
 def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:

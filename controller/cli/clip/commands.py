@@ -10,7 +10,10 @@ import typer
 
 from controller.cli.common.options import (
     PAGE_PORT,
+    CameraOption,
+    FpsOption,
     RenameOption,
+    SizeOption,
     SkeletonOption,
     UnitOption,
     UpOption,
@@ -141,6 +144,9 @@ def view(
     video: Annotated[
         Path | None, typer.Option("--video", metavar="FILM", help="Film it off screen instead: .mp4 or .gif.")
     ] = None,
+    size: SizeOption = None,
+    fps: FpsOption = None,
+    camera: CameraOption = "follow",
     port: Annotated[int, typer.Option("--port", help="The page's port; 0 for any free one.")] = PAGE_PORT,
 ) -> None:
     """View a recording in the browser: the human with its bones, and with --robot a robot doing the same beside it.
@@ -153,7 +159,7 @@ def view(
     import numpy as np
 
     from controller.cli.pictures.clip_scene import act_of
-    from controller.cli.pictures.library_pictures import FILM, film_frames
+    from controller.cli.pictures.library_pictures import film_frames, film_look
     from controller.cli.session.page import show_act
     from motiondeck_base.shipped import find_robot
 
@@ -161,9 +167,9 @@ def view(
     body = None if robot is None else find_robot(robot)
     act = act_of(clip, body, ghost=video is None or body is not None)
     if video is not None:
-        hz, _ = FILM.get(video.suffix.lower(), FILM[".mp4"])
-        shown = np.arange(0.0, len(act.qpos), act.rate / hz).astype(int)
-        film_frames(act.model, act.qpos[shown], len(shown), video)
+        look = film_look(video, size, fps, camera)
+        shown = np.arange(0.0, len(act.qpos), act.rate / look.fps).astype(int)
+        film_frames(act.model, act.qpos[shown], len(shown), video, look)
         print(f"wrote {video} ({len(shown)} frames)")
         return
     show_act(act, port)

@@ -31,6 +31,14 @@ RenameOption = Annotated[
     list[str] | None,
     typer.Option("--rename", metavar="OLD=NEW", help="Another name for a joint, such as bone12=LeftUpLeg; repeatable."),
 ]
+SizeOption = Annotated[
+    str | None,
+    typer.Option("--size", metavar="WIDTHxHEIGHT", help="Of a film, pixels; default: 1920x1080, gif 400x300."),
+]
+FpsOption = Annotated[float | None, typer.Option("--fps", help="Pictures a second of a film; default: 30, gif 20.")]
+CameraOption = Annotated[
+    str, typer.Option("--camera", help="Where a film is seen from: follow, front, side, or three (all of them).")
+]
 
 
 def reading_options(

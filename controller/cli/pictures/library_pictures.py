@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,11 +24,14 @@ from motiondeck_base.shipped import find_library, find_robot
 
 if TYPE_CHECKING:
     from sim.physics.playback import KinematicPlayback
+    from sim.pictures.offscreen import Camera
+    from sim.pictures.video import Shot
     from sim.robots.robot import Robot
 
 # Pictures a second, and their size: a GIF has to be small to be shown on a page.
-FILM = {".mp4": (30.0, (640, 480)), ".gif": (20.0, (400, 300))}
-STEPS_A_SECOND = 120
+FILM = {".mp4": (30.0, (1920, 1080)), ".gif": (20.0, (400, 300))}
+STEPS_A_SECOND = 200
+PRINTS = 24  # of the latest footprints are shown
 MOMENTS = 8
 SHEET_SECONDS = {"loop": 1.0, "once": 0.6}
 
@@ -83,6 +88,48 @@ def _blended(library: MotionLibrary, body: Robot, blend: Blend) -> Deck:
     return deck
 
 
+@dataclass(frozen=True)
+class FilmLook:
+    """How a film looks: width and height, pixels; pictures a second; where it is seen from; what is drawn besides."""
+
+    size: tuple[int, int]
+    fps: float
+    camera: Camera
+    ghost: bool = False
+    footprints: bool = False
+
+
+def film_look(
+    out: Path, size: str | None, fps: float | None, camera: str, ghost: bool = False, footprints: bool = False
+) -> FilmLook:
+    """The look that options ask for; what they leave open follows from the ending of the file.
+
+    Raises:
+        MotiondeckError: for a size that is not WIDTHxHEIGHT, or another rate than 1 to 240 Hz.
+        UnknownNameError: for a camera that does not exist.
+    """
+    from sim.pictures.offscreen import camera_named
+
+    usual_fps, usual_size = FILM.get(out.suffix.lower(), FILM[".mp4"])
+    numbers = re.fullmatch(r"(\d{1,5})x(\d{1,5})", size or f"{usual_size[0]}x{usual_size[1]}")
+    if numbers is None:
+        raise MotiondeckError(f"--size '{size}' is not WIDTHxHEIGHT, such as 1920x1080")
+    if fps is not None and not 1.0 <= fps <= 240.0:
+        raise MotiondeckError(f"--fps {fps:g} is not between 1 and 240 pictures a second")
+    asked = (int(numbers[1]), int(numbers[2]))
+    return FilmLook(asked, fps or usual_fps, camera_named(camera), ghost, footprints)
+
+
+@dataclass(frozen=True)
+class Staging:
+    """What carries the robot of a film: as the options of `play` say."""
+
+    physics: bool = True
+    root: str = "gantry"
+    balance: bool = False
+    solver: str | None = None
+
+
 def film(
     library: MotionLibrary,
     robot: str,
@@ -90,7 +137,8 @@ def film(
     timeline: Sequence[Timed],
     seconds: float,
     out: Path,
-    solver: str | None = None,
+    look: FilmLook,
+    staging: Staging,
 ) -> dict[str, object]:
     """Films a run and returns what `play --video --json` says.
 
@@ -101,7 +149,8 @@ def film(
         timeline: what is commanded when.
         seconds: how long.
         out: the film, .mp4 or .gif.
-        solver: how motions are carried onto the robot, in place of what its file says.
+        look: how it looks.
+        staging: whether in physics, and what holds the robot.
 
     Raises:
         MotiondeckError: if a command is refused; it says when.
@@ -109,39 +158,61 @@ def film(
     from sim.models.robot_file import solver_named
     from sim.robots.robot import load_robot
 
-    body = load_robot(find_robot(robot), library.skeleton, solver_named(solver), 1.0 / STEPS_A_SECOND)
-    hz, _ = FILM.get(out.suffix.lower(), FILM[".mp4"])
-    total = max(1, round(seconds * hz))
+    body = load_robot(find_robot(robot), library.skeleton, solver_named(staging.solver), 1.0 / STEPS_A_SECOND)
+    total = max(1, round(seconds * look.fps))
     deck = deck_for(body.retarget)
-    report = film_frames(body.model, _frames(deck, body, timeline, total, hz), total, out)
+    report = film_frames(body.model, _shots(deck, body, timeline, total, look, staging), total, out, look)
     return report | {"fell_back": deck.fell_back}
 
 
-def film_frames(model: Any, frames: Iterable[Array], total: int, out: Path) -> dict[str, object]:
-    """Films so many qpos (nq,) of a MuJoCo model, at the rate that FILM gives the ending of the file."""
+def film_frames(model: Any, frames: Iterable[Array | Shot], total: int, out: Path, look: FilmLook) -> dict[str, object]:
+    """Films so many pictures of a MuJoCo model."""
     from controller.cli.common.progress import progress
     from sim.pictures.video import render
 
-    hz, size = FILM.get(out.suffix.lower(), FILM[".mp4"])
     with progress("filming", total) as tick:
-        count = render(model, frames, out, hz, size, True, lambda _: tick())
-    return {"video": str(out), "frames": count, "fps": hz, "bytes": out.stat().st_size}
+        count = render(model, frames, out, look.fps, look.size, True, lambda _: tick(), look.camera)
+    return {"video": str(out), "frames": count, "fps": look.fps, "size": look.size, "bytes": out.stat().st_size}
 
 
-def _frames(deck: Deck, body: Robot, timeline: Sequence[Timed], total: int, hz: float) -> Iterator[Array]:
-    """One qpos a picture."""
-    from sim.physics.playback import KinematicPlayback
+def _shots(
+    deck: Deck, body: Robot, timeline: Sequence[Timed], total: int, look: FilmLook, staging: Staging
+) -> Iterator[Shot]:
+    """The pictures; between them the deck plays on in ticks, as `play` does."""
+    from controller.loop.safety.safety_envelope import SafetyEnvelope
+    from sim.models.scenery import body_height
+    from sim.physics.physics_model import feet_of
+    from sim.physics.playback import KinematicPlayback, PhysicsPlayback
+    from sim.pictures.video import Shot
+    from sim.view.footprints import StepWatch
 
-    stage, desk = KinematicPlayback(body), CommandDesk(deck, ())
-    waiting = deque(timeline)
-    for _ in range(total):
-        while waiting and waiting[0].at <= deck.time:
-            timed = waiting.popleft()
-            reply, _ = desk.carry_out(timed.message, StopRequest())
-            if isinstance(reply, Refused):
-                raise MotiondeckError(f"the command at {timed.at:g} s was refused: {reply.reason}")
-        _play_on(deck, stage, body, 1.0 / hz)
-        yield stage.qpos
+    dt = 1.0 / STEPS_A_SECOND
+    desk, envelope = CommandDesk(deck, ()), SafetyEnvelope(body.limits, dt)
+    stage = PhysicsPlayback(body, dt, staging.root, staging.balance) if staging.physics else KinematicPlayback(body)
+    watch = StepWatch(body.model, feet_of(body), body_height(body.model)) if look.footprints else None
+    waiting, prints, ghost = deque(timeline), deque[Array](maxlen=PRINTS), body.model.qpos0.copy()
+    started, done = False, 0
+    for picture in range(total):
+        ticks = round((picture + 1) * STEPS_A_SECOND / look.fps)
+        while done < ticks:
+            while waiting and waiting[0].at <= deck.time:
+                timed = waiting.popleft()
+                reply, _ = desk.carry_out(timed.message, StopRequest())
+                if isinstance(reply, Refused):
+                    raise MotiondeckError(f"the command at {timed.at:g} s was refused: {reply.reason}")
+            targets, pose = deck.update(dt)
+            targets = np.clip(targets, body.limits.lower, body.limits.upper)
+            if not started:
+                envelope.start(targets)
+                started = True
+            stage.write(envelope(targets), pose)
+            done += 1
+            if look.ghost and done == ticks:
+                body.layout.place(targets, ghost)
+                ghost[:7] = stage.placed
+            if watch is not None:
+                prints += watch(stage.data, dt)
+        yield Shot(stage.qpos, ghost if look.ghost else None, prints)
 
 
 def _play_on(deck: Deck, stage: KinematicPlayback, body: Robot, seconds: float) -> None:

@@ -24,7 +24,7 @@ def library():
 def filmed(library, monkeypatch):
     """Films a timeline that begins with walk; the deck afterwards, and the report."""
     monkeypatch.setattr(
-        library_pictures, "film_frames", lambda model, frames, total, out: {"frames": len(list(frames))}
+        library_pictures, "film_frames", lambda model, frames, total, out, look: {"frames": len(list(frames))}
     )
 
     def film(timeline, seconds, out):
@@ -34,7 +34,9 @@ def filmed(library, monkeypatch):
             decks.append(Deck(library, retarget, "walk"))
             return decks[0]
 
-        return library_pictures.film(library, "mannequin", deck_for, timeline, seconds, out), decks[0]
+        look = library_pictures.film_look(out, None, None, "follow")
+        staging = library_pictures.Staging(physics=False)
+        return library_pictures.film(library, "mannequin", deck_for, timeline, seconds, out, look, staging), decks[0]
 
     return film
 
@@ -50,6 +52,19 @@ def test_a_blend_and_a_tempo_are_filmed(filmed, tmp_path):
 def test_a_command_that_the_deck_refuses_ends_the_film(filmed, tmp_path):
     with pytest.raises(MotiondeckError, match=r"at 0.1 s was refused: standup is a one-shot"):
         filmed([Timed(0.1, Blend("walk", "standup", 0.5))], 0.4, tmp_path / "film.gif")
+
+
+def test_the_look_of_a_film_is_checked_before_it_is_made(tmp_path):
+    mp4 = library_pictures.film_look(tmp_path / "a.mp4", None, None, "three")
+    assert (mp4.size, mp4.fps, mp4.camera) == ((1920, 1080), 30.0, "three")
+    assert library_pictures.film_look(tmp_path / "a.mp4", "640x480", 25.0, "side").size == (640, 480)
+    for size, fps, camera, words in (
+        ("big", None, "side", "WIDTHxHEIGHT"),
+        (None, 0.0, "side", "--fps 0"),
+        (None, None, "top", "camera 'top'"),
+    ):
+        with pytest.raises(MotiondeckError, match=words):
+            library_pictures.film_look(tmp_path / "a.mp4", size, fps, camera)
 
 
 def test_what_drives_no_deck_is_refused(tmp_path):

@@ -1,8 +1,12 @@
+import os
+
+import mujoco
 import numpy as np
 import pytest
 from PIL import Image, ImageSequence
 
 from sim.models.mannequin.mannequin import build_mannequin
+from sim.pictures.mesh_detail import with_less_detail
 from sim.pictures.offscreen import OffScreen, PictureError
 from sim.pictures.video import contact_sheet, render
 from simulated_bodies import human
@@ -126,3 +130,67 @@ def test_a_contact_sheet_of_nothing_or_of_another_kind_is_refused(model, tmp_pat
         contact_sheet(model, [], tmp_path / "sheet.png")
     with pytest.raises(PictureError, match=r"ends in \.png"):
         contact_sheet(model, [("x", [standing(model)])], tmp_path / "sheet.txt")
+
+
+def test_a_film_that_is_killed_leaves_nothing_behind(model, tmp_path):
+    def frames():
+        yield standing(model)
+        seen.extend(tmp_path.iterdir())
+
+    seen: list = []
+    render(model, frames(), tmp_path / "a.gif", size=(32, 32))
+    if hasattr(os, "O_TMPFILE"):
+        assert seen == []  # nothing has a name before all is done
+
+
+def test_three_cameras_share_the_picture_and_see_different_sides(model):
+    with OffScreen(model, (120, 80), camera="three") as screen:
+        picture = screen.draw(standing(model)).astype(int)
+    front, _, side = (picture[:, 40 * k : 40 * (k + 1)] for k in range(3))
+    assert np.abs(front - side).max() > 30
+
+
+def test_ghost_and_footprints_are_drawn(model):
+    ahead = np.array([[0.3, -0.1, 0.0], [0.6, -0.1, 0.0], [0.6, 0.1, 0.0], [0.3, 0.1, 0.0]])
+    with OffScreen(model, (120, 160)) as screen:
+        plain = screen.draw(standing(model), cut=True).astype(int)
+        printed = screen.draw(standing(model), cut=True, prints=[ahead]).astype(int)
+        haunted = screen.draw(standing(model), cut=True, ghost=standing(model, x=0.4)).astype(int)
+    assert np.abs(printed - plain).max() > 20
+    assert np.abs(haunted - plain).max() > 20
+
+
+def test_the_floor_is_not_over_exposed(model):
+    with OffScreen(model, (160, 120)) as screen:
+        picture = screen.draw(standing(model))
+    below = picture[-20:].reshape(-1, 3).max(axis=1)
+    assert np.quantile(below, 0.99) < 245
+    assert np.quantile(below, 0.5) > 90
+
+
+def test_all_of_two_bodies_far_apart_is_in_the_picture(model):
+    spec = build_mannequin(human())
+    other = build_mannequin(human())
+    spec.attach(other, prefix="b/", frame=spec.worldbody.add_frame())
+    both = spec.compile()
+    qpos = both.qpos0.copy()
+    qpos[both.nq // 2 + 1] = 3.0
+    with OffScreen(both, (120, 120), camera="front") as screen:
+        picture = screen.draw(qpos).astype(int)
+    # Floor and sky are the same all along a row; hands that reach the edge are not.
+    assert np.abs(picture[30:90, :3] - picture[30:90, 60:61]).max() < 60
+    assert np.abs(picture[30:90, -3:] - picture[30:90, 60:61]).max() < 60
+
+
+def test_meshes_lose_what_a_picture_cannot_show():
+    spec = mujoco.MjSpec()
+    angles = np.linspace(0.0, 2.0 * np.pi, 200, endpoint=False)
+    ring = np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1)
+    spec.add_mesh(name="disc", uservert=np.concatenate([ring, ring + 0.2 * np.eye(3)[2]]).ravel())
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="disc")
+    full = spec.compile()
+    coarse = with_less_detail(full, 0.2)
+    assert 8 < coarse.mesh_facenum[0] < 0.3 * full.mesh_facenum[0]
+    used = np.unique(coarse.mesh_face[: coarse.mesh_facenum[0]])
+    assert np.ptp(coarse.mesh_vert[used], axis=0) == pytest.approx(np.ptp(full.mesh_vert, axis=0), abs=0.2)
+    assert len(full.mesh_face) == full.mesh_facenum[0]

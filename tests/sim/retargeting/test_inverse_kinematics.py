@@ -9,12 +9,13 @@ from hypothesis import strategies as st
 from controller.deck.interfaces import JointLimits
 from controller.mocap.rest_pose import FOOT_SLOPE
 from controller.rotations import from_rotation_vector, normalise, rotate
+from sim.models.joint_layout import JointLayout
 from sim.models.model_file import read_model
 from sim.retargeting.human_limbs import LIMBS
 from sim.retargeting.inverse_kinematics import LimbSolver, sole
 from sim.retargeting.robot_limbs import RobotLimbs
 from sim.robots.body_matching import match
-from small_robots import SERVOS, humanoid
+from small_robots import SERVOS, full_humanoid, humanoid
 
 UP = np.array([0.0, 0.0, 1.0])
 # Upper arm, forearm, thigh and shank, as long as a human's, m; the robot's are shorter and of other proportions.
@@ -208,3 +209,24 @@ def test_a_leg_and_foot_in_one_line_have_no_side_and_still_get_one():
     ahead, left = sole(down, down, down, UP)
     assert np.isfinite(ahead).all()
     assert left.tolist() == [0.0, 1.0, 0.0]
+
+
+def test_a_trunk_does_not_bend_for_what_an_arm_cannot_reach(tmp_path):
+    path = tmp_path / "full.xml"
+    path.write_text(full_humanoid())
+    model = read_model(path).compile()
+    found = match(path, model)
+    joints = JointLayout.of(model).joints
+    limbs = RobotLimbs(path, model, found.parts, found.root_rotation, joints)
+    count = len(joints)
+    reach = np.array([0.3 if "elbow" in name or "shoulder" in name else 2.0 for name in joints])
+    assert (reach < 1.0).sum() == 8
+    limits = JointLimits(-reach, reach, *(np.full(count, rate) for rate in (8.0, 300.0, 1e4)))
+    solve = LimbSolver(limbs, HUMAN, limits, np.zeros(count), DT)
+    boxing = standing()
+    for side in SIDES:
+        for part in ("upper_arm", "forearm"):
+            boxing[LIMBS.index(f"{side}_{part}")] = normalise(np.array([0.9, 0.0, 0.3]))
+    for _ in range(60):
+        limbs.place(solve(boxing, UP))
+    assert np.degrees(np.arccos(limbs.chest_rotation()[2, 2])) < 2.0
