@@ -1,4 +1,4 @@
-"""What happens when something around a deck breaks: what is said, the exit code, and what is left behind.
+"""When something around a deck breaks: what is said, exit code, what is left.
 
 Each row is a run of `play` on a simulated robot in a temporary folder of its own, with one fault: no room for what the
 processes share, a full disk of the recording, a home that cannot be written, a process killed or stopped for a while, a

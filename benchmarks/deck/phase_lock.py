@@ -1,4 +1,4 @@
-"""How fast and how closely loops fall in step, with a beat and with another deck, in seconds of virtual time.
+"""How fast and how closely loops fall in step with a beat or another deck.
 
 Beats: 80 to 140 a minute, given at the ticks after they were, from several phases; the error is by how much a step
 misses its beat. Decks: two of them, one after the other from so many offsets; the second asks the first for its phase

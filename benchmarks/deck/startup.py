@@ -1,4 +1,4 @@
-"""How long it takes from the command to the first tick, to a page that answers, and to import motiondeck.
+"""Seconds from the command to the first tick and to a page, and to import.
 
 Each is a new process. `tick` is the first one of `play --headless`, `tick with page` that of `play` with a page, `page`
 the first reply of the page to a browser's request, and `import` the whole of `python -c "import motiondeck"` less that

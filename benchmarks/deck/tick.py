@@ -1,4 +1,4 @@
-"""CPU time of one tick, part by part, without the simulator, and the Python calls of a whole tick of `play`.
+"""CPU time of one tick, part by part, and the Python calls of a tick.
 
 A phase-driven reservoir, retargeting, safety, and the servos' frame.
 

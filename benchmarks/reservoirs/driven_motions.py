@@ -1,4 +1,4 @@
-"""One motion over speed, learned at some speeds and played at one that was held back, beside interpolated clips.
+"""One motion over speed, played at a speed that was held back, and clips.
 
 Each family is a gait of one person, or of several, recorded at different speeds. Each recording between the slowest and
 the fastest is held back once; the network learns the others and is driven with the speed of the one held back. The

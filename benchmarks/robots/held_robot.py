@@ -1,4 +1,4 @@
-"""A robot that walks in the air is held by its knees and let go: locked to its body, and beside it a clip player.
+"""A robot is held by its knees and let go: locked to its body, or not.
 
 Physics with the servos' own torques. Each hand is a spring and damper of limited force between a knee (where the shank
 begins) and where it was when the hold began. Both robots get targets through the same safety envelope; the clip player

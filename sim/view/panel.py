@@ -151,10 +151,14 @@ class Panel:
         phase.on_update(self._phase_moved)
         return phase
 
-    def _add_tap(self) -> viser.GuiButtonGroupHandle:
-        """Buttons to tap a beat and to end the lock."""
-        tap = self._page.gui.add_button_group("beat", ("Tap", "Unlock"), hint=BY_WORD["beat"].help)
-        tap.on_click(lambda event: self._send(GiveBeat() if event.target.value == "Tap" else Unlock()))
+    def _add_tap(self) -> viser.GuiButtonHandle:
+        """A button to tap a beat, and one to end the lock."""
+        gui = self._page.gui
+        with gui.add_folder("beat", expand_by_default=False):
+            tap = gui.add_button("Tap", color="gray", hint=BY_WORD["beat"].help)
+            unlock = gui.add_button("Unlock", color="gray", hint=BY_WORD["unlock"].help)
+        tap.on_click(lambda _: self._send(GiveBeat()))
+        unlock.on_click(lambda _: self._send(Unlock()))
         return tap
 
     @property

@@ -90,9 +90,14 @@ def not_learned(borders: Frames, labels: Labels) -> tuple[Frames, Frames]:
     marked = labels.borders
     fair = ~(learned[marked[:, 1] - 1] | learned[np.minimum(marked[:, 1], labels.frames - 1)])
     within = np.clip(borders, 1, labels.frames - 1)
-    # A border just inside a learned segment may be the one that was marked at its fair end.
-    near = ((borders[:, None] >= marked[fair, 0]) & (borders[:, None] <= marked[fair, 2])).any(1)
-    return borders[near | ~(learned[within - 1] | learned[within])], marked[fair]
+
+    def near(marks: Frames) -> Array:
+        return ((borders[:, None] >= marks[:, 0]) & (borders[:, None] <= marks[:, 2])).any(1)
+
+    # Marks are accepted on both sides: a border just inside a learned segment may be the one that was marked at its
+    # fair end, and one just outside of it the one at an end that does not count.
+    outside = ~(learned[within - 1] | learned[within]) & ~near(marked[~fair])
+    return borders[near(marked[fair]) | outside], marked[fair]
 
 
 def bank_of_first_occurrences(

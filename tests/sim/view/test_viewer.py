@@ -14,7 +14,19 @@ from PIL import Image
 from test_private_page import free_port
 
 from controller.wire.command_socket import CommandServer
-from controller.wire.messages import Accepted, EmergencyStop, GiveBeat, Jump, Pause, Refused, SetTempo, Stop, Switch
+from controller.wire.messages import (
+    Accepted,
+    EmergencyStop,
+    GiveBeat,
+    Jump,
+    Pause,
+    Refused,
+    Reset,
+    SetTempo,
+    Stop,
+    Switch,
+)
+from controller.wire.run_recording import MODES
 from controller.wire.telemetry import StateWriter
 from sim.models.mannequin.mannequin import build_mannequin
 from sim.view.scene import Follower
@@ -22,7 +34,7 @@ from sim.view.viewer import main
 from simulated_bodies import human
 
 MOTIONS = ["walk", "jog", "waltz"]
-NUMBERS = ["tick", "time_s", "motion", "tempo", "phase", "paused", "rate_hz", "overruns"]
+NUMBERS = ["tick", "time_s", "motion", "mode", "tempo", "phase", "paused", "rate_hz", "overruns"]
 NUMBERS += ["lock_source", "lock_stage", "lock_error_ms", "beats_per_minute"]
 NUMBERS += ["lateness_p50_us", "lateness_p999_us", "work_p50_us"]
 PATIENCE = 60.0  # s: a browser without a graphics card on a busy machine
@@ -49,13 +61,14 @@ class FakeDeck:
         self._thread.start()
 
     def _play(self):
-        motion, tick = 0, 0
+        motion, tick, mode = 0, 0, "playing"
         while not self._over.wait(0.02):
             tick += 1
             self._qpos[0] += 0.02
             numbers = {
                 "tick": tick,
                 "motion": motion,
+                "mode": MODES.index(mode),
                 "tempo": 1.0,
                 "phase": 0.4,
                 "lock_source": 0.0,
@@ -70,9 +83,17 @@ class FakeDeck:
                 self.received.append(message)
                 if isinstance(message, Switch):
                     motion = MOTIONS.index(message.to)
+                if isinstance(message, EmergencyStop):
+                    mode = "emergency stop"
+                elif isinstance(message, Reset):
+                    mode = "playing"
                 refused = isinstance(message, Stop)
                 reply = Refused("not while someone is watching", message.id) if refused else Accepted(message.id)
                 self.server.reply(sender, reply)
+
+    def got(self, kind):
+        """Whether such a message has arrived."""
+        return any(isinstance(message, kind) for message in self.received)
 
     @property
     def motions(self):
@@ -151,9 +172,19 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
         # Keys: the third motion, pause, and the emergency stop.
         page.keyboard.press("3")
         until(lambda: deck.motions == ["jog", "waltz"], "the key 3")
-        for key, kind in (("Space", Pause), ("Escape", EmergencyStop)):
-            page.keyboard.press(key)
-            until(lambda kind=kind: any(isinstance(message, kind) for message in deck.received), key)
+        page.keyboard.press("Space")
+        until(lambda: deck.got(Pause), "the space bar")
+        page.keyboard.press("Escape")
+        page.get_by_text("EMERGENCY STOP", exact=True).wait_for()
+        until(jog.is_disabled, "buttons that cannot be pressed now")
+        # A reset is asked about first.
+        page.get_by_role("button", name="Reset", exact=True).click()
+        page.get_by_role("button", name="Cancel", exact=True).click()
+        assert not deck.got(Reset)
+        page.get_by_role("button", name="Reset", exact=True).click()
+        page.get_by_role("button", name="Release", exact=True).click()
+        until(lambda: deck.got(Reset), "the reset")
+        until(jog.is_enabled, "buttons that can be pressed again")
 
         # State line and emergency stop stay in sight where the panel is longer than the window.
         page.mouse.move(850, 400)
@@ -176,6 +207,7 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
         tempo = until(lambda: [m.factor for m in deck.received if isinstance(m, SetTempo)], "the tempo")
         assert tempo[-1] == pytest.approx(1.05)
 
+        page.get_by_text("beat", exact=True).click()
         page.get_by_role("button", name="Tap", exact=True).click()
         until(lambda: GiveBeat() in [msgspec.structs.replace(m, id=0) for m in deck.received], "the beat")
 

@@ -57,7 +57,7 @@ def page(browser, address):
 
 def picture(page):
     """What the page shows left of the panel, as grey values."""
-    png = page.screenshot(clip={"x": 100, "y": 50, "width": 400, "height": 500})
+    png = page.screenshot(clip={"x": 100, "y": 50, "width": 350, "height": 500})
     return np.asarray(Image.open(io.BytesIO(png)).convert("L"), dtype=float)
 
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from controller.deck.joins.transition import difference
+from controller.deck.joins.transition import Bounds, difference
 from controller.measures.motion_matching import joint_features
 from controller.mocap.canonical.canonical_body import carried
 from controller.mocap.encodings.encoding import encoding_of
@@ -56,7 +56,10 @@ def test_a_fade_leads_back_the_way_it_came_and_never_through_the_ends_of_a_turn(
     def limbs(rotation):
         return encoding.skeleton.joints(np.zeros((*rotation.shape[:-2], 3)), rotation)
 
-    fade = difference((still[0], still[0]), (still[1], still[1]), 0.01, limbs, 50.0)
+    def staying(seconds):
+        return encoding.decode(np.full((len(seconds), 1), -3.0))
+
+    fade = difference((still[0], still[0]), (still[1], still[1]), 0.01, staying, limbs, Bounds(np.inf, 50.0))
     way = [angles_of(fade.apply(still[1], t, 0.0).rotation[1:])[0] for t in np.linspace(0.0, fade.duration, 50)]
     assert way[0] == pytest.approx(3.0)
     assert way[-1] == pytest.approx(-3.0)

@@ -14,6 +14,7 @@ from controller.recognition.segmentation.by_experts import (
     borders_of,
     first_occurrences,
     frame_costs,
+    not_learned,
     smoothed,
     viterbi,
 )
@@ -157,3 +158,14 @@ def test_labels_of_one_class_or_a_moment_teach_nothing():
     short = Labels(("a", "b"), np.array([[1, 2, 3]]), len(signal))
     with pytest.raises(MotiondeckError, match="'a' first occurs for only 1 frames"):
         bank_of_first_occurrences(signal, short, 1.0)
+
+
+def test_experts_are_scored_only_on_borders_that_are_new_to_them():
+    """Walk and jump are learned where they first occur; between the second walk and the second jump all is new."""
+    borders = np.array([[90, 100, 110], [190, 200, 210], [290, 300, 310]])
+    labels = Labels(("walk", "jump", "walk", "jump"), borders, 400)
+    # Found late at each mark, and once where nothing is marked.
+    found, marked = not_learned(np.array([105, 205, 305, 350]), labels)
+    assert marked.tolist() == [[290, 300, 310]]
+    assert found.tolist() == [305, 350]
+    assert score_borders(found, marked) == BorderScore(hits=1, found=2, marked=1)
