@@ -91,8 +91,8 @@ def not_learned(borders: Frames, labels: Labels) -> tuple[Frames, Frames]:
     fair = ~(learned[marked[:, 1] - 1] | learned[np.minimum(marked[:, 1], labels.frames - 1)])
     within = np.clip(borders, 1, labels.frames - 1)
 
-    def near(marks: Frames) -> Array:
-        return ((borders[:, None] >= marks[:, 0]) & (borders[:, None] <= marks[:, 2])).any(1)
+    def near(marks: Frames) -> NDArray[np.bool_]:
+        return np.any((borders[:, None] >= marks[:, 0]) & (borders[:, None] <= marks[:, 2]), axis=1)
 
     # Marks are accepted on both sides: a border just inside a learned segment may be the one that was marked at its
     # fair end, and one just outside of it the one at an end that does not count.

@@ -1,16 +1,19 @@
 """The page of a running deck, pressed by a real browser."""
 
 import io
-import json
 import re
 import socket
 import subprocess
 import sys
 
+import msgspec
 import numpy as np
 import pytest
 from PIL import Image
 from playwright.sync_api import Error
+
+from controller.wire.command_socket import CommandClient
+from controller.wire.messages import GetStatus
 
 
 def free_port():
@@ -62,14 +65,9 @@ def picture(page):
 
 
 def state():
-    said = subprocess.run(
-        [sys.executable, "-m", "controller.cli.main", "send", "status", "--json", "--command-port", COMMAND_PORT],
-        capture_output=True,
-        text=True,
-        timeout=30,
-        check=True,
-    )
-    return json.loads(said.stdout)
+    """What the deck says of itself."""
+    with CommandClient(int(COMMAND_PORT)) as client:
+        return msgspec.to_builtins(client.request(GetStatus(), timeout_s=30.0))
 
 
 def until(page, condition):
