@@ -5,6 +5,7 @@ import re
 import socket
 import subprocess
 import sys
+from contextlib import closing
 
 import msgspec
 import numpy as np
@@ -66,7 +67,7 @@ def picture(page):
 
 def state():
     """What the deck says of itself."""
-    with CommandClient(int(COMMAND_PORT)) as client:
+    with closing(CommandClient(int(COMMAND_PORT))) as client:
         return msgspec.to_builtins(client.request(GetStatus(), timeout_s=30.0))
 
 
