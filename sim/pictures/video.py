@@ -129,9 +129,10 @@ def bodies_sheet(
                         picture = Image.fromarray(screen.draw(qpos, cut=True))
                         sheet.paste(picture, (margin + column * width, row * height))
         # A palette of 256 colours makes a quarter of the file, and nobody sees it.
-        (sheet.quantize(256, dither=Image.Dither.NONE) if path.suffix.lower() == ".png" else sheet).save(
-            unfinished, kind
-        )
+        small = sheet.quantize(256, dither=Image.Dither.NONE) if path.suffix.lower() == ".png" else sheet
+        # As an open file: pillow before 11 looks for the name of a path, and this one may have none.
+        with unfinished.open("wb") as file:
+            small.save(file, kind)
 
 
 @contextmanager
@@ -210,4 +211,7 @@ def _write_gif(pictures: Iterator[bytes], path: Path, fps: float, size: tuple[in
         return
     palette = first.quantize(GIF_COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     rest = (image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images)
-    palette.save(path, "GIF", save_all=True, append_images=rest, duration=round(1000.0 / fps), loop=0, optimize=True)
+    pace = round(1000.0 / fps)
+    # As an open file: pillow before 11 looks for the name of a path, and this one may have none.
+    with path.open("wb") as file:
+        palette.save(file, "GIF", save_all=True, append_images=rest, duration=pace, loop=0, optimize=True)
