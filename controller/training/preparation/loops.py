@@ -22,6 +22,7 @@ EASE_SECONDS = 0.3  # in which a one-shot comes to rest
 SEAM_SECONDS = 0.4  # on either side of a seam, over which the mismatch is eased out
 VELOCITY_SECONDS = 1.0 / 15.0  # what a mismatch in velocity counts: as far as it leads in this time
 SLOPE_SECONDS = 1.0 / 15.0  # over which a slope is measured
+ALIKE = 1e-6  # m: of seams whose mismatches differ by less, the one that keeps most of the recording is taken
 MOST_STARTS = 1200  # that are tried one by one; in longer clips every second or third and so on, then those around
 
 
@@ -54,7 +55,7 @@ def best_seam(features: Array, rate: float, *, at_least: float) -> Seam:
     best = _best_of(seen, range(0, frames - shortest, stride), shortest, stride)
     if stride > 1:
         near = range(max(0, best.start - stride), min(frames - shortest, best.start + stride + 1))
-        best = min(best, _best_of(seen, near, shortest, 1), key=lambda seam: seam.mismatch)
+        best = _best_of(seen, near, shortest, 1)
     return best
 
 
@@ -98,14 +99,16 @@ def _reach(rate: float) -> int:
 
 
 def _best_of(seen: Array, starts: range, shortest: int, stride: int) -> Seam:
-    """The best seam that begins at one of some frames."""
-    best = Seam(0, len(seen) - 1, np.inf)
+    """The best seam that begins at one of some frames; of seams that are alike, the longest loop's."""
+    best, best_rank = Seam(0, len(seen) - 1, np.inf), (np.inf, 0)
     for start in starts:
-        mismatch = np.square(seen[start + shortest :: stride] - seen[start]).sum(1)
-        place = int(mismatch.argmin())
-        if mismatch[place] < best.mismatch:
-            best = Seam(start, start + shortest + stride * place, float(mismatch[place]))
-    return Seam(best.start, best.end, float(np.sqrt(best.mismatch)))
+        mismatch = np.sqrt(np.square(seen[start + shortest :: stride] - seen[start]).sum(1))
+        steps = np.rint(mismatch / ALIKE)
+        place = len(steps) - 1 - int(steps[::-1].argmin())
+        length = shortest + stride * place
+        if (rank := (float(steps[place]), -length)) < best_rank:
+            best, best_rank = Seam(start, start + length, float(mismatch[place])), rank
+    return best
 
 
 def close_loop(channels: Array, cut: Seam, velocities: slice, rate: float) -> Array:

@@ -18,6 +18,13 @@ def test_the_cut_falls_on_whole_periods():
     assert len(loop) == pytest.approx(180, abs=3)
 
 
+@pytest.mark.parametrize("rate", [24.0, 30.0, 60.0, 120.0, 500.0])
+def test_of_seams_that_match_alike_the_longest_loop_is_kept(rate):
+    t = np.arange(round(3.3 * rate)) / rate
+    cut = best_seam(np.stack([np.sin(2 * np.pi * t), np.cos(2 * np.pi * t)], axis=1), rate, at_least=0.5)
+    assert cut.end - cut.start == 3 * rate
+
+
 def test_neither_value_nor_slope_jumps_at_the_seam():
     loop = closed(drifting_wave(), at_least=0.5)
     twice = np.concatenate([loop, loop])
