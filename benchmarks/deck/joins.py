@@ -8,7 +8,8 @@ python -m benchmarks joins [--library thesis15] [--joining WAY] [--phases 24] [-
 For each pair and phase: the largest speed and acceleration of a joint in the world from the command until the switch
 has settled, over the larger of both motions' own (at least 0.5 m/s and 2 m/s^2: a motion may stand still). Without
 --direct the deck takes its routes, and a one-shot is left at its end only; with it every pair is joined at once, out of
-the middle of one-shots too. --chain adds random switches, each begun while the one before is still under way.
+the middle of one-shots too. `--joining blend` blends the second of two loops in, up to a weight of 1. --chain adds
+random switches, each begun while the one before is still under way.
 """
 
 from __future__ import annotations
@@ -17,164 +18,77 @@ import argparse
 import json
 import os
 import sys
-from dataclasses import dataclass
+from typing import Literal
 
 for _library in ("OPENBLAS", "OMP", "MKL"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
 
 import numpy as np  # noqa: E402
 
-from controller.deck.deck import Deck  # noqa: E402
 from controller.deck.joins.deck_motions import read_motions  # noqa: E402
+from controller.deck.joins.join_limits import FASTEST, HARDEST  # noqa: E402
 from controller.deck.joins.joining import JOININGS, Joining  # noqa: E402
+from controller.deck.routes import Routes  # noqa: E402
+from controller.deck.worst_join import RATE, Join, WatchedDeck, play_join  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
-from controller.rotations import Array  # noqa: E402
 from motiondeck_base.shipped import find_library  # noqa: E402
 
-RATE = 200.0
-DT = 1.0 / RATE
-LONGEST = 4.0  # s; a switch that takes its way through one-shots is measured as far as that
-LEAST_SPEED, LEAST_ACCELERATION = 0.5, 2.0
-FASTEST, HARDEST = 1.5, 2.0
-"""A join passes up to these multiples of the motions' own peaks."""
+Way = Joining | Literal["blend"] | None
 
 
-@dataclass(frozen=True)
-class Peaks:
-    """The largest speed (m/s) and acceleration (m/s^2) of a joint in the world."""
-
-    speed: float
-    acceleration: float
-
-    @classmethod
-    def of(cls, places: Array) -> Peaks:
-        """Of joint positions, shape (ticks, joints, 3), m."""
-        steps = np.diff(places, axis=0)
-        return cls(
-            float(np.linalg.norm(steps, axis=-1).max()) * RATE,
-            float(np.linalg.norm(np.diff(steps, axis=0), axis=-1).max()) * RATE**2,
-        )
+def blend_over(library: MotionLibrary, source: str, target: str, phase: float, *, direct: bool) -> Join:
+    """From one loop to another by a blend whose weight goes to 1."""
+    run = WatchedDeck(library, source, phase, direct=direct)
+    return run.until_settled(run.deck.blend_in(source, target, 1.0), source, phase)
 
 
-@dataclass(frozen=True)
-class Join:
-    """One join and its peaks over those of its motions."""
-
-    source: str
-    target: str
-    phase: float
-    speed: float
-    acceleration: float
-    seconds: float
-
-    @property
-    def passes(self) -> bool:
-        """Whether it stays within the limits."""
-        return self.speed <= FASTEST and self.acceleration <= HARDEST
-
-
-class Measured:
-    """A deck whose joint positions in the world are kept."""
-
-    def __init__(
-        self, library: MotionLibrary, motion: str, phase: float, joining: Joining | None, *, direct: bool
-    ) -> None:
-        self.deck = Deck(library, lambda pose: pose.root_position, motion, direct=direct, joining=joining, phase=phase)
-        self._skeleton = library.skeleton
-        self.places: list[Array] = []
-
-    def tick(self) -> None:
-        """One tick of the deck."""
-        self.deck.update(DT)
-        pose = self.deck.pose
-        self.places.append(self._skeleton.joints(pose.root_position, pose.rotation))
-
-
-def own_peaks(library: MotionLibrary, which: tuple[str, ...] = ()) -> dict[str, Peaks]:
-    """The peaks of each motion, or of these, that plays alone, one round of it or until its end."""
-    peaks, motions = {}, read_motions(library)
-    for name in which or motions:
-        motion = motions[name]
-        alone = Measured(library, name, 0.0, None, direct=True)
-        for _ in range(round(motion.seconds * RATE) + 20):
-            alone.tick()
-        found = Peaks.of(np.array(alone.places))
-        peaks[name] = Peaks(max(found.speed, LEAST_SPEED), max(found.acceleration, LEAST_ACCELERATION))
-    return peaks
-
-
-def measure(
-    library: MotionLibrary,
-    own: dict[str, Peaks],
-    source: str,
-    target: str,
-    phase: float,
-    joining: Joining | None,
-    *,
-    direct: bool,
-) -> Join:
-    """One switch at a phase in [0, 1) of the source."""
-    run = Measured(library, source, phase, joining, direct=direct)
-    for _ in range(3):
-        run.tick()
-    switch = run.deck.switch(target)
-    while switch.settled_s is None and run.deck.time - switch.commanded_s < LONGEST:
-        run.tick()
-    for _ in range(10):
-        run.tick()
-    found, on_the_way = Peaks.of(np.array(run.places)), (source, *switch.via, target)
-    return Join(
-        source,
-        target,
-        phase,
-        found.speed / max(own[name].speed for name in on_the_way),
-        found.acceleration / max(own[name].acceleration for name in on_the_way),
-        run.deck.time - switch.commanded_s - 10 * DT,
-    )
-
-
-def grid(
-    library: MotionLibrary, joining: Joining | None, phases: int, *, direct: bool, sample: int, seed: int
-) -> list[Join]:
-    """Every pair at every phase, or a random sample; where one-shots are left at their end only, at that alone."""
-    own, motions = own_peaks(library), read_motions(library)
+def cells_of(library: MotionLibrary, way: Way, phases: int, *, direct: bool) -> list[tuple[str, str, float]]:
+    """Every pair at every phase; where one-shots are left at their end only, at that alone."""
+    motions, routes = read_motions(library), Routes.of(library)
     cells: list[tuple[str, str, float]] = []
     for source, motion in motions.items():
-        moments = np.arange(phases) / phases if motion.loop or direct else np.array([0.999])
+        moments = np.arange(phases) / phases if motion.loop or direct else np.array([1.0])
         targets = [target for target in motions if target != source or not motion.loop]
+        if way == "blend":
+            blended = [target for target in targets if motion.loop and motions[target].loop]
+            targets = [target for target in blended if direct or not routes.by_way_of(source, target)]
         cells += [(source, target, float(phase)) for target in targets for phase in moments]
+    return cells
+
+
+def grid(library: MotionLibrary, way: Way, phases: int, *, direct: bool, sample: int, seed: int) -> list[Join]:
+    """Every pair at every phase, or a random sample of them."""
+    cells = cells_of(library, way, phases, direct=direct)
     if sample:
-        drawn = np.random.default_rng(seed).permutation(len(cells))[:sample]
+        drawn: list[int] = np.random.default_rng(seed).permutation(len(cells))[:sample].tolist()
         cells = [cells[cell] for cell in sorted(drawn)]
     report_progress(f"{len(cells)} joins")
-    return [measure(library, own, *cell, joining, direct=direct) for cell in cells]
+    if way == "blend":
+        return [blend_over(library, *cell, direct=direct) for cell in cells]
+    return [play_join(library, *cell, way, direct=direct) for cell in cells]
 
 
 def chain(library: MotionLibrary, joining: Joining | None, switches: int, *, direct: bool, seed: int) -> list[Join]:
     """Random switches, each commanded 0.05 to 0.8 s after the one before, so that most begin during another."""
-    own, rng = own_peaks(library), np.random.default_rng(seed)
-    names = list(own)
-    run = Measured(library, names[0], 0.0, joining, direct=direct)
+    rng, names = np.random.default_rng(seed), list(read_motions(library))
+    run = WatchedDeck(library, names[0], joining=joining, direct=direct)
     joins, recent = [], [names[0]]
     for _ in range(switches):
         target = str(rng.choice([name for name in names if name != run.deck.motion]))
         source = run.deck.motion
         run.deck.switch(target)
         recent = [*recent[-3:], *run.deck.switches[-1].via, target]  # motions that are still faded out of, or into
-        begin = len(run.places)
-        for _ in range(round(rng.uniform(0.05, 0.8) * RATE)):
-            run.tick()
-        found = Peaks.of(np.array(run.places[max(begin - 2, 0) :]))
-        speed = found.speed / max(own[name].speed for name in recent)
-        acceleration = found.acceleration / max(own[name].acceleration for name in recent)
-        joins.append(Join(source, target, 0.0, speed, acceleration, 0.0))
+        begin = max(len(run.places) - 2, 0)
+        seconds = rng.uniform(0.05, 0.8)
+        run.play(round(seconds * RATE))
+        joins.append(Join(source, target, 0.0, *run.peaks(recent, begin), seconds))
     return joins
 
 
 def summary(joins: list[Join]) -> dict[str, object]:
     """Percentiles, the share that passes and the worst."""
     speeds, accelerations = ([getattr(join, name) for join in joins] for name in ("speed", "acceleration"))
-    worst = sorted(joins, key=lambda join: max(join.speed / FASTEST, join.acceleration / HARDEST))[-5:]
+    worst = sorted(joins, key=lambda join: join.use)[-5:]
     return {
         "joins": len(joins),
         "percentiles": [50, 95, 99, 100],
@@ -198,7 +112,7 @@ def report_progress(line: str) -> None:
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks joins", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--library", default="thesis15")
-    parser.add_argument("--joining", choices=JOININGS, help="by default, what suits the network")
+    parser.add_argument("--joining", choices=(*JOININGS, "blend"), help="by default, what suits the network")
     parser.add_argument("--phases", type=int, default=24)
     parser.add_argument("--direct", action="store_true", help="join every pair at once, at every phase")
     parser.add_argument("--chain", type=int, default=0, metavar="N", help="N random switches during switches instead")
@@ -206,6 +120,8 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1, help="of the random switches, or of the sample")
     parser.add_argument("--json", action="store_true", help="one JSON object")
     options = parser.parse_args()
+    if options.chain and options.joining == "blend":
+        parser.error("--chain plays switches, and a blend is none")
     library = load_library(find_library(options.library))
     if options.chain:
         joins = chain(library, options.joining, options.chain, direct=options.direct, seed=options.seed)

@@ -7,6 +7,7 @@ a few of them, and the worst of these is told.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import product
 
@@ -18,6 +19,7 @@ from controller.deck.joins.join_limits import FASTEST, HARDEST
 from controller.deck.joins.joining import Joining
 from controller.deck.performance import VELOCITY_REACH
 from controller.deck.routes import Routes
+from controller.deck.switch import CommandedSwitch
 from controller.library.motion_library import MotionLibrary
 from controller.rotations import Array
 
@@ -27,7 +29,7 @@ PHASES = 24
 PLAYED = 12
 """How many of the joins that look hardest are played."""
 
-_RATE = 200.0
+RATE = 200.0  # Hz
 _BEFORE, _AFTER = 3, 10  # ticks before the command, and after the switch has settled
 _LONGEST = 4.0  # s
 
@@ -95,34 +97,54 @@ def play_join(
     direct: bool = False,
 ) -> Join:
     """One join as the deck plays it, measured from the command until the switch has settled."""
-    deck = Deck(
-        library, lambda pose: pose.root_position, source, direct=direct, joining=joining, phase=min(phase, 0.999)
-    )
-    places: list[Array] = []
+    run = WatchedDeck(library, source, phase, joining, direct=direct)
+    return run.until_settled(run.deck.switch(target), source, phase)
 
-    def play(ticks: int) -> None:
+
+class WatchedDeck:
+    """A deck that keeps the places of its joints in the world.
+
+    Args:
+        library, motion, joining, direct: as for the deck.
+        phase: where it begins, [0, 1].
+
+    Attributes:
+        deck: the deck, which has played a few ticks.
+        places: of the joints, a row (joints, 3) a tick, m.
+    """
+
+    def __init__(
+        self, library: MotionLibrary, motion: str, phase: float = 0.0, joining: Joining | None = None, *, direct: bool
+    ) -> None:
+        self.deck = Deck(
+            library, lambda pose: pose.root_position, motion, direct=direct, joining=joining, phase=min(phase, 0.999)
+        )
+        self.places: list[Array] = []
+        self._skeleton, self._motions = library.skeleton, read_motions(library)
+        self.play(_BEFORE)
+
+    def play(self, ticks: int) -> None:
+        """Goes on for some ticks."""
         for _ in range(ticks):
-            _, pose = deck.update(1.0 / _RATE)
-            places.append(library.skeleton.joints(pose.root_position, pose.rotation))
+            _, pose = self.deck.update(1.0 / RATE)
+            self.places.append(self._skeleton.joints(pose.root_position, pose.rotation))
 
-    play(_BEFORE)
-    switch = deck.switch(target)
-    while switch.settled_s is None and deck.time - switch.commanded_s < _LONGEST:
-        play(1)
-    seconds = deck.time - switch.commanded_s
-    play(_AFTER)
-    motions = [read_motions(library)[name] for name in (source, *switch.via, target)]
-    step = np.diff(places, axis=0)
-    speed = float(np.linalg.norm(step, axis=-1).max()) * _RATE
-    acceleration = float(np.linalg.norm(np.diff(step, axis=0), axis=-1).max()) * _RATE**2
-    return Join(
-        source,
-        target,
-        phase,
-        speed / max(motion.speed for motion in motions),
-        acceleration / max(motion.acceleration for motion in motions),
-        seconds,
-    )
+    def until_settled(self, switch: CommandedSwitch, source: str, phase: float) -> Join:
+        """Plays a switch from a motion until it has settled, and measures it."""
+        while switch.settled_s is None and self.deck.time - switch.commanded_s < _LONGEST:
+            self.play(1)
+        seconds = self.deck.time - switch.commanded_s
+        self.play(_AFTER)
+        target = switch.blend[0] if switch.blend else switch.to
+        return Join(source, target, phase, *self.peaks((source, *switch.via, target)), seconds)
+
+    def peaks(self, motions: Iterable[str], begin: int = 0) -> tuple[float, float]:
+        """The largest speed and acceleration of a joint from a tick on, over the larger of these motions' own."""
+        step = np.diff(self.places[begin:], axis=0)
+        speed = float(np.linalg.norm(step, axis=-1).max()) * RATE
+        acceleration = float(np.linalg.norm(np.diff(step, axis=0), axis=-1).max()) * RATE**2
+        own = [self._motions[name] for name in motions]
+        return speed / max(motion.speed for motion in own), acceleration / max(motion.acceleration for motion in own)
 
 
 def _exits(motion: Motion, phases: int) -> tuple[Array, Array, Array]:
