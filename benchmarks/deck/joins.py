@@ -29,7 +29,7 @@ from controller.deck.joins.deck_motions import read_motions  # noqa: E402
 from controller.deck.joins.join_limits import FASTEST, HARDEST  # noqa: E402
 from controller.deck.joins.joining import JOININGS, Joining  # noqa: E402
 from controller.deck.routes import Routes  # noqa: E402
-from controller.deck.worst_join import RATE, Join, WatchedDeck, play_join  # noqa: E402
+from controller.deck.worst_join import RATE, Join, MeasuredDeck, play_join  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
 from motiondeck_base.shipped import find_library  # noqa: E402
 
@@ -38,7 +38,7 @@ Way = Joining | Literal["blend"] | None
 
 def blend_over(library: MotionLibrary, source: str, target: str, phase: float, *, direct: bool) -> Join:
     """From one loop to another by a blend whose weight goes to 1."""
-    run = WatchedDeck(library, source, phase, direct=direct)
+    run = MeasuredDeck(library, source, phase, direct=direct)
     return run.until_settled(run.deck.blend_in(source, target, 1.0), source, phase)
 
 
@@ -71,7 +71,7 @@ def grid(library: MotionLibrary, way: Way, phases: int, *, direct: bool, sample:
 def chain(library: MotionLibrary, joining: Joining | None, switches: int, *, direct: bool, seed: int) -> list[Join]:
     """Random switches, each commanded 0.05 to 0.8 s after the one before, so that most begin during another."""
     rng, names = np.random.default_rng(seed), list(read_motions(library))
-    run = WatchedDeck(library, names[0], joining=joining, direct=direct)
+    run = MeasuredDeck(library, names[0], joining=joining, direct=direct)
     joins, recent = [], [names[0]]
     for _ in range(switches):
         target = str(rng.choice([name for name in names if name != run.deck.motion]))

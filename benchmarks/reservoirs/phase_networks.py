@@ -43,7 +43,7 @@ from controller.measures.run_batch import batch_of
 from controller.measures.self_test import Judge, after_disturbance, self_test
 from controller.mocap.encodings.encoding import encoding_of
 from controller.mocap.formats.reading import read_clip
-from controller.networks.base import Channels
+from controller.networks.clip_player import ClipPlayer
 from controller.rotations import Array
 from controller.training.fit import train
 from controller.training.recipe import MotionRecipe, NetworkRecipe, read_recipe
@@ -135,51 +135,6 @@ def training_set(data: Path, source: str) -> TrainingSet:
             print(f"left out: {error}", file=sys.stderr)
     assert encoding is not None
     return TrainingSet(encoding, RATE, frames, loops, {})
-
-
-class ClipPlayer:
-    """Plays the recorded frames; what any network has to be compared with. Fits `base.PhaseNetwork`."""
-
-    def __init__(self, motions: dict[str, Array], loops: dict[str, bool]) -> None:
-        self._frames, self._loops = {name: frames.astype(np.float32) for name, frames in motions.items()}, loops
-        self.motions = tuple(motions)
-        self.channels = next(iter(motions.values())).shape[1]
-        self.phase = 0.0
-        self.cue(self.motions[0], 0)
-
-    def anchors(self, motion: str) -> Channels:
-        """All frames."""
-        return self._frames[motion].astype(np.float64)
-
-    def cue(self, motion: str, anchor: int) -> None:
-        """Goes to a frame."""
-        self._motion, self._at = motion, anchor
-
-    def seek(self, motion: str, phase: float) -> None:
-        """Goes to a phase."""
-        self.cue(motion, int(phase * len(self._frames[motion])))
-
-    def advance(self, out: Channels) -> None:
-        """The next frame."""
-        self._go(1, out)
-
-    def retreat(self, out: Channels) -> None:
-        """The frame before."""
-        self._go(-1, out)
-
-    def _go(self, by: int, out: Channels) -> None:
-        frames = self._frames[self._motion]
-        at = self._at + by
-        self._at = at % len(frames) if self._loops[self._motion] else min(max(at, 0), len(frames) - 1)
-        np.copyto(out, frames[self._at])
-
-    def snapshot(self) -> tuple[str, int]:
-        """Motion and frame."""
-        return self._motion, self._at
-
-    def restore(self, snapshot: tuple[str, int]) -> None:
-        """Goes back to a snapshot."""
-        self._motion, self._at = snapshot
 
 
 def learned(recipe: NetworkRecipe, known: TrainingSet, seed: int) -> tuple[AnyNetwork, float]:

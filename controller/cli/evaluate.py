@@ -32,11 +32,11 @@ def evaluate(
     table: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Write the table as CSV.")] = None,
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw a plot (.png, .svg, .pdf).")] = None,
 ) -> None:
-    """Measure how well networks learn, whether they survive disturbances, and how they switch.
+    """Measure how well networks learn, whether they survive disturbances, and how they switch, beside a clip player.
 
     accuracy: training errors and self-tests of a recipe's networks. robustness: failures after a start from a
     disturbed state. stability: failures under noise in every step. transitions: switches between all pairs of
-    motions, joined in four ways.
+    motions, joined in four ways, and the recordings joined by the deck.
 
     A recipe is trained with consecutive seeds; a library is measured as it is. Runs are judged by the criterion of
     the self-test (docs/evaluation.md).
@@ -72,18 +72,20 @@ def evaluate(
 
 def accuracy(evaluation: Evaluation, seeds: range) -> Table:
     """Training errors and self-tests of a recipe's networks."""
-    from controller.evaluation.tables import training_table
+    from controller.evaluation.tables import training_table, with_clip_verdicts
+    from controller.measures.self_test import self_test
 
     with progress("training and testing", len(seeds)) as tick:
         errors, verdicts = evaluation.training_errors(seeds, tick)
     notes = ["NRMSE as Jaeger's nrmse.m computes it, not eq. 3.3 as printed (docs/evaluation.md)"]
-    return training_table(f"{evaluation.name}: training", errors, verdicts, notes)
+    table = training_table(f"{evaluation.name}: training", errors, verdicts, notes)
+    return with_clip_verdicts(table, self_test(evaluation.clips, evaluation.judge))
 
 
 def failures(evaluation: Evaluation, kind: Kind, seeds: range, runs: int, jobs: int) -> Table:
     """How often motions fail after a disturbance, without and with a guard."""
     from controller.evaluation.failure_rates import sweep
-    from controller.evaluation.tables import failure_table
+    from controller.evaluation.tables import failure_table, with_undisturbed_clips
     from controller.training.reservoirs.conceptor_training import ConceptorRecipe
 
     with progress("training", len(seeds)) as tick:
@@ -92,13 +94,15 @@ def failures(evaluation: Evaluation, kind: Kind, seeds: range, runs: int, jobs: 
         counts = sweep(kind, networks, evaluation.syllabus, runs, holds=evaluation.holds, jobs=jobs, tick=tick)
     notes = [
         "low, high: 95 % intervals over motions and networks, whose runs are not independent. A one-shot fails where "
-        "it is not gone through once more. A clip player has no state that noise could reach: 0 % throughout."
+        "it is not gone through once more.",
+        "clip player: has no state that noise could reach, so nothing was measured.",
     ]
     if evaluation.centralized:
         notes.append("Both coordinates of every center are disturbed; the satellites follow from them.")
     elif evaluation.library is not None and isinstance(evaluation.recipe.network, ConceptorRecipe):
         notes.append("A library keeps only the directions of its conceptors; only noise along them has an effect.")
-    return failure_table(f"{evaluation.name}: {kind}, {len(networks)} x {runs} runs", counts, notes)
+    table = failure_table(f"{evaluation.name}: {kind}, {len(networks)} x {runs} runs", counts, notes)
+    return with_undisturbed_clips(table)
 
 
 def transitions(evaluation: Evaluation, seed: int, jobs: int) -> Table:
@@ -121,6 +125,7 @@ def transitions(evaluation: Evaluation, seed: int, jobs: int) -> Table:
         crossings = all_crossings(library, syllabus, holds=evaluation.holds, jobs=jobs, tick=tick)
     notes = [
         "median / 95th percentile / maximum; velocity, acceleration, jerk: peaks over the larger of both motions' own",
+        "clip player: the recordings themselves, joined as the deck joins motions",
         "bone_error: the largest change of a bone's length during the transition, as a share",
     ]
     if evaluation.library is None and library.info.seed != seed:

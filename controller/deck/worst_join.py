@@ -97,11 +97,11 @@ def play_join(
     direct: bool = False,
 ) -> Join:
     """One join as the deck plays it, measured from the command until the switch has settled."""
-    run = WatchedDeck(library, source, phase, joining, direct=direct)
+    run = MeasuredDeck(library, source, phase, joining, direct=direct)
     return run.until_settled(run.deck.switch(target), source, phase)
 
 
-class WatchedDeck:
+class MeasuredDeck:
     """A deck that keeps the places of its joints in the world.
 
     Args:

@@ -10,6 +10,7 @@ from controller.evaluation.failure_rates import Subject, train_subjects
 from controller.evaluation.training_error import TrainingError, training_error
 from controller.library.motion_library import load_library
 from controller.measures.self_test import Judge, MotionVerdict, self_test
+from controller.networks.clip_player import ClipPlayer
 from controller.rotations import Array
 from controller.training.centralized.centralized_training import CentralizedRecipe
 from controller.training.recipe import LibraryRecipe, read_recipe, recipe_of
@@ -45,6 +46,11 @@ class Evaluation:
         return Judge(
             self.syllabus.encoding, self.syllabus.frames, self.syllabus.loops, self.syllabus.rate, holds=self.holds
         )
+
+    @property
+    def clips(self) -> ClipPlayer:
+        """Plays the recordings; the baseline of every measure."""
+        return ClipPlayer(self.syllabus.frames, self.syllabus.loops)
 
     @property
     def centralized(self) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 
@@ -68,6 +68,14 @@ def failure_table(title: str, counts: Sequence[Count], notes: list[str]) -> Tabl
     return Table(title, rows, tuple(f"{kind} %" for kind in kinds), notes)
 
 
+def with_undisturbed_clips(table: Table) -> Table:
+    """A failure table with a row for the clip player, which has no state that noise could reach."""
+    row: dict[str, Value] = dict.fromkeys(table.rows[0], None)
+    none = dict.fromkeys(table.draws, 0.0)
+    blank = {name: "" for name, value in table.rows[0].items() if isinstance(value, str)}
+    return replace(table, rows=[*table.rows, row | blank | none | {"motion": "clip player"}])
+
+
 def crossing_table(
     title: str, crossings: Sequence[MeasuredTransition], loops: dict[str, bool], notes: list[str]
 ) -> Table:
@@ -102,18 +110,27 @@ def training_table(
     shown = [name for name in names if getattr(errors[0], name) is not None]
     rows: list[dict[str, Value]] = []
     for error, tested in zip(errors, verdicts, strict=True):
-        failing = [name for name, verdict in tested.items() if not verdict.passed]
-        apart = [verdict.error_mm for verdict in tested.values()]
         rows.append(
-            {"network": f"seed {error.seed}"}
-            | {name: getattr(error, name) for name in shown}
-            | {
-                "self-test": f"{len(tested) - len(failing)} of {len(tested)}",
-                "free run mm": float(np.median(apart)) if np.isfinite(apart).all() and apart else None,
-                "failing": ", ".join(failing),
-            }
+            {"network": f"seed {error.seed}"} | {name: getattr(error, name) for name in shown} | _tested(tested)
         )
     blank: dict[str, Value] = {"self-test": "", "free run mm": None, "failing": ""}
     mean: dict[str, Value] = {name: float(np.mean([getattr(error, name) for error in errors])) for name in shown}
     rows.append({"network": "mean", **mean, **blank})
     return Table(title, rows, tuple(shown), notes)
+
+
+def with_clip_verdicts(table: Table, verdicts: dict[str, MotionVerdict]) -> Table:
+    """A training table with a row for the clip player, which has no weights."""
+    row: dict[str, Value] = dict.fromkeys(table.rows[0], None)
+    return replace(table, rows=[*table.rows, row | {"network": "clip player", **_tested(verdicts)}])
+
+
+def _tested(verdicts: dict[str, MotionVerdict]) -> dict[str, Value]:
+    """What a training table tells of a self-test."""
+    failing = [name for name, verdict in verdicts.items() if not verdict.passed]
+    apart = [verdict.error_mm for verdict in verdicts.values()]
+    return {
+        "self-test": f"{len(verdicts) - len(failing)} of {len(verdicts)}",
+        "free run mm": float(np.median(apart)) if np.isfinite(apart).all() and apart else None,
+        "failing": ", ".join(failing),
+    }

@@ -10,9 +10,9 @@ turn: where one motion turns and the other does not, a body that goes on smoothl
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -21,11 +21,13 @@ from threadpoolctl import threadpool_limits
 from controller.deck.deck import Deck
 from controller.deck.joins.joining import Joining
 from controller.library.motion_library import MotionLibrary
+from controller.library.network_arrays import AnyNetwork
 from controller.measures.motion_matching import LOST_MM, joint_features
 from controller.measures.self_test import Judge
 from controller.mocap.encodings.bone_directions import FIRST_BONE, HEIGHT, TURN_RATE
 from controller.mocap.encodings.joint_angles import JointBody
 from controller.mocap.posture import Pose, Posture
+from controller.networks.clip_player import ClipPlayer
 from controller.networks.reservoirs.morph import ReservoirNetwork, morph
 from controller.rotations import Array, rotate, yaw
 from controller.training.training_set import TrainingSet
@@ -35,8 +37,8 @@ RAMP = 120
 LONGEST = 3600
 AFTER = 12
 
-METHODS = ("morph", "deck", "crossfade", "cut")
-"""The thesis's mu ramp; the deck's default; the deck with a cross-fade, and without any fade."""
+METHODS = ("morph", "deck", "crossfade", "cut", "clip player")
+"""The thesis's mu ramp; the deck's default; the deck with a cross-fade, without a fade, and playing the recordings."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,8 @@ def all_crossings(
         )
     judge = Judge(syllabus.encoding, syllabus.frames, syllabus.loops, syllabus.rate, holds=holds)
     peaks = {name: _own_peaks(syllabus, frames, syllabus.loops[name]) for name, frames in syllabus.frames.items()}
-    tasks = (delayed(_from)(source, library, syllabus, judge, peaks) for source in syllabus.frames)
+    recorded = with_clips(library, syllabus)
+    tasks = (delayed(_from)(source, library, recorded, syllabus, judge, peaks) for source in syllabus.frames)
     found: list[MeasuredTransition] = []
     results: Any = Parallel(n_jobs=jobs, return_as="generator")(tasks)
     for crossings in results:
@@ -101,8 +104,18 @@ def all_crossings(
     return found
 
 
+def with_clips(library: MotionLibrary, syllabus: TrainingSet) -> MotionLibrary:
+    """The same library whose motions a clip player plays, for which the deck asks no more than of any network."""
+    return replace(library, network=cast(AnyNetwork, ClipPlayer(syllabus.frames, syllabus.loops)))
+
+
 def _from(
-    source: str, library: MotionLibrary, syllabus: TrainingSet, judge: Judge, peaks: dict[str, Array]
+    source: str,
+    library: MotionLibrary,
+    recorded: MotionLibrary,
+    syllabus: TrainingSet,
+    judge: Judge,
+    peaks: dict[str, Array],
 ) -> list[MeasuredTransition]:
     """All transitions out of one motion."""
     crossings = []
@@ -118,7 +131,8 @@ def _from(
             begin = RAMP + int(rng.integers(RAMP)) if judge.loops[source] else len(syllabus.frames[source])
             after = 2 * len(syllabus.frames[target]) if judge.loops[target] else len(syllabus.frames[target]) + RAMP
             for method in methods:
-                run, start, end = _played(method, library, source, target, begin, after)
+                played = recorded if method == "clip player" else library
+                run, start, end = _played(method, played, source, target, begin, after)
                 crossings.append(_measured(source, target, method, run, start, end, judge, peaks, library.info.rate))
     return crossings
 

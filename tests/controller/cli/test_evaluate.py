@@ -110,6 +110,7 @@ def test_the_shipped_library_survives_noise(mocap_data):
     assert result.exception is None
     report = json.loads(result.stdout)
     rows = {row["motion"]: row for row in report["rows"]}
-    assert len(rows) == 17
+    assert len(rows) == 18
+    assert rows["clip player"]["intrinsic %"] == 0.0
     assert rows["all loops"]["intrinsic %"] <= 10.0
     assert np.isfinite(rows["everything"]["guarded %"])

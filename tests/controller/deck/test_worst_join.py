@@ -6,7 +6,7 @@ import pytest
 from controller.cli.common.library_report import join_fields, join_line
 from controller.deck.deck import Deck
 from controller.deck.joins.deck_motions import read_motions
-from controller.deck.worst_join import RATE, Join, WatchedDeck, hardest_joins, play_join, worst_join
+from controller.deck.worst_join import RATE, Join, MeasuredDeck, hardest_joins, play_join, worst_join
 from controller.library.motion_library import load_library
 from motiondeck_base.shipped import shipped_configs
 
@@ -37,7 +37,7 @@ def test_a_join_is_as_fast_as_its_poses_say(library):
 
 @pytest.mark.parametrize("motion", ["walk", "cartwheel", "standup"])
 def test_joins_are_measured_against_no_more_than_a_motion_does_by_itself(library, motion):
-    alone = WatchedDeck(library, motion, direct=True)
+    alone = MeasuredDeck(library, motion, direct=True)
     alone.play(round(read_motions(library)[motion].seconds * RATE) + 20)
     speed, acceleration = alone.peaks([motion])
     assert speed == pytest.approx(1.0, abs=0.02)

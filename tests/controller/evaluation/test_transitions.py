@@ -42,6 +42,13 @@ def test_the_table_has_a_row_a_method_and_kind_and_every_pair_below(crossings):
     assert len(table.details) == len(crossings)
 
 
+def test_recordings_are_joined_as_smoothly_as_a_network_that_learned_them(crossings):
+    ours, recorded = ([c for c in crossings if c.method == method] for method in ("deck", "clip player"))
+    assert [(c.source, c.target, c.reason) for c in recorded if c.failed] == []
+    apart = [abs(a.acceleration - b.acceleration) for a, b in zip(ours, recorded, strict=True)]
+    assert np.median(apart) < 0.2
+
+
 def test_a_cut_takes_no_time_and_is_by_far_the_hardest(crossings):
     hardest = {method: np.median([c.acceleration for c in crossings if c.method == method]) for method in METHODS}
     assert max(c.frames for c in crossings if c.method == "cut") <= 3
