@@ -97,34 +97,39 @@ class FaultPlan:
         self._faults = sorted(faults, key=lambda fault: fault.at)
         self._random = random.Random(seed)
         self._coming = list(self._faults)
-        self._active: list[tuple[Fault, Callable[[], None] | None]] = []
+        self._active: list[Fault] = []
+        self._ids: Sequence[int] = ()
+        self._undo: dict[tuple[str, int], Callable[[], None]] = {}  # by kind and servo
         self.unplugged = False
         self.latency = 0.0
 
     def check(self, ids: Sequence[int]) -> None:
-        """Makes sure that the faults are about servos of this rig.
+        """Takes the servos' IDs, by which the faults know them, whatever IDs the faults give them later.
 
         Raises:
-            FaultError: if one is not.
+            FaultError: if a fault is about none of them.
         """
+        self._ids = ids
         for fault in self._faults:
             if fault.id is not None and fault.id not in ids:
                 raise FaultError(f"fault {fault.kind}: there is no id {fault.id} on this rig (ids: {list(ids)}).")
 
     def advance(self, bus: EmulatedBus, now: float) -> None:
         """Begins and ends what is due at the time `now`, s."""
-        for fault, undo in list(self._active):
-            if now >= fault.at + fault.lasts:
-                self._active.remove((fault, undo))
-                if undo is not None:
-                    undo()
+        for fault in [fault for fault in self._active if now >= fault.at + fault.lasts]:
+            self._active.remove(fault)
+            going_on = {key for other in self._active if other.kind == fault.kind for key in self._keys(other)}
+            for key in self._keys(fault):
+                if key in self._undo and key not in going_on:
+                    self._undo.pop(key)()
         while self._coming and self._coming[0].at <= now:
             fault = self._coming.pop(0)
-            self._active.append((fault, self._begin(fault, bus, now)))
+            self._active.append(fault)
+            self._begin(fault, bus, now)
 
     def mangle(self, answer: Answer) -> Answer | None:
         """An answer as it gets through; None if it does not."""
-        for fault, _ in self._active:
+        for fault in self._active:
             if fault.kind not in ON_ANSWERS or (fault.id is not None and fault.id != answer.id):
                 continue
             if self._random.random() >= fault.chance:
@@ -146,24 +151,28 @@ class FaultPlan:
                     answer = answer._replace(delay=answer.delay + late)
         return answer
 
-    def _begin(self, fault: Fault, bus: EmulatedBus, now: float) -> Callable[[], None] | None:
-        """Starts a fault; what ends it, if anything does."""
+    def _keys(self, fault: Fault) -> list[tuple[str, int]]:
+        """Kind and servo of all that a fault meets; the adapter counts as one servo more."""
+        if fault.kind in ON_PORT:
+            return [(fault.kind, len(self._ids))]
+        return [(fault.kind, place) for place, id in enumerate(self._ids) if fault.id in (None, id)]
+
+    def _begin(self, fault: Fault, bus: EmulatedBus, now: float) -> None:
+        """Starts a fault, and keeps what undoes it where no fault of its kind has done it already."""
+        if fault.kind in ON_ANSWERS:
+            return
+        for key in self._keys(fault):
+            undo = self._strike_port(fault) if fault.kind in ON_PORT else _strike(fault, bus.devices[key[1]], bus, now)
+            if undo is not None:
+                self._undo.setdefault(key, undo)
+
+    def _strike_port(self, fault: Fault) -> Callable[[], None]:
+        """Has a fault happen to the adapter; what undoes it."""
         if fault.kind == "unplug":
             self.unplugged = True
             return lambda: setattr(self, "unplugged", False)
-        if fault.kind == "latency":
-            self.latency = (16.0 if fault.value is None else fault.value) * 1e-3
-            return lambda: setattr(self, "latency", 0.0)
-        if fault.kind in ON_ANSWERS:
-            return None
-        hit = [device for device in bus.devices if fault.id is None or device.id == fault.id]
-        undone = [undo for device in hit if (undo := _strike(fault, device, bus, now)) is not None]
-
-        def undo_all() -> None:
-            for undo in undone:
-                undo()
-
-        return undo_all
+        self.latency = (16.0 if fault.value is None else fault.value) * 1e-3
+        return lambda: setattr(self, "latency", 0.0)
 
 
 def _strike(fault: Fault, device: Device, bus: EmulatedBus, now: float) -> Callable[[], None] | None:

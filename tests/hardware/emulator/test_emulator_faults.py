@@ -99,6 +99,25 @@ def test_a_duplicate_takes_another_ones_id_and_gives_it_back(rig_of_four):
     assert bus.ping(2) is not None
 
 
+def test_servos_that_took_each_others_ids_at_the_same_time_get_their_own_back(rig_of_four):
+    port = port_with(rig_of_four, "duplicate:id=1,at=1,for=1", "duplicate:id=2,at=1.5,for=1")
+    bus = Bus(port, 1_000_000, retries=0)
+    port.elapse(1.7)
+    assert bus.ping(1) is None or bus.ping(2) is None
+    port.elapse(1.0)
+    assert [bus.ping(id) is not None for id in (1, 2, 3, 4)] == [True] * 4
+
+
+def test_of_two_faults_of_a_kind_the_longer_one_ends_it(rig_of_four):
+    faults = "brownout:at=1,for=1,value=9", "brownout:at=1.5,for=1,value=9", "dead:id=1,at=1,for=1", "dead:id=1,at=1.5"
+    port = port_with(rig_of_four, *faults)
+    seen = []
+    for until in (0.9, 1.8, 2.3, 2.7):
+        port.elapse(until - port.now())
+        seen.append((float(port.bus[1].bank.drive.supply[0]), port.bus[1].dead))
+    assert seen == [(12.0, False), (9.0, True), (9.0, True), (12.0, True)]
+
+
 def test_models_that_cannot_be_emulated_are_named():
     config = RigConfig("p", 1_000_000, 10.0, (RigJoint("arm", 1, "PH54-200-S500", 1, 0, -1.0, 1.0, 1.0),))
     with pytest.raises(RigError, match="PH54-200-S500 cannot be emulated"):
