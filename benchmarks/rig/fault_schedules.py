@@ -23,6 +23,7 @@ from benchmarks import command
 from benchmarks.rig.schedule_judge import JudgedBus, JudgedPort, ShaftJudge
 from benchmarks.rig.source_mutants import MUTANTS, mutated
 from hardware.bus.servo_bus import Bus
+from hardware.control_table.models import MODELS as TABLES
 from hardware.emulator.faults import Fault, FaultPlan
 from hardware.errors import RigError
 from hardware.rig.rig_file import RigConfig, RigJoint
@@ -33,6 +34,8 @@ from hardware.rig.supervision.supervised_rig import SupervisedRig
 _TICK = 0.01
 SECONDS = 12.0
 _MODELS = ("XM430-W350", "XL330-M288", "XL430-W250", "XC330-T288", "MX-64", "XW540-T260")
+_OLD_MODELS = ("MX-28(1.0)", "AX-12A", "XL-320")
+_WITH_OLD = 0.4  # part of the schedules whose rigs may have old servos too
 _PASSING = ("drop", "corrupt", "truncate", "delay", "dead", "reboot", "brownout", "jam", "duplicate", "unplug",
             "latency", "silence")  # fmt: skip
 _ABOUT_ONE = ("dead", "reboot", "jam", "duplicate")
@@ -40,6 +43,7 @@ _LASTING = ("dead", "overheat", "alert", "unplug", "swap")
 _ENDS = ("close", "hold", "kill", "lasting", "lasting")
 _QUIET = 4.0  # s without faults before the end, in which every joint must come to follow
 _FOLLOWS = 0.15  # rad
+_ACCELERATES = 0.5  # part of its acceleration limit that a joint's sine needs
 _SHORTLY, _CATCHES_UP = 0.5, 0.1  # s; part of its speed limit at which a joint that is still far off must come nearer
 _BLAME = 4.0  # s after a fault in which it may stop the rig
 _RELEASED = 1.5  # s after a jam in which a shaft may snap back to its path
@@ -90,7 +94,8 @@ def schedule(seed: int) -> Schedule:
     """The schedule of this seed."""
     rng = random.Random(seed)
     ports = rng.choice((1, 2))
-    joints = tuple(_joint(rng, id, f"emulated-{1 + id % ports}") for id in range(1, rng.choice((4, 5))))
+    models = _MODELS + _OLD_MODELS if rng.random() < _WITH_OLD else _MODELS
+    joints = tuple(_joint(rng, id, models, f"emulated-{1 + id % ports}") for id in range(1, rng.choice((4, 5))))
     end = rng.choice(_ENDS)
     hold = "hold" if end == "hold" else "off"
     config = RigConfig("emulated-1", 1_000_000, 100.0, joints, reconnect_s=3.0, on_exit=hold)
@@ -109,28 +114,37 @@ def schedule(seed: int) -> Schedule:
             faults.append(Fault("unplug", None, at, 0.5))
         value = _ALERT if kind == "alert" else None
         faults.append(Fault(kind, None if kind == "unplug" else id, at, value=value))
-    lower, upper = np.array([joint.lower for joint in joints]), np.array([joint.upper for joint in joints])
     start = np.array([rng.uniform(joint.lower, joint.upper) for joint in joints])
     old_goal = np.array([rng.uniform(joint.lower, joint.upper) for joint in joints])
+    return Schedule(config, faults, end, start, old_goal, _targets(rng, joints))
+
+
+def _joint(rng: random.Random, id: int, models: tuple[str, ...], port: str) -> RigJoint:
+    model, direction = rng.choice(models), rng.choice((-1, 1))
+    table = TABLES[model]
+    zero = (sum(table.one_turn) + 1) // 2 + round(rng.uniform(-0.07, 0.07) * table.pulses_per_turn)
+    lower, upper = -rng.uniform(0.6, 1.4), rng.uniform(0.6, 1.4)
+    velocity = rng.choice((0.8, 1.5, 2.5))
+    acceleration = rng.choice((0.0, 4.0, 20.0)) if table.place("profile_acceleration") else 0.0
+    return RigJoint(f"joint_{id}", id, model, direction, zero, lower, upper, velocity, acceleration, port=port)
+
+
+def _targets(rng: random.Random, joints: tuple[RigJoint, ...]) -> Callable[[float], Array]:
+    """Sines to the ends of range and speed and beyond; some are squares at first: jumps from one end to the other."""
+    lower, upper = np.array([joint.lower for joint in joints]), np.array([joint.upper for joint in joints])
     reach = 0.5 * (upper - lower) * rng.uniform(1.0, 1.3)
     speed = np.array([joint.velocity for joint in joints]) * rng.uniform(0.5, 0.95)
+    # A sine that a joint can follow: a larger part of its acceleration leaves nothing to catch up with.
+    most = np.array([joint.acceleration or np.inf for joint in joints])
+    speed = np.minimum(speed, np.sqrt(_ACCELERATES * most * reach))
     phase = np.array([rng.uniform(0.0, 2.0 * np.pi) for _ in joints])
     square = np.array([rng.random() < 0.3 for _ in joints])
 
     def targets(now: float) -> Array:
-        """Sines, and here and there jumps from one end to the other, which the servos must take at their own pace."""
         sine = np.sin(now * speed / reach + phase)
         return 0.5 * (lower + upper) + reach * np.where(square & (now < SECONDS - _QUIET), np.sign(sine), sine)
 
-    return Schedule(config, faults, end, start, old_goal, targets)
-
-
-def _joint(rng: random.Random, id: int, port: str) -> RigJoint:
-    zero, acceleration = 2048 + rng.randint(-300, 300), rng.choice((0.0, 20.0))
-    lower, upper = -rng.uniform(0.6, 1.4), rng.uniform(0.6, 1.4)
-    velocity = rng.choice((0.8, 1.5, 2.5))
-    model, direction = rng.choice(_MODELS), rng.choice((-1, 1))
-    return RigJoint(f"joint_{id}", id, model, direction, zero, lower, upper, velocity, acceleration, port=port)
+    return targets
 
 
 def _overlap(one: Fault, other: Fault) -> bool:
@@ -154,7 +168,10 @@ def run(seed: int, until_wrong: bool = False) -> Outcome:
     places = [np.array([config.names.index(name) for name in part.names]) for part in parts]
     for part, bus, place in zip(parts, buses, places, strict=True):
         _leave(part, bus, plan.start[place], plan.old_goal[place])
-    judges = [ShaftJudge(*each) for each in zip(parts, ports, buses, strict=True)]
+    judges = [
+        ShaftJudge(part, port, bus, partial(_struck_at, plan, place))
+        for part, port, bus, place in zip(parts, ports, buses, places, strict=True)
+    ]
 
     def elapse(time: float) -> None:
         """Lets time pass on every port; one that has been waited on is ahead of the others."""
@@ -170,9 +187,10 @@ def run(seed: int, until_wrong: bool = False) -> Outcome:
     stalls = sorted((fault for fault in plan.faults if fault.kind == "silence"), key=lambda fault: fault.at)
     swaps = [fault for fault in plan.faults if fault.kind == "swap"]
     limits = np.array([joint.lower for joint in config.joints]), np.array([joint.upper for joint in config.joints])
-    recoveries = [0] * len(rigs)
     shortly_before = np.full(len(config.joints), np.nan)
     elapse(0.0)
+    for judge in judges:
+        judge.switched_on()
     while (now := ports[0].now()) < SECONDS:
         targets = plan.targets(now)
         try:
@@ -188,21 +206,17 @@ def run(seed: int, until_wrong: bool = False) -> Outcome:
         elapse(_TICK)
         if np.isnan(shortly_before).any() and now > SECONDS - _SHORTLY:
             shortly_before = _angles(judges, places)
-        blocked = _struck(plan, ("jam",), _RELEASED, ports[0].now())
-        cut_off = _struck(plan, ("dead", "duplicate"), _MISLED, ports[0].now())
-        for number, (judge, part, place) in enumerate(zip(judges, rigs, places, strict=True)):
-            if part.recoveries > recoveries[number]:
-                recoveries[number] = part.recoveries
-                judge.recovered()
-            judge.look(np.clip(targets, *limits)[place], blocked[place], cut_off[place], not part.mending)
+        for judge, part, place in zip(judges, rigs, places, strict=True):
+            judge.look(np.clip(targets, *limits)[place], part.faults.unsent)
             if until_wrong and judge.is_wrong:
                 return Outcome(judge.problems)
-    outcome.recoveries = sum(recoveries)
+    outcome.recoveries = rig.recoveries
     if outcome.stopped:
         _judge_stop(plan, outcome, ports[0].now())
     else:
         angles, targets = _angles(judges, places), np.clip(plan.targets(ports[0].now() - _TICK), *limits)
-        _judge_following(plan, outcome, angles, angles - shortly_before, targets)
+        pace = np.abs(plan.targets(ports[0].now()) - plan.targets(ports[0].now() - _TICK)) / _TICK
+        _judge_following(plan, outcome, angles, angles - shortly_before, targets, pace)
     closed = plan.end != "kill" or bool(outcome.stopped)
     if closed:
         rig.close()
@@ -246,6 +260,11 @@ def _swap(buses: list[JudgedBus], id: int | None) -> None:
                 device["model_number"] = 1190 if device["model_number"] != 1190 else 1200
 
 
+def _struck_at(plan: Schedule, place: NDArray[np.int64], now: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which joints of a port a jam holds, or held a moment ago; which were cut off; see `schedule_judge.Struck`."""
+    return _struck(plan, ("jam",), _RELEASED, now)[place], _struck(plan, ("dead", "duplicate"), _MISLED, now)[place]
+
+
 def _struck(plan: Schedule, kinds: tuple[str, ...], after: float, now: float) -> NDArray[np.bool_]:
     """The joints that suffer one of these faults, or did less than `after` s ago."""
     active = [
@@ -278,15 +297,21 @@ def _judge_stop(plan: Schedule, outcome: Outcome, at: float) -> None:
         outcome.problems.append(f"stopped without a reason: {outcome.stopped}")
 
 
-def _judge_following(plan: Schedule, outcome: Outcome, angles: Array, moved: Array, targets: Array) -> None:
-    """Whether a rig that has not stopped had no reason to, and each joint follows, or comes nearer to its target."""
+def _judge_following(
+    plan: Schedule, outcome: Outcome, angles: Array, moved: Array, targets: Array, pace: Array
+) -> None:
+    """Whether a rig that has not stopped had no reason to, and each joint follows, or comes nearer to its target.
+
+    A servo that could still brake before its goal is behind one that moves at `pace`, rad/s, by pace^2 / (2 a).
+    """
     lasting = next((fault for fault in plan.faults if fault.lasts == float("inf")), None)
     if lasting is not None:
         outcome.problems.append(f"{lasting.kind} of id {lasting.id} did not stop the rig")
         return
     nearer = moved * np.sign(targets - angles)
     least = _CATCHES_UP * _SHORTLY * np.array([joint.velocity for joint in plan.config.joints])
-    for index in np.flatnonzero((np.abs(angles - targets) > _FOLLOWS) & (nearer < least)).tolist():
+    brakes = pace * pace / (2.0 * np.array([joint.acceleration or np.inf for joint in plan.config.joints]))
+    for index in np.flatnonzero((np.abs(angles - targets) > _FOLLOWS + brakes) & (nearer < least)).tolist():
         name = plan.config.names[index]
         outcome.problems.append(f"{name} is forgotten: {angles[index]:.2f} rad instead of {targets[index]:.2f}")
 

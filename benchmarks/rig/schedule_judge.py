@@ -1,8 +1,9 @@
 """The judge of fault schedules: it reads true shafts and registers of emulated servos, never the rig's own readings.
 
-speed      a shaft turns at most at its joint's limit, and while it catches up after a recovery at a quarter of it
-           and it changes its speed no faster than its acceleration limit
+speed      a shaft turns at most at its joint's limit, and while it catches up after a recovery at a quarter of it;
+           it changes its speed no faster than its acceleration limit
 position   a shaft stays within its joint's limits, and so does every goal on the wire
+rest       a shaft that is held while it turns comes to rest at its goal, not behind it, from where it would hurry back
 torque     comes on only where the goal is the present position, and only on the model that the rig file names
 watchdog   is armed on every servo with torque that has been driven for more than a second
 end        2 s after it every shaft stands; after a close torque is off, or the joints hold, and the port is closed
@@ -11,7 +12,7 @@ end        2 s after it every shaft stands; after a close torque is off, or the 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,17 +23,21 @@ from hardware.emulator.faults import FaultPlan
 from hardware.emulator.port import EmulatedPort
 from hardware.emulator.servos.device import Device
 from hardware.emulator.servos.servo_bank import TRIPPED
+from hardware.protocol1 import instructions as old_wire
+from hardware.protocol1.frames import OldParser
 from hardware.protocol2 import instructions as wire
 from hardware.protocol2.frames import Parser
-from hardware.rig.rig_file import RigConfig
+from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array
 
 SPEED_MARGIN, SPEED_PLAY = 1.1, 0.2  # of the limit; rad/s, because a shaft swings about its path
 _CATCH_UP, _CATCH_UP_PLAY = 0.25, 0.35  # of the limit, rad/s
 _COASTS = 0.2  # s that a shaft may need to stop when it is held
 _ACCELERATION_MARGIN, _ACCELERATION_PLAY = 1.2, 2.0  # of the limit; rad/s^2, because a shaft swings about its path
+_PAST = 0.1  # rad that a shaft may run past the goal at which it is held
 _LAG = 0.06  # s that a shaft is behind its servo's path
-_OVER = 5  # looks, over which an acceleration is measured
+_APART = 0.01  # s from one look at the shafts to the next, at most
+_OVER = 0.05  # s, over which an acceleration is measured
 _JERKED = 0.3  # s after its watchdog has stopped it, or torque has changed, in which a shaft may stop at once
 _PLAY = 0.05  # rad
 _ARMED_WITHIN = 1.2  # s
@@ -69,51 +74,82 @@ class JudgedBus(EmulatedBus):
 
 
 class JudgedPort(EmulatedPort):
-    """An emulated port that knows whether it was closed."""
+    """An emulated port that knows whether it was closed, and looks at the shafts while time passes on it.
+
+    Attributes:
+        watch: called at least every 10 ms of its time.
+        told: called with all that is sent.
+    """
 
     def __init__(self, bus: JudgedBus, name: str, faults: FaultPlan) -> None:
         super().__init__(bus, paced=True, faults=faults)
         self.name = name
         self.closed = False
+        self.watch: Callable[[], None] = lambda: None
+        self.told: Callable[[bytes], None] = lambda data: None
+
+    def send(self, data: bytes) -> bool:
+        """Hands the bytes to the wire."""
+        self.told(data)
+        return super().send(data)
+
+    def elapse(self, seconds: float) -> None:
+        """Lets time pass in short steps."""
+        while seconds > _APART:
+            super().elapse(_APART)
+            self.watch()
+            seconds -= _APART
+        super().elapse(seconds)
+        self.watch()
 
     def close(self) -> None:
         """Notes it."""
         self.closed = True
 
 
+Struck = Callable[[float], tuple[NDArray[np.bool_], NDArray[np.bool_]]]
+"""From a time, s: which joints something holds, or held a moment ago; which ones miss goals. Both (J,)."""
+
+
 class ShaftJudge:
-    """Judges the joints of one port, tick by tick.
+    """Judges the joints of one port while time passes on it.
 
     Attributes:
         problems: what was wrong, each kind once a joint.
         fastest, hardest: the largest speed and acceleration as a part of the joint's limit, over all joints.
     """
 
-    def __init__(self, config: RigConfig, port: JudgedPort, bus: JudgedBus) -> None:
-        self._config, self._port, self._bus = config, port, bus
+    def __init__(self, config: RigConfig, port: JudgedPort, bus: JudgedBus, struck: Struck) -> None:
+        count = len(config.joints)
+        self._config, self._port, self._bus, self._struck = config, port, bus, struck
         self._velocity = np.array([joint.velocity for joint in config.joints])
         self._acceleration = np.array([joint.acceleration or np.inf for joint in config.joints])
-        self._seen: deque[tuple[float, Array]] = deque(maxlen=_OVER + 1)
-        self._jerked = np.full(len(config.joints), -np.inf)
+        self._zero = np.array([joint.zero for joint in config.joints])
+        self._per_radian = np.array([joint.pulses_per_radian for joint in config.joints])
+        self._watched = np.array([joint.table.place("bus_watchdog") is not None for joint in config.joints])
+        self._seen: deque[tuple[float, Array]] = deque()
+        self._jerked = np.full(count, -np.inf)
         self._lower = np.array([joint.lower for joint in config.joints])
         self._upper = np.array([joint.upper for joint in config.joints])
-        self._before = self._targets = self.angles
-        self._at = port.now()
-        self._unarmed = np.full(len(config.joints), np.nan)
-        self._slow_from = np.full(len(config.joints), np.inf)
+        self._targets = self.angles
+        self._turning = np.zeros(count)
+        self._at = self._looked = port.now()
+        self._unsent = np.zeros(count, dtype=np.int64)
+        self._unarmed = np.full(count, np.nan)
+        self._slow_from = np.full(count, np.inf)
+        self._coasting = np.zeros(count)
+        self._held_at = np.zeros(count)
+        self._coasts_until = np.full(count, -np.inf)
         self._problems: dict[tuple[str, str], str] = {}
         self.fastest = self.hardest = 0.0
+        self._holds = {_single_goal(joint): index for index, joint in enumerate(config.joints)}
+        port.watch, port.told = self._watch, self._told
 
     @property
     def angles(self) -> Array:
         """Where the shafts really are, shape (J,), rad."""
-        shafts = [_shaft(device) for device in self._bus.devices]
-        return np.array(
-            [
-                (shaft - joint.zero) / joint.pulses_per_radian
-                for joint, shaft in zip(self._config.joints, shafts, strict=True)
-            ]
-        )
+        shafts = np.array([device.bank.shaft[device.row] for device in self._bus.devices])
+        return (shafts - self._zero) / self._per_radian
 
     @property
     def now(self) -> float:
@@ -130,52 +166,88 @@ class ShaftJudge:
         """Whether something was wrong in what a look shows; what was sent is judged in `problems`."""
         return bool(self._problems or self._bus.problems)
 
-    def recovered(self) -> None:
-        """Notes that the rig has just come back: its joints catch up slowly."""
-        self._slow_from[:] = self._port.now() + _COASTS
+    def switched_on(self) -> None:
+        """Notes that what comes now is no catching up: the rig has been switched on."""
+        self._slow_from[:] = np.inf
 
-    def look(self, targets: Array, blocked: NDArray[np.bool_], cut_off: NDArray[np.bool_], driven: bool) -> None:
-        """Judges what has happened since the last look.
+    def look(self, targets: Array, unsent: NDArray[np.int64]) -> None:
+        """Judges what only the loop knows, after a tick.
 
         Args:
             targets: within the limits, shape (J,), rad.
-            blocked: joints that something holds, or held a moment ago, shape (J,); their speed is not judged.
-            cut_off: joints that missed goals, shape (J,); they may go to the next one at full speed.
-            driven: whether the rig took targets in this tick.
+            unsent: how many targets each joint has not been sent so far, shape (J,).
         """
-        now, angles = self._port.now(), self.angles
-        velocity = (angles - self._before) / max(now - self._at, 1e-6)
-        speed = np.abs(velocity)
-        free = ~blocked
-        self.fastest = max(self.fastest, float((speed / self._velocity)[free].max(initial=0.0)))
-        self._slow_from[cut_off] = np.inf
-        slow = self._at >= self._slow_from
-        self._note("was too fast", free & (speed > self._velocity * SPEED_MARGIN + SPEED_PLAY), speed)
-        self._note("caught up too fast", free & slow & (speed > self._velocity * _CATCH_UP + _CATCH_UP_PLAY), speed)
-        self._slow_from[np.abs(angles - targets) < self._behind(targets, now)] = np.inf
-        self._note("left its limits", (angles < self._lower - _PLAY) | (angles > self._upper + _PLAY), angles)
+        now = self._port.now()
+        driven, self._unsent = unsent == self._unsent, unsent.copy()
+        self._slow_from[np.abs(self.angles - targets) < self._behind(targets, now)] = np.inf
         on = np.array([device.torque and not device.dead for device in self._bus.devices])
-        self._judge_acceleration(0.5 * (now + self._at), velocity, free)
-        armed = np.array([device["bus_watchdog"] != 0 for device in self._bus.devices])
-        self._unarmed[armed | ~on | (not driven)] = np.nan
+        armed = (self._watchdogs() != 0) | ~self._watched
+        self._unarmed[armed | ~on | ~driven] = np.nan
         self._unarmed[np.isnan(self._unarmed) & ~armed & on & driven] = now
         self._note("had no watchdog", now - self._unarmed > _ARMED_WITHIN, self._unarmed)
-        self._before, self._at = angles, now
+        self._looked = now
+
+    def _watch(self) -> None:
+        """Judges how the shafts have turned since the last time."""
+        now = self._port.now()
+        if now - self._at < 0.5 * _APART:
+            return
+        angles, velocity = self.angles, self._speeds()
+        blocked, cut_off = self._struck(now)
+        speed, free = np.abs(velocity), ~blocked
+        self.fastest = max(self.fastest, float((speed / self._velocity)[free].max(initial=0.0)))
+        self._slow_from[cut_off] = np.inf
+        self._coasting[(velocity * self._coasting <= 0.0) | (self._at > self._coasts_until) | ~free | cut_off] = 0.0
+        self._held_at = np.maximum(self._held_at, self._coasting * self._goals())
+        past = self._coasting * angles - self._held_at
+        self._note("ran past the goal at which it was held", (self._coasting != 0.0) & (past > _PAST), past)
+        slow = (self._at >= self._slow_from) & (self._coasting == 0.0)
+        self._note("was too fast", free & (speed > self._velocity * SPEED_MARGIN + SPEED_PLAY), speed)
+        self._note("caught up too fast", free & slow & (speed > self._velocity * _CATCH_UP + _CATCH_UP_PLAY), speed)
+        self._note("left its limits", (angles < self._lower - _PLAY) | (angles > self._upper + _PLAY), angles)
+        self._judge_acceleration(now, velocity, free)
+        self._at, self._turning = now, velocity
+
+    def _speeds(self) -> Array:
+        """How fast the shafts really turn, shape (J,), rad/s."""
+        speeds = np.array([device.bank.drive.speed[device.row] for device in self._bus.devices])
+        return speeds / self._per_radian
+
+    def _goals(self) -> Array:
+        """The goal registers of the servos, shape (J,), rad."""
+        goals = np.array([device.bank.registers["goal_position"][device.row] for device in self._bus.devices])
+        return (goals - self._zero) / self._per_radian
+
+    def _watchdogs(self) -> NDArray[np.int64]:
+        """The watchdog registers of the servos, shape (J,)."""
+        return np.array([device.bank.registers["bus_watchdog"][device.row] for device in self._bus.devices])
+
+    def _told(self, data: bytes) -> None:
+        """Notes which joint is held: it comes to rest the way it turns now, and catches up slowly."""
+        index = next((index for start, index in self._holds.items() if data.startswith(start)), None)
+        if index is not None:
+            now, turning = self._port.now(), self._turning[index]
+            self._coasting[index], self._held_at[index] = np.sign(turning), -np.inf
+            self._coasts_until[index] = now + _COASTS + abs(turning) / self._acceleration[index]
+            self._slow_from[index] = now
 
     def _behind(self, targets: Array, now: float) -> Array:
         """How far a shaft that follows may be behind targets (J,), rad, that move as they do now."""
-        pace = np.abs(targets - self._targets) / max(now - self._at, 1e-6)
+        pace = np.abs(targets - self._targets) / max(now - self._looked, 1e-6)
         self._targets = targets
         pace = np.minimum(pace, self._velocity)
         return 2.0 * _PLAY + pace * (_LAG + pace / (2.0 * self._acceleration))
 
     def _judge_acceleration(self, at: float, velocity: Array, free: NDArray[np.bool_]) -> None:
         """Judges how velocities (J,), rad/s, at the time `at`, s, have changed over the last looks."""
-        powered = np.array([device.torque and device["bus_watchdog"] != TRIPPED for device in self._bus.devices])
+        powered = np.array([device.torque and _has_voltage(device) for device in self._bus.devices])
+        powered &= self._watchdogs() != TRIPPED
         self._jerked[~(powered & free)] = at
         self._seen.append((at, velocity))
+        while len(self._seen) > 1 and at - self._seen[1][0] >= _OVER:
+            self._seen.popleft()
         since, before = self._seen[0]
-        if len(self._seen) <= _OVER:
+        if at - since < _OVER:
             return
         change = np.abs(velocity - before) / (at - since)
         smooth = self._jerked < since - _JERKED
@@ -207,18 +279,28 @@ class ShaftJudge:
 
     def _goals_beyond(self) -> Sequence[str]:
         """Goals on the wire outside the limits."""
-        ends = {
-            joint.id: sorted((round(joint.pulses(joint.lower)), round(joint.pulses(joint.upper))))
-            for joint in self._config.joints
-        }
-        goal = self._config.joints[0].table["goal_position"]
-        beyond = 0
-        for frame in Parser().feed(b"".join(self._port.sent)):
-            if frame.instruction == wire.SYNC_WRITE and frame.params[:4] == wire.words(goal.address, goal.length):
-                for id, pulses in np.frombuffer(frame.params[4:], dtype=[("id", "u1"), ("goal", "<i4")]).tolist():
-                    beyond += not ends[id][0] <= pulses <= ends[id][1]
+        sent, beyond = b"".join(self._port.sent), 0
+        for protocol, parser in ((1, OldParser), (2, Parser)):
+            joints = [joint for joint in self._config.joints if joint.table.protocol == protocol]
+            frames = [frame for frame in parser().feed(sent) if frame.instruction == wire.SYNC_WRITE] if joints else []
+            for joint in joints:
+                goal = joint.table["goal_position"]
+                place = bytes((goal.address, goal.length)) if protocol == 1 else wire.words(goal.address, goal.length)
+                low, high = sorted((round(joint.pulses(joint.lower)), round(joint.pulses(joint.upper))))
+                for entries in (frame.params[len(place) :] for frame in frames if frame.params.startswith(place)):
+                    at = entries[:: goal.length + 1].find(joint.id) * (goal.length + 1) + 1
+                    beyond += at > 0 and not low <= goal.decode(entries[at : at + goal.length]) <= high
         return [f"{beyond} goals were beyond the limits"] if beyond else []
 
 
-def _shaft(device: Device) -> float:
-    return float(device.bank.shaft[device.row])
+def _has_voltage(device: Device) -> bool:
+    """Whether a servo's supply has not broken down, which slows it."""
+    drive = device.bank.drive
+    return bool(drive.supply[device.row] >= drive.motor.voltage)
+
+
+def _single_goal(joint: RigJoint) -> bytes:
+    """How the frame begins that gives this joint's servo alone a goal, as it is held: all but goal and checksum."""
+    goal, words = joint.table["goal_position"], old_wire if joint.table.protocol == 1 else wire
+    whole = words.write(joint.id, goal.address, bytes(goal.length))
+    return whole[: -goal.length - (1 if joint.table.protocol == 1 else 2)]

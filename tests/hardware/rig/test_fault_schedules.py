@@ -20,13 +20,19 @@ def test_a_random_schedule_of_faults_ends_well(seed):
     ("name", "seed", "noticed"),
     [
         ("no goal := present", 0, "from its goal"),
-        ("no speed limit", 0, "was too fast"),
-        ("no switch-off", 0, "wrong torque after the close"),
+        ("no speed limit", 300, "was too fast"),
+        ("no acceleration limit", 101, "was accelerated too hard"),
+        ("no braking distance", 114, "ran past the goal at which it was held"),
     ],
 )
-def test_a_broken_source_is_noticed(name, seed, noticed):
+def test_a_broken_source_is_noticed_while_it_runs(name, seed, noticed):
     with mutated(MUTANTS[name]):
-        assert noticed in "; ".join(run(seed).problems)
+        assert noticed in "; ".join(run(seed, until_wrong=True).problems)
+
+
+def test_a_source_that_leaves_torque_on_is_noticed_at_the_end():
+    with mutated(MUTANTS["no switch-off"]):
+        assert "wrong torque after the close" in "; ".join(run(0).problems)
 
 
 @pytest.mark.parametrize("name", MUTANTS)
