@@ -23,11 +23,13 @@ def evaluate(
     measure: Annotated[str, typer.Argument(metavar="|".join(MEASURES), help="What to measure.")],
     data: Annotated[Path, typer.Option("--data", metavar="DIR", help="The folder with the recordings.")],
     seeds: Annotated[
-        int, typer.Option("--seeds", min=1, max=1000, help="Number of networks to train from a recipe.")
+        int, typer.Option("--seeds", metavar="N", min=1, max=1000, help="Number of networks to train from a recipe.")
     ] = 3,
-    first_seed: Annotated[int, typer.Option("--first-seed", min=0, help="Seed of the first network.")] = 0,
-    runs: Annotated[int, typer.Option("--runs", min=1, max=100_000, help="Runs per motion and network.")] = 100,
-    jobs: Annotated[int, typer.Option("--jobs", help="Parallel processes; -1 for one per core.")] = -1,
+    first_seed: Annotated[int, typer.Option("--first-seed", metavar="N", min=0, help="Seed of the first network.")] = 0,
+    runs: Annotated[
+        int, typer.Option("--runs", metavar="N", min=1, max=100_000, help="Runs per motion and network.")
+    ] = 100,
+    jobs: Annotated[int, typer.Option("--jobs", metavar="N", help="Parallel processes; -1 for one per core.")] = -1,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
     table: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Write the table as CSV.")] = None,
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw a plot (.png, .svg, .pdf).")] = None,

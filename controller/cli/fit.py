@@ -80,9 +80,7 @@ def fit(
     [bold]Examples[/]
 
       motiondeck fit configs/libraries/thesis15.toml --data recordings --out my.safetensors
-
       motiondeck fit wave.clip nod.clip --out gestures.safetensors
-
       motiondeck fit configs/libraries/cmu86.toml --data cmu --centers auto --satellites auto --out small.safetensors
     """
     from controller.cli.common.library_report import join_fields, join_line, part_fields, print_table, report

@@ -142,7 +142,9 @@ def gamepad(
         Path | None,
         typer.Option("--device", metavar="FILE", help="/dev/input/event7, say; by default the first gamepad."),
     ] = None,
-    command_port: Annotated[int, typer.Option("--command-port", help="The deck's command port.")] = DEFAULT_PORT,
+    command_port: Annotated[
+        int, typer.Option("--command-port", metavar="PORT", help="The deck's command port.")
+    ] = DEFAULT_PORT,
 ) -> None:
     """Command the running deck with a gamepad (Linux, with the extra `gamepad` installed).
 

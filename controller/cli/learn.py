@@ -37,7 +37,9 @@ def learn(
         ),
     ] = Path("mine.safetensors"),
     play: Annotated[bool, typer.Option("--play", help="Play the first motion afterwards.")] = False,
-    robot: Annotated[str | None, typer.Option("--robot", help="The robot that plays: a robot file or name.")] = None,
+    robot: Annotated[
+        str | None, typer.Option("--robot", metavar="ROBOT", help="The robot that plays: a robot file or name.")
+    ] = None,
     skeleton: SkeletonOption = None,
     unit: UnitOption = None,
     up: UpOption = None,
@@ -54,7 +56,6 @@ def learn(
     [bold]Examples[/]
 
       motiondeck learn walk.bvh dance.c3d --play
-
       motiondeck learn recordings --out mine.safetensors --play --robot servo20
     """
     from rich.console import Console

@@ -8,7 +8,8 @@ import signal
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from typing import Annotated
+from importlib.metadata import version
+from typing import Annotated, Any
 
 # While modules are still being imported Ctrl-C ends the program silently.
 signal.signal(signal.SIGINT, signal.SIG_DFL)
@@ -30,8 +31,24 @@ for _library in ("OPENBLAS", "OMP", "MKL"):
 
 import typer  # noqa: E402
 
+from controller.cli.common.help_text import set_help_texts  # noqa: E402
 from motiondeck_base.errors import MotiondeckError  # noqa: E402
 from motiondeck_base.printable import printable  # noqa: E402
+
+_WELCOME = """Plays learned human motions live on simulated humanoids and servo rigs, and switches them on command.
+
+Three things to try:
+
+  motiondeck play                a humanoid on a page, a button a motion
+  motiondeck learn walk.bvh      learn a recording of your own, to play it
+  motiondeck play --robot servo20 --rig emulated
+                                 twenty emulated servos do it too
+
+`motiondeck COMMAND --help` explains a command and has examples.
+"""
+
+# Typer comes with a Click of its own or imports the other one; this is the base class of its usage errors in both.
+_UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 
 # Where each subcommand is; a group of commands is an app of its own.
 _COMMANDS = {
@@ -60,9 +77,9 @@ def command_line(words: Sequence[str] = ()) -> typer.Typer:
     """The command line; of words that begin with a subcommand only that one is imported, so that it starts sooner."""
     app = typer.Typer(
         name="motiondeck",
-        help="Plays learned human motions live on simulated humanoids and servo rigs, and switches them on command.",
+        help=_WELCOME,
         no_args_is_help=True,
-        add_completion=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
         rich_markup_mode="rich",
         pretty_exceptions_enable=False,
     )
@@ -74,6 +91,7 @@ def command_line(words: Sequence[str] = ()) -> typer.Typer:
             app.add_typer(module.app, name=name)
         else:
             app.command(name)(getattr(module, name))
+    set_help_texts(app)
     return app
 
 
@@ -83,20 +101,39 @@ def __getattr__(name: str) -> typer.Typer:
     raise AttributeError(name)
 
 
+def _print_version(asked: bool) -> None:
+    if asked:
+        print(f"motiondeck {version('motiondeck')}")
+        raise typer.Exit
+
+
 def options(
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
 ) -> None:
     """Sets what holds for every subcommand."""
     if debug:
         os.environ["MOTIONDECK_DEBUG"] = "1"
 
 
+def _refuse(error: Any) -> None:
+    """Ends the program where its words are wrong, in one line and with exit code 2."""
+    problem = printable(error.format_message()).replace("Value error, ", "")
+    if problem:  # else the help has been printed
+        command = error.ctx.command_path if error.ctx is not None else "motiondeck"
+        end = "" if problem.endswith(("?", ".")) else "."
+        print(f"motiondeck: {problem}{end} `{command} --help` explains.", file=sys.stderr)
+    sys.exit(error.exit_code)
+
+
 def main() -> None:
     """Runs the command line; a user's mistake ends in one clear line and exit code 1."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        command_line(sys.argv[1:])()
-    except KeyboardInterrupt:
+        sys.exit(command_line(sys.argv[1:])(standalone_mode=False))
+    except (KeyboardInterrupt, typer.Abort):
         sys.exit(130)
     except BrokenPipeError:
         # The reader of our output has gone (`| head`).
@@ -108,6 +145,8 @@ def main() -> None:
         print("motiondeck: no space is left where the output goes", file=sys.stderr)
         sys.stdout = None
         sys.exit(1)
+    except _UsageError as error:
+        _refuse(error)
     except Exception as error:
         if "MOTIONDECK_DEBUG" in os.environ or not isinstance(error, MotiondeckError):
             raise

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from controller.cli.common.options import PAGE_PORT, CameraOption, FpsOption, SizeOption
+from controller.cli.common.options import PAGE_PORT, CameraOption, FpsOption, RootOption, SizeOption, SolverOption
 from controller.wire.command_socket import DEFAULT_PORT
 from controller.wire.messages import Blend, Jump, Pause, Queue, Resume, SetTempo, Switch
 
@@ -34,110 +34,211 @@ class OnMismatch(StrEnum):
 
 def play(
     motion: Annotated[
-        str | None, typer.Argument(help="The motion to play first; default: `walk`, or the library's first.")
+        str | None,
+        typer.Argument(metavar="MOTION", help="The motion to play first; default: `walk`, or the library's first."),
     ] = None,
     library: Annotated[
-        str, typer.Option("--library", help="A library file, or a shipped one by its name.")
+        str, typer.Option("--library", metavar="LIBRARY", help="A library file, or a shipped one by its name.")
     ] = "thesis15",
-    robot: Annotated[str, typer.Option("--robot", help="A robot file, or: mannequin, servo20.")] = "mannequin",
-    solver: Annotated[
-        str | None,
-        typer.Option(
-            "--solver", help="How motions are carried onto the robot: angles or ik; default: as in the robot file."
-        ),
-    ] = None,
+    robot: Annotated[
+        str, typer.Option("--robot", metavar="ROBOT", help="A robot file, or: mannequin, servo20.")
+    ] = "mannequin",
+    solver: SolverOption = None,
     rig: Annotated[
         str | None,
-        typer.Option("--rig", help="Stream to servos: a rig file, or 'emulated' for emulated servos of the robot."),
+        typer.Option(
+            "--rig",
+            rich_help_panel="Servos",
+            metavar="RIG",
+            help="Stream to servos: a rig file, or 'emulated' for emulated servos of the robot.",
+        ),
     ] = None,
     script: Annotated[
         str | None,
-        typer.Option("--script", help='What to play when: "walk 4, jog 4, walk", or a timeline file.'),
+        typer.Option(
+            "--script", metavar="SCRIPT", help='What to play when: "walk 4, jog 4, walk", or a timeline file.'
+        ),
     ] = None,
-    seconds: Annotated[float | None, typer.Option("--seconds", help="Stop after so many seconds.")] = None,
+    seconds: Annotated[
+        float | None, typer.Option("--seconds", metavar="SECONDS", help="Stop after so many seconds.")
+    ] = None,
     headless: Annotated[bool, typer.Option("--headless", help="No page and no terminal.")] = False,
     video: Annotated[
-        Path | None, typer.Option("--video", metavar="FILE", help="Film it (.mp4 or .gif) instead of playing it live.")
+        Path | None,
+        typer.Option(
+            "--video", rich_help_panel="Film", metavar="FILE", help="Film it (.mp4 or .gif) instead of playing it live."
+        ),
     ] = None,
     size: SizeOption = None,
     fps: FpsOption = None,
     camera: CameraOption = "follow",
     ghost: Annotated[
-        bool, typer.Option("--ghost", help="In a film: the robot as it is told to be, over the one that tries to.")
+        bool,
+        typer.Option(
+            "--ghost",
+            rich_help_panel="Film",
+            help="In a film: the robot as it is told to be, over the one that tries to.",
+        ),
     ] = False,
-    footprints: Annotated[bool, typer.Option("--footprints", help="In a film: where the feet stood.")] = False,
+    footprints: Annotated[
+        bool, typer.Option("--footprints", rich_help_panel="Film", help="In a film: where the feet stood.")
+    ] = False,
     direct: Annotated[
-        bool, typer.Option("--direct", help="Switch at once and straight, never by way of other motions.")
+        bool,
+        typer.Option(
+            "--direct", rich_help_panel="Switching", help="Switch at once and straight, never by way of other motions."
+        ),
     ] = False,
     record: Annotated[
-        Path | None, typer.Option("--record", metavar="FILE", help="Record every tick, for `replay` and `plot`.")
+        Path | None,
+        typer.Option(
+            "--record",
+            rich_help_panel="Real-time loop",
+            metavar="FILE",
+            help="Record every tick, for `replay` and `plot`.",
+        ),
     ] = None,
-    rate: Annotated[float, typer.Option("--rate", help="Ticks of the loop a second.")] = 200.0,
+    rate: Annotated[
+        float,
+        typer.Option("--rate", rich_help_panel="Real-time loop", metavar="HZ", help="Ticks of the loop a second."),
+    ] = 200.0,
     lower_rate: Annotated[
-        bool, typer.Option("--lower-rate", help="Where the network is too large for --rate, play at one that it holds.")
+        bool,
+        typer.Option(
+            "--lower-rate",
+            rich_help_panel="Real-time loop",
+            help="Where the network is too large for --rate, play at one that it holds.",
+        ),
     ] = False,
     kinematic: Annotated[
-        bool, typer.Option("--kinematic", help="Show the targets themselves, without simulated servos and masses.")
+        bool,
+        typer.Option(
+            "--kinematic",
+            rich_help_panel="Simulation",
+            help="Show the targets themselves, without simulated servos and masses.",
+        ),
     ] = False,
-    root: Annotated[
-        str,
-        typer.Option("--root", help="The simulated robot's root: carried by a gantry, fixed, or free to fall."),
-    ] = "gantry",
+    root: RootOption = "gantry",
     balance: Annotated[
-        bool, typer.Option("--balance", help="Keep a free robot's feet in place and its weight above them.")
+        bool,
+        typer.Option(
+            "--balance",
+            rich_help_panel="Simulation",
+            help="Keep a free robot's feet in place and its weight above them.",
+        ),
     ] = False,
     realtime: Annotated[
         bool,
-        typer.Option("--realtime", help="Ask for real-time scheduling and locked memory, and print what was granted."),
+        typer.Option(
+            "--realtime",
+            rich_help_panel="Real-time loop",
+            help="Ask for real-time scheduling and locked memory, and print what was granted.",
+        ),
     ] = False,
     core: Annotated[
-        int | None, typer.Option("--core", help="Run the loop on this core of the CPU, and all else on the others.")
+        int | None,
+        typer.Option(
+            "--core",
+            rich_help_panel="Real-time loop",
+            metavar="N",
+            help="Run the loop on this core of the CPU, and all else on the others.",
+        ),
     ] = None,
     overruns: Annotated[
         Literal["skip", "catch-up"],
-        typer.Option("--overruns", help="After a tick that took too long: skip what was missed, or make up for it."),
+        typer.Option(
+            "--overruns",
+            rich_help_panel="Real-time loop",
+            help="After a tick that took too long: skip what was missed, or make up for it.",
+        ),
     ] = "skip",
     follow: Annotated[
-        str | None, typer.Option("--follow", metavar="ROBOT", help="A second robot that mirrors the first.")
+        str | None,
+        typer.Option(
+            "--follow", rich_help_panel="Servos", metavar="ROBOT", help="A second robot that mirrors the first."
+        ),
     ] = None,
     follow_rig: Annotated[
-        str | None, typer.Option("--follow-rig", metavar="RIG", help="Its servos: a rig file, or 'emulated'.")
+        str | None,
+        typer.Option(
+            "--follow-rig", rich_help_panel="Servos", metavar="RIG", help="Its servos: a rig file, or 'emulated'."
+        ),
     ] = None,
     page_port: Annotated[
-        int, typer.Option("--port", help="The page's port on 127.0.0.1; 0 for any free one.")
+        int,
+        typer.Option(
+            "--port",
+            rich_help_panel="Commands from elsewhere",
+            metavar="PORT",
+            help="The page's port on 127.0.0.1; 0 for any free one.",
+        ),
     ] = PAGE_PORT,
     command_port: Annotated[
-        int, typer.Option("--command-port", help="Where `motiondeck send` reaches the deck; 0 for any free one.")
+        int,
+        typer.Option(
+            "--command-port",
+            rich_help_panel="Commands from elsewhere",
+            metavar="PORT",
+            help="Where `motiondeck send` reaches the deck; 0 for any free one.",
+        ),
     ] = DEFAULT_PORT,
     recognize: Annotated[
-        bool, typer.Option("--recognize", help="Recognize the motion from the measured joints, and show it.")
+        bool,
+        typer.Option(
+            "--recognize",
+            rich_help_panel="Recognition",
+            help="Recognize the motion from the measured joints, and show it.",
+        ),
     ] = False,
     on_mismatch: Annotated[
         OnMismatch,
-        typer.Option("--on-mismatch", help="With --recognize: warn or stop when the joints do something else."),
+        typer.Option(
+            "--on-mismatch",
+            rich_help_panel="Recognition",
+            help="With --recognize: warn or stop when the joints do something else.",
+        ),
     ] = OnMismatch.WARN,
     mismatch_after: Annotated[
-        float, typer.Option("--mismatch-after", help="How long the joints must do something else before that, s.")
+        float,
+        typer.Option(
+            "--mismatch-after",
+            rich_help_panel="Recognition",
+            metavar="SECONDS",
+            help="How long the joints must do something else before that, s.",
+        ),
     ] = 0.5,
     listen: Annotated[
         str | None,
         typer.Option(
-            "--listen", metavar="ADDRESS", help="Take commands at this address of this machine too; needs --token-file."
+            "--listen",
+            rich_help_panel="Commands from elsewhere",
+            metavar="ADDRESS",
+            help="Take commands at this address of this machine too; needs --token-file.",
         ),
     ] = None,
     token_file: Annotated[
-        Path | None, typer.Option("--token-file", metavar="FILE", help="The token; only you may read the file.")
+        Path | None,
+        typer.Option(
+            "--token-file",
+            rich_help_panel="Commands from elsewhere",
+            metavar="FILE",
+            help="The token; only you may read the file.",
+        ),
     ] = None,
     stop_input: Annotated[
         Path | None,
         typer.Option(
-            "--stop-input", metavar="DEVICE", help="A wired emergency stop: a serial adapter, or /dev/input/eventN."
+            "--stop-input",
+            rich_help_panel="Commands from elsewhere",
+            metavar="DEVICE",
+            help="A wired emergency stop: a serial adapter, or /dev/input/eventN.",
         ),
     ] = None,
     lock_to: Annotated[
         str | None,
         typer.Option(
             "--lock-to",
+            rich_help_panel="Switching",
             metavar="SOURCE",
             help="Lock loops to: beat (taps), body (wait while the joints are held), or another deck by its command "
             "port.",
@@ -145,11 +246,17 @@ def play(
     ] = None,
     join: Annotated[
         Literal["inertialise", "crossfade", "morph", "cut"] | None,
-        typer.Option("--join", help="How motions are joined; default: what suits the network."),
+        typer.Option(
+            "--join", rich_help_panel="Switching", help="How motions are joined; default: what suits the network."
+        ),
     ] = None,
     check_collisions: Annotated[
         bool,
-        typer.Option("--check-collisions", help="Hold joints back where limbs of the robot would collide."),
+        typer.Option(
+            "--check-collisions",
+            rich_help_panel="Simulation",
+            help="Hold joints back where limbs of the robot would collide.",
+        ),
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print a report as one JSON object in the end.")] = False,
 ) -> None:
@@ -161,27 +268,16 @@ def play(
     [bold]Examples[/]
 
       motiondeck play
-
       motiondeck play jog --robot servo20 --rig emulated
-
       motiondeck play --headless --seconds 10 --script "walk 4, jog 4, walk" --json
-
       motiondeck play --headless --script show.toml --record show.rec
-
       motiondeck play --follow servo20 --follow-rig emulated
-
       motiondeck play box1 --robot servo20 --root free --balance
-
       motiondeck play waltz --robot servo20 --check-collisions
-
       motiondeck play --recognize --on-mismatch stop --robot servo20 --rig emulated
-
       motiondeck play --lock-to body --rig emulated --robot servo20
-
       motiondeck play --command-port 47811 --port 0 --lock-to 47810
-
       motiondeck play --video walk.mp4 --seconds 6
-
       motiondeck play --robot g1.toml --video g1.mp4 --camera three --footprints --size 1280x720
     """
     if video is None:

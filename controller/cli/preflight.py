@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from controller.cli.common.options import RootOption
 from controller.cli.common.progress import progress
 
 if TYPE_CHECKING:
@@ -24,17 +25,20 @@ SLOWEST = 0.1
 
 def preflight(
     library: Annotated[str, typer.Argument(help="A library file, or a shipped one by its name.")] = "thesis15",
-    robot: Annotated[str, typer.Option("--robot", help="A robot file, or: mannequin, servo20.")] = "servo20",
+    robot: Annotated[
+        str, typer.Option("--robot", metavar="ROBOT", help="A robot file, or: mannequin, servo20.")
+    ] = "servo20",
     rig: Annotated[
-        str | None, typer.Option("--rig", help="A rig file, whose limits of position, velocity and current apply too.")
+        str | None,
+        typer.Option(
+            "--rig", metavar="RIG", help="A rig file, whose limits of position, velocity and current apply too."
+        ),
     ] = None,
-    root: Annotated[
-        str, typer.Option("--root", help="What holds the robot up: gantry, fixed, or nothing (free).")
-    ] = "gantry",
+    root: RootOption = "gantry",
     balance: Annotated[
         bool, typer.Option("--balance", help="A free robot keeps its feet in place and its weight above them.")
     ] = False,
-    tempo: Annotated[float, typer.Option("--tempo", help="The tempo to judge at, 0.1 to 3.")] = 1.0,
+    tempo: Annotated[float, typer.Option("--tempo", metavar="TEMPO", help="The tempo to judge at, 0.1 to 3.")] = 1.0,
     motions_only: Annotated[bool, typer.Option("--motions-only", help="Check no switches.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw it (.png, .svg, .pdf).")] = None,
@@ -48,9 +52,7 @@ def preflight(
     [bold]Examples[/]
 
       motiondeck preflight thesis15 --robot servo20
-
       motiondeck preflight thesis15 --robot servo20 --tempo 0.46 --motions-only
-
       motiondeck preflight cmu86 --robot mannequin --root free --balance --json
     """
     from controller.library.motion_library import load_library

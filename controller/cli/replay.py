@@ -16,27 +16,33 @@ from controller.wire.command_socket import DEFAULT_PORT
 def replay(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording made with `play --record FILE`.")],
     library: Annotated[
-        str | None, typer.Option("--library", help="The library that was played; default: found by its name.")
+        str | None,
+        typer.Option("--library", metavar="LIBRARY", help="The library that was played; default: found by its name."),
     ] = None,
     robot: Annotated[
-        str | None, typer.Option("--robot", help="The robot that played; default: found by its name.")
+        str | None, typer.Option("--robot", metavar="ROBOT", help="The robot that played; default: found by its name.")
     ] = None,
     rig: Annotated[
-        str | None, typer.Option("--rig", help="Stream to servos: a rig file, or 'emulated' for emulated ones.")
+        str | None,
+        typer.Option("--rig", metavar="RIG", help="Stream to servos: a rig file, or 'emulated' for emulated ones."),
     ] = None,
     scrub: Annotated[
         bool, typer.Option("--scrub", help="Show the targets on a page with a time bar; nothing is driven.")
     ] = False,
     headless: Annotated[bool, typer.Option("--headless", help="No page and no terminal.")] = False,
     rate: Annotated[
-        float | None, typer.Option("--rate", help="Ticks of the loop per second, Hz; default: as recorded.")
+        float | None,
+        typer.Option("--rate", metavar="HZ", help="Ticks of the loop per second, Hz; default: as recorded."),
     ] = None,
     kinematic: Annotated[
         bool, typer.Option("--kinematic", help="Show the targets without simulated servos and masses.")
     ] = False,
-    page_port: Annotated[int, typer.Option("--port", help="The page's port; 0 for any free one.")] = PAGE_PORT,
+    page_port: Annotated[
+        int, typer.Option("--port", metavar="PORT", help="The page's port; 0 for any free one.")
+    ] = PAGE_PORT,
     command_port: Annotated[
-        int, typer.Option("--command-port", help="Where `motiondeck send` reaches it; 0 for any free one.")
+        int,
+        typer.Option("--command-port", metavar="PORT", help="Where `motiondeck send` reaches it; 0 for any free one."),
     ] = DEFAULT_PORT,
     as_json: Annotated[bool, typer.Option("--json", help="Print a report as one JSON object in the end.")] = False,
 ) -> None:

@@ -20,7 +20,7 @@ _LONGEST_WAIT = 120.0  # s for --wait: a switch by way of other motions takes th
 _STARTING = 5.0  # s that a deck may take from opening its socket to its first tick
 _AGAIN = 15.0  # s after which a subscription is renewed
 
-CommandPort = Annotated[int, typer.Option("--command-port", help="The deck's command port.")]
+CommandPort = Annotated[int, typer.Option("--command-port", metavar="PORT", help="The deck's command port.")]
 Host = Annotated[
     str | None, typer.Option("--host", metavar="ADDRESS", help="A deck on another machine; needs --token-file.")
 ]

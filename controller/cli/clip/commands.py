@@ -140,14 +140,18 @@ def view(
     unit: UnitOption = None,
     up: UpOption = None,
     rename: RenameOption = None,
-    robot: Annotated[str | None, typer.Option("--robot", help="A robot that does the same beside the human.")] = None,
+    robot: Annotated[
+        str | None, typer.Option("--robot", metavar="ROBOT", help="A robot that does the same beside the human.")
+    ] = None,
     video: Annotated[
         Path | None, typer.Option("--video", metavar="FILM", help="Film it off screen instead: .mp4 or .gif.")
     ] = None,
     size: SizeOption = None,
     fps: FpsOption = None,
     camera: CameraOption = "follow",
-    port: Annotated[int, typer.Option("--port", help="The page's port; 0 for any free one.")] = PAGE_PORT,
+    port: Annotated[
+        int, typer.Option("--port", metavar="PORT", help="The page's port; 0 for any free one.")
+    ] = PAGE_PORT,
 ) -> None:
     """View a recording in the browser: the human with its bones, and with --robot a robot doing the same beside it.
 

@@ -33,11 +33,38 @@ RenameOption = Annotated[
 ]
 SizeOption = Annotated[
     str | None,
-    typer.Option("--size", metavar="WIDTHxHEIGHT", help="Of a film, pixels; default: 1920x1080, gif 400x300."),
+    typer.Option(
+        "--size",
+        rich_help_panel="Film",
+        metavar="WIDTHxHEIGHT",
+        help="Of a film, pixels; default: 1920x1080, gif 400x300.",
+    ),
 ]
-FpsOption = Annotated[float | None, typer.Option("--fps", help="Pictures a second of a film; default: 30, gif 20.")]
+FpsOption = Annotated[
+    float | None,
+    typer.Option(
+        "--fps", rich_help_panel="Film", metavar="FPS", help="Pictures a second of a film; default: 30, gif 20."
+    ),
+]
 CameraOption = Annotated[
-    str, typer.Option("--camera", help="Where a film is seen from: follow, front, side, or three (all of them).")
+    Literal["follow", "front", "side", "three"],
+    typer.Option("--camera", rich_help_panel="Film", help="Where a film is seen from; three: all of them."),
+]
+SolverOption = Annotated[
+    Literal["angles", "ik"] | None,
+    typer.Option(
+        "--solver",
+        rich_help_panel="Simulation",
+        help="How motions are carried onto the robot, in place of what its file says.",
+    ),
+]
+RootOption = Annotated[
+    Literal["gantry", "fixed", "free"],
+    typer.Option(
+        "--root",
+        rich_help_panel="Simulation",
+        help="The simulated robot's root: carried by a gantry, fixed, or free to fall.",
+    ),
 ]
 
 

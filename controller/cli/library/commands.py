@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -22,6 +22,43 @@ app = typer.Typer(help="Show, search and extend motion libraries.", no_args_is_h
 LibraryArgument = Annotated[
     str, typer.Argument(metavar="LIBRARY", help="A library file (.safetensors), or a shipped one by its name.")
 ]
+
+
+@app.command("list")
+def list_libraries(
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+) -> None:
+    """List the libraries that are included and those in this folder, with their motions.
+
+    Example:  motiondeck library list
+    """
+    from controller.cli.common.tables import show_table
+    from controller.library.motion_library import load_library
+    from motiondeck_base.errors import FileFormatError
+    from motiondeck_base.shipped import shipped_configs
+
+    rows: list[dict[str, Any]] = []
+    shipped = sorted((shipped_configs() / "libraries").glob("*.safetensors"))
+    for file in [*shipped, *sorted(Path().glob("*.safetensors"))]:
+        given = file.stem if file in shipped else file.name
+        try:
+            loaded = load_library(file)
+        except FileFormatError as error:
+            rows.append({"library": given, "network": "", "motions": [], "reason": str(error)})
+            continue
+        motions = list(loaded.network.motions)
+        rows.append({"library": given, "network": loaded.info.network, "motions": motions, "reason": ""})
+    if as_json:
+        print(json.dumps({"libraries": rows}))
+        return
+    show_table(
+        ("library", "network", "motions", "names"),
+        [
+            (r["library"], r["network"], str(len(r["motions"]) or ""), r["reason"] or ", ".join(r["motions"]))
+            for r in rows
+        ],
+        left=("network", "names"),
+    )
 
 
 @app.command("show")
@@ -52,7 +89,9 @@ def show(
 def add(
     library: LibraryArgument,
     clip: Annotated[Path, typer.Argument(help="The recording to learn, of any format, skeleton and rate.")],
-    name: Annotated[str, typer.Option("--name", help="Name of the motion; default: the recording's.")] = "",
+    name: Annotated[
+        str, typer.Option("--name", metavar="NAME", help="Name of the motion; default: the recording's.")
+    ] = "",
     once: Annotated[
         bool, typer.Option("--once", help="A one-shot, which holds its last pose; default: a loop.")
     ] = False,
@@ -135,7 +174,7 @@ def add(
 def sheet(
     library: LibraryArgument,
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The picture to write (.png).")],
-    robot: Annotated[str, typer.Option("--robot", help="The robot that is drawn.")] = "mannequin",
+    robot: Annotated[str, typer.Option("--robot", metavar="ROBOT", help="The robot that is drawn.")] = "mannequin",
     blends: Annotated[
         list[str] | None,
         typer.Option("--blend", metavar="'A B WEIGHT'", help="Draw this blend instead of the motions; repeatable."),
@@ -146,7 +185,6 @@ def sheet(
     [bold]Examples[/]
 
       motiondeck library sheet thesis15 --out sheet.png
-
       motiondeck library sheet thesis15 --blend "walk jog 0.5" --blend "walk waltz 0.5" --out blends.png
     """
     from controller.cli.pictures.library_pictures import draw_sheet

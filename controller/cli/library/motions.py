@@ -27,7 +27,7 @@ def similar(
         str, typer.Argument(metavar="LIBRARY", help="A library, or a file of `motiondeck library index` (.index).")
     ],
     clip: Annotated[Path, typer.Argument(metavar="CLIP", help="The recording to compare with.")],
-    count: Annotated[int, typer.Option("--count", min=1, help="How many to list.")] = 5,
+    count: Annotated[int, typer.Option("--count", metavar="N", min=1, help="How many to list.")] = 5,
     weight: Annotated[
         list[str] | None,
         typer.Option("--weight", metavar="PART=W", help="Weight of legs, arms or trunk; 0 leaves one out. Repeatable."),
@@ -35,7 +35,9 @@ def similar(
     frames: Annotated[
         tuple[int, int] | None, typer.Option("--frames", metavar="FIRST END", help="Only this part of the recording.")
     ] = None,
-    skeleton: Annotated[Path | None, typer.Option("--skeleton", help="The .asf of an .amc recording.")] = None,
+    skeleton: Annotated[
+        Path | None, typer.Option("--skeleton", metavar="FILE", help="The .asf of an .amc recording.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
 ) -> None:
     """List the motions whose legs, arms and trunk move as fast and as far as those of a recording.
@@ -118,7 +120,9 @@ def anticipate(
     frames: Annotated[
         tuple[int, int] | None, typer.Option("--frames", metavar="FIRST END", help="Only this part of the recording.")
     ] = None,
-    skeleton: Annotated[Path | None, typer.Option("--skeleton", help="The .asf of an .amc recording.")] = None,
+    skeleton: Annotated[
+        Path | None, typer.Option("--skeleton", metavar="FILE", help="The .asf of an .amc recording.")
+    ] = None,
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw it (.png, .svg, .pdf).")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
 ) -> None:

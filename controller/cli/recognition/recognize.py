@@ -22,19 +22,30 @@ app = typer.Typer(help="Train a recognizer, and name the motion of a recording."
 def train(
     data: DataArgument,
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The recognizer to write (.safetensors).")],
-    neurons: Annotated[int, typer.Option("--neurons", help="Neurons of the reservoir.", min=1, max=2000)] = 100,
-    rate: Annotated[float, typer.Option("--rate", help="Frame rate at which motions are compared, Hz.")] = 30.0,
+    neurons: Annotated[
+        int, typer.Option("--neurons", metavar="N", help="Neurons of the reservoir.", min=1, max=2000)
+    ] = 100,
+    rate: Annotated[
+        float, typer.Option("--rate", metavar="HZ", help="Frame rate at which motions are compared, Hz.")
+    ] = 30.0,
     joints: Annotated[
-        str, typer.Option("--joints", help="Names of the joints to compare, separated by commas; default: 14 joints.")
+        str,
+        typer.Option(
+            "--joints", metavar="NAMES", help="Names of the joints to compare, separated by commas; default: 14 joints."
+        ),
     ] = "",
-    seed: Annotated[int, typer.Option("--seed", help="Seed of the reservoir.", min=0)] = 1,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of the reservoir.", min=0)] = 1,
     stretch: Annotated[
         list[float] | None,
         typer.Option(
-            "--stretch", help="Learn each recording as if it took this many times as long; repeatable. Default: 1."
+            "--stretch",
+            metavar="FACTOR",
+            help="Learn each recording as if it took this many times as long; repeatable. Default: 1.",
         ),
     ] = None,
-    licence: Annotated[str, typer.Option("--licence", help="Licence of the recordings, kept in the file.")] = "",
+    licence: Annotated[
+        str, typer.Option("--licence", metavar="TEXT", help="Licence of the recordings, kept in the file.")
+    ] = "",
     as_json: AsJson = False,
 ) -> None:
     """Train a recognizer from labelled recordings.

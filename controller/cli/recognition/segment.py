@@ -27,18 +27,25 @@ def segment(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="The recording (.amc, .mat).")],
     method: Annotated[SegmentMethod, typer.Option("--method", help="How to cut.")] = SegmentMethod.PLANES,
     labels: Annotated[
-        Path | None, typer.Option("--labels", help="Marked borders to score against (and for experts to learn from).")
+        Path | None,
+        typer.Option(
+            "--labels", metavar="FILE", help="Marked borders to score against (and for experts to learn from)."
+        ),
     ] = None,
     recognizer: Annotated[
-        Path | None, typer.Option("--recognizer", help="For experts: a trained recognizer instead of the labels.")
+        Path | None,
+        typer.Option("--recognizer", metavar="FILE", help="For experts: a trained recognizer instead of the labels."),
     ] = None,
     count: Annotated[
-        int | None, typer.Option("--segments", min=1, help="For planes: the number of segments; default: found.")
+        int | None,
+        typer.Option("--segments", metavar="N", min=1, help="For planes: the number of segments; default: found."),
     ] = None,
     plot: Annotated[
         Path | None, typer.Option("--plot", metavar="FILE", help="Draw the cuts over the motion (.png, .svg, .pdf).")
     ] = None,
-    skeleton: Annotated[Path | None, typer.Option("--skeleton", help="The .asf of an .amc recording.")] = None,
+    skeleton: Annotated[
+        Path | None, typer.Option("--skeleton", metavar="FILE", help="The .asf of an .amc recording.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
 ) -> None:
     """Cut a recording into its behaviours.
@@ -53,7 +60,6 @@ def segment(
     [bold]Examples[/]
 
       motiondeck segment 86_01.amc --method experts --labels barbic_01_ground_truth.txt
-
       motiondeck segment 86_01.amc --segments 7 --plot cuts.png
     """
     from controller.mocap.formats.reading import read_clip

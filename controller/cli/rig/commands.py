@@ -86,7 +86,9 @@ def doctor(
 def monitor(
     rig: RigArgument,
     port: PortOption = None,
-    seconds: Annotated[float, typer.Option("--seconds", help="Stop after so many seconds; 0 runs until Ctrl-C.")] = 0.0,
+    seconds: Annotated[
+        float, typer.Option("--seconds", metavar="SECONDS", help="Stop after so many seconds; 0 runs until Ctrl-C.")
+    ] = 0.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a second.")] = False,
 ) -> None:
     """Watch position, load, temperature, voltage and errors of every servo, live; moves nothing.

@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -23,23 +23,25 @@ if TYPE_CHECKING:
 def emulate(
     rig: RigArgument,
     fault: Annotated[
-        list[str] | None, typer.Option("--fault", help="KIND[:key=value,...]; `--fault help` lists them.")
+        list[str] | None,
+        typer.Option("--fault", metavar="FAULT", help="KIND[:key=value,...]; `--fault help` lists them."),
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of the random faults.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of the random faults.")] = 0,
     unpaced: Annotated[bool, typer.Option("--unpaced", help="Bytes take no time on the wire.")] = False,
     lenient: Annotated[
         bool, typer.Option("--lenient", help="In a sync read, servos behind a silent one answer anyway.")
     ] = False,
     link: Annotated[
         Path | None,
-        typer.Option("--link", help="A link to the port; it stays when the adapter is replugged."),
+        typer.Option("--link", metavar="FILE", help="A link to the port; it stays when the adapter is replugged."),
     ] = None,
     robot: Annotated[
         str | None,
-        typer.Option("--robot", help="The body that the servos turn: a robot file, or a shipped one."),
+        typer.Option("--robot", metavar="ROBOT", help="The body that the servos turn: a robot file, or a shipped one."),
     ] = None,
     root: Annotated[
-        str | None, typer.Option("--root", help="With --robot: fixed in the air (default), or free to fall.")
+        Literal["fixed", "free"] | None,
+        typer.Option("--root", help="With --robot: fixed in the air (default), or free to fall."),
     ] = None,
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Only the first servo, as it comes from the box: id 1, 57600 baud.")
@@ -57,7 +59,6 @@ def emulate(
     [bold]Examples[/]
 
       motiondeck rig emulate servo20 --fault dead:id=3,at=5,for=1
-
       motiondeck rig emulate servo20 --robot servo20 --root free
     """
     from hardware.emulator.faults import KINDS, parse_fault

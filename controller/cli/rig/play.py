@@ -31,12 +31,16 @@ def play(
         str | None,
         typer.Option(
             "--robot",
+            metavar="ROBOT",
             help="For human motions: the robot whose joints the rig has; default: the rig's name.",
         ),
     ] = None,
-    seconds: Annotated[float | None, typer.Option("--seconds", help="Stop after so many seconds.")] = None,
+    seconds: Annotated[
+        float | None, typer.Option("--seconds", metavar="SECONDS", help="Stop after so many seconds.")
+    ] = None,
     command_port: Annotated[
-        int, typer.Option("--command-port", help="Where `motiondeck send` reaches it; 0 for any free one.")
+        int,
+        typer.Option("--command-port", metavar="PORT", help="Where `motiondeck send` reaches it; 0 for any free one."),
     ] = DEFAULT_PORT,
     as_json: JsonOption = False,
 ) -> None:
@@ -50,9 +54,7 @@ def play(
     [bold]Examples[/]
 
       motiondeck rig play my-rig.toml wave.clip
-
       motiondeck rig play my-rig.toml gestures.safetensors wave
-
       motiondeck rig play servo20 thesis15 walk --seconds 20
     """
     from controller.cli.session.report import summary

@@ -16,7 +16,11 @@ if TYPE_CHECKING:
 RigArgument = Annotated[str, typer.Argument(metavar="RIG", help="A rig file (.toml), or a shipped one by its name.")]
 PortOption = Annotated[
     list[str] | None,
-    typer.Option("--port", help="Serial port instead of the rig file's own; for a rig with several, each in order."),
+    typer.Option(
+        "--port",
+        metavar="PORT",
+        help="Serial port instead of the rig file's own; for a rig with several, each in order.",
+    ),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 def scan(
     port: Annotated[str, typer.Argument(metavar="PORT", help="The serial port.")] = "/dev/ttyUSB0",
-    baud: Annotated[list[int] | None, typer.Option("--baud", help="Only these baud rates.")] = None,
+    baud: Annotated[list[int] | None, typer.Option("--baud", metavar="BAUD", help="Only these baud rates.")] = None,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="Write a rig file of them: joint_1, joint_2 ...")
     ] = None,
@@ -31,7 +31,6 @@ def scan(
     [bold]Examples[/]
 
       motiondeck rig scan /dev/ttyUSB0
-
       motiondeck rig scan /dev/ttyUSB0 --out my-rig.toml
     """
     from hardware.bus.port import lasting_name
@@ -62,8 +61,8 @@ def scan(
 
 def setup(
     port: Annotated[str, typer.Argument(metavar="PORT", help="The serial port with one servo on it.")],
-    id: Annotated[int, typer.Option("--id", min=0, max=252, help="The ID it gets.")],
-    baud: Annotated[int, typer.Option("--baud", help="The baud rate it gets.")] = 1_000_000,
+    id: Annotated[int, typer.Option("--id", metavar="N", min=0, max=252, help="The ID it gets.")],
+    baud: Annotated[int, typer.Option("--baud", metavar="BAUD", help="The baud rate it gets.")] = 1_000_000,
     rig: Annotated[
         Path | None,
         typer.Option("--rig", metavar="FILE", help="Write the adapter's lasting name into this rig file as its port."),
@@ -104,7 +103,7 @@ def setup(
 
 def import_calibration(
     calibration: Annotated[Path, typer.Argument(metavar="FILE", help="What LeRobot wrote (.json).")],
-    port: Annotated[str, typer.Option("--port", help="The serial port with its servos.")],
+    port: Annotated[str, typer.Option("--port", metavar="PORT", help="The serial port with its servos.")],
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The rig file to write.")],
     as_json: JsonOption = False,
 ) -> None:

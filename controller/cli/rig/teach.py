@@ -33,7 +33,8 @@ def teach(
     ],
     port: PortOption = None,
     seconds: Annotated[
-        float | None, typer.Option("--seconds", help="Begin at once and record for so long, without asking.")
+        float | None,
+        typer.Option("--seconds", metavar="SECONDS", help="Begin at once and record for so long, without asking."),
     ] = None,
     once: Annotated[
         bool | None,
@@ -59,11 +60,8 @@ def teach(
     [bold]Examples[/]
 
       motiondeck rig teach my-rig.toml --out wave.clip
-
       motiondeck rig teach my-rig.toml --out gestures/
-
       motiondeck rig play my-rig.toml wave.clip
-
       motiondeck fit wave.clip nod.clip --out gestures.safetensors
     """
     # These take a while to import: better now than with a joint in somebody's hand.

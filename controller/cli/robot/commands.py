@@ -10,17 +10,13 @@ from typing import Annotated, Any
 
 import typer
 
-from controller.cli.common.options import PAGE_PORT
+from controller.cli.common.options import PAGE_PORT, SolverOption
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 app = typer.Typer(help="List and show robots, and write a robot file for any MJCF or URDF.", no_args_is_help=True)
 
 RobotArgument = Annotated[str, typer.Argument(metavar="ROBOT", help="A robot file (.toml), or: mannequin, servo20.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
-
-SolverOption = Annotated[
-    str | None, typer.Option("--solver", help="The solver: angles or ik, in place of what the robot file says.")
-]
 
 CATALOGUE_KINDS = ("humanoid", "biped")
 PICTURE_SECONDS, VIEW_SECONDS = 2.0, 8.0
@@ -125,9 +121,15 @@ def calibrate(
         Path | None, typer.Option("--picture", metavar="FILE", help="Draw robot and human side by side (.png).")
     ] = None,
     view: Annotated[bool, typer.Option("--view", help="Show robot and human side by side in the browser.")] = False,
-    port: Annotated[int, typer.Option("--port", help="The page's port; 0 for any free one.")] = PAGE_PORT,
-    motion: Annotated[str, typer.Option("--motion", help="The motion that picture and view show.")] = "walk",
-    library: Annotated[str, typer.Option("--library", help="Where that motion is from.")] = "thesis15",
+    port: Annotated[
+        int, typer.Option("--port", metavar="PORT", help="The page's port; 0 for any free one.")
+    ] = PAGE_PORT,
+    motion: Annotated[
+        str, typer.Option("--motion", metavar="MOTION", help="The motion that picture and view show.")
+    ] = "walk",
+    library: Annotated[
+        str, typer.Option("--library", metavar="LIBRARY", help="Where that motion is from.")
+    ] = "thesis15",
     as_json: JsonOption = False,
 ) -> None:
     r"""Write a first robot file for any humanoid: find its limbs, its rest pose, its size, and which way it faces.
@@ -142,7 +144,6 @@ def calibrate(
     [bold]Examples[/]
 
       motiondeck robot calibrate op3.xml --picture op3.png
-
       motiondeck play walk --robot op3.toml
     """
     from controller.cli.robot.calibration import (
@@ -182,7 +183,8 @@ def check(
     files: Annotated[list[Path], typer.Argument(metavar="RECORDINGS", help="Recordings, or folders full of them.")],
     solver: SolverOption = None,
     seconds: Annotated[
-        float | None, typer.Option("--seconds", help="Check only the first so many seconds of each recording.")
+        float | None,
+        typer.Option("--seconds", metavar="SECONDS", help="Check only the first so many seconds of each recording."),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -200,7 +202,6 @@ def check(
     [bold]Examples[/]
 
       motiondeck robot check servo20 recordings/ --solver ik
-
       motiondeck robot check op3.toml walk.bvh jog.amc --json
     """
     from controller.cli.common.progress import progress

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from controller.cli.robot.commands import JsonOption, SolverOption
+from controller.cli.common.options import SolverOption
+from controller.cli.robot.commands import JsonOption
 
 if TYPE_CHECKING:
     from sim.robots.retarget_files import RetargetedFile
@@ -25,7 +26,9 @@ def retarget(
         str, typer.Option("--robot", metavar="ROBOT", help="A robot file (.toml), or: mannequin, servo20.")
     ],
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="The folder for the files; made if need be.")],
-    format: Annotated[str, typer.Option("--format", help="npz, csv, mjlab or qpos.")] = "npz",
+    format: Annotated[
+        Literal["npz", "csv", "mjlab", "qpos"], typer.Option("--format", help="The files' format.")
+    ] = "npz",
     solver: SolverOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -47,7 +50,6 @@ def retarget(
     [bold]Examples[/]
 
       motiondeck retarget recordings/ --robot g1.toml --out motions --format mjlab
-
       motiondeck retarget walk.bvh dance.c3d --robot g1.toml --out motions --format csv
     """
     from controller.cli.common.progress import progress

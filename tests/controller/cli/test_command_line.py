@@ -1,9 +1,11 @@
 """The program as its users run it: its output and its exit code; what plays, in a process of its own."""
 
 import json
+import shutil
 import subprocess
 import sys
 import time
+from importlib.metadata import version
 
 import pytest
 
@@ -157,6 +159,62 @@ def test_a_mistake_ends_in_one_clear_line(arguments, says):
     assert run.stderr.startswith("motiondeck: ")
     assert len(run.stderr.strip().splitlines()) == 1
     assert run.stdout == ""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("paly",), "No such command 'paly'. Did you mean"),
+        (("play", "--root", "string"), "'string' is not one of 'gantry', 'fixed', 'free'"),
+        (("preflight", "--root", "string"), "'string' is not one of"),
+        (("retarget", "walk.bvh", "--robot", "servo20", "--out", ".", "--format", "fbx"), "'fbx' is not one of"),
+        (("robot", "check", "servo20", ".", "--solver", "magic"), "'magic' is not one of 'angles', 'ik'"),
+        (("play", "--seconds", "x"), "'--seconds'"),
+        (("library", "show"), "Missing argument 'LIBRARY'"),
+        (("rig", "doctor", "servo20", "--fast"), "No such option: --fast"),
+    ],
+)
+def test_a_word_that_no_command_knows_ends_in_one_line_that_names_the_help(arguments, says):
+    run = motiondeck(*arguments)
+    assert run.returncode == 2
+    assert says in run.stderr
+    assert run.stderr.startswith("motiondeck: ")
+    assert run.stderr.endswith(" --help` explains.\n")
+    assert len(run.stderr.splitlines()) == 1
+
+
+def test_without_words_it_says_what_to_try_and_h_is_help():
+    alone = motiondeck().stdout
+    assert "Three things to try" in alone
+    assert "motiondeck learn walk.bvh" in alone
+    for words in (("-h",), ("play", "-h"), ("rig", "scan", "-h")):
+        assert motiondeck(*words).stdout == motiondeck(*words[:-1], "--help").stdout != ""
+
+
+def test_help_is_wrapped_where_the_terminal_ends(monkeypatch):
+    for columns in (80, 132):
+        monkeypatch.setenv("COLUMNS", str(columns))
+        sentence, _, _ = motiondeck("play", "--help").stdout.partition("Examples")
+        assert max(map(len, sentence.splitlines())) <= columns
+        # Words move up as far as they fit: no line ends long before the terminal does, but the last of a paragraph.
+        first, second = sentence.split("Opens a page")[1].splitlines()[:2]
+        assert len(" Opens a page" + first.rstrip()) + len(second.split()[0]) + 1 > columns - 2
+
+
+def test_the_version_is_that_of_the_package():
+    assert motiondeck("--version").stdout == f"motiondeck {version('motiondeck')}\n"
+
+
+def test_libraries_are_listed_with_those_of_the_folder(library, tmp_path, monkeypatch):
+    shutil.copy(library, tmp_path / "mine.safetensors")
+    (tmp_path / "broken.safetensors").write_text("no library")
+    monkeypatch.chdir(tmp_path)
+    told = {row["library"]: row for row in json.loads(motiondeck("library", "list", "--json").stdout)["libraries"]}
+    assert len(told["thesis15"]["motions"]) == 15
+    assert told["mine.safetensors"]["motions"] == ["march", "wave", "bow"]
+    assert "broken.safetensors" in told["broken.safetensors"]["reason"]
+    table = motiondeck("library", "list").stdout
+    assert all(name in table for name in told)
 
 
 def test_a_mistake_in_a_process_ends_in_the_same_line():

@@ -53,7 +53,6 @@ def test_the_table_names_what_is_wrong_and_the_tempo_that_passes(library):
     [
         (("--tempo", "9"), "--tempo 9 is not between"),
         (("--balance",), "give --root free with --balance"),
-        (("--root", "string"), "root 'string': choose gantry"),
         (("--plot", "/nowhere/at/all.png"), "no such folder"),
         (("--plot", "picture.xyz"), "pictures end in .png"),
     ],

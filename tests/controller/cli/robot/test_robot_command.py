@@ -8,7 +8,7 @@ from controller.cli.main import app
 from controller.cli.robot import calibration
 from controller.mocap.clip import Clip
 from controller.mocap.formats.writing import write_clip
-from motiondeck_base.errors import MotiondeckError, UnknownNameError
+from motiondeck_base.errors import MotiondeckError
 from simulated_bodies import bent_pose, human, smooth_poses
 from small_robots import full_humanoid, humanoid, urdf
 
@@ -183,7 +183,5 @@ def test_help_says_what_it_means():
 def test_what_is_not_there_is_said(files, tmp_path):
     with pytest.raises(MotiondeckError, match="no recordings"):
         run("check", "servo20", tmp_path)
-    with pytest.raises(UnknownNameError, match="unknown solver 'magic'"):
-        run("check", "servo20", files, "--solver", "magic")
     with pytest.raises(MotiondeckError, match="no such model file"):
         run("calibrate", tmp_path / "nobody.xml")
