@@ -150,8 +150,8 @@ def learn(
     Args:
         recordings: files and folders that hold some; each motion bears its file's name.
         name: of the library.
-        network: its kind and sizes: a `PhaseRecipe`, `ConceptorRecipe`, `EchoStateRecipe`, `RandomFeatureRecipe` or
-            `CentralizedRecipe` of `motiondeck.networks`; None for what suits any motion.
+        network: its kind and sizes: a `PhaseRecipe`, `PhaseEchoStateRecipe`, `ConceptorRecipe`, `EchoStateRecipe`,
+            `RandomFeatureRecipe` or `CentralizedRecipe` of `motiondeck.networks`; None for what suits any motion.
         seeds: tried in turn until every motion passes the self-test; see `Library.failed`.
         progress: called with each step in a few words.
 

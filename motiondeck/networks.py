@@ -58,6 +58,7 @@ from controller.networks.reservoirs.echo_state import EchoStateNetwork
 from controller.networks.reservoirs.loaded_signals import LoadedSignals
 from controller.networks.reservoirs.morph import Morph, morph
 from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork
+from controller.networks.reservoirs.phase_echo_state import PhaseEchoStateNetwork
 from controller.networks.reservoirs.random_feature_conceptor import RandomFeatureNetwork
 from controller.networks.reservoirs.reservoir import Reservoir, drive, random_reservoir
 from controller.ridge import ridge
@@ -74,6 +75,7 @@ from controller.training.own_signals import (
 )
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe
+from controller.training.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
 from controller.training.reservoirs.phase_training import PhaseRecipe
 from controller.training.reservoirs.random_feature_training import RandomFeatureRecipe
 
@@ -103,6 +105,8 @@ __all__ = [
     "NonlinearCenters",
     "Pendulum",
     "PhaseConceptorNetwork",
+    "PhaseEchoStateNetwork",
+    "PhaseEchoStateRecipe",
     "PhaseRecipe",
     "PolynomialSatellites",
     "RandomFeatureNetwork",

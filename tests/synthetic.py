@@ -11,6 +11,7 @@ from controller.mocap.skeleton import Skeleton
 from controller.training.preparation.loops import hold_end
 from controller.training.preparation.training_motion import TrainingMotion
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir
+from controller.training.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe, train_phase_echo_state
 from controller.training.reservoirs.phase_training import PhaseRecipe, train_phase_conceptors
 
 RATE = 120.0
@@ -103,10 +104,25 @@ def small_phase_network(seed=0, **recipe):
     return train_phase_conceptors(taught, normalisation, PhaseRecipe(**(SMALL_PHASE | recipe)), RATE, seed)
 
 
+def small_phase_echo_state(seed=0, **recipe):
+    """The same motions in a phase-driven echo-state network."""
+    taught, normalisation = lessons()
+    return train_phase_echo_state(taught, normalisation, PhaseEchoStateRecipe(**recipe), RATE, seed)
+
+
 def small_phase_library(seed=0, **recipe):
-    """The same motions in a phase-driven network."""
-    network, library = small_phase_network(seed, **recipe), small_library(seed)
-    info = msgspec.structs.replace(library.info, network="phase-conceptor", scales=network.scales)
+    """The same motions in phase-driven conceptors."""
+    return _phase_driven("phase-conceptor", small_phase_network(seed, **recipe), seed)
+
+
+def small_phase_echo_state_library(seed=0, **recipe):
+    """The same motions in a phase-driven echo-state network."""
+    return _phase_driven("phase-echo-state", small_phase_echo_state(seed, **recipe), seed)
+
+
+def _phase_driven(kind, network, seed):
+    library = small_library(seed)
+    info = msgspec.structs.replace(library.info, network=kind, scales=network.scales)
     return MotionLibrary(info, network, library.encoding)
 
 

@@ -1,4 +1,4 @@
-"""Phase-driven conceptors beside autonomous networks and a clip player.
+"""Phase-driven networks beside autonomous ones and a clip player.
 
 On recordings of every source.
 
@@ -49,6 +49,7 @@ from controller.training.fit import train
 from controller.training.recipe import MotionRecipe, NetworkRecipe, read_recipe
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe
+from controller.training.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
 from controller.training.reservoirs.phase_training import PhaseRecipe
 from controller.training.training_set import TrainingSet, prepare, to_learn
 from motiondeck_base.errors import FileFormatError
@@ -61,6 +62,7 @@ PHASE = PhaseRecipe()
 
 NETWORKS: dict[str, NetworkRecipe] = {
     "phase-driven conceptors": PHASE,
+    "phase-driven echo state": PhaseEchoStateRecipe(),
     "conceptors": ConceptorRecipe(),
     "echo state": EchoStateRecipe(),
 }

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
-from controller.library.network_arrays import AnyNetwork
+from controller.library.network_arrays import AnyNetwork, PhaseDriven
 from controller.measures.accuracy import mabs, nrmse
 from controller.measures.self_test import Judge
 from controller.networks.centralized.centralized_frames import CentralizedNetwork
-from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork
 from controller.ridge import ridge
 from controller.rotations import Array
 from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network
@@ -21,6 +20,7 @@ from controller.training.reservoirs.aperture_choice import settled_network
 from controller.training.reservoirs.conceptor_training import load_reservoir, what_drove
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
 from controller.training.reservoirs.noise_choice import settled_echo_state
+from controller.training.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe, train_phase_echo_state
 from controller.training.reservoirs.phase_training import PhaseRecipe, train_phase_conceptors
 from controller.training.reservoirs.random_feature_training import RandomFeatureRecipe, train_random_features
 from controller.training.training_set import TrainingSet
@@ -77,9 +77,11 @@ def training_error(
         size = mabs(network.reservoir.readout * normalisation.scaling)
         return TrainingError(seed, size, float(np.mean(errors)), None, None, network)
     if isinstance(plan, PhaseRecipe):
-        return _of_phase_conceptors(
-            train_phase_conceptors(lessons, normalisation, plan, syllabus.rate, seed), syllabus, plan.anchor_every, seed
-        )
+        network = train_phase_conceptors(lessons, normalisation, plan, syllabus.rate, seed)
+        return _of_phase_driven(network, syllabus, plan.anchor_every, seed)
+    if isinstance(plan, PhaseEchoStateRecipe):
+        network = train_phase_echo_state(lessons, normalisation, plan, syllabus.rate, seed)
+        return _of_phase_driven(network, syllabus, plan.anchor_every, seed)
     if isinstance(plan, CentralizedRecipe):
         return _of_centralized(
             train_centralized_network(lessons, normalisation, plan, syllabus.rate, seed), syllabus, seed
@@ -99,10 +101,8 @@ def training_error(
     return TrainingError(seed, mabs(readout), nrmse(states @ readout.T, targets), sized, error, network)
 
 
-def _of_phase_conceptors(
-    network: PhaseConceptorNetwork, syllabus: TrainingSet, anchor_every: int, seed: int
-) -> TrainingError:
-    """Errors of phase conceptors in the frames at their anchors; a readout is taken as that of channels in [-1, 1]."""
+def _of_phase_driven(network: PhaseDriven, syllabus: TrainingSet, anchor_every: int, seed: int) -> TrainingError:
+    """Errors of a phase-driven network at its anchors; a readout is taken as that of channels in [-1, 1]."""
     scaling = syllabus.normalised()[1].scaling[:, None]
     errors = [nrmse(network.recall(name), frames[::anchor_every]) for name, frames in syllabus.frames.items()]
     size = float(np.mean([mabs(network[name].readout[:, :, :-1] * scaling) for name in network.motions]))

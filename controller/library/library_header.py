@@ -14,16 +14,19 @@ from controller.mocap.encodings.joint_angles import JointAngles, JointBody
 from controller.mocap.encodings.joint_rotations import JointRotations
 from controller.mocap.skeleton import Skeleton
 from controller.networks.reservoirs.driving_input import DrivingInput
-from controller.networks.reservoirs.phase_conceptor import PhaseScales
+from controller.networks.reservoirs.phase_reservoir import PhaseScales
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.toml_file import shaped
 
-VERSION = 4
-# Read as well: 2 brought phase-driven networks, 3 centralized ones with weights of low rank, 4 inputs of motions.
-OLDER = (1, 2, 3)
+VERSION = 5
+# Read as well: 2 brought phase-driven conceptors, 3 centralized networks with weights of low rank, 4 inputs of motions.
+OLDER = (1, 2, 3, 4)
 MOST_NEURONS, MOST_HARMONICS = 20_000, 100
 LONGEST_BONE = 10.0  # m
 FEWEST_ANCHORS = 3  # with fewer nobody can tell how a motion moves
+
+
+NetworkKind = Literal["conceptor", "phase-conceptor", "echo-state", "phase-echo-state", "random-feature", "centralized"]
 
 
 class MotionInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -86,7 +89,7 @@ class LibraryInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
 
     version: int
     name: str
-    network: Literal["conceptor", "phase-conceptor", "echo-state", "random-feature", "centralized"]
+    network: NetworkKind
     encoding: Literal["bone directions", "joint rotations", "joint angles"]
     rate: float
     seed: int

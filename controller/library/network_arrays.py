@@ -9,19 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.arrays_file import StoredArrays
-from controller.library.library_header import FEWEST_ANCHORS, LibraryInfo
+from controller.library.library_header import FEWEST_ANCHORS, LibraryInfo, MotionInfo
 from controller.mocap.encodings.normalisation import Normalisation
 from controller.networks.centralized.centralized_frames import CentralizedNetwork, StoredMotion
 from controller.networks.centralized.low_rank import LowRankWeights, PackedWeights
 from controller.networks.reservoirs.conceptor import ConceptorMotion, ConceptorNetwork, Memory
 from controller.networks.reservoirs.echo_state import EchoStateMotion, EchoStateNetwork
-from controller.networks.reservoirs.phase_conceptor import (
-    PhaseConceptorNetwork,
-    PhaseCourse,
-    PhaseMotion,
-    PhaseReservoir,
-    StoredPieces,
-)
+from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork, PhaseMotion, StoredPieces
+from controller.networks.reservoirs.phase_echo_state import PhaseEchoStateMotion, PhaseEchoStateNetwork
+from controller.networks.reservoirs.phase_reservoir import PhaseCourse, PhaseReservoir, PhaseScales
 from controller.networks.reservoirs.random_feature_conceptor import (
     FeatureMotion,
     FeatureReservoir,
@@ -30,7 +26,8 @@ from controller.networks.reservoirs.random_feature_conceptor import (
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 
 Network = ConceptorNetwork | EchoStateNetwork | RandomFeatureNetwork
-AnyNetwork = Network | PhaseConceptorNetwork | CentralizedNetwork
+PhaseDriven = PhaseConceptorNetwork | PhaseEchoStateNetwork
+AnyNetwork = Network | PhaseDriven | CentralizedNetwork
 
 
 def arrays_of(network: AnyNetwork) -> dict[str, NDArray[Any]]:
@@ -41,6 +38,10 @@ def arrays_of(network: AnyNetwork) -> dict[str, NDArray[Any]]:
         if isinstance(part, PhaseMotion):
             arrays[f"motion/{motion}/held"] = np.array([part.course.held], dtype=np.int32)
             part = part.stored
+        elif isinstance(part, PhaseEchoStateMotion):
+            arrays[f"motion/{motion}/held"] = np.array([part.course.held], dtype=np.int32)
+            arrays[f"motion/{motion}/readout"] = part.readout
+            continue
         for field in fields(part):
             value = getattr(part, field.name)
             if isinstance(value, LowRankWeights):
@@ -54,7 +55,7 @@ def arrays_of(network: AnyNetwork) -> dict[str, NDArray[Any]]:
         arrays |= {"memory/shift": normalisation.shift, "memory/scaling": normalisation.scaling}
     if isinstance(network, EchoStateNetwork):
         arrays |= {"weights": network.weights, "feedback": network.feedback, "bias": network.bias}
-    if isinstance(network, EchoStateNetwork | PhaseConceptorNetwork):
+    if isinstance(network, EchoStateNetwork | PhaseDriven):
         arrays |= {"shift": network.normalisation.shift, "scaling": network.normalisation.scaling}
     if isinstance(network, RandomFeatureNetwork):
         arrays |= {field.name: getattr(network.reservoir, field.name) for field in fields(network.reservoir)}
@@ -88,6 +89,8 @@ class _Reader:
             network: AnyNetwork = ConceptorNetwork(parts, memory)
         elif info.network == "phase-conceptor":
             network = self.phase_conceptors(info, channels)
+        elif info.network == "phase-echo-state":
+            network = self.phase_echo_state(info, channels)
         elif info.network == "centralized":
             network = self.centralized(info, channels)
         elif info.network == "random-feature":
@@ -134,22 +137,17 @@ class _Reader:
         )
 
     def phase_conceptors(self, info: LibraryInfo, channels: int) -> PhaseConceptorNetwork:
-        if info.scales is None:
-            raise FileFormatError(f"{self.path}: its header has no scales for the weights that its motions share")
+        scales = self.scales(info)
         at = f"motion/{info.motions[0].name}/directions"
         neurons, rank = self.size(at, 1), self.size(at, 2)
-        if neurons != info.scales.neurons:
-            raise FileFormatError(f"{self.path}: {info.scales.neurons} neurons in its header, {neurons} in '{at}'")
-        reservoir = PhaseReservoir.draw(info.scales, channels, info.seed)
+        if neurons != scales.neurons:
+            raise FileFormatError(f"{self.path}: {scales.neurons} neurons in its header, {neurons} in '{at}'")
+        reservoir = PhaseReservoir.draw(scales, channels, info.seed)
         motions = {}
         for motion in info.motions:
             at = f"motion/{motion.name}/"
             pieces = self.size(at + "directions")
-            held = int(self.take(at + "held", 1, kind=np.int32)[0])
-            if not 0 <= held < motion.frames or pieces > motion.frames:
-                raise FileFormatError(
-                    f"{self.path}: '{at}': {pieces} pieces, {held} frames held, of {motion.frames} frames"
-                )
+            course = self.course(motion, pieces)
             stored = StoredPieces(
                 directions=self.take(at + "directions", pieces, neurons, rank, kind=np.float16),
                 strength=self.take(at + "strength", pieces, rank),
@@ -157,9 +155,35 @@ class _Reader:
                 estimate=self.take(at + "estimate", pieces, channels, rank + 1, kind=np.float16),
                 readout=self.take(at + "readout", pieces, channels, rank + 1),
             )
-            course = PhaseCourse.of(motion.frames, pieces, loop=motion.plays == "loop", held=held)
             motions[motion.name] = PhaseMotion(stored, course, reservoir, motion.input)
-        return PhaseConceptorNetwork(info.scales, info.seed, self.normalisation("", channels), motions)
+        return PhaseConceptorNetwork(scales, info.seed, self.normalisation("", channels), motions)
+
+    def phase_echo_state(self, info: LibraryInfo, channels: int) -> PhaseEchoStateNetwork:
+        scales = self.scales(info)
+        reservoir = PhaseReservoir.draw(scales, channels, info.seed)
+        motions = {}
+        for motion in info.motions:
+            at = f"motion/{motion.name}/readout"
+            pieces = self.size(at)
+            readout = self.take(at, pieces, channels, scales.neurons + 1)
+            motions[motion.name] = PhaseEchoStateMotion(readout, self.course(motion, pieces), reservoir)
+        return PhaseEchoStateNetwork(scales, info.seed, self.normalisation("", channels), motions)
+
+    def scales(self, info: LibraryInfo) -> PhaseScales:
+        """What the weights that phase-driven motions share are drawn with."""
+        if info.scales is None:
+            raise FileFormatError(f"{self.path}: its header has no scales for the weights that its motions share")
+        return info.scales
+
+    def course(self, motion: MotionInfo, pieces: int) -> PhaseCourse:
+        """How the center turns with a motion of so many pieces."""
+        at = f"motion/{motion.name}/"
+        held = int(self.take(at + "held", 1, kind=np.int32)[0])
+        if not 0 <= held < motion.frames or pieces > motion.frames:
+            raise FileFormatError(
+                f"{self.path}: '{at}': {pieces} pieces, {held} frames held, of {motion.frames} frames"
+            )
+        return PhaseCourse.of(motion.frames, pieces, loop=motion.plays == "loop", held=held)
 
     def echo_state(self, motion: str, neurons: int, channels: int) -> EchoStateMotion:
         at = f"motion/{motion}/"

@@ -1,4 +1,4 @@
-"""Many runs of one motion of a phase-driven network side by side; fits `run_batch.RunBatch`.
+"""Many runs of one motion of a phase-driven network, side by side; fit `run_batch.RunBatch`.
 
 The phase is given and cannot be lost, so what is disturbed are the neurons alone.
 """
@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.networks.reservoirs.phase_conceptor import ANCHOR_EVERY, PhaseConceptorNetwork, PhaseReservoir
+from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork
+from controller.networks.reservoirs.phase_echo_state import PhaseEchoStateNetwork
+from controller.networks.reservoirs.phase_reservoir import ANCHOR_EVERY, PhaseReservoir
 
 Float32 = NDArray[np.float32]
 
@@ -47,8 +49,7 @@ class PhaseBatch:
         """x(n+1) = m + C (tanh(W x(n) + W_in (V x(n) + v) + W_phi p + b) + noise - m),  y(n+1) = R x(n+1) + r."""
         part, course = self._part, self._part.course
         leaving = course.piece[self._frame]
-        last = len(part) - 1
-        self._frame = (self._frame + 1) % len(part) if course.loop else np.minimum(self._frame + 1, last)
+        self._frame = course.all_after(self._frame)
         entering = course.piece[self._frame]
         out = np.empty((len(self._z), part.readout.shape[1]), dtype=np.float32)
         for piece in np.unique(entering):
@@ -77,3 +78,45 @@ class PhaseBatch:
     def astray(self) -> NDArray[np.bool_]:
         """None: a bounded state at a given phase always leads back, shape (R,)."""
         return np.zeros(len(self._z), dtype=bool)
+
+
+class PhaseEchoStateBatch:
+    """R runs of one motion of a phase-driven echo-state network.
+
+    Args:
+        network: what plays.
+        motion: which motion; all runs start at its first anchor.
+        runs: R.
+
+    Attributes:
+        neurons: N.
+    """
+
+    def __init__(self, network: PhaseEchoStateNetwork, motion: str, runs: int) -> None:
+        self.neurons = network.neurons
+        self._part, self._weights = network[motion], network.reservoir.weights
+        self._frame = np.zeros(runs, dtype=np.int64)
+        self._x = np.repeat(self._part.states[:1], runs, axis=0)
+
+    def displace(self, noise: Float32) -> None:
+        """x(0) = s + noise."""
+        self._x += noise
+
+    def advance(self, noise: Float32 | None = None) -> Float32:
+        """x(n+1) = tanh(W x(n) + W_phi p + b) + noise,  y(n+1) = R x(n+1) + r."""
+        part, course = self._part, self._part.course
+        self._frame = course.all_after(self._frame)
+        self._x = np.tanh(self._x @ self._weights.T + part.driven[self._frame])
+        if noise is not None:
+            self._x += noise
+        readout = part.readout[course.piece[self._frame]]
+        return np.einsum("rcn,rn->rc", readout[:, :, :-1], self._x) + readout[:, :, -1]
+
+    def cue(self, rows: NDArray[Any], anchors: NDArray[Any]) -> None:
+        """Puts some of the runs to anchors."""
+        self._frame[rows] = anchors * ANCHOR_EVERY
+        self._x[rows] = self._part.states[anchors * ANCHOR_EVERY]
+
+    def astray(self) -> NDArray[np.bool_]:
+        """None: a given phase always leads back, shape (R,)."""
+        return np.zeros(len(self._x), dtype=bool)

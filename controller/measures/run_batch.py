@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.measures.centralized_run_batch import CentralizedBatch
-from controller.measures.phase_run_batch import PhaseBatch
+from controller.measures.phase_run_batch import PhaseBatch, PhaseEchoStateBatch
 from controller.networks.centralized.centralized_frames import CentralizedNetwork
 from controller.networks.reservoirs.conceptor import ConceptorNetwork
 from controller.networks.reservoirs.echo_state import EchoStateNetwork
 from controller.networks.reservoirs.morph import ReservoirNetwork
 from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork
+from controller.networks.reservoirs.phase_echo_state import PhaseEchoStateNetwork
 from controller.networks.reservoirs.random_feature_conceptor import RandomFeatureNetwork
 
 Float32 = NDArray[np.float32]
@@ -192,7 +193,7 @@ class RandomFeatureBatch:
 
 
 def batch_of(
-    network: ReservoirNetwork | PhaseConceptorNetwork | CentralizedNetwork,
+    network: ReservoirNetwork | PhaseConceptorNetwork | PhaseEchoStateNetwork | CentralizedNetwork,
     motion: str,
     runs: int,
     weights: Float32 | None = None,
@@ -202,6 +203,8 @@ def batch_of(
         return CentralizedBatch(network, motion, runs)
     if isinstance(network, PhaseConceptorNetwork):
         return PhaseBatch(network, motion, runs)
+    if isinstance(network, PhaseEchoStateNetwork):
+        return PhaseEchoStateBatch(network, motion, runs)
     if isinstance(network, ConceptorNetwork):
         return ConceptorBatch(network, motion, runs, weights)
     if isinstance(network, RandomFeatureNetwork):

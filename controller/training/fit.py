@@ -5,16 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from controller.library.library_header import FEWEST_ANCHORS, VERSION, LibraryInfo, MotionInfo, describe_skeleton
+from controller.library.library_header import (
+    FEWEST_ANCHORS,
+    VERSION,
+    LibraryInfo,
+    MotionInfo,
+    NetworkKind,
+    describe_skeleton,
+)
 from controller.library.motion_library import MotionLibrary
-from controller.library.network_arrays import AnyNetwork
+from controller.library.network_arrays import AnyNetwork, PhaseDriven
 from controller.measures.accuracy import nrmse
 from controller.measures.self_test import Judge, MotionVerdict, self_test
 from controller.measures.trials import with_trials
@@ -29,6 +35,7 @@ from controller.training.reservoirs.aperture_choice import settled_network
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
 from controller.training.reservoirs.noise_choice import settled_echo_state
+from controller.training.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe, train_phase_echo_state
 from controller.training.reservoirs.phase_training import PhaseRecipe, train_phase_conceptors
 from controller.training.reservoirs.random_feature_training import RandomFeatureRecipe, train_random_features
 from controller.training.reservoirs.size_choice import smallest_within
@@ -36,10 +43,11 @@ from controller.training.stress_test import stress_test
 from controller.training.training_set import Progress, TrainingSet, prepare
 from motiondeck_base.errors import FileFormatError
 
-_KINDS: dict[type, Literal["conceptor", "phase-conceptor", "echo-state", "random-feature", "centralized"]] = {
+_KINDS: dict[type, NetworkKind] = {
     ConceptorRecipe: "conceptor",
     PhaseRecipe: "phase-conceptor",
     EchoStateRecipe: "echo-state",
+    PhaseEchoStateRecipe: "phase-echo-state",
     RandomFeatureRecipe: "random-feature",
     CentralizedRecipe: "centralized",
 }
@@ -184,7 +192,7 @@ def assemble(
         acknowledgement=recipe.acknowledgement,
         leak=recipe.network.leak if isinstance(recipe.network, EchoStateRecipe) else 1.0,
         clipped=recipe.network.clipped if isinstance(recipe.network, EchoStateRecipe) else True,
-        scales=network.scales if isinstance(network, PhaseConceptorNetwork) else None,
+        scales=network.scales if isinstance(network, PhaseDriven) else None,
     )
     return MotionLibrary(info, network, training_set.encoding)
 
@@ -197,6 +205,8 @@ def train(
         return train_centralized_network(motions, normalisation, recipe, rate, seed)
     if isinstance(recipe, PhaseRecipe):
         return train_phase_conceptors(motions, normalisation, recipe, rate, seed)
+    if isinstance(recipe, PhaseEchoStateRecipe):
+        return train_phase_echo_state(motions, normalisation, recipe, rate, seed)
     if isinstance(recipe, ConceptorRecipe):
         return conceptor_network(load_reservoir(motions, recipe, seed), motions, normalisation, recipe)
     if isinstance(recipe, RandomFeatureRecipe):

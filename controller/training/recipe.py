@@ -16,6 +16,7 @@ from controller.training.centralized.centralized_training import CentralizedReci
 from controller.training.preparation.takes import by_motion, motion_of
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe
+from controller.training.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
 from controller.training.reservoirs.phase_training import PhaseRecipe
 from controller.training.reservoirs.random_feature_training import RandomFeatureRecipe
 from motiondeck_base.errors import FileFormatError
@@ -24,7 +25,8 @@ from motiondeck_base.toml_file import read_toml, shaped
 ReservoirRecipe = ConceptorRecipe | EchoStateRecipe | RandomFeatureRecipe
 """Networks that run by themselves, as in the thesis."""
 
-CenterRecipe = PhaseRecipe | CentralizedRecipe
+PhaseDrivenRecipe = PhaseRecipe | PhaseEchoStateRecipe
+CenterRecipe = PhaseDrivenRecipe | CentralizedRecipe
 """Networks that centers drive."""
 
 NetworkRecipe = ReservoirRecipe | CenterRecipe

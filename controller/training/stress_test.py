@@ -11,11 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from controller.library.network_arrays import Network
+from controller.library.network_arrays import Network, PhaseDriven
 from controller.measures.disturbance import Kind, disturbed
 from controller.measures.run_batch import batch_of
 from controller.measures.self_test import Judge, MotionVerdict, after_disturbance
-from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork
 
 RUNS = 5
 FORGIVEN = 1
@@ -24,7 +23,7 @@ _WORDS: dict[Kind, str] = {"robustness": "started from noise", "stability": "dis
 
 
 def stress_test(
-    network: Network | PhaseConceptorNetwork, verdicts: dict[str, MotionVerdict], judge: Judge, seed: int
+    network: Network | PhaseDriven, verdicts: dict[str, MotionVerdict], judge: Judge, seed: int
 ) -> dict[str, MotionVerdict]:
     """The verdicts of the free runs, made worse where a motion does not survive a disturbance.
 
@@ -34,7 +33,7 @@ def stress_test(
         judge: of its motions.
         seed: of the noise.
     """
-    knows_phase = isinstance(network, PhaseConceptorNetwork)
+    knows_phase = isinstance(network, PhaseDriven)
     return {
         name: _stressed(network, name, verdict, judge, seed)
         if verdict.passed and (judge.loops[name] or knows_phase)
@@ -44,7 +43,7 @@ def stress_test(
 
 
 def _stressed(
-    network: Network | PhaseConceptorNetwork, motion: str, verdict: MotionVerdict, judge: Judge, seed: int
+    network: Network | PhaseDriven, motion: str, verdict: MotionVerdict, judge: Judge, seed: int
 ) -> MotionVerdict:
     rng = np.random.default_rng([seed, network.motions.index(motion)])
     for kind, words in _WORDS.items():

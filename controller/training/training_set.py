@@ -24,8 +24,7 @@ from controller.training.preparation.cycles import in_step
 from controller.training.preparation.loops import Seam, best_seam, close_loop, hold_end
 from controller.training.preparation.takes import read_takes
 from controller.training.preparation.training_motion import TrainingMotion, Variant
-from controller.training.recipe import CenterRecipe, LibraryRecipe, MotionRecipe, find_recording
-from controller.training.reservoirs.phase_training import PhaseRecipe
+from controller.training.recipe import CenterRecipe, LibraryRecipe, MotionRecipe, PhaseDrivenRecipe, find_recording
 from motiondeck_base.errors import FileFormatError
 
 SHORTEST_SECONDS = 0.4  # of a recording: two windows of the self-test
@@ -164,7 +163,7 @@ def prepare(
             continue
         frames[motion.name], parts[motion.name] = to_learn(encoding, clip, motion, rate, recipe.loop_keeps)
     loops = {motion.name: motion.plays == "loop" for motion in recipe.motions}
-    least = LEAST_RANGE if isinstance(recipe.network, PhaseRecipe) else 0.0
+    least = LEAST_RANGE if isinstance(recipe.network, PhaseDrivenRecipe) else 0.0
     inputs = {motion.name: motion.input for motion in recipe.motions if motion.input}
     return TrainingSet(encoding, rate, frames, loops, before, parts, least, variants, inputs)
 

@@ -33,6 +33,10 @@ def test_a_clip_player_is_exact():
 
 
 def test_a_mixture_is_measured_at_each_mu():
-    found = mixtures(synthetic.small_phase_network(), synthetic.small_encoding(), ("march", "wave"), [0.0, 0.5])
-    assert found.shape == (2, 3)
+    library = synthetic.small_phase_library()
+    found = mixtures(library, synthetic.small_phase_network(), ("march", "wave"), [0.0, 0.5])
+    assert found.shape == (2, 5)
+    # At 0 both ways play the first motion alone.
     assert found[0, 0] == pytest.approx(1.0, abs=0.05)
+    assert found[0, 3] == pytest.approx(1.0, abs=1e-3)
+    assert found[0, 4] == pytest.approx(found[0, 2], rel=1e-2)

@@ -26,84 +26,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from controller.mocap.encodings.normalisation import Normalisation
 from controller.networks.base import Channels
 from controller.networks.reservoirs.driving_input import LEVELS, DrivingInput
+from controller.networks.reservoirs.phase_reservoir import (
+    ANCHOR_EVERY,
+    SETTLING_STEPS,
+    Float32,
+    PhaseCourse,
+    PhaseReservoir,
+    PhaseScales,
+)
 from motiondeck_base.errors import UnknownNameError
 
-Float32 = NDArray[np.float32]
 Float16 = NDArray[np.float16]
-
-ANCHOR_EVERY = 2
-SETTLING_STEPS = 100
-
-
-class PhaseScales(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """What the shared weights are drawn with.
-
-    Attributes:
-        neurons: N.
-        harmonics: H of the phase.
-        spectral_radius: of W, by the circular law: that of an infinitely large W.
-        input_scale, phase_scale, bias_scale: of W_in, W_phi (a in the equation) and b.
-        drive_scale: of W_u; 0 where no motion has an input besides the phase.
-    """
-
-    neurons: int
-    harmonics: int
-    spectral_radius: float
-    input_scale: float
-    phase_scale: float
-    bias_scale: float
-    drive_scale: float = 0.0
-
-
-@dataclass(frozen=True)
-class PhaseReservoir:
-    """The weights that all motions share, with N neurons, C channels and H harmonics.
-
-    Attributes:
-        weights: W, shape (N, N).
-        input_weights: W_in, shape (N, C).
-        phase_weights: W_phi a / sqrt(H), shape (N, 2 H).
-        bias: b, shape (N,).
-        drive_weights: W_u, shape (N, 1), or (N, 0) where there is no input besides the phase.
-    """
-
-    weights: Float32
-    input_weights: Float32
-    phase_weights: Float32
-    bias: Float32
-    drive_weights: Float32
-
-    @classmethod
-    def draw(cls, scales: PhaseScales, channels: int, seed: int) -> PhaseReservoir:
-        """The weights of a seed, each from U[-1, 1] before it is scaled.
-
-        Drawn from the raw bits of the generator, whose stream never changes with the version of numpy.
-        """
-        raw, neurons, inputs = np.random.PCG64(seed), scales.neurons, 2 * scales.harmonics
-
-        def uniform(scale: float, *shape: int) -> Float32:
-            bits = raw.random_raw(int(np.prod(shape))) >> np.uint64(11)
-            return (scale * (bits * 2.0**-52 - 1.0)).reshape(shape).astype(np.float32)
-
-        return cls(
-            uniform(scales.spectral_radius * np.sqrt(3.0 / neurons), neurons, neurons),
-            uniform(scales.input_scale, neurons, channels),
-            uniform(scales.phase_scale / np.sqrt(scales.harmonics), neurons, inputs),
-            uniform(scales.bias_scale, neurons),
-            uniform(scales.drive_scale, neurons, int(scales.drive_scale > 0.0)),
-        )
-
-    def harmonics_of(self, phase: NDArray[np.float64]) -> Float32:
-        """(cos phi, ..., cos H phi, sin phi, ..., sin H phi) of phases (T,), shape (T, 2 H)."""
-        angles = np.multiply.outer(phase, np.arange(1, self.phase_weights.shape[1] // 2 + 1))
-        return np.concatenate([np.cos(angles), np.sin(angles)], axis=-1).astype(np.float32)
 
 
 @dataclass(frozen=True)
@@ -123,54 +62,6 @@ class StoredPieces:
     mean: Float16
     estimate: Float16
     readout: Float32
-
-
-@dataclass(frozen=True)
-class PhaseCourse:
-    """How the center turns while a motion of T frames is played, in P pieces.
-
-    Attributes:
-        phase: phi at each frame, shape (T,), rad; it rises, and stays where a one-shot has stopped.
-        piece: which piece plays each frame, shape (T,).
-        loop: whether frame 0 follows the last one.
-    """
-
-    phase: NDArray[np.float64]
-    piece: NDArray[np.int64]
-    loop: bool
-
-    @classmethod
-    def of(cls, frames: int, pieces: int, *, loop: bool, held: int = 0) -> PhaseCourse:
-        """Of a motion of some frames, the last of which only hold its end."""
-        way = np.arange(frames) / (frames if loop else max(1, frames - held - 1))
-        piece = np.minimum(pieces * way, pieces - 1).astype(np.int64)
-        half_turns = 2 if loop and pieces == 1 else pieces
-        return cls(np.pi * half_turns * np.minimum(way, 1.0), piece, loop)
-
-    @property
-    def held(self) -> int:
-        """How many frames at the end only hold it."""
-        return int((np.diff(self.phase) == 0.0).sum())
-
-    def share_at(self, frame: int) -> float:
-        """How far the motion is at a frame: [0, 1) in a loop, 0 to 1 in a one-shot."""
-        return float(self.phase[frame] / self.whole)
-
-    def frame_at(self, share: float) -> int:
-        """The frame nearest to a share of the way."""
-        if self.loop:
-            return round(share * len(self.phase)) % len(self.phase)
-        return int(np.abs(self.phase - share * self.whole).argmin())
-
-    @property
-    def whole(self) -> float:
-        """By how much the center turns in a round of a loop, or in all of a one-shot, rad."""
-        return float(self.phase[-1] + (self.phase[1] if self.loop else 0.0))
-
-    def before(self, steps: int) -> NDArray[np.float64]:
-        """phi in the frames before the first, shape (steps,): a loop comes from its end, a one-shot has not begun."""
-        turn = float(self.phase[1]) if self.loop else 0.0
-        return turn * np.arange(-steps, 0, dtype=np.float64)
 
 
 class PhaseMotion:
@@ -224,16 +115,6 @@ class PhaseMotion:
     def __len__(self) -> int:
         return len(self.course.phase)
 
-    def after(self, frame: int) -> int:
-        """The frame that follows one: the first after the last of a loop, the last itself of a one-shot."""
-        if frame + 1 < len(self):
-            return frame + 1
-        return 0 if self.course.loop else frame
-
-    def before(self, frame: int) -> int:
-        """The frame that precedes one."""
-        return frame - 1 if frame > 0 else len(self) - 1 if self.course.loop else 0
-
     def state_at(self, frame: int, level: float) -> Float32:
         """The state that the motion settles in at a frame, with its input at a level."""
         if self.driving is None:
@@ -279,7 +160,7 @@ class PhaseVoice:
     @property
     def next(self) -> int:
         """The frame after the present one."""
-        return self.motion.after(self.frame)
+        return self.motion.course.after(self.frame)
 
     def step(self, frame: int) -> None:
         """Goes on to a frame whose phase is near the present one."""
@@ -404,7 +285,7 @@ class PhaseConceptorNetwork:
     def retreat(self, out: Channels) -> None:
         """Steps one frame back, along the states that the motion settles in, and writes it into out."""
         part = self._voice.motion
-        self._place(part, part.before(self._voice.frame))
+        self._place(part, part.course.preceding(self._voice.frame))
         self._voice.read(self._frame)
         np.copyto(out, self._frame)
 

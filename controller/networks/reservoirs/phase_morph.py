@@ -23,7 +23,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.networks.base import Channels
-from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork, PhaseMotion, PhaseReservoir
+from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork, PhaseMotion
+from controller.networks.reservoirs.phase_reservoir import PhaseReservoir
 from controller.ridge import ridge
 from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError

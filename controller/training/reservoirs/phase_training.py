@@ -21,15 +21,13 @@ from numpy.typing import NDArray
 
 from controller.mocap.encodings.normalisation import Normalisation
 from controller.networks.reservoirs.driving_input import DrivingInput
-from controller.networks.reservoirs.phase_conceptor import (
+from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork, PhaseMotion, StoredPieces
+from controller.networks.reservoirs.phase_reservoir import (
     ANCHOR_EVERY,
     Float32,
-    PhaseConceptorNetwork,
     PhaseCourse,
-    PhaseMotion,
     PhaseReservoir,
     PhaseScales,
-    StoredPieces,
 )
 from controller.networks.reservoirs.reservoir import Reservoir, drive
 from controller.ridge import ridge
@@ -131,7 +129,9 @@ def learn_motion(
     stored = StoredPieces(
         *(np.concatenate([getattr(piece, field.name) for piece in pieces]) for field in fields(StoredPieces))
     )
-    return _read_out(PhaseMotion(stored, course, reservoir), normalisation.invert(motion.frames), reservoir, recipe)
+    settled = PhaseMotion(stored, course, reservoir).states
+    readout = learn_readouts(settled, course, normalisation.invert(motion.frames), recipe.ridge)
+    return PhaseMotion(replace(stored, readout=readout), course, reservoir)
 
 
 def _learn_driven(
@@ -216,16 +216,25 @@ def _learn_piece(before: Array, states: Array, inputs: Array, recipe: PhaseRecip
     return StoredPieces(kept[None], strength[None], mean[None], estimate.astype(np.float16)[None], unread[None])
 
 
-def _read_out(motion: PhaseMotion, frames: Array, reservoir: PhaseReservoir, recipe: PhaseRecipe) -> PhaseMotion:
-    """The motion with readouts learned from the states in which it settles, frame by frame."""
-    pieces = [np.flatnonzero(motion.course.piece == piece) for piece in range(len(motion.stored.mean))]
+def learn_readouts(states: Float32, course: PhaseCourse, frames: Array, regulariser: float) -> Float32:
+    """A readout for each piece of a motion, from the states in which the network settles, frame by frame.
+
+    Args:
+        states: at each frame, shape (T, k).
+        course: of the phase.
+        frames: to be read, shape (T, C).
+        regulariser: of the ridge regressions.
+
+    Returns:
+        (R, r) of each piece, shape (P, C, k + 1).
+    """
+    pieces = [np.flatnonzero(course.piece == piece) for piece in range(int(course.piece[-1]) + 1)]
     weight = np.ones(len(frames))
     for own in pieces if len(pieces) > 1 else []:
         weight[own[:SEAM_FRAMES]] = weight[own[-SEAM_FRAMES:]] = SEAM_WEIGHT
-    readout = [
-        _affine_ridge(motion.states[own].astype(np.float64), frames[own], recipe.ridge, weight[own]) for own in pieces
-    ]
-    return PhaseMotion(replace(motion.stored, readout=np.stack(readout)), motion.course, reservoir)
+    found = [_affine_ridge(states[own].astype(np.float64), frames[own], regulariser, weight[own]) for own in pieces]
+    # As a file has them, so that a loaded network plays the same bit by bit.
+    return np.ascontiguousarray(np.stack(found))
 
 
 def _affine_ridge(states: Array, targets: Array, regulariser: float, weight: Array | None = None) -> Float32:

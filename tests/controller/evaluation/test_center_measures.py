@@ -10,6 +10,7 @@ from controller.evaluation.training_error import training_error
 from controller.measures.run_batch import batch_of
 from controller.training.centralized.centralized_training import CentralizedRecipe
 from controller.training.recipe import LibraryRecipe, MotionRecipe
+from controller.training.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
 from controller.training.reservoirs.phase_training import PhaseRecipe
 from controller.training.training_set import TrainingSet
 
@@ -38,7 +39,7 @@ def test_a_batch_plays_what_the_network_plays(subject, motion):
     network = subject.network
     network.cue(motion, 0)
     frame = np.empty(network.channels)
-    batch = batch_of(network, motion, 3)
+    batch, frames = batch_of(network, motion, 3), np.empty(0)
     for _ in range(250):
         network.advance(frame)
         frames = batch.advance()
@@ -75,7 +76,7 @@ def test_loops_come_back_from_every_disturbance(subject, syllabus, kind):
     assert all(one.guarded is not None for one in counts)
 
 
-@pytest.mark.parametrize("network", [RECIPE.network, PhaseRecipe(neurons=100, rank=20)])
+@pytest.mark.parametrize("network", [RECIPE.network, PhaseRecipe(neurons=100, rank=20), PhaseEchoStateRecipe()])
 def test_training_errors(syllabus, network):
     found = training_error(msgspec.structs.replace(RECIPE, network=network), syllabus, 0)
     assert 0.0 < found.nrmse_readout < 0.1

@@ -77,7 +77,14 @@ def phase_library():
     return synthetic.small_phase_library(piece_seconds=0.5)
 
 
-def test_a_phase_driven_library_plays_the_same_after_saving_and_loading(phase_library, tmp_path):
+@pytest.fixture(scope="module")
+def phase_echo_state_library():
+    return synthetic.small_phase_echo_state_library(piece_seconds=0.5)
+
+
+@pytest.mark.parametrize("kind", ["phase_library", "phase_echo_state_library"])
+def test_a_phase_driven_library_plays_the_same_after_saving_and_loading(kind, tmp_path, request):
+    phase_library = request.getfixturevalue(kind)
     save_library(phase_library, tmp_path / "phase.safetensors")
     loaded = load_library(tmp_path / "phase.safetensors")
     assert loaded.info == phase_library.info
@@ -112,6 +119,23 @@ def test_what_is_wrong_with_a_phase_driven_library_is_named(phase_library, tmp_p
         load_library(rewritten(tmp_path / "phase.safetensors", tmp_path, change))
 
 
+@pytest.mark.parametrize(
+    ("change", "error"),
+    [
+        (lambda arrays, header: header.update(scales=None), "no scales"),
+        (lambda arrays, header: header["scales"].update(neurons=7), "motion/march/readout"),
+        (lambda arrays, header: arrays["motion/bow/held"].fill(1000), "1000 frames held"),
+        (lambda arrays, header: arrays["motion/wave/readout"].fill(np.nan), "not finite"),
+    ],
+)
+def test_what_is_wrong_with_a_phase_driven_echo_state_library_is_named(
+    phase_echo_state_library, tmp_path, change, error
+):
+    save_library(phase_echo_state_library, tmp_path / "phase.safetensors")
+    with pytest.raises(FileFormatError, match=error):
+        load_library(rewritten(tmp_path / "phase.safetensors", tmp_path, change))
+
+
 def test_nothing_is_left_beside_a_library(saved):
     assert [path.name for path in saved.parent.iterdir()] == ["small.safetensors"]
 
@@ -132,7 +156,7 @@ def test_two_libraries_from_one_file_do_not_share_their_state(saved):
     first.cue("march", 0)
     first.advance(out[0])
     second.advance(out[1])
-    assert np.array_equal(*out)
+    assert np.array_equal(out[0], out[1])
 
 
 def nan_in(arrays, header):

@@ -35,6 +35,7 @@ NETWORKS = {
     "echo-state of the thesis": lambda: echo_state(clipped=False),
     "random-feature": random_features,
     "phase-conceptor": lambda: synthetic.small_phase_network(piece_seconds=0.5),
+    "phase-echo-state": lambda: synthetic.small_phase_echo_state(piece_seconds=0.5),
 }
 
 

@@ -102,7 +102,7 @@ def test_motions_are_carried_to_one_body(tmp_path, mocap_data):
     assert abs(heights["walk"] - heights["waltz"]) < 0.12
 
 
-@pytest.mark.parametrize("name", ["thesis15", "thesis15-conceptor", "thesis15-echo-state"])
+@pytest.mark.parametrize("name", ["thesis15", "thesis15-conceptor", "thesis15-echo-state", "thesis15-phase-echo-state"])
 def test_shipped_recipes_are_good(name):
     recipe = read_recipe(RECIPES / f"{name}.toml")
     assert len(recipe.motions) == 15
@@ -187,6 +187,8 @@ def test_a_training_set_says_which_part_of_each_recording_it_holds(tmp_path, moc
     assert walk.end - walk.first == pytest.approx(len(known.frames["walk"]) / 120)
     ends = [from_the_heading(clip, round(120 * moment)) for moment in (walk.first, walk.end)]
     apart = np.square(ends[1] - ends[0]).sum(1)
+    assert walk.seam_mm is not None
+    assert walk.seam_degrees is not None
     assert walk.seam_mm == pytest.approx(1e3 * np.sqrt(apart.sum() / (len(apart) - 2 / 3)), rel=1e-3)
     assert 1.0 < walk.seam_degrees < 45.0
     assert (standup.first, standup.end, standup.seam_mm) == (0.0, standup.recorded, None)

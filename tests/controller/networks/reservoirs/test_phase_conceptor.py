@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import synthetic
 from controller.networks.base import PhaseNetwork
-from controller.networks.reservoirs.phase_conceptor import ANCHOR_EVERY, PhaseCourse, PhaseReservoir, PhaseScales
+from controller.networks.reservoirs.phase_reservoir import ANCHOR_EVERY, PhaseCourse, PhaseReservoir, PhaseScales
 from motiondeck_base.errors import UnknownNameError
 
 SCALES = PhaseScales(5, 2, 1.6, 1.0, 3.0, 0.8)

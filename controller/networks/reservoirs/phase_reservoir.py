@@ -1,0 +1,149 @@
+"""What phase-driven networks have in common: a reservoir that a center drives, and how the center turns with a motion.
+
+A loop turns the phase phi round and round. A one-shot turns it by half a turn and stops. A long motion is a chain of
+pieces, each half a turn. The reservoir sees phi by its harmonics
+
+    p(phi) = a / sqrt(H) (cos phi, ..., cos H phi, sin phi, ..., sin H phi)
+
+The weights that motions share follow from a seed and are not stored.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+Float32 = NDArray[np.float32]
+
+ANCHOR_EVERY = 2
+SETTLING_STEPS = 100
+
+
+class PhaseScales(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """What the shared weights are drawn with.
+
+    Attributes:
+        neurons: N.
+        harmonics: H of the phase.
+        spectral_radius: of W, by the circular law: that of an infinitely large W.
+        input_scale, phase_scale, bias_scale: of W_in, W_phi (a in the equation) and b.
+        drive_scale: of W_u; 0 where no motion has an input besides the phase.
+    """
+
+    neurons: int
+    harmonics: int
+    spectral_radius: float
+    input_scale: float
+    phase_scale: float
+    bias_scale: float
+    drive_scale: float = 0.0
+
+
+@dataclass(frozen=True)
+class PhaseReservoir:
+    """The weights that all motions share, with N neurons, C channels and H harmonics.
+
+    Attributes:
+        weights: W, shape (N, N).
+        input_weights: W_in, shape (N, C).
+        phase_weights: W_phi a / sqrt(H), shape (N, 2 H).
+        bias: b, shape (N,).
+        drive_weights: W_u, shape (N, 1), or (N, 0) where there is no input besides the phase.
+    """
+
+    weights: Float32
+    input_weights: Float32
+    phase_weights: Float32
+    bias: Float32
+    drive_weights: Float32
+
+    @classmethod
+    def draw(cls, scales: PhaseScales, channels: int, seed: int) -> PhaseReservoir:
+        """The weights of a seed, each from U[-1, 1] before it is scaled.
+
+        Drawn from the raw bits of the generator, whose stream never changes with the version of numpy.
+        """
+        raw, neurons, inputs = np.random.PCG64(seed), scales.neurons, 2 * scales.harmonics
+
+        def uniform(scale: float, *shape: int) -> Float32:
+            bits = raw.random_raw(int(np.prod(shape))) >> np.uint64(11)
+            return (scale * (bits * 2.0**-52 - 1.0)).reshape(shape).astype(np.float32)
+
+        return cls(
+            uniform(scales.spectral_radius * np.sqrt(3.0 / neurons), neurons, neurons),
+            uniform(scales.input_scale, neurons, channels),
+            uniform(scales.phase_scale / np.sqrt(scales.harmonics), neurons, inputs),
+            uniform(scales.bias_scale, neurons),
+            uniform(scales.drive_scale, neurons, int(scales.drive_scale > 0.0)),
+        )
+
+    def harmonics_of(self, phase: NDArray[np.float64]) -> Float32:
+        """(cos phi, ..., cos H phi, sin phi, ..., sin H phi) of phases (T,), shape (T, 2 H)."""
+        angles = np.multiply.outer(phase, np.arange(1, self.phase_weights.shape[1] // 2 + 1))
+        return np.concatenate([np.cos(angles), np.sin(angles)], axis=-1).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class PhaseCourse:
+    """How the center turns while a motion of T frames is played, in P pieces.
+
+    Attributes:
+        phase: phi at each frame, shape (T,), rad; it rises, and stays where a one-shot has stopped.
+        piece: which piece plays each frame, shape (T,).
+        loop: whether frame 0 follows the last one.
+    """
+
+    phase: NDArray[np.float64]
+    piece: NDArray[np.int64]
+    loop: bool
+
+    @classmethod
+    def of(cls, frames: int, pieces: int, *, loop: bool, held: int = 0) -> PhaseCourse:
+        """Of a motion of some frames, the last of which only hold its end."""
+        way = np.arange(frames) / (frames if loop else max(1, frames - held - 1))
+        piece = np.minimum(pieces * way, pieces - 1).astype(np.int64)
+        half_turns = 2 if loop and pieces == 1 else pieces
+        return cls(np.pi * half_turns * np.minimum(way, 1.0), piece, loop)
+
+    @property
+    def held(self) -> int:
+        """How many frames at the end only hold it."""
+        return int((np.diff(self.phase) == 0.0).sum())
+
+    def share_at(self, frame: int) -> float:
+        """How far the motion is at a frame: [0, 1) in a loop, 0 to 1 in a one-shot."""
+        return float(self.phase[frame] / self.whole)
+
+    def frame_at(self, share: float) -> int:
+        """The frame nearest to a share of the way."""
+        if self.loop:
+            return round(share * len(self.phase)) % len(self.phase)
+        return int(np.abs(self.phase - share * self.whole).argmin())
+
+    @property
+    def whole(self) -> float:
+        """By how much the center turns in a round of a loop, or in all of a one-shot, rad."""
+        return float(self.phase[-1] + (self.phase[1] if self.loop else 0.0))
+
+    def before(self, steps: int) -> NDArray[np.float64]:
+        """phi in the frames before the first, shape (steps,): a loop comes from its end, a one-shot has not begun."""
+        turn = float(self.phase[1]) if self.loop else 0.0
+        return turn * np.arange(-steps, 0, dtype=np.float64)
+
+    def after(self, frame: int) -> int:
+        """The frame that follows one: the first after the last of a loop, the last itself of a one-shot."""
+        if frame + 1 < len(self.phase):
+            return frame + 1
+        return 0 if self.loop else frame
+
+    def all_after(self, frames: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The frames that follow some, as `after` has it."""
+        many = len(self.phase)
+        return (frames + 1) % many if self.loop else np.minimum(frames + 1, many - 1)
+
+    def preceding(self, frame: int) -> int:
+        """The frame before one: the last before the first of a loop, the first itself of a one-shot."""
+        return frame - 1 if frame > 0 else len(self.phase) - 1 if self.loop else 0

@@ -1,0 +1,111 @@
+"""The phase-driven echo-state network: it plays in phase, stops at an end, finds back, and is sent to any phase."""
+
+import numpy as np
+import pytest
+
+import synthetic
+from controller.networks.base import PhaseNetwork
+from controller.networks.reservoirs.phase_reservoir import ANCHOR_EVERY
+from motiondeck_base.errors import UnknownNameError
+
+
+@pytest.fixture(scope="module")
+def network():
+    return synthetic.small_phase_echo_state()
+
+
+def run(network, frames):
+    out = np.empty((frames, network.channels))
+    for frame in out:
+        network.advance(frame)
+    return out
+
+
+def test_it_knows_its_phase(network):
+    assert isinstance(network, PhaseNetwork)
+
+
+@pytest.mark.parametrize("name", ["march", "wave"])
+def test_a_loop_stays_in_phase_with_what_it_learned(network, name):
+    taught = synthetic.MOTIONS[name]()
+    network.cue(name, 0)
+    played = run(network, 5 * len(taught))[-len(taught) :]
+    assert np.abs(np.roll(taught, -1, axis=0) - played).max() < 0.01
+
+
+def test_a_one_shot_ends_where_it_was_learned_to_and_holds(network):
+    network.cue("bow", 0)
+    taught = synthetic.bow()
+    played = run(network, len(taught) + 600)
+    assert np.abs(played[: len(taught) - 1] - taught[1:]).max() < 0.01
+    assert np.abs(played[-1] - taught[-1]).max() < 0.01
+    assert np.abs(played[-1] - played[-2]).max() < 1e-5
+    assert network.phase == 1.0
+
+
+@pytest.mark.parametrize("name", list(synthetic.MOTIONS))
+def test_any_state_leads_back_to_the_motion(network, name):
+    network.cue(name, 0)
+    motion, frame, x = network.snapshot()
+    expected = run(network, 300)[-1]
+    wrong = np.random.default_rng(1).uniform(-50.0, 50.0, x.shape).astype(np.float32)
+    network.restore((motion, frame, wrong))
+    assert np.abs(run(network, 300)[-1] - expected).max() < 1e-3
+
+
+def test_a_chain_of_pieces_goes_on_smoothly():
+    chained = synthetic.small_phase_echo_state(piece_seconds=0.5)
+    for name, pieces in (("wave", 2), ("bow", 3)):
+        taught = synthetic.MOTIONS[name]()
+        assert len(chained[name].readout) == pieces
+        chained.cue(name, 0)
+        played = run(chained, len(taught) - 1)
+        bend, own = (np.abs(np.diff(frames, n=2, axis=0)).max(1) for frames in (played, taught[1:]))
+        for seam in np.flatnonzero(np.diff(chained[name].course.piece)):
+            assert bend[seam - 2 : seam + 1].max() < 1.5 * own.max()
+
+
+def test_anchors_are_the_frames_it_learned(network):
+    for name, make in synthetic.MOTIONS.items():
+        assert np.abs(network.anchors(name) - make()[::ANCHOR_EVERY]).max() < 0.01
+
+
+@pytest.mark.parametrize(("phase", "frame"), [(0.0, 0), (0.25, 24), (0.999, 0), (0.5, 48)])
+def test_a_loop_is_sent_to_a_phase(network, phase, frame):
+    network.cue("wave", 0)
+    network.seek("march", phase)
+    assert network.phase == pytest.approx(frame / 96)
+    assert np.abs(run(network, 1)[0] - synthetic.march()[frame + 1]).max() < 0.01
+
+
+@pytest.mark.parametrize("name", list(synthetic.MOTIONS))
+def test_backwards_it_plays_the_frames_in_the_other_order(network, name):
+    network.cue(name, 20)
+    there = run(network, 30)
+    back = np.empty_like(there)
+    for frame in back:
+        network.retreat(frame)
+    assert np.abs(back[:-1] - there[-2::-1]).max() < 1e-3
+
+
+def test_two_runs_from_one_snapshot_are_identical(network):
+    network.cue("wave", 7)
+    run(network, 30)
+    kept = network.snapshot()
+    first = run(network, 50)
+    network.cue("march", 0)
+    network.restore(kept)
+    assert np.array_equal(first, run(network, 50))
+
+
+def test_a_twin_has_a_state_of_its_own(network):
+    network.cue("march", 0)
+    twin = network.twin()
+    twin.cue("wave", 3)
+    run(twin, 10)
+    assert network.phase == 0.0
+
+
+def test_an_unknown_motion_is_refused_with_the_nearest_name(network):
+    with pytest.raises(UnknownNameError, match="march"):
+        network.cue("mrach", 0)
