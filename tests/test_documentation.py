@@ -1,12 +1,16 @@
 """The pages: what they link exists, docs/README.md links them all, and the source distribution holds what they show."""
 
 import re
+import shlex
 import subprocess
 import sys
 import tarfile
 from pathlib import Path
 
 import pytest
+import typer
+
+from controller.cli.main import app
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "THIRD_PARTY_NOTICES.md", "CHANGELOG.md")]
@@ -51,6 +55,40 @@ def test_the_notices_name_every_shipped_library():
     notices = (ROOT / "THIRD_PARTY_NOTICES.md").read_text(encoding="utf-8")
     assert len(shipped) >= 2
     assert {name for name in shipped if f"`{name}`" not in notices} == set()
+
+
+def command_lines(page):
+    """The command lines of `motiondeck` in a page: of its blocks of code, and those between backticks."""
+    text = page.read_text(encoding="utf-8")
+    blocks = "\n".join(re.findall(r"^```sh\n(.*?)^```", text, flags=re.M | re.S)).replace("\\\n", " ")
+    written = re.findall(r"(?:^|[;&] )(?:\.venv/bin/)?motiondeck ([^#;&|>\n]*)", blocks, flags=re.M)
+    written += re.findall(r"^    (?:\$ )?motiondeck ([a-z][^#;&|>\n]*)", text_of(page), flags=re.M)
+    written += re.findall(r"`motiondeck ([a-z][^`\n]*)`", text_of(page))
+    # Headings that name several commands, or what is to be given, are no command lines.
+    return [line for line in written if not re.search(r"[|{\[]|\.\.\.|\b[A-Z]{2,}\b", line)]
+
+
+def misunderstood(words):
+    """What the program finds wrong with the words of a command line, which is not run; nothing if it is right."""
+    command, words = typer.main.get_command(app), [word for word in words if word != "--debug"]
+    while hasattr(command, "commands"):
+        if not words:
+            return ""
+        if words[0] not in command.commands:
+            return f"there is no command {words[0]}"
+        command, words = command.commands[words[0]], words[1:]
+    try:
+        if words:
+            command.make_context(command.name, words)
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+    return ""
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_command_line_is_one_that_the_program_understands(page):
+    wrong = {line: misunderstood(shlex.split(line)) for line in command_lines(page)}
+    assert {line: problem for line, problem in wrong.items() if problem} == {}
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,47 @@
+"""The reference of commands, as Markdown made from the command line itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import typer
+
+from controller.cli.main import command_line
+
+
+def command_reference() -> str:
+    """A section for each command, with its help text and a table of its arguments and options."""
+    return "\n\n".join(_section(words, command) for words, command in commands(typer.main.get_command(command_line())))
+
+
+def commands(command: Any, words: str = "motiondeck") -> Iterator[tuple[str, Any]]:
+    """Each command under a command of Click, with the words that it is called by."""
+    for name, below in getattr(command, "commands", {}).items():
+        if hasattr(below, "commands"):
+            yield from commands(below, f"{words} {name}")
+        else:
+            yield f"{words} {name}", below
+
+
+def _section(words: str, command: Any) -> str:
+    records = [parameter.get_help_record(typer.Context(command, info_name=words)) for parameter in command.params]
+    rows = [f"| `{_escaped(names.removesuffix(' <str>'))}` | {_escaped(told)} |" for names, told in records]
+    table = ["| | |", "|---|---|", *rows] if rows else []
+    return "\n".join([f"## `{words}`", "", _paragraphs(command.help or ""), "", *table])
+
+
+def _paragraphs(text: str) -> str:
+    """A help text as Markdown: indented lines are commands."""
+    shown: list[str] = []
+    for paragraph in text.split("\n\n"):
+        lines = paragraph.splitlines()
+        if lines and all(line.startswith(" ") for line in lines):
+            shown.append("\n".join(["```sh", *(line.strip() for line in lines), "```"]))
+        else:
+            shown.append(_escaped(paragraph).replace("[bold]", "**").replace("[/]", "**"))
+    return "\n\n".join(shown)
+
+
+def _escaped(text: str) -> str:
+    return text.replace("|", "\\|").replace("\\[", "[")

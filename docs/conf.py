@@ -1,0 +1,88 @@
+"""How Sphinx makes the site of these pages: `sphinx-build -W docs site`, or `sphinx-autobuild docs site` to read along.
+
+The pages are Markdown that GitHub shows too, so what only the site needs is added while they are read: the tree of
+pages (from the lists of README.md), the reference of commands (from the command line) and of the API (from docstrings).
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import sys
+from importlib.metadata import version as version_of
+from inspect import isclass
+from pathlib import Path
+from typing import Any
+
+DOCS = Path(__file__).parent
+sys.path[:0] = [str(DOCS), str(DOCS.parent)]
+
+from command_reference import command_reference  # noqa: E402
+
+project = "Motiondeck"
+release = version = version_of("motiondeck")
+root_doc = "README"
+source_suffix = {".md": "markdown"}
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+myst_heading_anchors = 4
+myst_enable_extensions = ["colon_fence"]
+autodoc_typehints = "signature"
+autodoc_member_order = "bysource"
+napoleon_use_ivar = True
+default_role = "code"  # what stands between single backticks
+html_theme = "furo"
+html_title = f"Motiondeck {release}"
+exclude_patterns = ["_build"]
+
+LIST = re.compile(r"^(\w[\w ]+):\n\n((?:- .*\n)+)", re.M)
+LINK = re.compile(r"\]\(([\w-]+)\.md\)")
+OUTSIDE = re.compile(r"\[([^\]]*)\]\(\.\./[^)]*\)")
+
+
+def add_what_the_site_needs(app: Any, page: str, source: list[str]) -> None:
+    """Completes README by the tree of pages, and the references by what they are of; unlinks files outside of docs/."""
+    text = source[0]
+    if page == root_doc:
+        for caption, pages in LIST.findall(text):
+            text += f"\n```{{toctree}}\n:hidden:\n:caption: {caption}\n\n" + "\n".join(LINK.findall(pages)) + "\n```\n"
+    if page == "command-reference":
+        text += command_reference()
+    if page == "api-reference":
+        text += api_reference()
+    source[0] = OUTSIDE.sub(r"\1", text)
+
+
+def api_reference() -> str:
+    """Markdown that has autodoc write down each public name."""
+    import motiondeck
+    import motiondeck.networks
+
+    parts: list[str] = []
+    for module, names in (("motiondeck", motiondeck.__all__), ("motiondeck.networks", motiondeck.networks.__all__)):
+        parts.append(f"\n## `{module}`\n")
+        for name in names:
+            if name == "networks":
+                continue
+            found: Any = getattr(sys.modules[module], name)
+            kind = "class" if isclass(found) else "function" if callable(found) else "data"
+            members = "\n   :members:" if isclass(found) and not issubclass(found, BaseException) else ""
+            parts.append(f"```{{eval-rst}}\n.. auto{kind}:: {module}.{name}{members}\n```\n")
+    return "\n".join(parts)
+
+
+def escape_docstring(app: Any, what: str, name: str, thing: object, options: object, lines: list[str]) -> None:
+    """Keeps signs of reStructuredText in a docstring, which is plain text, from meaning anything: |x| is a norm."""
+    lines[:] = [re.sub(r"([|*]|\b_(?=\W|$))", r"\\\1", line) for line in lines]
+
+
+def copy_first_page(app: Any, error: Exception | None) -> None:
+    """Makes README.html the page that a web server shows first."""
+    if error is None and app.builder.format == "html":
+        shutil.copy(Path(app.outdir, "README.html"), Path(app.outdir, "index.html"))
+
+
+def setup(app: Any) -> None:
+    """Registers the steps above."""
+    app.connect("autodoc-process-docstring", escape_docstring, priority=100)  # before napoleon
+    app.connect("source-read", add_what_the_site_needs)
+    app.connect("build-finished", copy_first_page)
