@@ -32,9 +32,12 @@ from hardware.protocol2.group_reply import (
     whole_single_replies,
 )
 
+UNTOLD = 0
+"""Instead of a model number: a servo of Protocol 1.0 that answers a ping, which tells no model, and no read."""
+
 
 class Identity(NamedTuple):
-    """What a servo answers to a ping."""
+    """Who a servo is; firmware is 0 where the model number is UNTOLD."""
 
     id: int
     model_number: int
@@ -45,7 +48,7 @@ class Identity(NamedTuple):
     @property
     def model(self) -> str:
         """The model's name, or its number where the model is not known."""
-        return model_name(self.model_number)
+        return model_name(self.model_number) if self.model_number != UNTOLD else "servo that answers only a ping"
 
 
 _REQUESTS_KEPT = 256
@@ -126,10 +129,14 @@ class Bus:
 
     def ping(self, id: int) -> Identity | None:
         """The servo that answers at this ID; None if none does."""
+        if id not in self.old:
+            status = self._ask(instructions.ping(id), id, 3)
+            return None if status is None or status.error else self._identity(status)
         # A ping of Protocol 1.0 says nothing; model number and firmware are the first registers.
-        frame = old_words.read(id, 0, 3) if id in self.old else instructions.ping(id)
-        status = self._ask(frame, id, 3)
-        return None if status is None or status.error else self._identity(status)
+        if self._ask(old_words.ping(id), id, 0) is None:
+            return None
+        status = self._ask(old_words.read(id, 0, 3), id, 3)
+        return Identity(id, UNTOLD, 0, False, 1) if status is None or status.error else self._identity(status)
 
     def read(self, id: int, address: int, length: int) -> StatusPacket:
         """Reads `length` bytes of a servo's control table; they are the status' params.

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from hardware.bus.servo_bus import Bus, Identity
+from hardware.bus.servo_bus import UNTOLD, Bus, Identity
 from hardware.bus.wire_time import rate_limit
 from hardware.control_table.baud_rates import baud_value
 from hardware.control_table.models import MODELS
@@ -23,6 +23,10 @@ _USB_SERIAL = Path("/sys/bus/usb-serial/devices")
 _LIKELY = (57600, 1_000_000, 4_000_000, 2_000_000, 3_000_000, 115_200, 9600)
 _OLD_BLOCK = 20  # bytes that are read of a servo without indirect cells
 _CLOSE_TO_HOT = 12.0  # degC
+_SILENT = (
+    "answers a ping but no read, as if its status_return_level is 0, the rig needs 2: motiondeck rig doctor --fix; "
+    "set at every switch-on too"
+)
 _THE_RIGS_OWN = ("min_position_limit", "max_position_limit", "current_limit")  # of which no servo knows beforehand
 
 
@@ -150,6 +154,8 @@ def examine(config: RigConfig, bus: Bus) -> Report:
             problems.append(
                 f"{who} does not answer at {bus.baud} baud: check power, cable, id; try motiondeck rig scan"
             )
+        elif identity.model_number == UNTOLD and identity.protocol == joint.table.protocol:
+            problems.append(f"{who} {_SILENT}")
         elif identity.model != joint.model:
             problems.append(f"{who} is a {identity.model}, not a {joint.model}: correct the rig file")
         else:
@@ -158,10 +164,7 @@ def examine(config: RigConfig, bus: Bus) -> Report:
                 differences = audit(config.only([index]), bus)
                 servos.append(servo)
             except NoReplyError:
-                problems.append(
-                    f"{who} answers a ping but no read, as if its status_return_level is 0, the rig needs 2: "
-                    "motiondeck rig doctor --fix; set at every switch-on too"
-                )
+                problems.append(f"{who} {_SILENT}")
                 continue
             except ServoError as error:
                 problems.append(str(error))
@@ -252,15 +255,15 @@ def set_up(open_bus: Callable[[int], Bus], id: int, baud: int) -> tuple[Found, I
         who = ", ".join(f"id {one.identity.id} at {one.baud}" for one in found)
         raise RigError(f"{len(found)} servos answer ({who}). Connect the one to set up alone.")
     before = found[0]
-    if before.identity.model not in MODELS:
-        raise RigError(f"the servo is a {before.identity.model}, whose control table is not known.")
-    table = MODELS[before.identity.model]
-    value = baud_value(table, baud)
-    if value is None:
-        raise RigError(f"a servo of model {table.model} cannot do {baud} baud.")
     bus = open_bus(before.baud)
     try:
-        bus.old = frozenset((before.identity.id, id)) if table.protocol == 1 else frozenset()
+        if before.identity.protocol == 1:
+            bus.old = frozenset((before.identity.id, id))
+        before = Found(before.baud, _who_answers(before.identity, bus))
+        table = MODELS[before.identity.model]
+        value = baud_value(table, baud)
+        if value is None:
+            raise RigError(f"a servo of model {table.model} cannot do {baud} baud.")
         _put(bus, before.identity.id, table, "torque_enable", 0)
         _put(bus, before.identity.id, table, "return_delay_time", 0)
         if id != before.identity.id:
@@ -278,6 +281,17 @@ def set_up(open_bus: Callable[[int], Bus], id: int, baud: int) -> tuple[Found, I
     if after is None:
         raise NoReplyError(f"the servo does not answer as id {id} at {baud} baud. Try motiondeck rig scan.")
     return before, after
+
+
+def _who_answers(identity: Identity, bus: Bus) -> Identity:
+    """The identity of a servo that answers every instruction from now on, whatever its status return level was."""
+    untold = identity.model_number == UNTOLD
+    table = MODELS["AX-12A" if untold else identity.model] if untold or identity.model in MODELS else None
+    if table is None:
+        raise RigError(f"the servo is a {identity.model}, whose control table is not known.")
+    for name, value in (("torque_enable", 0), ("status_return_level", 2)):  # at the same place in all of Protocol 1.0
+        bus.sync_write(table[name].address, 1, bytes((identity.id, value)))
+    return bus.ping(identity.id) or identity if untold else identity
 
 
 def _put(bus: Bus, id: int, table: ControlTable, name: str, value: int) -> None:

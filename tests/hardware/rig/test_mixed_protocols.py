@@ -140,6 +140,34 @@ def test_what_may_be_set_is_set_at_switch_on(config, port, bus, id, register, va
     assert not [difference for difference in audit(config, bus) if difference.when == "switch-on"]
 
 
+@pytest.mark.parametrize("level", [0, 1])
+def test_the_doctor_names_and_mends_an_old_servo_that_does_not_answer_all(config, port, bus, level):
+    port.bus[1]["status_return_level"] = level
+    report = examine(config, bus)
+    assert report.missing == []
+    said = [*report.problems, *report.notes]
+    assert level == 1 or any("AX-12A (id 1) answers a ping but no read" in problem for problem in said)
+    assert fix_settings(config, bus) == []
+    assert port.bus[1]["status_return_level"] == 2
+    assert not any("answers a ping" in problem for problem in examine(config, bus).problems)
+
+
+@pytest.mark.parametrize("model", ["AX-12A", "MX-64(1.0)", "XL-320", "XM430-W350"])
+@pytest.mark.parametrize("level", [0, 1])
+def test_a_lone_servo_that_does_not_answer_all_is_set_up(model, level):
+    port = EmulatedPort(EmulatedBus(mixed_rig(models=[model])), paced=True)
+    port.bus[1]["status_return_level"] = level
+
+    def open_bus(baud):
+        port.bus.baud = baud
+        return Bus(port, baud)
+
+    before, after = set_up(open_bus, 7, 1_000_000)
+    assert (before.identity.id, before.identity.model) == (1, model)
+    assert (after.id, after.model) == (7, model)
+    assert port.bus[7]["status_return_level"] == 2
+
+
 def test_eeprom_is_written_only_where_it_is_wrong(config, port):
     supervised(config, port).close()
     before = [bytes(device.bank.memory) for device in port.bus.devices]
