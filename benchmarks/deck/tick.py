@@ -34,7 +34,7 @@ from controller.loop.gc_and_blas import undisturbed  # noqa: E402
 from controller.loop.safety.safety_envelope import SafetyEnvelope  # noqa: E402
 from controller.mocap.posture import Pose  # noqa: E402
 from controller.rotations import Array  # noqa: E402
-from hardware.protocol2.instructions import sync_write  # noqa: E402
+from hardware.bus.sync_write import SyncWrite  # noqa: E402
 from hardware.rig.rig_file import load_rig  # noqa: E402
 from hardware.rig.scale import RigScale  # noqa: E402
 from motiondeck_base.shipped import find_library, find_rig, find_robot  # noqa: E402
@@ -49,13 +49,12 @@ def encoder(joints: tuple[str, ...]) -> Callable[[Array], bytes]:
     config = load_rig(find_rig("servo20"))
     scale = RigScale(config)
     order = np.array([joints.index(joint.name) for joint in config.joints])
-    entries = np.zeros(len(order), dtype=[("id", "u1"), ("goal", "<i4")])
-    entries["id"] = [joint.id for joint in config.joints]
     goal = config.joints[0].table["goal_position"]
+    write = SyncWrite([joint.id for joint in config.joints], goal.address, goal.length)
 
     def encode(targets: Array) -> bytes:
-        entries["goal"] = scale.pulses(np.clip(targets[order], scale.lower, scale.upper))
-        return sync_write(goal.address, goal.length, entries.tobytes())
+        write.values[:] = scale.pulses(np.clip(targets[order], scale.lower, scale.upper))
+        return write.frame()
 
     return encode
 

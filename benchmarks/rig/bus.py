@@ -24,14 +24,16 @@ import tty
 from collections.abc import Callable
 from functools import partial
 from multiprocessing.connection import Connection
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
+from numpy.typing import NDArray
 
 from benchmarks import command
 from hardware.bus.port import SerialPort
 from hardware.bus.servo_bus import Bus
+from hardware.bus.sync_write import SyncWrite
 from hardware.bus.wire_time import rate_limit
 from hardware.emulator.bus import EmulatedBus
 from hardware.protocol2 import instructions as wire
@@ -131,13 +133,14 @@ class Rows:
     def __init__(self, port: str, baud: int) -> None:
         self.bus = Bus(SerialPort(port, baud), baud, margin=0.5)
         self._blocks = tuple((id, *STATE) for id in IDS)
-        self._layouts = {
-            fast: row_layout(np.dtype("<u2,<i4,<i4"), stride, error, error + 1 + fast)
-            for fast, stride, error in ((True, STATE[1] + 4, 0), (False, status_length(STATE[1]), 8))
-        }
-        self._entries = np.zeros(len(IDS), dtype=[("id", "u1"), ("goal", "<i4")])
-        self._entries["id"] = IDS
-        self._goals = self._entries["goal"]
+        self._buffers: dict[bool, bytearray] = {}
+        self._rows: dict[bool, NDArray[Any]] = {}
+        for fast, stride, error in ((True, STATE[1] + 4, 0), (False, status_length(STATE[1]), 8)):
+            layout = row_layout(np.dtype("<u2,<i4,<i4"), stride, error, error + 1 + fast)
+            self._buffers[fast] = bytearray(stride * len(IDS))
+            self._rows[fast] = np.frombuffer(self._buffers[fast], dtype=layout)
+        self._goals = SyncWrite(IDS, *GOAL)
+        self._wanted = np.full(len(IDS), 2048, dtype=np.int32)
 
     def write(self) -> bool:
         """Sends the goals."""
@@ -145,8 +148,8 @@ class Rows:
 
     def goals(self) -> bytes:
         """The goals as a frame."""
-        self._goals[:] = 2048
-        return self.bus.sync_write_frame(*GOAL, self._entries.tobytes())
+        self._goals.values[:] = self._wanted
+        return self._goals.frame()
 
     def ask(self, fast: bool = True, before: bytes = b"") -> None:
         """Asks for the states, behind these frames."""
@@ -159,8 +162,11 @@ class Rows:
         return reply
 
     def numbers(self, reply: WholeReply | GroupReply, fast: bool = True) -> bool:
-        """Whether there is an array of numbers (current, velocity, position) with a row for each servo."""
-        return isinstance(reply, WholeReply) and len(np.frombuffer(reply.rows, dtype=self._layouts[fast])) == len(IDS)
+        """Fills an array of records (current, velocity, position), one for each servo; False if some are missing."""
+        if not isinstance(reply, WholeReply):
+            return False
+        self._buffers[fast][:] = reply.rows
+        return True
 
 
 def ours(port: str, baud: int) -> Client:
@@ -178,12 +184,11 @@ def ours(port: str, baud: int) -> Client:
 
 def ours_with_statuses(port: str, baud: int) -> Client:
     bus = Bus(SerialPort(port, baud), baud, margin=0.5)
-    entries = np.zeros(len(IDS), dtype=[("id", "u1"), ("goal", "<i4")])
-    entries["id"] = IDS
+    goals = SyncWrite(IDS, *GOAL)
 
     def sync_write() -> bool:
-        entries["goal"] = 2048
-        return bus.sync_write(*GOAL, entries.tobytes())
+        goals.values[:] = 2048
+        return bus.port.send(goals.frame())
 
     def fast_read() -> bool:
         return len(bus.fast_sync_read(IDS, *STATE)) == len(IDS)

@@ -30,8 +30,8 @@ class Port(Protocol):
         """Hands the bytes over without waiting; False if the device would not take them all."""
         ...
 
-    def receive(self) -> bytes:
-        """What has arrived since the last call, without waiting."""
+    def receive(self, likely: bool = False) -> bytes:
+        """What has arrived since the last call, without waiting; `likely` says that something has, so just read."""
         ...
 
     def wait(self, seconds: float) -> bool:
@@ -69,6 +69,7 @@ class SerialPort:
         self._fd = self._serial.fileno()
         self._available = array("i", [0])  # bytes that wait in the kernel
         self._ready = False  # whether the last wait has seen some
+        self._trusts = True  # whether to believe who says that something has come
         self._poll = select.poll()
         self._poll.register(self._fd, select.POLLIN)
 
@@ -81,18 +82,21 @@ class SerialPort:
         except OSError as error:
             raise self._vanished() from error
 
-    def receive(self) -> bytes:
-        """What has arrived since the last call, without waiting."""
+    def receive(self, likely: bool = False) -> bytes:
+        """What has arrived since the last call, without waiting; `likely` says that something has, so just read."""
         # read() and poll() on an empty pseudo-terminal wait for a kernel worker that may bring something: on a busy
-        # machine for milliseconds, even with real-time priority. Asking how many bytes there are does not.
+        # machine for milliseconds, even with real-time priority. Asking how many bytes there are does not, but takes
+        # time itself: who knows that something has come may just read, until that was wrong once.
         try:
-            if not self._ready:
-                fcntl.ioctl(self._fd, termios.FIONREAD, self._available)
-                if not self._available[0]:
-                    return b""
-            self._ready = False
-            return os.read(self._fd, _AT_ONCE)
+            if self._ready or (likely and self._trusts):
+                data = os.read(self._fd, _AT_ONCE)
+                self._ready, self._trusts = False, bool(data)
+                if data:
+                    return data
+            fcntl.ioctl(self._fd, termios.FIONREAD, self._available)
+            return os.read(self._fd, _AT_ONCE) if self._available[0] else b""
         except BlockingIOError:
+            self._ready = self._trusts = False
             return b""
         except (OSError, ValueError) as error:  # a ValueError for the descriptor of a port that is closed
             raise self._vanished() from error

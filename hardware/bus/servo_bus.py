@@ -6,31 +6,21 @@ Every call has a deadline from the wire time, and one dead servo costs one servo
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from types import ModuleType
 from typing import NamedTuple
 
+from hardware.bus.group_read import Blocks, GroupRead, group_read
 from hardware.bus.port import Port, SerialPort
 from hardware.control_table.models import model_name
 from hardware.errors import NoReplyError, RefusedError
 from hardware.protocol1 import instructions as old_words
 from hardware.protocol1.frames import OldParser
 from hardware.protocol1.frames import as_status as old_status
-from hardware.protocol1.frames import status_length as old_status_length
 from hardware.protocol2 import instructions
 from hardware.protocol2.frames import BROADCAST, Parser, StatusPacket, as_status
-from hardware.protocol2.group_reply import (
-    GroupReply,
-    WholeReply,
-    fast_reply,
-    fast_reply_length,
-    fast_reply_start,
-    single_replies,
-    status_length,
-    whole_fast_reply,
-    whole_single_replies,
-)
+from hardware.protocol2.group_reply import GroupReply, WholeReply, status_length
 
 UNTOLD = 0
 """Instead of a model number: a servo of Protocol 1.0 that answers a ping, which tells no model, and no read."""
@@ -53,34 +43,6 @@ class Identity(NamedTuple):
 
 _REQUESTS_KEPT = 256
 _SHORT_MARGIN = 0.02  # s for an adapter, where hundreds of IDs are silent
-
-
-Blocks = tuple[tuple[int, int, int], ...]
-"""(id, address, length): what to read of each servo."""
-
-
-class _Request(NamedTuple):
-    """A group read.
-
-    Attributes:
-        frame: the bytes of the instruction.
-        fast: whether it asks for a joint reply.
-        ids: of the servos, in the order asked.
-        lengths: of what each sends, bytes.
-        length: the same for all, None where they differ.
-        needed: how many bytes the whole reply has.
-        old: whether it is about servos of Protocol 1.0.
-        patience: how long to wait for it, s.
-    """
-
-    frame: bytes
-    fast: bool
-    ids: bytes
-    lengths: tuple[int, ...]
-    length: int | None
-    needed: int
-    old: bool
-    patience: float
 
 
 class Bus:
@@ -108,9 +70,10 @@ class Bus:
         self.old: frozenset[int] = frozenset()
         self._retries = retries
         self._margin = margin
-        self._requests: dict[tuple[Blocks, bool], _Request] = {}
-        self._pending: _Request | None = None  # the one whose reply is awaited
-        self._deadline = 0.0
+        self._requests: dict[tuple[Blocks, bool], GroupRead] = {}
+        self._asked: tuple[Blocks, bool, GroupRead] | None = None  # last, since a loop asks the same again
+        self._pending: GroupRead | None = None  # the one whose reply is awaited
+        self._due = 0.0  # when all of it has arrived, if nothing holds it up
         self._received = b""
         self._may_be_late = True  # whether bytes of an earlier answer may still come, so that they must be discarded
 
@@ -177,12 +140,8 @@ class Bus:
         Returns:
             False if the port would not take the bytes: nothing is written then.
         """
-        return self.port.send(self.sync_write_frame(address, length, entries))
-
-    def sync_write_frame(self, address: int, length: int, entries: bytes) -> bytes:
-        """What `sync_write` sends: for `request`, which sends it in one go with a question."""
         words = self._words(entries[0]) if self.old else instructions
-        return words.sync_write(address, length, entries)
+        return self.port.send(words.sync_write(address, length, entries))
 
     def sync_read(self, ids: Sequence[int], address: int, length: int) -> dict[int, StatusPacket]:
         """Reads the same registers of many servos, one status each; who stays silent is missing from the answer."""
@@ -209,13 +168,14 @@ class Bus:
         """
         if self._pending is not None:
             return False
-        request = self._requests.get((blocks, fast)) or self._plan(blocks, fast)
+        request = self._plan(blocks, fast)
         if self._may_be_late:
             self._discard()
-        if not self.port.send(before + request.frame):
+        data = b"".join((before, request.frame))
+        if not self.port.send(data):
             return False
         self._pending, self._may_be_late = request, True
-        self._deadline = self.port.now() + self.wire_time(len(before)) + request.patience
+        self._due = self.port.now() + self.wire_time(len(data) + request.needed)
         self._received = b""
         return True
 
@@ -227,26 +187,11 @@ class Bus:
         pending = self._pending
         if pending is None:
             return None
-        self._received += self.port.receive()
-        received = self._received
-        is_long_enough = len(received) >= pending.needed
-        if is_long_enough and pending.length is not None:
-            whole = whole_fast_reply if pending.fast else whole_single_replies
-            if (rows := whole(received, pending.ids, pending.length)) is not None:
-                self._pending, self._may_be_late = None, False
-                return rows
-        late = self.port.now() >= self._deadline
-        if not (is_long_enough or late):
-            return None
-        # Noise, stuffing, damage or a missing servo: what has come counts when it is complete, or at the deadline.
-        if pending.old:
-            reply, ended = single_replies(received, pending.ids, pending.lengths, _old_statuses), False
-        else:
-            reply = (fast_reply if pending.fast else single_replies)(received, pending.ids, pending.lengths)
-            ended = pending.fast and len(received) - max(0, fast_reply_start(received)) >= pending.needed
-        if len(reply.statuses) < len(pending.ids) and not (ended or late):
-            return None
-        self._pending = None
+        now = self.port.now()
+        self._received = b"".join((self._received, self.port.receive(likely=now > self._due)))
+        reply = pending.understand(self._received, now >= self._due + self._margin)
+        if reply is not None:
+            self._pending, self._may_be_late = None, not isinstance(reply, WholeReply)
         return reply
 
     def factory_reset(self, id: int, keep: int = instructions.RESET_BUT_ID_AND_BAUD) -> StatusPacket:
@@ -371,30 +316,17 @@ class Bus:
         self.port.receive()
         self._may_be_late = True
 
-    def _plan(self, blocks: Blocks, fast: bool) -> _Request:
+    def _plan(self, blocks: Blocks, fast: bool) -> GroupRead:
         """What a group read sends and waits for; kept, because a loop asks for the same again and again."""
-        lengths = tuple(length for _, _, length in blocks)
-        ids = bytes(id for id, _, _ in blocks)
-        id, address, length = blocks[0]
-        is_old = id in self.old
-        if is_old:
-            frame = old_words.read(id, address, length) if len(blocks) == 1 else old_words.bulk_read(blocks)
-            equal = None
-        elif all(block[1:] == (address, length) for block in blocks):
-            ask = instructions.fast_sync_read if fast else instructions.sync_read
-            frame, equal = ask(address, length, ids), length
-        else:
-            ask = instructions.fast_bulk_read if fast else instructions.bulk_read
-            frame, equal = ask(blocks), length if len(set(lengths)) == 1 else None
-        empty = fast_reply_length(len(ids), 0) if fast else len(ids) * status_length(0)
-        if is_old:
-            empty = len(ids) * old_status_length(0)
-        needed = empty + sum(lengths)
-        patience = self.wire_time(len(frame) + needed) + self._margin
-        request = _Request(frame, fast, ids, lengths, equal, needed, is_old, patience)
-        if len(self._requests) >= _REQUESTS_KEPT:
-            self._requests.clear()
-        self._requests[blocks, fast] = request
+        if self._asked is not None and self._asked[0] is blocks and self._asked[1] is fast:
+            return self._asked[2]
+        request = self._requests.get((blocks, fast))
+        if request is None:
+            request = group_read(blocks, fast, blocks[0][0] in self.old)
+            if len(self._requests) >= _REQUESTS_KEPT:
+                self._requests.clear()
+            self._requests[blocks, fast] = request
+        self._asked = blocks, fast, request
         return request
 
     def _read_group(self, blocks: Blocks, fast: bool) -> dict[int, StatusPacket]:
@@ -434,11 +366,6 @@ class Bus:
             self.port.wait(self._margin)
             if (reply := self.collect()) is not None:
                 return reply.statuses([id for id, _, _ in blocks]) if isinstance(reply, WholeReply) else reply.statuses
-
-
-def _old_statuses(received: bytes) -> Iterator[StatusPacket]:
-    """The answers of Protocol 1.0 in what was received."""
-    return (status for frame in OldParser().feed(received) if (status := old_status(frame)) is not None)
 
 
 @lru_cache(maxsize=64)

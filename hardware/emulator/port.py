@@ -33,7 +33,7 @@ class EmulatedPort:
         self.wire.send(data, self._now)
         return True
 
-    def receive(self) -> bytes:
+    def receive(self, likely: bool = False) -> bytes:
         """What the servos have answered since the last call."""
         self._check()
         return self.wire.receive(self._now)

@@ -5,6 +5,6 @@ from __future__ import annotations
 from fastcrc import crc16
 
 
-def checksum(data: bytes, start: int = 0) -> int:
+def checksum(data: bytes | bytearray, start: int = 0) -> int:
     """The CRC of `data`, carried on from `start`: checksum(a + b) == checksum(b, checksum(a))."""
     return crc16.umts(data, start)

@@ -13,7 +13,6 @@ from struct import Struct
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hardware.protocol2.crc import checksum
 from hardware.protocol2.frames import ALERT, BROADCAST, HEADER, STATUS, Parser, StatusPacket, as_status
@@ -91,52 +90,59 @@ def fast_reply_start(received: bytes) -> int:
     return start
 
 
-def whole_fast_reply(received: bytes, ids: bytes, length: int) -> WholeReply | None:
-    """The joint reply of the servos `ids`, `length` bytes each, if it is all there and undamaged; else None."""
-    stride = length + 4
-    start = received.find(_fast_head(len(ids), length))
-    first = start + _FAST_HEAD
-    rows = received[first : first + len(ids) * stride]
-    # Each checksum covers everything before it, so the last one speaks for all.
-    if start < 0 or len(rows) < len(ids) * stride or rows[1::stride] != ids:
-        return None
-    if checksum(received[start : first + len(rows) - 2]) != rows[-2] | rows[-1] << 8:
-        return None
-    return WholeReply(rows, stride, 0, 2)
+class FastFormat:
+    """How the joint reply of some servos looks, `length` bytes each, when it is whole.
+
+    A loop asks for the same again and again, and wakes up with cold caches: what can be made before is made once.
+    """
+
+    def __init__(self, ids: bytes, length: int) -> None:
+        self._ids = ids
+        self._stride = length + 4
+        size = 1 + len(ids) * self._stride
+        self._head = _JOINT + bytes((size & 0xFF, size >> 8, STATUS))
+        self._crc = checksum(self._head)
+        self._end = _FAST_HEAD + len(ids) * self._stride
+
+    def whole(self, received: bytes) -> WholeReply | None:
+        """The reply if it is all there and undamaged, whatever stands around it; else None."""
+        start = received.find(self._head)
+        rows = received[start + _FAST_HEAD : start + self._end]
+        # Each checksum covers everything before it, so the last one speaks for all.
+        if start < 0 or rows[1 :: self._stride] != self._ids:
+            return None
+        if checksum(rows[:-2], self._crc) != rows[-2] | rows[-1] << 8:
+            return None
+        return WholeReply(rows, self._stride, 0, 2)
 
 
-@lru_cache(maxsize=64)
-def _fast_head(count: int, length: int) -> bytes:
-    """What stands before the first servo's piece in the joint reply of so many servos, `length` bytes each."""
-    size = 1 + count * (length + 4)
-    return _JOINT + bytes((size & 0xFF, size >> 8, STATUS))
-
-
-def whole_single_replies(received: bytes, ids: bytes, length: int) -> WholeReply | None:
-    """The statuses of the servos `ids`, `length` bytes each, if all are there, undamaged and alone; else None.
+class SingleFormat:
+    """How the statuses of some servos look, `length` bytes each, when all have come.
 
     All checksums are verified in one pass: with its two checksum bytes swapped, each undamaged frame takes the CRC from
     0 back to 0, so the CRC over all is 0; and a CRC that has left 0 does not come back to it through undamaged frames.
     """
-    stride = status_length(length)
-    if len(received) != len(ids) * stride:
-        return None
-    rows = np.frombuffer(received, dtype=np.uint8).reshape(len(ids), stride)
-    if not np.array_equal(rows[:, :_STATUS_HEAD], _status_heads(ids, length)):
-        return None
-    swapped = rows.copy()
-    swapped[:, -2:] = rows[:, :-3:-1]
-    if checksum(swapped.tobytes()) != 0:
-        return None
-    return WholeReply(received, stride, _STATUS_HEAD, _STATUS_HEAD + 1)
 
+    def __init__(self, ids: bytes, length: int) -> None:
+        self._stride = status_length(length)
+        size = length + 4
+        heads = b"".join(HEADER + bytes((id, size & 0xFF, size >> 8, STATUS)) for id in ids)
+        self._heads = np.frombuffer(heads, dtype=np.uint8).reshape(len(ids), _STATUS_HEAD)
+        self._received = np.zeros((len(ids), self._stride), dtype=np.uint8)
 
-@lru_cache(maxsize=64)
-def _status_heads(ids: bytes, length: int) -> NDArray[np.uint8]:
-    """What stands before the error byte in the statuses of these servos, shape (len(ids), 8)."""
-    size = length + 4
-    heads = b"".join(HEADER + bytes((id, size & 0xFF, size >> 8, STATUS)) for id in ids)
-    return np.frombuffer(heads, dtype=np.uint8).reshape(len(ids), _STATUS_HEAD)
+    def whole(self, received: bytes) -> WholeReply | None:
+        """The statuses if all are there, undamaged and alone; else None."""
+        if len(received) != self._received.size:
+            return None
+        rows = np.frombuffer(received, dtype=np.uint8).reshape(self._received.shape)
+        if not np.array_equal(rows[:, :_STATUS_HEAD], self._heads):
+            return None
+        swapped = self._received
+        swapped[:] = rows
+        swapped[:, -2:] = rows[:, :-3:-1]
+        if checksum(swapped.tobytes()) != 0:
+            return None
+        return WholeReply(received, self._stride, _STATUS_HEAD, _STATUS_HEAD + 1)
 
 
 def fast_reply(received: bytes, ids: Sequence[int], length: int | Sequence[int]) -> GroupReply:

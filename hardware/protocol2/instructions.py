@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import lru_cache
 
-from hardware.protocol2.crc import checksum
-from hardware.protocol2.frames import BROADCAST, HEADER, build
+from hardware.protocol2.frames import BROADCAST, build
 
 PING = 0x01
 READ = 0x02
@@ -38,8 +36,6 @@ ERRORS = {
     6: "value beyond a limit set in the servo",
     7: "register not accessible (read-only, undefined, or EEPROM while torque is on)",
 }
-
-_PLAIN = 4096  # entries of a sync write that are surely short enough for one frame
 
 
 def words(*values: int) -> bytes:
@@ -94,18 +90,7 @@ def fast_sync_read(address: int, length: int, ids: Iterable[int]) -> bytes:
 
 def sync_write(address: int, length: int, entries: bytes) -> bytes:
     """Writes the same registers of many servos at once, unanswered; entries are ID and `length` bytes, repeated."""
-    if HEADER[:3] in entries or len(entries) > _PLAIN:
-        return build(BROADCAST, SYNC_WRITE, words(address, length) + entries)
-    # A loop sends this each tick: what is the same each time is made once.
-    head, crc = _sync_write_head(address, length, len(entries))
-    return b"".join((head, entries, checksum(entries, crc).to_bytes(2, "little")))
-
-
-@lru_cache(maxsize=64)
-def _sync_write_head(address: int, length: int, size: int) -> tuple[bytes, int]:
-    """What stands before the entries of a sync write that needs no stuffing, and its checksum so far."""
-    head = build(BROADCAST, SYNC_WRITE, words(address, length) + bytes(size))[: -size - 2]
-    return head, checksum(head)
+    return build(BROADCAST, SYNC_WRITE, words(address, length) + entries)
 
 
 def bulk_read(blocks: Iterable[tuple[int, int, int]]) -> bytes:

@@ -14,12 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from types import TracebackType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hardware.bus.servo_bus import Bus
+from hardware.bus.sync_write import SyncWrite
 from hardware.errors import MotiondeckError, SerialPortError, with_torque
 from hardware.rig.faults import RigFaults
 from hardware.rig.indirect_cells import arrange_state
@@ -224,8 +225,8 @@ class DynamixelRig:
             self._arm_next = now + _ARM_AGAIN
         pulses, frames = self._scale.pulses(goals), []
         for group in self._goal_groups:
-            group.goals[:] = pulses[group.joints]
-            frames.append(self.bus.sync_write_frame(group.address, group.length, group.entries.tobytes()))
+            group.write.values[:] = pulses[group.joints]
+            frames.append(group.write.frame())
         data = b"".join(frames)
         sent = self._ask(data) or self.bus.port.send(data)
         self._last_word = self.bus.port.now()
@@ -251,25 +252,17 @@ class _GoalGroup(NamedTuple):
     """Joints whose servos keep their goal at the same place, and speak the same protocol.
 
     Attributes:
-        address, length: of the goal.
         joints: their indices, shape (n,), or all.
-        entries: ID and goal of each, as a sync write takes them, shape (n,).
-        goals: a view of the goals in `entries`, shape (n,), pulses.
+        write: of their goals, pulses.
     """
 
-    address: int
-    length: int
     joints: NDArray[np.int64] | slice
-    entries: NDArray[Any]
-    goals: NDArray[Any]
+    write: SyncWrite
 
 
 def _goal_groups(config: RigConfig) -> Iterator[_GoalGroup]:
     """The joints by where their goals are written."""
     groups = same_place(config, "goal_position")
-    for (_, address, length), members in groups.items():
-        entries = np.zeros(len(members), dtype=[("id", "u1"), ("goal", f"<i{length}")])
-        entries["id"] = [config.joints[index].id for index in members]
-        yield _GoalGroup(
-            address, length, slice(None) if len(groups) == 1 else np.array(members), entries, entries["goal"]
-        )
+    for (protocol, address, length), members in groups.items():
+        write = SyncWrite([config.joints[index].id for index in members], address, length, old=protocol == 1)
+        yield _GoalGroup(slice(None) if len(groups) == 1 else np.array(members), write)

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.bus.servo_bus import Blocks
+from hardware.bus.group_read import Blocks
 from hardware.control_table.models import MODELS
 from hardware.protocol2.frames import ALERT
 from hardware.protocol2.group_reply import GroupReply, WholeReply
@@ -40,7 +40,7 @@ class Question(NamedTuple):
         asked: the same for the bus.
         layout: of every block, None where they differ.
         all: whether every joint is asked, in the order of the rig file.
-        rows: the layouts of whole replies so far, by how their rows are laid out.
+        rows: a buffer for the rows of whole replies and its view as records, by how the rows are laid out.
     """
 
     joints: NDArray[np.int64]
@@ -48,7 +48,7 @@ class Question(NamedTuple):
     asked: Blocks
     layout: np.dtype[Any] | None
     all: bool
-    rows: dict[tuple[int, int, int], np.dtype[Any]]
+    rows: dict[tuple[int, int, int], tuple[bytearray, NDArray[Any]]]
 
 
 class Readings:
@@ -138,8 +138,10 @@ class Readings:
         """All servos at once; False where one of them answered with an error number."""
         place = (reply.stride, reply.error, reply.data)
         if place not in question.rows:
-            question.rows[place] = row_layout(layout, *place)
-        rows = np.frombuffer(reply.rows, dtype=question.rows[place])
+            buffer = bytearray(len(reply.rows))
+            question.rows[place] = buffer, np.frombuffer(buffer, dtype=row_layout(layout, *place))
+        buffer, rows = question.rows[place]
+        buffer[:] = reply.rows
         error = rows["error"]
         if (error & ~np.uint8(ALERT)).any():
             return False

@@ -74,6 +74,7 @@ def test_a_rig_opens_and_reopens_its_port_by_the_lasting_name(rig_of_four, monke
     port.unplug()
     rig.request_state()
     port.plug_in()
+    assert rig._job is not None
     rig._job.join()
     assert not rig.collect_state()
     assert rig.recoveries == 1
@@ -107,13 +108,29 @@ def test_bytes_go_both_ways_and_nothing_waits(linked):
     assert 0.02 <= port.now() - began < 1.0
 
 
+def test_who_wrongly_says_that_something_has_come_is_believed_again_later(linked):
+    port, other = linked
+    assert port.receive(likely=True) == b""
+    assert port.receive(likely=True) == b""
+    for _ in range(2):
+        os.write(other, b"\x13")
+        assert port.wait(1.0)
+        assert port.receive(likely=True) == b"\x13"
+
+
 def test_a_port_that_takes_no_more_bytes_says_so(linked):
     port, _ = linked
     assert not all(port.send(bytes(65536)) for _ in range(20))
 
 
 @pytest.mark.parametrize(
-    "call", [lambda port: port.send(b"\x00"), lambda port: port.receive(), lambda port: port.wait(1)]
+    "call",
+    [
+        lambda port: port.send(b"\x00"),
+        lambda port: port.receive(),
+        lambda port: port.receive(True),
+        lambda port: port.wait(1),
+    ],
 )
 @pytest.mark.parametrize("how", ["pulled", "closed"])
 def test_a_port_that_is_gone_is_one_clear_error(linked, call, how):

@@ -8,11 +8,11 @@ from hardware.protocol2 import instructions as wire
 from hardware.protocol2.crc import checksum
 from hardware.protocol2.frames import build, build_status
 from hardware.protocol2.group_reply import (
+    FastFormat,
+    SingleFormat,
     fast_reply,
     fast_reply_length,
     single_replies,
-    whole_fast_reply,
-    whole_single_replies,
 )
 
 GOLDEN = {
@@ -116,10 +116,13 @@ def test_undamaged_statuses_are_taken_in_one_pass(ids, data):
     values = data.draw(st.lists(st.integers(0, 65000), min_size=len(ids), max_size=len(ids)))
     alert = data.draw(st.sets(st.sampled_from(ids)))
     received = whole(ids, values, alert)
-    reply = whole_single_replies(received, bytes(ids), 2)
+    reply = SingleFormat(bytes(ids), 2).whole(received)
+    assert reply is not None
     assert reply.statuses(ids) == single_replies(received, ids, 2).statuses
     joint = joint_reply(ids, values, 2)
-    assert whole_fast_reply(joint, bytes(ids), 2).statuses(ids) == fast_reply(joint, ids, 2).statuses
+    rows = FastFormat(bytes(ids), 2).whole(joint)
+    assert rows is not None
+    assert rows.statuses(ids) == fast_reply(joint, ids, 2).statuses
 
 
 @given(st.lists(st.integers(0, 252), min_size=2, max_size=6, unique=True), st.data())
@@ -128,14 +131,14 @@ def test_one_flipped_bit_is_never_taken_in_one_pass(ids, data):
     damaged = bytearray(joint_reply(ids, range(len(ids)), 2) if fast else whole(ids, range(len(ids))))
     at = data.draw(st.integers(0, len(damaged) - 1))
     damaged[at] ^= 1 << data.draw(st.integers(0, 7))
-    assert (whole_fast_reply if fast else whole_single_replies)(bytes(damaged), bytes(ids), 2) is None
+    assert (FastFormat if fast else SingleFormat)(bytes(ids), 2).whole(bytes(damaged)) is None
 
 
 def test_statuses_in_another_order_or_of_other_servos_are_not_taken_in_one_pass():
     received = whole([1, 2, 3], [10, 20, 30])
     for ids in ([1, 3, 2], [1, 2], [1, 2, 4], [1, 2, 3, 4]):
-        assert whole_single_replies(received, bytes(ids), 2) is None
-        assert whole_fast_reply(joint_reply([1, 2, 3], [1, 2, 3], 2), bytes(ids), 2) is None
+        assert SingleFormat(bytes(ids), 2).whole(received) is None
+        assert FastFormat(bytes(ids), 2).whole(joint_reply([1, 2, 3], [1, 2, 3], 2)) is None
 
 
 def test_a_servo_silent_among_single_statuses_is_named():

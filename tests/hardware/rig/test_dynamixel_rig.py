@@ -220,7 +220,7 @@ def test_a_corrupt_reply_is_counted_for_its_servo(rig, port):
     receive = port.receive
     damaged = bytearray(receive())
     damaged[8 + 14 + 5] ^= 1  # in the second servo's piece
-    port.receive = lambda: bytes(damaged)
+    port.receive = lambda likely=False: bytes(damaged)
     assert rig.collect_state()
     port.receive = receive
     assert rig.faults.corrupt.tolist() == [0, 1, 0, 0]
