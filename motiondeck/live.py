@@ -375,6 +375,7 @@ def play(
     physics: bool = True,
     root: Literal["gantry", "fixed", "free"] = "gantry",
     balance: bool = False,
+    walk: bool = False,
     command_port: int = 0,
     lock_to: str | int | LiveDeck | None = None,
 ) -> LiveDeck:
@@ -394,6 +395,7 @@ def play(
         physics: whether the simulated robot moves by servos and masses, or exactly along its targets.
         root: what holds it: a gantry, nothing that moves, or nothing at all.
         balance: whether a free robot keeps its balance.
+        walk: whether a free robot goes where the motion goes, on its own feet.
         command_port: where commands come in; 0 for a free port.
         lock_to: "beat", "body", another deck or its command port: what the phase is locked to from the start.
 
@@ -414,6 +416,7 @@ def play(
             physics=physics,
             root=root,
             balance=balance,
+            walk=walk,
             page_port=None if page is False else 0 if page is True else page,
             command_port=command_port,
             seconds=seconds,

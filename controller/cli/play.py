@@ -127,6 +127,14 @@ def play(
             help="Keep a free robot's feet in place and its weight above them.",
         ),
     ] = False,
+    walk: Annotated[
+        bool,
+        typer.Option(
+            "--walk",
+            rich_help_panel="Simulation",
+            help="Let a free robot go where the motion goes, on its own feet, 1.2 s behind.",
+        ),
+    ] = False,
     realtime: Annotated[
         bool,
         typer.Option(
@@ -273,6 +281,7 @@ def play(
       motiondeck play --headless --script show.toml --record show.rec
       motiondeck play --follow servo20 --follow-rig emulated
       motiondeck play box1 --robot servo20 --root free --balance
+      motiondeck play walk --robot servo20 --root free --walk
       motiondeck play waltz --robot servo20 --check-collisions
       motiondeck play --recognize --on-mismatch stop --robot servo20 --rig emulated
       motiondeck play --lock-to body --rig emulated --robot servo20
@@ -302,8 +311,10 @@ def play(
         check_seconds(seconds)
         if script is not None and motion is not None:
             raise MotiondeckError(f"give either a motion ('{motion}') or a --script, not both")
-        if kinematic and (root != "gantry" or balance):
-            raise MotiondeckError("--root and --balance are for simulated servos: leave --kinematic")
+        if kinematic and (root != "gantry" or balance or walk):
+            raise MotiondeckError("--root, --balance and --walk are for simulated servos: leave --kinematic")
+        if walk and (ghost or lock_to == "body"):
+            raise MotiondeckError("with --walk the body is 1.2 s behind its targets: leave --ghost and --lock-to body")
         if not 0.0 < mismatch_after < 1e4:
             raise MotiondeckError(f"--mismatch-after {mismatch_after:g} s is not a length of time above 0")
         loaded = load_library(find_library(library))
@@ -316,7 +327,7 @@ def play(
             from controller.cli.pictures.library_pictures import Staging, film_look
 
             look = film_look(video, size, fps, camera, ghost, footprints)
-            staging = Staging(not kinematic, root, balance, solver)
+            staging = Staging(not kinematic, root, balance, walk, solver)
             _film(loaded, robot, film_deck, timeline, seconds, video, look, staging, as_json)
             return
         if rate != (rate := checked_rate(loaded, first, rate, lower=lower_rate)):
@@ -325,7 +336,8 @@ def play(
             raise MotiondeckError("--follow-rig needs --follow ROBOT: whose servos are they?")
         if listen is not None and token_file is None:
             raise MotiondeckError(f"--listen {listen} needs --token-file FILE: anybody could move the robot otherwise")
-        physics = {"physics": not kinematic, "root": root, "balance": balance, "keep_apart": check_collisions}
+        held = {"root": root, "balance": balance, "walk": walk}
+        physics = {"physics": not kinematic, **held, "keep_apart": check_collisions}
         setups = [robot_setup(robot, rig, solver=solver, **physics)]
         if follow is not None:
             setups.append(robot_setup(follow, follow_rig, **physics))

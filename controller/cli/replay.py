@@ -76,9 +76,10 @@ def replay(
 
         show_act(act_of_recording(recording, load_robot(find_robot(player), loaded.skeleton)), page_port)
         return
-    root, balance = str(recording.description.get("root", "gantry")), bool(recording.description.get("balance"))
+    root = str(recording.description.get("root", "gantry"))
+    balance, walk = bool(recording.description.get("balance")), bool(recording.description.get("walk"))
     deck = RecordedDeck(recording, same_robot=robot is None or Path(robot).stem == recorded)
-    setup = robot_setup(player, rig, physics=not kinematic, root=root, balance=balance)
+    setup = robot_setup(player, rig, physics=not kinematic, root=root, balance=balance, walk=walk)
     settings = RunSettings(
         rate=rate if rate is not None else float(recording.description["rate"]),
         command_port=command_port,

@@ -91,7 +91,7 @@ class RunRecording:
     """A recording in memory.
 
     Attributes:
-        description: library, robot, joints, motions, rate (ticks per second), root, balance.
+        description: library, robot, joints, motions, rate (ticks per second), root, balance, walk.
         fields: the values of each field, shape (ticks, size).
         complete: whether its writer has marked it complete.
     """

@@ -10,6 +10,7 @@ import msgspec
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 from motiondeck_base.toml_file import read_toml
 from sim.models.servo_motor import ServoMotor
+from sim.models.walk_settings import WalkSettings
 
 Solver = Literal["angles", "ik"]
 SOLVERS: tuple[Solver, ...] = ("angles", "ik")
@@ -68,6 +69,7 @@ class RobotFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         angles: the angle solver's joints to the model's; none where they have the same names.
         rest: joint positions to rest in, rad; those not named rest at zero.
         servo: what each of its servos can do; without it they are as strong as the model has them.
+        walk: how it walks on its own feet.
     """
 
     name: str
@@ -82,6 +84,7 @@ class RobotFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     angles: dict[str, Angle] = {}
     rest: dict[str, float] = {}
     servo: ServoMotor | None = None
+    walk: WalkSettings = WalkSettings()
 
 
 def read_robot_file(path: Path) -> RobotFile:
@@ -118,6 +121,9 @@ def _check_numbers(path: Path, robot: RobotFile) -> None:
     for key, value in servo.items():
         if value is not None and not value < float("inf"):
             raise FileFormatError(f"{path}: servo.{key} is {value}; it must be a finite number")
+    for key, value in msgspec.structs.asdict(robot.walk).items():
+        if not abs(value) < float("inf"):
+            raise FileFormatError(f"{path}: walk.{key} is {value}; it must be a finite number")
     if robot.root_height is not None and not 0.0 < robot.root_height < float("inf"):
         raise FileFormatError(f"{path}: root_height is {robot.root_height}; it must be a positive number of metres")
     if not abs(sum(component**2 for component in robot.root_rotation) - 1.0) < 1e-3:

@@ -1,1 +1,1 @@
-"""Simulated servos and masses: playback, balance, loads, preflight."""
+"""Simulated servos and masses: playback, balance, walking, loads, preflight."""

@@ -1,12 +1,6 @@
 """Balance: a motion on the spot with both feet kept where they are and the centre of mass above them.
 
-Each tick makes one damped least-squares step on a robot of its own, from where the last one left it:
-
-    min over dv of   |W_f (J_f dv - e_f)|^2 + |W_c (J_c dv - e_c)|^2 + |W_q (dv - e_q)|^2
-
-where e_f is the distance of the soles from their places on the floor, e_c that of the centre of mass from its goal, and
-e_q that of root and joints from the played motion: the legs give way, the rest of the body keeps playing. The goal of
-the centre of mass:
+The posture is that of `WholeBody`, with this goal of the centre of mass:
 
     c = middle of the support - K (xi - xi planned),      xi = com + velocity / omega,      omega^2 = g / height
 
@@ -23,14 +17,15 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from controller.rotations import Array, about, conjugate, from_matrix, multiply, rotate, to_rotation_vector, yaw
+from controller.rotations import Array, about, from_matrix, multiply, rotate, yaw
 from motiondeck_base.errors import MotiondeckError
 from sim.physics.physics_model import feet_of
 from sim.physics.support_polygon import convex_hull, margin
+from sim.physics.whole_body import WholeBody
 from sim.robots.robot import Robot
 
-# Weights of one metre or one radian off.
-FOOT, CENTRE, HEIGHT, LEAN, LEG, REST = 100.0, 60.0, 2.0, 3.0, 0.3, 3.0
+# What it costs that the root is a metre higher or lower than it is played.
+HEIGHT = 2.0
 # The ankle strategy's gain, and the share of the support that the goal may be moved by.
 ANKLE_GAIN, ANKLE_REACH = 1.0, 0.8
 # The hip strategy: rad for each metre (of a leg one metre long) nearer to the border than HIP_FROM of the support.
@@ -40,7 +35,6 @@ HIP_GAIN, HIP_FROM, HIP_MOST = 4.0, 0.5, 0.6
 STANCE_WIDTH, STANCE_LENGTH, STANCE_TURN = 0.30, 0.25, 0.6
 # A heel that lands shakes the velocity: the capture point is followed with this time constant, s.
 SMOOTHING = 0.03
-STARTING_STEPS = 60
 
 
 class Balance:
@@ -60,14 +54,9 @@ class Balance:
         if len(feet) != 2:
             raise MotiondeckError(f"robot '{robot.name}' has {len(feet)} feet; only one that stands on two can balance")
         self._robot, self._model, self._dt = robot, model, dt
-        self._plan = mujoco.MjData(model)
         self._feet = feet
-        self._bodies = [model.body(foot.body).id for foot in feet]
-        self._weight = self._weights()
-        self._most = self._fastest() * dt
-        self._goal = np.empty(model.nq)
-        self._error = np.empty(model.nv)
-        self._jacobian = np.empty((14, model.nv))
+        self._body = WholeBody(robot, model, feet, dt, HEIGHT)
+        self._plan, self._bodies = self._body.plan, self._body.bodies
 
     def start(self, data: mujoco.MjData) -> None:
         """Plants the feet below where they are in data, and puts the robot there in a stance that balances."""
@@ -81,9 +70,7 @@ class Balance:
         self._support = convex_hull(corners)
         self._half = margin(self._support, self._middle)
         self._smooth = np.zeros(2)
-        goal = data.qpos.copy()
-        for _ in range(STARTING_STEPS):
-            self._step(goal, self._middle, np.inf)
+        self._body.settle(data.qpos.copy(), self._place, self._flat, self._middle)
         data.qpos[:] = plan.qpos
         self._lift = float(plan.qpos[2])
         self._first_height: float | None = None
@@ -100,7 +87,7 @@ class Balance:
         ankles = -ANKLE_GAIN * off
         far = float(np.hypot(*ankles))
         ankles *= min(1.0, ANKLE_REACH * self._half / max(far, 1e-9))
-        self._step(wanted, self._middle + ankles, 1.0)
+        self._body.step(wanted, self._place, self._flat, self._middle + ankles)
         goal[:] = self._plan.qpos
 
     def _plant(self) -> None:
@@ -160,41 +147,6 @@ class Balance:
             return np.array([1.0, 0.0, 0.0, 0.0])
         return about(np.array([-off[1], off[0], 0.0]) / far, angle)
 
-    def _step(self, goal: Array, centre: Array, pace: float) -> None:
-        model, plan = self._model, self._plan
-        mujoco.mj_kinematics(model, plan)
-        mujoco.mj_comPos(model, plan)
-        root = int(model.jnt_bodyid[0])
-        jacobian, off = self._jacobian, np.empty(14)
-        weight = np.empty(14)
-        for k, (foot, body) in enumerate(zip(self._feet, self._bodies, strict=True)):
-            rows = slice(6 * k, 6 * k + 3), slice(6 * k + 3, 6 * k + 6)
-            sole = plan.xpos[body] + plan.xmat[body].reshape(3, 3) @ foot.sole
-            mujoco.mj_jac(model, plan, jacobian[rows[0]], jacobian[rows[1]], sole, body)
-            off[rows[0]] = self._place[k] - sole
-            off[rows[1]] = to_rotation_vector(multiply(self._flat[k], conjugate(plan.xquat[body])))
-            weight[rows[0]], weight[rows[1]] = FOOT, 0.3 * FOOT
-        com = np.empty((3, model.nv))
-        mujoco.mj_jacSubtreeCom(model, plan, com, root)
-        jacobian[12:] = com[:2]
-        off[12:] = centre - plan.subtree_com[root, :2]
-        weight[12:] = CENTRE
-        mujoco.mj_differentiatePos(model, self._error, 1.0, plan.qpos, goal)
-        square = np.square(self._weight)
-        weighted = jacobian * np.square(weight)[:, None]
-        matrix = jacobian.T @ weighted
-        matrix[np.diag_indices_from(matrix)] += square + 1e-6
-        step = np.linalg.solve(matrix, square * self._error + weighted.T @ off)
-        most = self._most * pace
-        mujoco.mj_integratePos(model, plan.qpos, np.clip(step, -most, most), 1.0)
-        self._within_limits()
-
-    def _within_limits(self) -> None:
-        layout, limits, qpos = self._robot.layout, self._robot.limits, self._plan.qpos
-        if len(layout.hinge):
-            at = layout.hinge_qpos
-            qpos[at] = np.clip(qpos[at], limits.lower[layout.hinge], limits.upper[layout.hinge])
-
     def _corners(self, data: mujoco.MjData, planted: bool = False) -> Array:
         """The corners of both soles on the floor, shape (8, 2), m."""
         found = []
@@ -206,30 +158,6 @@ class Balance:
             else:
                 found.append(data.xpos[body] + foot.corners @ data.xmat[body].reshape(3, 3).T)
         return np.concatenate(found)[:, :2]
-
-    def _weights(self) -> Array:
-        """What it costs each degree of freedom not to go as it is played, shape (nv,)."""
-        model = self._model
-        weight = np.full(model.nv, REST)
-        weight[:6] = (0.0, 0.0, HEIGHT, LEAN, LEAN, LEAN)
-        for body in self._bodies:
-            while model.body_parentid[body] != 0:
-                first, count = model.body_dofadr[body], model.body_dofnum[body]
-                weight[first : first + count] = LEG
-                body = int(model.body_parentid[body])
-        return weight
-
-    def _fastest(self) -> Array:
-        """The speed limit of each degree of freedom, shape (nv,)."""
-        model, layout, limit = self._model, self._robot.layout, self._robot.limits.velocity
-        most = np.full(model.nv, np.inf)
-        joint = model.actuator_trnid[:, 0]
-        for index in layout.hinge:
-            most[model.jnt_dofadr[joint[index]]] = limit[index]
-        for row in layout.ball:
-            first = model.jnt_dofadr[joint[row[0]]]
-            most[first : first + 3] = limit[row]
-        return most
 
 
 def _turned(rotation: Array) -> Array:

@@ -17,6 +17,7 @@ from sim.models.surface import LowestPoint
 from sim.physics.balance import Balance
 from sim.physics.physics_model import physics_model
 from sim.physics.simulated_servos import Servos
+from sim.physics.walking.walker import Walker
 from sim.robots.robot import Robot
 
 # MuJoCo resets itself when its state becomes invalid, and counts a warning.
@@ -91,7 +92,9 @@ class PhysicsPlayback:
 
     name = "physics"
 
-    def __init__(self, robot: Robot, dt: float, root: str = "gantry", balance: bool = False) -> None:
+    def __init__(
+        self, robot: Robot, dt: float, root: str = "gantry", balance: bool = False, walk: bool = False
+    ) -> None:
         """Rests the robot.
 
         Args:
@@ -99,9 +102,11 @@ class PhysicsPlayback:
             dt: how much time passes with each write, s; rounded to whole steps of the simulation.
             root: "gantry" carries the root along, "fixed" holds it in place, "free" lets it go.
             balance: whether a free robot keeps its feet where they are and its centre of mass above them.
+            walk: whether a free robot goes where the motion goes, on its own feet.
 
         Raises:
-            MotiondeckError: if root is another word, or balance is asked of a robot that is not free or lacks two feet.
+            MotiondeckError: if root is another word, or balance or walking is asked of a robot that is not free or
+                lacks two feet, or both are asked.
         """
         self._robot, self._root = robot, root
         self.model = model = physics_model(robot, root)
@@ -111,7 +116,14 @@ class PhysicsPlayback:
         self._dt = self._steps * model.opt.timestep
         if balance and root != "free":
             raise MotiondeckError(f"a robot whose root is {root} need not balance: give --root free with --balance")
+        if walk and (root != "free" or balance):
+            what = (
+                "balances by itself: leave --balance" if balance else f"needs a free root, not {root}: give --root free"
+            )
+            raise MotiondeckError(f"a robot that walks {what}")
         self._balance = Balance(robot, model, self._dt) if balance else None
+        self._walker = Walker(robot, model, self._dt) if walk else None
+        self._legs = self._balance or self._walker
         self._servos = Servos(robot.servo, model, self._dt) if robot.servo is not None else None
         # Position servos: force = gain * ctrl + bias . (1, length, velocity), with gain = kp and bias[2] = -kv.
         gain = model.actuator_gainprm[:, 0]
@@ -125,7 +137,7 @@ class PhysicsPlayback:
         self._straight = model.qpos0.copy()
         robot.layout.place(np.zeros(model.nu), self._straight)
         self._turned, self._error, self._ahead = np.empty(model.nv), np.empty(model.nv), np.empty(model.nu)
-        self._measured = robot.rest.copy()
+        self._measured, self._played = robot.rest.copy(), robot.rest.copy()
         self._started = False
         self._writes = self._faults = 0
         self.fell_s: float | None = None
@@ -155,8 +167,8 @@ class PhysicsPlayback:
             data.mocap_pos[0] = self._goal[:3]
             data.mocap_quat[0] = self._goal[3:7]
         self.placed[:] = self._goal[:7]
-        if self._balance is not None:
-            self._balance.adjust(data, self._goal, float(pose.heading))
+        if self._legs is not None:
+            self._legs.adjust(data, self._goal, float(pose.heading))
         if self._servos is not None:
             self._goal[:] = self._servos.delayed(self._goal)
         self._aim()
@@ -172,13 +184,26 @@ class PhysicsPlayback:
             robot.place(targets, pose, self._goal)
             self._put_in_place()
         robot.layout.read(data.qpos, near=targets, out=self._measured)
+        root = self.placed
+        if self._walker is not None:
+            # The body is behind: it is judged by what it was to do now.
+            root = self._walker.preview.goal[:7]
+            targets = self._played
+            robot.layout.read(self._walker.preview.goal, near=self._measured, out=targets)
         self._count(targets)
-        if self._root == "free" and self.fell_s is None and has_fallen(data.qpos, self.placed):
+        if self._root == "free" and self.fell_s is None and has_fallen(data.qpos, root):
             self.fell_s = self._writes * self._dt
 
     def measured(self) -> Array:
         """The joint positions (J,), rad, in the simulation."""
         return self._measured
+
+    @property
+    def travel(self) -> tuple[float, float] | None:
+        """How far the motion went and how far a robot that walks did, along the ground, m; None for others."""
+        if self._walker is None or not self._started:
+            return None
+        return self._walker.preview.travel.metres, self._walker.travel.metres
 
     def push(self, force: Array) -> None:
         """Pushes the root with a force (3,), N, in the world, until the next call."""
@@ -201,6 +226,8 @@ class PhysicsPlayback:
         }
         if self._root == "free":
             said |= {"balance": self._balance is not None, "fell_s": self.fell_s}
+        if self.travel is not None:
+            said["travel"] = dict(zip(("asked_m", "walked_m"), self.travel, strict=True))
         if self._servos is not None:
             said["servos"] = self._servos.report()
         return said
@@ -234,8 +261,8 @@ class PhysicsPlayback:
         if self._root == "fixed":
             self.data.mocap_pos[0] = self._goal[:3]
             self.data.mocap_quat[0] = self._goal[3:7]
-        if self._balance is not None:
-            self._balance.start(self.data)
+        if self._legs is not None:
+            self._legs.start(self.data)
         self._goal_before[:] = self.data.qpos
         if self._servos is not None:
             self._servos.start()

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import mujoco
@@ -24,6 +24,7 @@ from sim.models.model_file import read_model
 from sim.models.robot_file import RobotFile, Solver, read_robot_file
 from sim.models.scenery import add_gantry, add_lamp, set_stage
 from sim.models.servo_motor import ServoMotor
+from sim.models.walk_settings import WalkSettings
 from sim.retargeting.flat_feet import FlatFeet
 from sim.retargeting.footing import Footing
 from sim.retargeting.retarget import MannequinRetargeter, ServoHumanoidRetargeter
@@ -48,6 +49,7 @@ class Robot:
         path_scale: its size over that of the skeleton; scales the path of the root.
         servo: what each of its servos can do, where that is known.
         footing: finds its root's place; none for a mannequin, whose root goes where the human's goes.
+        walk: how it walks on its own feet.
     """
 
     name: str
@@ -60,6 +62,7 @@ class Robot:
     path_scale: float
     servo: ServoMotor | None = None
     footing: Footing | None = None
+    walk: WalkSettings = field(default_factory=WalkSettings)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -127,7 +130,19 @@ class RobotLoader:
         limits = _limits(path, file, model, layout)
         rest = _rest(path, file, layout, limits)
         if file.kind == "mannequin":
-            return Robot(file.name, spec, model, layout, limits, rest, MannequinRetargeter(skeleton), 1.0, file.servo)
+            return Robot(
+                file.name,
+                spec,
+                model,
+                layout,
+                limits,
+                rest,
+                MannequinRetargeter(skeleton),
+                1.0,
+                file.servo,
+                None,
+                file.walk,
+            )
         scale = file.root_height / skeleton.leg_length if file.root_height and skeleton.leg_length > 0.0 else 1.0
         if isinstance(skeleton, JointBody):
             taught = JointRetargeter(skeleton, layout.joints, rest)
@@ -136,7 +151,7 @@ class RobotLoader:
         retarget = _retargeter(path, file, solver or file.solver, skeleton, model, layout, limits, rest, dt, flat)
         feet = [model.body(file.parts[foot]).id for foot in ("r_foot", "l_foot") if foot in file.parts]
         footing = Footing(skeleton, model, feet, np.array(file.root_rotation), scale, dt, flat)
-        return Robot(file.name, spec, model, layout, limits, rest, retarget, scale, file.servo, footing)
+        return Robot(file.name, spec, model, layout, limits, rest, retarget, scale, file.servo, footing, file.walk)
 
 
 def _retargeter(

@@ -127,6 +127,7 @@ class Staging:
     physics: bool = True
     root: str = "gantry"
     balance: bool = False
+    walk: bool = False
     solver: str | None = None
 
 
@@ -188,7 +189,9 @@ def _shots(
 
     dt = 1.0 / STEPS_A_SECOND
     desk, envelope = CommandDesk(deck, ()), SafetyEnvelope(body.limits, dt)
-    stage = PhysicsPlayback(body, dt, staging.root, staging.balance) if staging.physics else KinematicPlayback(body)
+    stage = KinematicPlayback(body)
+    if staging.physics:
+        stage = PhysicsPlayback(body, dt, staging.root, staging.balance, staging.walk)
     watch = StepWatch(body.model, feet_of(body), body_height(body.model)) if look.footprints else None
     waiting, prints, ghost = deque(timeline), deque[Array](maxlen=PRINTS), body.model.qpos0.copy()
     started, done = False, 0

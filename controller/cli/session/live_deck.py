@@ -31,6 +31,7 @@ class LiveRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         physics: whether the simulated robot has servos and masses.
         root: what holds it: gantry, fixed or free.
         balance: whether a free robot keeps its balance.
+        walk: whether it walks on its own feet.
         page_port: where the page is; 0 for a free port, None for no page.
         command_port: where commands come in; 0 for a free port.
         seconds: how long to play, or None.
@@ -46,6 +47,7 @@ class LiveRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     physics: bool
     root: str
     balance: bool
+    walk: bool
     page_port: int | None
     command_port: int
     seconds: float | None
@@ -94,7 +96,8 @@ def play_live(request: LiveRequest) -> None:
     library = load_library(find_library(request.library))
     first = first_motion(library, request.motion)
     checked_rate(library, first, request.rate)
-    setup = robot_setup(request.robot, request.rig, physics=request.physics, root=request.root, balance=request.balance)
+    held = {"root": request.root, "balance": request.balance, "walk": request.walk}
+    setup = robot_setup(request.robot, request.rig, physics=request.physics, **held)
     settings = RunSettings(
         rate=request.rate,
         command_port=request.command_port,

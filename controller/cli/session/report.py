@@ -138,6 +138,9 @@ def summary(report: dict[str, Any]) -> str:
         )
         lines += [f"rig: {incident}" for incident in rig["incidents"][-_INCIDENTS_SHOWN:]]
     lines += [f"the robot fell after {o['fell_s']:.1f} s" for o in report["outputs"] if o.get("fell_s") is not None]
+    for output in report["outputs"]:
+        if travel := output.get("travel"):
+            lines.append(f"walked {travel['walked_m']:.1f} m; the motion went {travel['asked_m']:.1f} m")
     if kept := report.get("kept_apart"):
         most = sorted(kept.items(), key=lambda item: -item[1])[:3]
         lines.append("kept apart: " + ", ".join(f"{pair} ({count} ticks)" for pair, count in most))

@@ -48,6 +48,7 @@ class RobotSetup:
         physics: whether the simulated robot moves by servos and masses, or exactly along its targets.
         root: what holds the simulated robot: gantry, fixed or free.
         balance: whether a free robot keeps its balance.
+        walk: whether it walks on its own feet.
         solver: how motions are carried onto it, in place of what its file chooses.
         keep_apart: whether targets at which its limbs would collide are held back.
     """
@@ -58,6 +59,7 @@ class RobotSetup:
     physics: bool = True
     root: str = "gantry"
     balance: bool = False
+    walk: bool = False
     solver: str | None = None
     keep_apart: bool = False
 
@@ -69,13 +71,14 @@ class Simulation:
     Attributes:
         robot: its model.
         stage: the output that simulates it.
-        root, balance: as in its `RobotSetup`.
+        root, balance, walk: as in its `RobotSetup`.
     """
 
     robot: Robot
     stage: Stage
     root: str
     balance: bool
+    walk: bool
 
 
 @dataclass(frozen=True)
@@ -152,7 +155,9 @@ def open_robot(
 
     dt = 1.0 / rate
     robot = load_robot(setup.robot, library.skeleton, solver_named(setup.solver), dt)
-    stage = PhysicsPlayback(robot, dt, setup.root, setup.balance) if setup.physics else KinematicPlayback(robot)
+    stage = KinematicPlayback(robot)
+    if setup.physics:
+        stage = PhysicsPlayback(robot, dt, setup.root, setup.balance, setup.walk)
     opening.callback(stage.close)
     rig, limits = None, robot.limits
     if setup.rig is not None:
@@ -160,5 +165,5 @@ def open_robot(
         opening.callback(rig.output.close)
     guard = CollisionGuard(replace(robot, limits=limits), dt) if setup.keep_apart else None
     retarget = guard or robot.retarget
-    simulation = Simulation(robot, stage, setup.root, setup.balance)
+    simulation = Simulation(robot, stage, setup.root, setup.balance, setup.walk)
     return RobotOnDeck(robot.name, robot.joints, limits, robot.rest, retarget, rig, simulation, prefix, guard)

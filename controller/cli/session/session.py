@@ -253,6 +253,7 @@ class Session:
             "rate": settings.rate,
             "root": simulation.root,
             "balance": simulation.balance,
+            "walk": simulation.walk,
         }
         recorder = opening.enter_context(recording(settings.record, description, len(joints), settings.rate))
         self._children.append(("the recorder", recorder.process))

@@ -95,6 +95,7 @@ def robot_setup(
     physics: bool = True,
     root: str = "gantry",
     balance: bool = False,
+    walk: bool = False,
     solver: str | None = None,
     keep_apart: bool = False,
 ) -> RobotSetup:
@@ -103,13 +104,13 @@ def robot_setup(
     Args:
         robot: a shipped robot, or a robot file.
         rig: a shipped rig, a rig file, "emulated" for emulated servos of the robot, or None.
-        physics, root, balance, solver, keep_apart: as in `RobotSetup`.
+        physics, root, balance, walk, solver, keep_apart: as in `RobotSetup`.
 
     Raises:
         MotiondeckError: if there is no such robot or rig; it names the nearest.
     """
     file = find_robot(robot)
-    return RobotSetup(file, _rig_file(rig, robot), rig == EMULATED, physics, root, balance, solver, keep_apart)
+    return RobotSetup(file, _rig_file(rig, robot), rig == EMULATED, physics, root, balance, walk, solver, keep_apart)
 
 
 def _rig_file(rig: str | None, robot: str) -> Path | None:

@@ -1,0 +1,36 @@
+"""Walk settings: how a robot walks on its own feet; the table [walk] of a robot file."""
+
+from __future__ import annotations
+
+import msgspec
+
+
+class WalkSettings(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """How a robot walks. Heights and lengths are in heights of its root, times in s.
+
+    Attributes:
+        share: of the length of the motion's steps.
+        width: between the soles, at least.
+        bend: how much lower the root is carried than it is played.
+        lift: of a swinging sole.
+        double_support: how long both feet stand between two steps, at least.
+        roll: the centre of pressure goes from behind the middle of the sole to before it during a step, in lengths
+            of the sole.
+        ahead: what a landing foot makes up for of the error of the capture point, forwards.
+        aside: the same, sideways.
+        ankle: how far the centre of mass is moved against what is left of that error.
+        upright: how much of the trunk's tilt the swinging foot makes up for.
+        feed_forward: the share of the torques of gravity that the servos of the legs get in advance.
+    """
+
+    share: float = 0.5
+    width: float = 0.36
+    bend: float = 0.06
+    lift: float = 0.08
+    double_support: float = 0.04
+    roll: float = 0.3
+    ahead: float = 0.8
+    aside: float = 0.5
+    ankle: float = 0.9
+    upright: float = 0.6
+    feed_forward: float = 0.6

@@ -1,0 +1,1 @@
+"""Walking: footfalls, plan of the capture point, capture steps, whole body."""

@@ -1,0 +1,60 @@
+"""The capture point of a body that is carried by a few points on the floor, and what is planned for it.
+
+While the centre of mass c stays about as high, h, the divergent component of its motion is the capture point
+
+    xi = c + c' / omega,   omega^2 = g / h,        xi' = omega (xi - p)                                         (1)
+
+with the centre of pressure p (Pratt et al. 2006, Takenaka et al. 2009). It runs away from p, so only one xi(t) stays
+with a p that is known for all times to come: the mean of p, weighted exponentially,
+
+    xi(t) = omega integral from t of  e^(-omega (s - t)) p(s) ds                                                 (2)
+
+Between knots (t_k, p_k), p is linear, with the slopes m_k, and stays where it is after the last one. Then (2) is
+
+    xi(t) = p(t) + sum over k of  m_k / omega (e^(-omega (t_k - t)) - e^(-omega (t_k+1 - t)))                    (3)
+
+summed over what is to come. The centre of mass follows by itself:
+
+    c' = omega (xi - c)                                                                                          (4)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from controller.rotations import Array
+
+GRAVITY = 9.81
+
+
+def pendulum_rate(height: float) -> float:
+    """omega of a body whose centre of mass is so high, m; 1/s."""
+    return float(np.sqrt(GRAVITY / max(height, 0.05)))
+
+
+def planned_capture_point(times: Array, pressure: Array, now: float, omega: float) -> Array:
+    """Equation (3).
+
+    Args:
+        times: of the knots, ascending, shape (K,), s; the first one is not after now.
+        pressure: centres of pressure there, shape (K, ...), m.
+        now: s.
+        omega: 1/s.
+
+    Returns:
+        where the capture point must be now, shape (...), m.
+    """
+    after = int(np.searchsorted(times, now, side="right"))
+    if after == len(times):
+        return pressure[-1].astype(np.float64)
+    past = (now - times[after - 1]) / (times[after] - times[after - 1])
+    here = pressure[after - 1] + past * (pressure[after] - pressure[after - 1])
+    knots = np.concatenate([[now], times[after:]])
+    length = np.maximum(np.diff(knots), 1e-9)
+    share = np.exp(-omega * (knots[:-1] - now)) * -np.expm1(-omega * length) / (omega * length)
+    return here + share @ np.diff(np.concatenate([here[None], pressure[after:]]), axis=0)
+
+
+def follow(centre: Array, capture_point: Array, dt: float, omega: float) -> Array:
+    """Equation (4): the centre of mass (2,) dt seconds later, of a capture point (2,) that hardly moves meanwhile."""
+    return capture_point + np.exp(-omega * dt) * (centre - capture_point)

@@ -1,0 +1,113 @@
+"""Footfalls: when the feet of a played motion leave the floor, and where they land.
+
+A foot swings while its sole is the faster one of the two, and moves or is raised; what hardly gets anywhere is no step.
+So there is always a foot that stands, also in a run.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller.rotations import Array
+
+# Speeds of a sole at which it begins and ends to swing, and how far a step goes at least, in heights of the root (a
+# second); how much it turns at least, rad, and how long it takes at least, s.
+BEGINS, ENDS = 0.2, 0.15
+FAR, TURN, LONG = 0.04, 0.15, 0.12
+# The speed is smoothed with this time constant, s.
+SMOOTHING = 0.01
+
+
+@dataclass
+class Swing:
+    """One foot on its way; lengths as in the played motion.
+
+    Attributes:
+        foot: 0 or 1.
+        start: when it leaves the floor, s.
+        end: when it lands, s; None as long as that is not known.
+        from_other: where it lands, or is by now, from the other foot, ahead and left of the heading, shape (2,), m.
+        yaw: which way it points there, rad.
+        heading: of the body there, rad.
+        first: whether the motion stood before.
+    """
+
+    foot: int
+    start: float
+    end: float | None
+    from_other: Array
+    yaw: float
+    heading: float
+
+
+class Footfalls:
+    """Finds the swings in a motion that is given tick by tick.
+
+    Attributes:
+        swings: those that are not forgotten yet, in the order of their starts.
+    """
+
+    def __init__(self, height: float, dt: float) -> None:
+        """Takes the height of the robot's root, m, and the time between two ticks, s."""
+        self._height, self._dt = height, dt
+        self.swings: list[Swing] = []
+        self._before: Array | None = None
+        self._speed = np.zeros(2)
+        self._from = np.zeros(3)
+        self._went = self._yaw = 0.0
+
+    def add(self, now: float, soles: Array, yaws: Array, heading: float) -> None:
+        """Takes the next tick.
+
+        Args:
+            now: when it is played, s.
+            soles: the middles of the soles, shape (2, 3), m.
+            yaws: which way they point, shape (2,), rad.
+            heading: of the body, rad.
+        """
+        before = soles if self._before is None else self._before
+        raw = np.linalg.norm(soles - before, axis=1) / (self._dt * self._height)
+        self._speed += (1.0 - np.exp(-self._dt / SMOOTHING)) * (raw - self._speed)
+        self._before = soles.copy()
+        swing = self.swings[-1] if self.swings and self.swings[-1].end is None else None
+        if swing is not None:
+            self._went = max(self._went, float(np.linalg.norm(soles[swing.foot] - self._from)))
+            self._go_on(swing, now, soles, yaws, heading)
+        if not self.swings or self.swings[-1].end is not None:
+            self._begin(now, soles, yaws, heading)
+
+    def forget(self, swing: Swing) -> None:
+        """Drops a swing that is over."""
+        self.swings = [other for other in self.swings if other is not swing]
+
+    def _begin(self, now: float, soles: Array, yaws: Array, heading: float) -> None:
+        foot = int(np.argmax(self._speed))
+        if self._speed[foot] < BEGINS:
+            return
+        last = self.swings[-1] if self.swings else None
+        if last is not None and last.foot == foot and last.end is not None and now - last.end < LONG:
+            last.end = None  # it has only paused
+            return
+        self.swings.append(Swing(foot, now, None, np.zeros(2), 0.0, heading))
+        self._from, self._went, self._yaw = soles[foot].copy(), 0.0, float(yaws[foot])
+        self._place(self.swings[-1], soles, yaws, heading)
+
+    def _go_on(self, swing: Swing, now: float, soles: Array, yaws: Array, heading: float) -> None:
+        self._place(swing, soles, yaws, heading)
+        speed, other = self._speed[swing.foot], self._speed[1 - swing.foot]
+        raised = soles[swing.foot, 2] - soles[1 - swing.foot, 2] > 0.5 * FAR * self._height
+        if now - swing.start < LONG or (speed >= other and (speed > ENDS or raised)):
+            return
+        turned = float(np.abs(np.angle(np.exp(1j * (swing.yaw - self._yaw)))))
+        if self._went < FAR * self._height and turned < TURN:
+            self.swings.pop()
+        else:
+            swing.end = now
+
+    def _place(self, swing: Swing, soles: Array, yaws: Array, heading: float) -> None:
+        x, y = (soles[swing.foot] - soles[1 - swing.foot])[:2]
+        cos, sin = np.cos(heading), np.sin(heading)
+        swing.from_other = np.array([cos * x + sin * y, cos * y - sin * x])
+        swing.yaw, swing.heading = float(yaws[swing.foot]), heading

@@ -1,0 +1,188 @@
+"""Gait: which foot stands where, which step is under way, and where it has to land to catch the body."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from controller.rotations import Array
+from sim.models.walk_settings import WalkSettings
+from sim.physics.walking.footfalls import Swing
+from sim.physics.walking.steps import Step, pressure_course, swing_path
+
+# From standing the steps grow: the shares of the first ones.
+GROWS = (0.3, 0.55, 0.8, 1.0)
+# Who has stood for so long starts anew, s.
+STOOD = 0.6
+# A step takes at least so long, s.
+SHORTEST = 0.2
+# A swing that has not ended yet in the preview lasts at least so long, s.
+UNKNOWN = 0.3
+# In the last share of a swing its goal stays where it is.
+FROZEN = 0.15
+# In one step the robot turns by at most so much, and its feet from its heading, rad.
+TURN, FOOT_TURN = 0.6, 0.5
+# The most that a step is made longer, in heights of the root, and how narrow and how wide it may become, in widths.
+LONGER, NARROW, WIDE = 0.7, 0.85, 2.2
+# How uncertain the error of the capture point is, compared with the lengthening of a step that may be needed.
+DOUBT = 0.15
+
+
+class Gait:
+    """Steps one after another, on a plane of its own, where the feet never slip.
+
+    Attributes:
+        places, yaws: of the soles that stand, shape (2, 2), m, and (2,), rad.
+        step: the one under way.
+    """
+
+    def __init__(self, settings: WalkSettings, height: float, sole: float, sides: Array) -> None:
+        """Takes the height of the root, m, the length of the sole, m, and which side each foot is on, 1 for left."""
+        self._set, self._height, self._sides = settings, height, sides
+        self._roll = 0.5 * sole * settings.roll
+        self._width = settings.width * height
+
+    def start(self, middle: Array, facing: float, yaws: Array) -> None:
+        """Stands with both feet beside a point (2,), m, facing a direction, rad; the feet point to yaws (2,), rad."""
+        apart = 0.5 * self._width * np.array([-np.sin(facing), np.cos(facing)])
+        self.places = np.array([middle + side * apart for side in self._sides])
+        self.yaws = facing + np.array([_clipped(yaw - facing) for yaw in yaws])
+        self.step: Step | None = None
+        self._swing: Swing | None = None
+        self._longer = np.zeros(2)
+        self._from = self.places[0].copy(), 0.0
+        self._landed: tuple[float, Array] | None = None
+        self._count = 0
+        self._heading, self._astray = facing, 0.0
+
+    def advance(self, now: float, swings: Sequence[Swing], preview: float) -> Swing | None:
+        """Goes on to a time, s, with the swings of the motion until `preview` later; the swing that ended, if any."""
+        self._horizon = now + preview
+        ended = None
+        if self.step is not None and self._swing is not None:
+            self.step.end = self._end(self._swing, self.step.start)
+            if self.step.end <= now:
+                ended = self._swing
+                self.places[self.step.foot], self.yaws[self.step.foot] = self.step.place, self.step.yaw
+                self._heading, self._astray = self.step.heading, self.step.astray
+                other = 1 - self.step.foot
+                toes = _turned((self._roll, 0.0), float(self.yaws[other]))
+                self._landed = now, self.places[other] + toes
+                self.step = self._swing = None
+        self.coming = self._chain(now, [swing for swing in swings if swing is not ended])
+        return ended
+
+    def course(self, now: float) -> tuple[Array, Array]:
+        """Where the centre of pressure is to be when; as `pressure_course`."""
+        return pressure_course(now, self._landed, self.places, self.yaws, self.coming, self._roll)
+
+    def catch(self, now: float, off: Array, effect: float) -> Array:
+        """Moves the goal of the step so that the capture point comes back to its plan; by how much it did, (2,), m.
+
+        Args:
+            now: s.
+            off: where the capture point is from where it should be with the present goal, shape (2,), m.
+            effect: by how much that changes with the goal.
+        """
+        step, s = self.step, self._set
+        if step is None or now > step.end - FROZEN * (step.end - step.start):
+            return np.zeros(2)
+        before = self._longer
+        alone = off + effect * before
+        wanted = _turned(alone * (effect / (effect**2 + DOUBT**2)), -step.heading) * (s.ahead, s.aside)
+        most = LONGER * self._height
+        x = min(max(wanted[0], -most), most)
+        side = self._sides[step.foot]
+        planned = side * _turned(step.place - before - self.places[1 - step.foot], -step.heading)[1]
+        y = side * (min(max(planned + side * wanted[1], NARROW * self._width), WIDE * self._width) - planned)
+        self._longer = _turned((x, y), step.heading)
+        step.place = step.place + self._longer - before
+        return self._longer - before
+
+    def swing(self, now: float) -> tuple[Array, float, float]:
+        """Where the swinging foot comes from, its yaw then, and what share of its time has passed."""
+        assert self.step is not None
+        place, yaw = self._from
+        return place, yaw, (now - self.step.start) / (self.step.end - self.step.start)
+
+    def astray(self, now: float) -> float:
+        """How far the robot's heading is to be from the motion's now, rad: it cannot turn as fast as anybody."""
+        if self.step is None:
+            return self._astray
+        along, _ = swing_path((now - self.step.start) / (self.step.end - self.step.start))
+        return self._astray + along * (self.step.astray - self._astray)
+
+    @property
+    def standing(self) -> Array:
+        """Which feet stand: shares that sum to 1, shape (2,)."""
+        if self.step is None:
+            return np.array([0.5, 0.5])
+        return np.array([0.0, 1.0]) if self.step.foot == 0 else np.array([1.0, 0.0])
+
+    def _chain(self, now: float, swings: Sequence[Swing]) -> list[Step]:
+        places, steps, s = [*self.places], list[Step](), self._set
+        heading, astray = self._heading, self._astray
+        landed = None if self._landed is None else self._landed[0]
+        free = -np.inf if landed is None else landed + s.double_support
+        count = self._count
+        for swing in swings:
+            if swing is self._swing:
+                assert self.step is not None
+                step = self.step
+                planned = self._planned(swing, places[1 - step.foot], heading, astray, count - 1)
+                planned.start, planned.place = step.start, planned.place + self._longer
+                self.step = step = planned
+            else:
+                start = max(swing.start, free)
+                if landed is not None and start - landed > STOOD and not steps:
+                    count = 0
+                step = self._planned(swing, places[1 - swing.foot], heading, astray, count)
+                step.start, step.end = start, self._end(swing, start)
+                count += 1
+                if start <= now and self.step is None:
+                    self._begin(step, swing, count)
+            places[step.foot], heading, astray = step.place, step.heading, step.astray
+            free = step.end + s.double_support
+            steps.append(step)
+        return steps
+
+    def _begin(self, step: Step, swing: Swing, count: int) -> None:
+        self.step, self._swing, self._count = step, swing, count
+        self._longer = np.zeros(2)
+        self._from = self.places[step.foot].copy(), float(self.yaws[step.foot])
+
+    def _end(self, swing: Swing, start: float) -> float:
+        end = swing.end if swing.end is not None else max(self._horizon, swing.start + UNKNOWN)
+        return max(end, start + SHORTEST)
+
+    def _planned(self, swing: Swing, other: Array, heading: float, astray: float, count: int) -> Step:
+        """The step that a swing of the motion becomes.
+
+        Args:
+            swing: of the motion.
+            other: where the foot stands that does not swing, shape (2,), m.
+            heading: of the robot before the step, rad.
+            astray: how far that is from the heading of the motion, rad.
+            count: how many steps there were since it stood.
+        """
+        turn = swing.heading + astray - heading
+        turned = min(max(turn, -TURN), TURN)
+        heading, astray = heading + turned, astray + turned - turn
+        share = self._set.share * GROWS[min(count, len(GROWS) - 1)]
+        x, y = swing.from_other
+        side = self._sides[swing.foot]
+        apart = min(max(self._width + share * (side * y - self._width), self._width), 1.9 * self._width)
+        place = other + _turned((share * x, side * apart), heading)
+        yaw = heading + _clipped(swing.yaw - swing.heading)
+        return Step(swing.foot, swing.start, self._end(swing, swing.start), place, yaw, heading, astray)
+
+
+def _clipped(turn: float) -> float:
+    """How far a foot is turned from the heading, rad, but at most FOOT_TURN."""
+    return min(max((turn + np.pi) % (2.0 * np.pi) - np.pi, -FOOT_TURN), FOOT_TURN)
+
+
+def _turned(vector: Array | tuple[float, float], angle: float) -> Array:
+    (x, y), cos, sin = vector, np.cos(angle), np.sin(angle)
+    return np.array([cos * x - sin * y, sin * x + cos * y])

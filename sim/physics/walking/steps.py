@@ -1,0 +1,102 @@
+"""Steps: where the feet of the robot stand and will stand, and so where its centre of pressure is to be when."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller.rotations import Array
+
+# For so long the centre of pressure moves to the middle between the feet, or from there, s.
+SHIFT = 0.25
+# In this share of its time a swinging foot speeds up, and in the last one it slows down.
+RAMP = 0.25
+
+
+@dataclass(slots=True)
+class Step:
+    """One step of the robot.
+
+    Attributes:
+        foot: 0 or 1.
+        start: when the foot leaves the floor, s.
+        end: when it lands, s.
+        place: where the middle of its sole lands, shape (2,), m.
+        yaw: which way it points then, rad.
+        heading: of the robot then, rad.
+        astray: how far that is from the heading of the motion, rad.
+    """
+
+    foot: int
+    start: float
+    end: float
+    place: Array
+    yaw: float
+    heading: float
+    astray: float
+
+
+def pressure_course(
+    now: float, last: tuple[float, Array] | None, places: Array, yaws: Array, steps: Sequence[Step], roll: float
+) -> tuple[Array, Array]:
+    """Where the centre of pressure is to be when.
+
+    Under a foot that stands alone it goes from `roll` behind the middle of the sole to as much before it; while both
+    stand, from one to the other, and where that takes longer than two SHIFTs, by way of the middle between them.
+
+    Args:
+        now: s.
+        last: when the last step ended, s, and where the centre of pressure was then, m; None if there was none.
+        places: of the middles of the soles, shape (2, 2), m.
+        yaws: which way they point, shape (2,), rad.
+        steps: what is to come, in order; the first one may be under way.
+        roll: m.
+
+    Returns:
+        the times of K knots, shape (K,), s; and at each, shape (K, 3), the centre of pressure, m, and how much of it
+        goes along when the first step gets longer.
+    """
+    at = [(*places[0], 0.0), (*places[1], 0.0)]
+    toes = [(roll * np.cos(yaw), roll * np.sin(yaw)) for yaw in yaws]
+    landed = None if last is None else last[0]
+    times: list[float] = [] if last is None else [last[0]]
+    knots: list[tuple[float, float, float]] = [] if last is None else [(float(last[1][0]), float(last[1][1]), 0.0)]
+
+    def stand(begin: float | None, end: float | None) -> None:
+        if begin is not None and end is not None and end - begin <= 2.0 * SHIFT:
+            return
+        (a, b, c), (d, e, f) = at
+        middle = 0.5 * (a + d), 0.5 * (b + e), 0.5 * (c + f)
+        times.append(min(now, (now if end is None else end) - SHIFT) - 1.0 if begin is None else begin + SHIFT)
+        knots.append(middle)
+        if end is not None:
+            times.append(end - SHIFT)
+            knots.append(middle)
+
+    for number, step in enumerate(steps):
+        stand(landed, step.start)
+        other = 1 - step.foot
+        (x, y, share), (u, v) = at[other], toes[other]
+        times += [step.start, step.end]
+        knots += [(x - u, y - v, share), (x + u, y + v, share)]
+        # All that comes later goes along with the first step.
+        at[step.foot] = (float(step.place[0]), float(step.place[1]), 1.0)
+        toes[step.foot] = (roll * np.cos(step.yaw), roll * np.sin(step.yaw))
+        if number > 0:
+            at = [(x, y, 1.0) for x, y, _ in at]
+        landed = step.end
+    stand(landed, None)
+    return np.array(times), np.array(knots)
+
+
+def swing_path(share: float) -> tuple[float, float]:
+    """How far a swinging foot is along its way, and how high of its lift, at a share of its time.
+
+    It speeds up, goes evenly and slows down, because its joints have hardly any speed to spare.
+    """
+    u = min(max(share, 0.0), 1.0)
+    near = min(u, 1.0 - u)
+    way = near**2 / (2.0 * RAMP * (1.0 - RAMP)) if near < RAMP else (near - 0.5 * RAMP) / (1.0 - RAMP)
+    return way if u < 0.5 else 1.0 - way, 16.0 * (u * (1.0 - u)) ** 2

@@ -1,0 +1,228 @@
+"""Walker: a free robot goes where the played motion goes, on its own feet.
+
+Each tick: the footfalls of the motion become steps of the robot (`Gait`), these a course of the centre of pressure, and
+this a planned capture point xi_p (`capture_point`). Where the robot's own xi is off it, the next step lands where that
+is made up for, and the centre of mass is moved against what is left:
+
+    c = c_p - ankle (xi - xi_p) - b,      b' = LEARNS (xi - xi_p)                                                (5)
+
+with the planned c_p and what was learned of a lasting error, b, seen from the heading. `WholeBody` finds the posture,
+and the servos of the legs get a share of the torques in advance that carry the weight W along the line from the centre
+of pressure p to the centre of mass:
+
+    tau = W J_c,z - J_p^T f,      f = W ((c_p - p) omega^2 / g, 1)                                               (6)
+
+All is planned on a plane where feet never slip: the robot is seen from the feet that stand, so that nothing needs to
+know where in the world it is.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from controller.rotations import (
+    Array,
+    conjugate,
+    cross,
+    from_matrix,
+    from_rotation_vector,
+    multiply,
+    rotate,
+    to_rotation_vector,
+    yaw,
+)
+from motiondeck_base.errors import MotiondeckError
+from sim.physics.physics_model import feet_of
+from sim.physics.walking.capture_point import GRAVITY, follow, pendulum_rate, planned_capture_point
+from sim.physics.walking.gait import Gait
+from sim.physics.walking.preview import AHEAD, Preview, Travel
+from sim.physics.walking.steps import swing_path
+from sim.physics.whole_body import WholeBody
+from sim.robots.robot import Robot
+
+# What it costs that the root is a metre higher or lower than it is to be.
+HEIGHT = 15.0
+# How far ankles move the centre of mass at most, in half lengths of the sole.
+REACH = 0.8
+# How fast lasting errors of the capture point are learned, 1/s, and how much of them at most, in heights of the root.
+LEARNS, LEARNED = 0.5, 0.12
+# In the first share of a swing the foot begins to make up for the tilt of the trunk.
+TILT_FROM = 1.0 / 6.0
+
+
+class Walker:
+    """Adjusts the played motion so that a free robot walks.
+
+    Attributes:
+        preview: the motion that is to come.
+        travel: how far the robot has gone.
+    """
+
+    preview: Preview
+    travel: Travel
+
+    def __init__(self, robot: Robot, model: mujoco.MjModel, dt: float) -> None:
+        """Takes a robot with its walk settings, its model with a free root on a solid floor, and the tick, s.
+
+        Raises:
+            MotiondeckError: if the robot does not have two feet.
+        """
+        feet = feet_of(robot)
+        if len(feet) != 2:
+            raise MotiondeckError(f"robot '{robot.name}' has {len(feet)} feet; only one that stands on two can walk")
+        self._robot, self._model, self._dt, self._set = robot, model, dt, robot.walk
+        self._root = int(model.jnt_bodyid[0])
+        self._weight = float(model.body_subtreemass[self._root]) * GRAVITY
+        self._body = WholeBody(robot, model, feet, dt, HEIGHT)
+        self._motion = mujoco.MjData(model)
+        self._soles = [foot.sole for foot in feet]
+        self._toes = [foot.axes[:, 0] for foot in feet]
+        self._flat = [from_matrix(foot.axes.T) for foot in feet]
+        self._length = float(np.ptp((feet[0].corners @ feet[0].axes)[:, 0]))
+        robot.layout.place(robot.rest, self._motion.qpos)
+        mujoco.mj_kinematics(model, self._motion)
+        left = self._stance(self._motion)[0][:, 1]
+        self._sides = np.sign(left - left.mean())
+        driven = model.jnt_dofadr[model.actuator_trnid[:, 0]].astype(np.int64)
+        driven[robot.layout.ball] += np.arange(3)
+        stiffness = np.full(model.nv, np.inf)
+        stiffness[driven] = np.maximum(model.actuator_gainprm[:, 0], 1e-9)
+        self._yields = self._set.feed_forward * self._body.legs / stiffness
+
+    def start(self, data: mujoco.MjData) -> None:
+        """Puts the robot on both its feet, where and as high as it is in data."""
+        model, plan, height = self._model, self._body.plan, float(data.qpos[2])
+        self._height, self._now = height, 0.0
+        self.preview, self.travel = Preview(height, self._dt), Travel(self._dt)
+        plan.qpos[:] = data.qpos
+        mujoco.mj_kinematics(model, plan)
+        soles, yaws = self._stance(plan)
+        facing = _azimuth(rotate(plan.qpos[3:7], np.array([1.0, 0.0, 0.0])))
+        self._centre = soles[:, :2].mean(axis=0)
+        self._learned = np.zeros(2)
+        self._gait = Gait(self._set, height, self._length, self._sides)
+        self._gait.start(self._centre, facing, yaws)
+        goal = data.qpos.copy()
+        goal[2] -= self._set.bend * height
+        self._body.settle(goal, *self._feet(np.zeros(3)), self._centre)
+        data.qpos[:] = plan.qpos
+        self._lower = height - float(plan.qpos[2])
+        mujoco.mj_kinematics(model, plan)
+        mujoco.mj_comPos(model, plan)
+        self._omega = pendulum_rate(float(plan.subtree_com[self._root, 2]))
+
+    def adjust(self, data: mujoco.MjData, goal: Array, heading: float) -> None:
+        """Puts where the joints are to go into a goal (nq,) of the played motion, given the robot and the heading."""
+        gait, omega = self._gait, self._omega
+        self._now += self._dt
+        self._look_ahead(goal, heading)
+        soles, yaws = self._stance(data)
+        ended = gait.advance(self._now, self.preview.swings, AHEAD)
+        if ended is not None:
+            self.preview.forget(ended)
+            self._stand_where_it_landed(ended.foot, soles, yaws)
+        capture, tilt = self._measure(data, soles, yaws)
+        times, knots = gait.course(self._now)
+        planned = planned_capture_point(times, knots, self._now, omega)
+        wanted, effect = planned[:2], float(planned[2])
+        wanted = wanted + effect * gait.catch(self._now, capture - wanted, effect)
+        self._centre = follow(self._centre, wanted, self._dt, omega)
+        wanted_posture = self.preview.goal.copy()
+        wanted_posture[2] = self.preview.height - self._lower
+        wanted_posture[3:7] = multiply(yaw(gait.astray(self._now)), wanted_posture[3:7])
+        self._body.step(wanted_posture, *self._feet(tilt), self._centre + self._ankles(capture - wanted))
+        goal[:] = self._body.plan.qpos
+        self._carry(goal, np.array([np.interp(self._now, times, knots[:, axis]) for axis in range(2)]))
+        self.travel.add(data.qpos[:2])
+
+    def _look_ahead(self, goal: Array, heading: float) -> None:
+        self._motion.qpos[:] = goal
+        mujoco.mj_kinematics(self._model, self._motion)
+        self.preview.add(goal, heading, *self._stance(self._motion))
+
+    def _stand_where_it_landed(self, foot: int, soles: Array, yaws: Array) -> None:
+        """Plans on from where a foot has really landed, seen from the other one."""
+        gait, other = self._gait, 1 - foot
+        turn = float(_wrapped(gait.yaws[other] - yaws[other]))
+        gait.places[foot] = gait.places[other] + _turning(turn) @ (soles[foot] - soles[other])[:2]
+        gait.yaws[foot] += float(_wrapped(yaws[foot] + turn - gait.yaws[foot]))
+
+    def _measure(self, data: mujoco.MjData, soles: Array, yaws: Array) -> tuple[Array, Array]:
+        """The capture point on the plan's plane, (2,), m, and how the trunk is tilted against the plan there, (3,)."""
+        mujoco.mj_subtreeVel(self._model, data)
+        gait, standing = self._gait, self._gait.standing
+        turn = float(standing @ _wrapped(gait.yaws - yaws))
+        capture = data.subtree_com[self._root, :2] + data.subtree_linvel[self._root, :2] / self._omega
+        capture = standing @ gait.places + _turning(turn) @ (capture - standing @ soles[:, :2])
+        trunk = multiply(yaw(turn), data.qpos[3:7])
+        tilt = to_rotation_vector(multiply(trunk, conjugate(self._body.plan.qpos[3:7])))
+        return capture, tilt * (1.0, 1.0, 0.0)
+
+    def _ankles(self, off: Array) -> Array:
+        """How the centre of mass is moved, (2,), m, against an error of the capture point: (5)."""
+        heading = self.preview.heading + self._gait.astray(self._now)
+        turning, most = _turning(heading), LEARNED * self._height
+        self._learned += LEARNS * self._dt * (turning.T @ off)
+        np.clip(self._learned, -most, most, out=self._learned)
+        push = -self._set.ankle * off - turning @ self._learned
+        return push * min(1.0, 0.5 * REACH * self._length / max(float(np.hypot(*push)), 1e-9))
+
+    def _feet(self, tilt: Array) -> tuple[list[Array], list[Array]]:
+        """Where the soles are to be and how the feet are to be turned; the swinging one against the trunk's tilt."""
+        gait, step = self._gait, self._gait.step
+        places = [np.array([*place, 0.0]) for place in gait.places]
+        turns = [multiply(yaw(angle), flat) for angle, flat in zip(gait.yaws, self._flat, strict=True)]
+        if step is not None:
+            start, angle, share = gait.swing(self._now)
+            along, high = swing_path(share)
+            turn = angle + along * float(_wrapped(np.array(step.yaw - angle)))
+            place = np.array([*(start + along * (step.place - start)), self._set.lift * self._height * high])
+            back = from_rotation_vector(-self._set.upright * min(1.0, share / TILT_FROM) * tilt)
+            stands = places[1 - step.foot]
+            places[step.foot] = stands + rotate(back, place - stands)
+            turns[step.foot] = multiply(back, multiply(yaw(turn), self._flat[step.foot]))
+        return places, turns
+
+    def _carry(self, goal: Array, pressure: Array) -> None:
+        """Moves the goal of the legs by what their servos yield under the weight: (6)."""
+        gait, jacobian, standing = self._gait, self._body.jacobian, self._gait.standing
+        force = self._weight * np.array([*(self._omega**2 / GRAVITY * (self._centre - pressure)), 1.0])
+        torque = self._weight * jacobian[14]
+        if gait.step is None:
+            apart = gait.places[1] - gait.places[0]
+            share = min(max(float((pressure - gait.places[0]) @ apart / (apart @ apart)), 0.0), 1.0)
+            standing = np.array([1.0 - share, share])
+        for foot in np.flatnonzero(standing):
+            rows = jacobian[6 * foot : 6 * foot + 6]
+            arm = np.array([*(pressure - gait.places[foot]), 0.0]) if gait.step is not None else np.zeros(3)
+            torque = torque - standing[foot] * (rows[:3].T @ force + rows[3:].T @ cross(arm, force))
+        mujoco.mj_integratePos(self._model, goal, self._yields * torque, 1.0)
+
+    def _stance(self, data: mujoco.MjData) -> tuple[Array, Array]:
+        """The middles of the soles in a state, shape (2, 3), m, and which way they point, shape (2,), rad."""
+        soles, yaws = np.empty((2, 3)), np.empty(2)
+        for foot, body in enumerate(self._body.bodies):
+            axes = data.xmat[body].reshape(3, 3)
+            soles[foot] = data.xpos[body] + axes @ self._soles[foot]
+            yaws[foot] = _azimuth(axes @ self._toes[foot])
+        return soles, yaws
+
+
+def _azimuth(direction: Array) -> float:
+    """Which way a direction (3,) points, about z from x, rad."""
+    return float(np.arctan2(direction[1], direction[0]))
+
+
+def _wrapped(angle: Array) -> Array:
+    """The same angles between half a turn to the right and to the left, rad."""
+    return (angle + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def _turning(angle: float) -> Array:
+    """The matrix that turns a vector of the plane, shape (2, 2)."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    return np.array([[cos, -sin], [sin, cos]])

@@ -1,0 +1,133 @@
+"""Whole body: joint positions with both feet and the centre of mass where they are wanted, the rest as it is played.
+
+Each tick makes one damped least-squares step on a robot of its own, from where the last one left it:
+
+    min over dv of   |W_f (J_f dv - e_f)|^2 + |W_c (J_c dv - e_c)|^2 + |W_q (dv - e_q)|^2
+
+where e_f is the distance of the soles from their places, e_c that of the centre of mass from its goal, and e_q that of
+root and joints from the played motion: the legs give way, the rest of the body keeps playing.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from controller.rotations import Array, conjugate, multiply, to_rotation_vector
+from sim.models.feet import Foot
+from sim.robots.robot import Robot
+
+# Weights of one metre or one radian off.
+FOOT, CENTRE, LEAN, LEG, REST = 100.0, 60.0, 3.0, 0.3, 3.0
+STARTING_STEPS = 60
+
+
+class WholeBody:
+    """Solves for the posture of a robot on two feet.
+
+    Attributes:
+        plan: MuJoCo's state of the last solution.
+        bodies: of the feet.
+        legs: which degrees of freedom belong to legs, shape (nv,).
+        jacobian: of the last step: soles and their turns, then the centre of mass, shape (15, nv).
+    """
+
+    def __init__(
+        self, robot: Robot, model: mujoco.MjModel, feet: Sequence[Foot], dt: float, height_weight: float
+    ) -> None:
+        """Takes a robot with two feet.
+
+        Args:
+            robot: which.
+            model: the robot with a free root.
+            feet: of it.
+            dt: between two solutions, s.
+            height_weight: what it costs that the root is a metre higher or lower than it is played.
+        """
+        self._robot, self._model = robot, model
+        self.plan = mujoco.MjData(model)
+        self.bodies = [int(model.body(foot.body).id) for foot in feet]
+        self._soles = [foot.sole for foot in feet]
+        self._weight = self._weights(height_weight)
+        self.legs = self._weight == LEG
+        self._most = self._fastest() * dt
+        self._error = np.empty(model.nv)
+        self.jacobian = np.empty((15, model.nv))
+
+    def settle(self, goal: Array, places: Sequence[Array], turns: Sequence[Array], centre: Array) -> None:
+        """Solves it to the end, however far joints have to go; as `step`."""
+        for _ in range(STARTING_STEPS):
+            self.step(goal, places, turns, centre, np.inf)
+
+    def step(
+        self, goal: Array, places: Sequence[Array], turns: Sequence[Array], centre: Array, pace: float = 1.0
+    ) -> None:
+        """Goes one step from the last solution.
+
+        Args:
+            goal: the played posture, shape (nq,).
+            places: where the middles of the soles are to be, two of shape (3,), m.
+            turns: the rotations of the feet's bodies, two quaternions.
+            centre: where the centre of mass is to be, shape (2,), m.
+            pace: how many ticks the step may take up of the joints' speed.
+        """
+        model, plan = self._model, self.plan
+        mujoco.mj_kinematics(model, plan)
+        mujoco.mj_comPos(model, plan)
+        root = int(model.jnt_bodyid[0])
+        jacobian, off = self.jacobian[:14], np.empty(14)
+        weight = np.empty(14)
+        for k, (own, body) in enumerate(zip(self._soles, self.bodies, strict=True)):
+            rows = slice(6 * k, 6 * k + 3), slice(6 * k + 3, 6 * k + 6)
+            sole = plan.xpos[body] + plan.xmat[body].reshape(3, 3) @ own
+            mujoco.mj_jac(model, plan, jacobian[rows[0]], jacobian[rows[1]], sole, body)
+            off[rows[0]] = places[k] - sole
+            off[rows[1]] = to_rotation_vector(multiply(turns[k], conjugate(plan.xquat[body])))
+            weight[rows[0]], weight[rows[1]] = FOOT, 0.3 * FOOT
+        mujoco.mj_jacSubtreeCom(model, plan, self.jacobian[12:], root)
+        off[12:] = centre - plan.subtree_com[root, :2]
+        weight[12:] = CENTRE
+        mujoco.mj_differentiatePos(model, self._error, 1.0, plan.qpos, goal)
+        square = np.square(self._weight)
+        weighted = jacobian * np.square(weight)[:, None]
+        matrix = jacobian.T @ weighted
+        matrix[np.diag_indices_from(matrix)] += square + 1e-6
+        step = np.linalg.solve(matrix, square * self._error + weighted.T @ off)
+        most = self._most * pace
+        mujoco.mj_integratePos(model, plan.qpos, np.clip(step, -most, most), 1.0)
+        self._within_limits()
+
+    def _within_limits(self) -> None:
+        layout, limits, qpos = self._robot.layout, self._robot.limits, self.plan.qpos
+        if len(layout.hinge):
+            at = layout.hinge_qpos
+            qpos[at] = np.clip(qpos[at], limits.lower[layout.hinge], limits.upper[layout.hinge])
+
+    def _weights(self, height: float) -> Array:
+        """What it costs each degree of freedom not to go as it is played, shape (nv,)."""
+        model = self._model
+        weight = np.full(model.nv, REST)
+        weight[:6] = (0.0, 0.0, height, LEAN, LEAN, LEAN)
+        for body in self.bodies:
+            while model.body_parentid[body] != 0:
+                first, count = model.body_dofadr[body], model.body_dofnum[body]
+                weight[first : first + count] = LEG
+                body = int(model.body_parentid[body])
+        return weight
+
+    def _fastest(self) -> Array:
+        """The speed limit of each degree of freedom, shape (nv,)."""
+        model, layout, limit = self._model, self._robot.layout, self._robot.limits.velocity
+        most = np.full(model.nv, np.inf)
+        joint = model.actuator_trnid[:, 0]
+        for index in layout.hinge:
+            most[model.jnt_dofadr[joint[index]]] = limit[index]
+        for row in layout.ball:
+            first = model.jnt_dofadr[joint[row[0]]]
+            most[first : first + 3] = limit[row]
+        return most

@@ -1,0 +1,46 @@
+"""A run of a robot that walks: what its report says, and what is refused."""
+
+import pytest
+
+from command_line import motiondeck
+from controller.cli.session.report import summary
+from controller.cli.session.robot_on_deck import RobotSetup, open_robots
+from controller.cli.session.session import RunSettings, Session
+from controller.deck.deck import Deck
+from controller.library.motion_library import load_library
+from controller.loop.clock import VirtualClock
+from motiondeck_base.shipped import find_library, find_robot
+
+RATE = 200.0
+
+
+def test_the_report_tells_how_far_it_walked():
+    library = load_library(find_library("thesis15"))
+    setup = RobotSetup(find_robot("servo20"), root="free", walk=True)
+    with Session(
+        library,
+        lambda opening: open_robots(opening, [setup], library, RATE),
+        lambda retarget: Deck(library, retarget, "walk"),
+        RunSettings(rate=RATE, seconds=2.5),
+        clock=VirtualClock(RATE),
+    ) as session:
+        report = session.run()
+    travel = report["outputs"][0]["travel"]
+    assert travel["asked_m"] > travel["walked_m"] > 0.02
+    assert f"walked {travel['walked_m']:.1f} m; the motion went {travel['asked_m']:.1f} m" in summary(report)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--root", "gantry"), "needs a free root, not gantry: give --root free"),
+        (("--root", "free", "--balance"), "leave --balance"),
+        (("--root", "free", "--lock-to", "body"), "the body is 1.2 s behind"),
+        (("--root", "free", "--kinematic"), "leave --kinematic"),
+    ],
+)
+def test_what_does_not_go_with_walking_is_refused_in_one_line(options, said):
+    result = motiondeck("play", "walk", "--robot", "servo20", "--walk", "--headless", "--seconds", "1", *options)
+    assert result.returncode == 1
+    assert said in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1

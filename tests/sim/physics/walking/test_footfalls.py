@@ -1,0 +1,57 @@
+import numpy as np
+import pytest
+
+from sim.physics.walking.footfalls import Footfalls
+from walking_soles import walking_soles
+
+DT = 0.005
+
+
+def found(soles, yaws, headings, height=1.0):
+    footfalls = Footfalls(height, DT)
+    for k, (places, angles, heading) in enumerate(zip(soles, yaws, headings, strict=True)):
+        footfalls.add(k * DT, places, angles, heading)
+    return footfalls.swings
+
+
+@pytest.mark.parametrize("step", [0.3, 0.5, 1.0])
+def test_every_step_of_a_walk_is_found_when_and_where_it_lands(step):
+    swings = found(*walking_soles(1.0 + 5.5 * step, DT, step=step))
+    assert [swing.foot for swing in swings] == [0, 1, 0, 1, 0, 1]
+    for number, swing in enumerate(swings[:-1]):
+        assert swing.start == pytest.approx(1.0 + number * step, abs=0.25 * step)
+        assert swing.end == pytest.approx(1.0 + (number + 1) * step, abs=0.15 * step)
+        assert swing.from_other[0] == pytest.approx(0.3, abs=0.03)
+        assert swing.from_other[1] == pytest.approx(0.2 if swing.foot == 0 else -0.2, abs=0.01)
+    assert swings[-1].end is None
+
+
+def test_steps_of_who_turns_are_seen_from_the_heading():
+    swings = found(*walking_soles(4.0, DT, length=0.0, turn=0.3, lift=0.08))
+    assert len(swings) > 3
+    for swing in swings[:-1]:
+        assert np.hypot(*swing.from_other) == pytest.approx(0.2, abs=0.01)
+        assert swing.yaw - swing.heading == pytest.approx(0.15, abs=0.05)
+
+
+def test_who_stands_and_sways_makes_no_step():
+    time = np.arange(0.0, 5.0, DT)
+    soles = np.zeros((len(time), 2, 3))
+    soles[:, 0, 1], soles[:, 1, 1] = 0.1, -0.1
+    soles[:, :, 2] = 0.01 * np.sin(2.0 * np.pi * time)[:, None] ** 2
+    assert not [swing for swing in found(soles, np.zeros((len(time), 2)), np.zeros(len(time))) if swing.end]
+
+
+def test_stepping_on_the_spot_is_stepping():
+    swings = found(*walking_soles(4.0, DT, length=0.0, lift=0.08))
+    assert [swing.foot for swing in swings[:4]] == [0, 1, 0, 1]
+
+
+def test_a_swing_that_is_over_is_forgotten():
+    soles, yaws, headings = walking_soles(3.0, DT)
+    footfalls = Footfalls(1.0, DT)
+    for k, row in enumerate(zip(soles, yaws, headings, strict=True)):
+        footfalls.add(k * DT, *row)
+    first, *others = footfalls.swings
+    footfalls.forget(first)
+    assert footfalls.swings == others

@@ -1,0 +1,105 @@
+import numpy as np
+import pytest
+
+from sim.models.walk_settings import WalkSettings
+from sim.physics.walking.capture_point import planned_capture_point
+from sim.physics.walking.footfalls import Footfalls
+from sim.physics.walking.gait import Gait
+from sim.physics.walking.steps import swing_path
+from walking_soles import walking_soles
+
+DT, PREVIEW, OMEGA = 0.01, 1.2, 3.2
+SETTINGS = WalkSettings(share=0.5, width=0.2, roll=0.5, ahead=0.9, aside=0.9)
+
+
+def pendulum(gait, seconds, *, push=0.0, catch=True, **walk):
+    """Walks a pendulum that stands on the gait's centre of pressure; where its capture point was, and was to be."""
+    footfalls = Footfalls(1.0, DT)
+    steps = list(zip(*walking_soles(seconds + PREVIEW, DT, **walk), strict=True))
+    capture, rows = np.zeros(2), []
+    for k in range(round((seconds + PREVIEW) / DT)):
+        footfalls.add(k * DT, *steps[k])
+        now = (k + 1) * DT - PREVIEW
+        if now < 0.0:
+            continue
+        ended = gait.advance(now, footfalls.swings, PREVIEW)
+        if ended is not None:
+            footfalls.forget(ended)
+        times, knots = gait.course(now)
+        wanted, effect = np.split(planned_capture_point(times, knots, now, OMEGA), [2])
+        if catch:
+            wanted = wanted + effect * gait.catch(now, capture - wanted, float(effect[0]))
+        pressure = np.array([np.interp(now, times, knots[:, axis]) for axis in range(2)])
+        # Ankles keep small errors small, within a foot.
+        pressure = pressure + np.clip(1.5 * (capture - wanted), -0.03, 0.03)
+        capture = pressure + np.exp(OMEGA * DT) * (capture - pressure)
+        if abs(now - 3.0) < 0.5 * DT:
+            capture = capture + np.array([0.0, push])
+        rows.append((*capture, *wanted))
+    return np.array(rows)
+
+
+def new_gait():
+    gait = Gait(SETTINGS, 1.0, 0.25, np.array([1.0, -1.0]))
+    gait.start(np.zeros(2), 0.0, np.zeros(2))
+    return gait
+
+
+def test_a_pendulum_follows_the_plan_and_goes_the_share_of_the_way():
+    rows = pendulum(new_gait(), 8.0, length=0.3, step=0.5)
+    off = np.hypot(*(rows[:, :2] - rows[:, 2:]).T)
+    assert off.max() < 0.05
+    # The motion makes 0.6 m a second; the steps grow at first.
+    assert rows[-1, 0] - rows[300, 0] == pytest.approx(SETTINGS.share * 0.6 * 5.0, rel=0.1)
+
+
+@pytest.mark.parametrize("push", [-0.04, 0.04])
+def test_a_push_is_caught_by_steps_and_would_be_a_fall_without(push):
+    caught = pendulum(new_gait(), 8.0, push=push, length=0.3, step=0.5)
+    assert np.hypot(*(caught[-100:, :2] - caught[-100:, 2:]).T).max() < 0.05
+    fallen = pendulum(new_gait(), 8.0, push=push, catch=False, length=0.3, step=0.5)
+    assert np.hypot(*(fallen[-1, :2] - fallen[-1, 2:]).T) > 1.0
+
+
+def test_feet_never_meet_however_hard_the_push():
+    gait = new_gait()
+    pendulum(gait, 4.2, push=0.5, length=0.3, step=0.5)
+    assert abs(gait.places[0, 1] - gait.places[1, 1]) > 0.8 * SETTINGS.width
+
+
+def test_the_centre_of_pressure_never_jumps():
+    gait, footfalls, before = new_gait(), Footfalls(1.0, DT), None
+    for k, row in enumerate(zip(*walking_soles(6.0, DT, step=0.5), strict=True)):
+        footfalls.add(k * DT, *row)
+        now = (k + 1) * DT - PREVIEW
+        if now < 0.0:
+            continue
+        ended = gait.advance(now, footfalls.swings, PREVIEW)
+        if ended is not None:
+            footfalls.forget(ended)
+        times, knots = gait.course(now)
+        assert times[0] <= now
+        assert np.all(np.diff(times) > 0.0)
+        pressure = np.array([np.interp(now, times, knots[:, axis]) for axis in range(2)])
+        # From foot to foot in the least time of double support, and no faster.
+        if before is not None:
+            assert np.hypot(*(pressure - before)) < 1.05 * DT * 0.4 / SETTINGS.double_support
+        before = pressure
+
+
+def test_who_stands_keeps_the_pressure_between_the_feet():
+    gait = new_gait()
+    rows = pendulum(gait, 3.0, begins=100.0)
+    assert np.abs(rows).max() < 1e-9
+    assert gait.step is None
+
+
+def test_a_swinging_foot_leaves_and_lands_softly():
+    shares = np.linspace(0.0, 1.0, 201)
+    along, high = np.array([swing_path(share) for share in shares]).T
+    assert (along[0], along[-1], high[0], high[-1]) == (0.0, 1.0, 0.0, 0.0)
+    assert high.max() == pytest.approx(1.0)
+    speed = np.diff(along) * 200.0
+    assert speed.min() >= 0.0
+    assert speed.max() < 1.4
+    assert speed[0] < 0.05 > speed[-1]

@@ -1,0 +1,62 @@
+import numpy as np
+import pytest
+
+from controller.deck.deck import Deck
+from controller.library.motion_library import load_library
+from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.shipped import find_library
+from sim.physics.playback import PhysicsPlayback
+from sim.robots.robot import load_robot
+from simulated_bodies import HUMAN, ROBOTS, bent_pose, human, skeleton_of
+
+DT = 0.005
+
+
+def walk(name, motion, seconds, push=(0.0, 0.0, 0.0), at=np.inf):
+    """Walks and is pushed for 0.1 s; the stage at the end."""
+    library = load_library(find_library("thesis15"))
+    robot = load_robot(ROBOTS / f"{name}.toml", library.skeleton)
+    deck = Deck(library, robot.retarget, motion)
+    stage = PhysicsPlayback(robot, DT, "free", walk=True)
+    for tick in range(round(seconds / DT)):
+        targets, pose = deck.update(DT)
+        stage.push(np.array(push) * (at <= tick * DT < at + 0.1))
+        stage.write(np.clip(targets, robot.limits.lower, robot.limits.upper), pose)
+        if stage.fell_s is not None:
+            break
+    return stage
+
+
+def test_servo20_walks_and_a_push_does_not_fell_it():
+    stage = walk("servo20", "walk", 6.0, push=(0.0, 3.0, 0.0), at=4.0)
+    assert stage.fell_s is None
+    assert stage.travel is not None
+    asked, walked = stage.travel
+    assert asked > 1.2
+    assert 0.5 * asked < walked < 1.1 * asked
+    # The way that it reports is the way that the root has gone.
+    assert np.hypot(*stage.qpos[:2]) == pytest.approx(walked, rel=0.2)
+    assert stage.report()["travel"] == {"asked_m": asked, "walked_m": walked}
+
+
+def test_it_stands_where_nothing_moves():
+    robot = load_robot(ROBOTS / "servo20.toml", human())
+    stage = PhysicsPlayback(robot, DT, "free", walk=True)
+    pose = bent_pose(human())
+    for tick in range(400):
+        stage.push(np.array([0.0, 2.0, 0.0]) * (200 <= tick < 220))
+        stage.write(robot.rest, pose)
+    assert stage.fell_s is None
+    assert stage.travel is not None
+    assert stage.travel[1] < 0.02
+
+
+def test_only_a_free_robot_with_two_feet_can_walk():
+    robot = load_robot(ROBOTS / "servo20.toml", human())
+    with pytest.raises(MotiondeckError, match="needs a free root, not gantry: give --root free"):
+        PhysicsPlayback(robot, DT, walk=True)
+    with pytest.raises(MotiondeckError, match="leave --balance"):
+        PhysicsPlayback(robot, DT, "free", balance=True, walk=True)
+    one_leg = skeleton_of([bone for bone in HUMAN if bone[0] in ("rhip", "rkne", "rank", "rfoo")])
+    with pytest.raises(MotiondeckError, match="has 1 feet"):
+        PhysicsPlayback(load_robot(ROBOTS / "mannequin.toml", one_leg), DT, "free", walk=True)
