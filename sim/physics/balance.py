@@ -21,7 +21,7 @@ from controller.rotations import Array, about, from_matrix, multiply, rotate, ya
 from motiondeck_base.errors import MotiondeckError
 from sim.physics.physics_model import feet_of
 from sim.physics.support_polygon import convex_hull, margin
-from sim.physics.whole_body import WholeBody
+from sim.physics.walking.whole_body import WholeBody
 from sim.robots.robot import Robot
 
 # What it costs that the root is a metre higher or lower than it is played.

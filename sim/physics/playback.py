@@ -15,7 +15,7 @@ from controller.rotations import Array, rotate
 from motiondeck_base.errors import MotiondeckError
 from sim.models.surface import LowestPoint
 from sim.physics.balance import Balance
-from sim.physics.physics_model import physics_model
+from sim.physics.physics_model import feet_of, physics_model
 from sim.physics.simulated_servos import Servos
 from sim.physics.walking.walker import Walker
 from sim.robots.robot import Robot
@@ -122,7 +122,7 @@ class PhysicsPlayback:
             )
             raise MotiondeckError(f"a robot that walks {what}")
         self._balance = Balance(robot, model, self._dt) if balance else None
-        self._walker = Walker(robot, model, self._dt) if walk else None
+        self._walker = Walker(robot, model, feet_of(robot), self._dt) if walk else None
         self._legs = self._balance or self._walker
         self._servos = Servos(robot.servo, model, self._dt) if robot.servo is not None else None
         # Position servos: force = gain * ctrl + bias . (1, length, velocity), with gain = kp and bias[2] = -kv.

@@ -21,6 +21,8 @@ know where in the world it is.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 
@@ -36,12 +38,12 @@ from controller.rotations import (
     yaw,
 )
 from motiondeck_base.errors import MotiondeckError
-from sim.physics.physics_model import feet_of
+from sim.models.feet import Foot
 from sim.physics.walking.capture_point import GRAVITY, follow, pendulum_rate, planned_capture_point
 from sim.physics.walking.gait import Gait
 from sim.physics.walking.preview import AHEAD, Preview, Travel
 from sim.physics.walking.steps import swing_path
-from sim.physics.whole_body import WholeBody
+from sim.physics.walking.whole_body import WholeBody
 from sim.robots.robot import Robot
 
 # What it costs that the root is a metre higher or lower than it is to be.
@@ -65,13 +67,12 @@ class Walker:
     preview: Preview
     travel: Travel
 
-    def __init__(self, robot: Robot, model: mujoco.MjModel, dt: float) -> None:
-        """Takes a robot with its walk settings, its model with a free root on a solid floor, and the tick, s.
+    def __init__(self, robot: Robot, model: mujoco.MjModel, feet: Sequence[Foot], dt: float) -> None:
+        """Takes a robot with its walk settings, its model with a free root on a solid floor, its feet, and the tick, s.
 
         Raises:
             MotiondeckError: if the robot does not have two feet.
         """
-        feet = feet_of(robot)
         if len(feet) != 2:
             raise MotiondeckError(f"robot '{robot.name}' has {len(feet)} feet; only one that stands on two can walk")
         self._robot, self._model, self._dt, self._set = robot, model, dt, robot.walk
