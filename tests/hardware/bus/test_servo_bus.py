@@ -83,6 +83,22 @@ def test_a_sync_write_reaches_all(bus, servos):
     assert [servos[id]["led"] for id in (1, 2, 3, 4)] == [1, 1, 0, 1]
 
 
+@pytest.mark.parametrize(("call", "instruction"), [("sync_read", 0x82), ("fast_sync_read", 0x8A), ("bulk_read", 0x92)])
+def test_a_group_read_asks_by_the_instruction_of_its_name(port, call, instruction):
+    """Dynamixel Protocol 2.0, section "Instruction": servos that know no fast reads stay silent when asked for one."""
+    asked, send = [], port.send
+    port.send = lambda data: asked.append(data[7]) or send(data)
+    bus = Bus(port, 1_000_000)
+    arguments = [((1, *POSITION), (2, 64, 7))] if call == "bulk_read" else [[1, 2], *POSITION]
+    assert list(getattr(bus, call)(*arguments)) == [1, 2]
+    assert asked == [instruction]
+
+
+def test_a_byte_is_ten_bits_on_the_wire(bus):
+    assert bus.wire_time(1) == pytest.approx(10e-6)
+    assert Bus(bus.port, 57_600).wire_time(120) == pytest.approx(1200 / 57_600)
+
+
 def test_a_lost_answer_is_asked_for_again(port):
     lost = iter([True])
     bus = Bus(damaged(port, lambda data: b"" if data and next(lost, False) else data), 1_000_000)
