@@ -16,6 +16,7 @@ from benchmarks import command
 from hardware.bus.servo_bus import Bus
 from hardware.control_table.models import MODELS as TABLES
 from hardware.emulator.bus import BOOT_TIME, EmulatedBus
+from hardware.emulator.faults import Fault, FaultPlan
 from hardware.emulator.port import EmulatedPort
 from hardware.emulator.servos.device import Device
 from hardware.errors import RigError
@@ -84,9 +85,7 @@ def mixed_rig(rate: float = 100.0, models: Sequence[str] = MODELS) -> RigConfig:
 def run(model: str, fault: str, in_place: bool = False, models: Sequence[str] = MODELS) -> Detection:
     """Plays sines on the mixed rig and has one servo suffer a fault after a second."""
     config = mixed_rig(models=models)
-    port = EmulatedPort(EmulatedBus(config), paced=True)
-    for device in port.bus.devices if in_place else []:
-        device.hide_cells()
+    port = EmulatedPort(EmulatedBus(config), paced=True, faults=FaultPlan([Fault("cells")] if in_place else []))
     rig = SupervisedRig(config, lambda: Bus(port, config.baud), beside=False, sleep=port.elapse)
     index = models.index(model)
     device = port.bus.devices[index]

@@ -77,6 +77,8 @@ class JudgedPort(EmulatedPort):
     """An emulated port that knows whether it was closed, and looks at the shafts while time passes on it.
 
     Attributes:
+        closed: whether it is.
+        was_out: whether its adapter was out when it was closed, so that nothing reached the servos.
         watch: called at least every 10 ms of its time.
         told: called with all that is sent.
     """
@@ -84,7 +86,7 @@ class JudgedPort(EmulatedPort):
     def __init__(self, bus: JudgedBus, name: str, faults: FaultPlan) -> None:
         super().__init__(bus, paced=True, faults=faults)
         self.name = name
-        self.closed = False
+        self.closed = self.was_out = False
         self.watch: Callable[[], None] = lambda: None
         self.told: Callable[[bytes], None] = lambda data: None
 
@@ -104,7 +106,7 @@ class JudgedPort(EmulatedPort):
 
     def close(self) -> None:
         """Notes it."""
-        self.closed = True
+        self.closed, self.was_out = True, self.wire.faults.unplugged
 
 
 Struck = Callable[[float], tuple[NDArray[np.bool_], NDArray[np.bool_]]]
@@ -264,8 +266,7 @@ class ShaftJudge:
         self._note("did not stand 2 s after the end", speed > _STANDS, speed)
         alive = np.array([not device.dead for device in self._bus.devices])
         on = np.array([device.torque for device in self._bus.devices])
-        plugged = not self._port.wire.faults.unplugged
-        if closed and plugged:
+        if closed and not self._port.was_out:
             down = np.array([device.shut_down for device in self._bus.devices])
             self._note("had the wrong torque after the close", alive & (on != hold) & ~(hold & down), on)
         if closed and not self._port.closed:

@@ -14,7 +14,7 @@ from hardware.emulator.servos.device import Device
 from hardware.errors import MotiondeckError
 
 ON_ANSWERS = ("drop", "corrupt", "truncate", "delay")
-ON_SERVOS = ("dead", "alert", "overheat", "brownout", "reboot", "jam", "duplicate")
+ON_SERVOS = ("dead", "alert", "overheat", "brownout", "reboot", "jam", "duplicate", "cells")
 ON_PORT = ("unplug", "latency")
 KINDS = {
     "drop": "answers are lost (chance)",
@@ -28,6 +28,7 @@ KINDS = {
     "reboot": "a servo restarts",
     "jam": "a servo's horn is blocked",
     "duplicate": "a servo takes the ID `value` of another",
+    "cells": "a servo's indirect cells are not where its table says, as with a firmware that nobody knows",
     "unplug": "the adapter is pulled, and plugged in again when the time is over",
     "latency": "the USB adapter hands over every `value` ms only (16)",
 }
@@ -195,6 +196,8 @@ def _strike(fault: Fault, device: Device, bus: EmulatedBus, now: float) -> Calla
         case "jam":
             drive.jammed[row] = True
             return lambda: drive.jammed.__setitem__(row, False)
+        case "cells":
+            device.hide_cells()
         case "duplicate":
             before_id = device.id
             device["id"] = int(value) if value is not None else min(d.id for d in bus.devices if d is not device)

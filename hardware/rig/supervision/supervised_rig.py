@@ -186,11 +186,6 @@ class SupervisedRig:
         """Which joints push against something and give way, shape (J,)."""
         return self._strain.yielding
 
-    @property
-    def mending(self) -> bool:
-        """Whether the rig is being brought back, and takes no targets."""
-        return self._mending
-
     def write(self, targets: Array) -> None:
         """Sends the targets (J,), rad, or as far towards them as the joints' speed limits allow by now.
 
@@ -279,7 +274,7 @@ class SupervisedRig:
     def _bring_back(self, patience: float) -> None:
         """Opens the port if it is gone, verifies the servos and has them hold; again and again until it works."""
         bus = None if self._rig.gone else self._rig.bus
-        waited, began = 0.0, time.monotonic()
+        waited, began = 0.0, self._rig.now()
         while not self._stopped:
             try:
                 if bus is None:
@@ -301,7 +296,7 @@ class SupervisedRig:
                 return
             self._sleep(_PAUSE)
             waited += _PAUSE
-            if max(waited, time.monotonic() - began) >= patience:
+            if max(waited, self._rig.now() - began) >= patience:
                 return
 
     def _send(self, targets: Array) -> None:

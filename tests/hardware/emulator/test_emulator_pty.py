@@ -380,7 +380,7 @@ def test_closing_while_it_mends_leaves_no_torque_on(hub, rig_of_four):
     for id in (1, 2, 3, 4):
         hub.bus[id]["torque_enable"] = 0
     hub.replug()
-    until(lambda: rig.write(np.zeros(4)) or rig.mending, "the start of mending")
+    until(lambda: rig.write(np.zeros(4)) or rig.faults.unsent.any(), "the start of mending")
     assert rig.close() == []
     assert not any(device["torque_enable"] for device in hub.bus.devices)
     assert not any(thread.name == "rig-mending" for thread in threading.enumerate())
