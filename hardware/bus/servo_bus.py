@@ -67,11 +67,12 @@ class Bus:
     def __init__(self, port: Port, baud: int, retries: int = 2, margin: float = 0.05) -> None:
         self.port = port
         self.baud = baud
+        self._byte_time = 10.0 / baud
         self.old: frozenset[int] = frozenset()
         self._retries = retries
         self._margin = margin
         self._requests: dict[tuple[Blocks, bool], GroupRead] = {}
-        self._asked: tuple[Blocks, bool, GroupRead] | None = None  # last, since a loop asks the same again
+        self._asked: tuple[Blocks, bool, GroupRead | None] = (), False, None  # last: a loop asks the same again
         self._pending: GroupRead | None = None  # the one whose reply is awaited
         self._due = 0.0  # when all of it has arrived, if nothing holds it up
         self._received = b""
@@ -88,7 +89,7 @@ class Bus:
 
     def wire_time(self, count: int) -> float:
         """How long so many bytes take on the wire, s."""
-        return 10.0 * count / self.baud
+        return count * self._byte_time
 
     def ping(self, id: int) -> Identity | None:
         """The servo that answers at this ID; None if none does."""
@@ -168,14 +169,16 @@ class Bus:
         """
         if self._pending is not None:
             return False
-        request = self._plan(blocks, fast)
+        asked, was_fast, request = self._asked
+        if asked is not blocks or was_fast is not fast or request is None:
+            request = self._plan(blocks, fast)
         if self._may_be_late:
             self._discard()
-        data = b"".join((before, request.frame))
+        data = b"".join((before, request.frame)) if before else request.frame
         if not self.port.send(data):
             return False
         self._pending, self._may_be_late = request, True
-        self._due = self.port.now() + self.wire_time(len(data) + request.needed)
+        self._due = self.port.now() + (len(data) + request.needed) * self._byte_time
         self._received = b""
         return True
 
@@ -187,9 +190,13 @@ class Bus:
         pending = self._pending
         if pending is None:
             return None
-        now = self.port.now()
-        self._received = b"".join((self._received, self.port.receive(likely=now > self._due)))
-        reply = pending.understand(self._received, now >= self._due + self._margin)
+        port = self.port
+        now = port.now()
+        received = port.receive(now > self._due)
+        if self._received:
+            received = self._received + received
+        self._received = received
+        reply = pending.understand(received, now >= self._due + self._margin)
         if reply is not None:
             self._pending, self._may_be_late = None, not isinstance(reply, WholeReply)
         return reply
@@ -318,8 +325,6 @@ class Bus:
 
     def _plan(self, blocks: Blocks, fast: bool) -> GroupRead:
         """What a group read sends and waits for; kept, because a loop asks for the same again and again."""
-        if self._asked is not None and self._asked[0] is blocks and self._asked[1] is fast:
-            return self._asked[2]
         request = self._requests.get((blocks, fast))
         if request is None:
             request = group_read(blocks, fast, blocks[0][0] in self.old)
@@ -360,12 +365,12 @@ class Bus:
     def _ask_group(self, blocks: Blocks, fast: bool) -> dict[int, StatusPacket]:
         """Those that answer a group read."""
         self._pending = None
-        if not blocks or not self.request(blocks, fast):
+        if not blocks or not self.request(blocks, fast) or (request := self._pending) is None:
             return {}
         while True:
             self.port.wait(self._margin)
             if (reply := self.collect()) is not None:
-                return reply.statuses([id for id, _, _ in blocks]) if isinstance(reply, WholeReply) else reply.statuses
+                return reply.statuses if isinstance(reply, GroupReply) else reply.statuses(request.ids)
 
 
 @lru_cache(maxsize=64)

@@ -53,7 +53,7 @@ class WholeReply(NamedTuple):
     error: int
     data: int
 
-    def statuses(self, ids: Sequence[int]) -> dict[int, StatusPacket]:
+    def statuses(self, ids: Sequence[int] | bytes) -> dict[int, StatusPacket]:
         """The same as statuses by ID, in the order asked."""
         errors = self.rows[self.error :: self.stride]
         data = _data_of(len(ids), self.data, self.stride).unpack(self.rows)
