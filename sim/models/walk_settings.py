@@ -10,6 +10,8 @@ class WalkSettings(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
     Attributes:
         share: of the length of the motion's steps.
+        longest: step, from foot to foot.
+        fastest: swinging foot, on average, in heights a second: what is quicker in the motion becomes shorter.
         width: between the soles, at least.
         bend: how much lower the root is carried than it is played.
         lift: of a swinging sole.
@@ -24,6 +26,8 @@ class WalkSettings(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """
 
     share: float = 0.5
+    longest: float = 0.5
+    fastest: float = 2.0
     width: float = 0.36
     bend: float = 0.06
     lift: float = 0.08

@@ -171,11 +171,15 @@ class Gait:
         heading, astray = heading + turned, astray + turned - turn
         share = self._set.share * GROWS[min(count, len(GROWS) - 1)]
         x, y = swing.from_other
+        end = self._end(swing, swing.start)
+        # A foot that passes the other one goes twice as far as it lands ahead of it.
+        most = self._height * min(self._set.longest, 0.5 * self._set.fastest * (end - swing.start))
+        ahead = min(max(share * x, -most), most)
         side = self._sides[swing.foot]
         apart = min(max(self._width + share * (side * y - self._width), self._width), 1.9 * self._width)
-        place = other + _turned((share * x, side * apart), heading)
+        place = other + _turned((ahead, side * apart), heading)
         yaw = heading + _clipped(swing.yaw - swing.heading)
-        return Step(swing.foot, swing.start, self._end(swing, swing.start), place, yaw, heading, astray)
+        return Step(swing.foot, swing.start, end, place, yaw, heading, astray)
 
 
 def _clipped(turn: float) -> float:
