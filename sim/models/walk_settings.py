@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import msgspec
 
 
@@ -38,3 +40,17 @@ class WalkSettings(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     ankle: float = 0.9
     upright: float = 0.6
     feed_forward: float = 0.6
+
+
+def with_walk_table(text: str, settings: WalkSettings) -> str:
+    """The text of a robot file with these settings as its table [walk]; all else stays as it is.
+
+    A table ends with an empty line, the next table or the file.
+    """
+    lines = [f"{name} = {value:.3g}" for name, value in msgspec.structs.asdict(settings).items()]
+    table = "\n".join(["[walk]", *lines]) + "\n"
+    there = re.search(r"^\[walk\][^\n]*\n(?:[^\[\n][^\n]*(?:\n|\Z))*", text, re.MULTILINE)
+    if there is None:
+        return f"{text.rstrip()}\n\n{table}"
+    after = text[there.end() :]
+    return text[: there.start()] + table + ("\n" if after else "") + after

@@ -177,6 +177,39 @@ def calibrate(
         raise typer.Exit(1)
 
 
+@app.command("tune-walk")
+def tune_walk(
+    robot: RobotArgument,
+    motion: Annotated[
+        list[str] | None, typer.Option("--motion", help="What it is to walk; again for another one. By default walk.")
+    ] = None,
+    library: Annotated[str, typer.Option("--library", help="Whose motions.")] = "thesis15",
+    seconds: Annotated[float, typer.Option("--seconds", help="How long each trial is.")] = 60.0,
+    rounds: Annotated[int, typer.Option("--rounds", help="How many settings are tried.")] = 40,
+    seed: Annotated[int, typer.Option("--seed", help="Of the search.")] = 0,
+    as_json: JsonOption = False,
+) -> None:
+    """Find the settings with which a robot walks on its own feet, under pushes, and write them into its file.
+
+    Longer and longer steps are tried until it falls; what is kept stays 15 % below that. `play --root free --walk`
+    uses them.
+
+    Example:  motiondeck robot tune-walk my-robot.toml --motion walk --motion waltz
+    """
+    from controller.cli.robot.tune_walk import tune, words
+    from controller.cli.session.setup import check_seconds
+    from motiondeck_base.shipped import find_robot
+
+    check_seconds(seconds)
+    file = find_robot(robot)
+    if rounds < 0:
+        raise MotiondeckError(f"--rounds {rounds} is not a number of trials")
+    report = tune(file, library, motion or ["walk"], seconds, rounds, seed)
+    print(json.dumps(report) if as_json else words(report))
+    if not report["stood"]:
+        raise typer.Exit(1)
+
+
 @app.command("check")
 def check(
     robot: RobotArgument,

@@ -20,7 +20,7 @@ FAR, TURN, LONG = 0.04, 0.15, 0.12
 SMOOTHING = 0.01
 
 
-@dataclass
+@dataclass(eq=False)
 class Swing:
     """One foot on its way; lengths as in the played motion.
 

@@ -29,12 +29,19 @@ LONGER, NARROW, WIDE = 0.7, 0.85, 2.2
 DOUBT = 0.15
 
 
+# Who stands takes a step if the capture point is farther off than this, in heights of the root, and the motion does
+# not take one soon, s. Such a step takes so long, s.
+TOO_FAR, SOON, QUICK = 0.12, 0.15, 0.35
+
+
 class Gait:
     """Steps one after another, on a plane of its own, where the feet never slip.
 
     Attributes:
         places, yaws: of the soles that stand, shape (2, 2), m, and (2,), rad.
         step: the one under way.
+        coming: that one and those to come.
+        recoveries: how often it took a step that is not the motion's.
     """
 
     def __init__(self, settings: WalkSettings, height: float, sole: float, sides: Array) -> None:
@@ -55,6 +62,8 @@ class Gait:
         self._landed: tuple[float, Array] | None = None
         self._count = 0
         self._heading, self._astray = facing, 0.0
+        self._own: list[Swing] = []
+        self.recoveries = 0
 
     def advance(self, now: float, swings: Sequence[Swing], preview: float) -> Swing | None:
         """Goes on to a time, s, with the swings of the motion until `preview` later; the swing that ended, if any."""
@@ -70,7 +79,9 @@ class Gait:
                 toes = _turned((self._roll, 0.0), float(self.yaws[other]))
                 self._landed = now, self.places[other] + toes
                 self.step = self._swing = None
-        self.coming = self._chain(now, [swing for swing in swings if swing is not ended])
+        if ended in self._own:
+            self._own.remove(ended)
+        self.coming = self._chain(now, self._own + [swing for swing in swings if swing is not ended])
         return ended
 
     def course(self, now: float) -> tuple[Array, Array]:
@@ -99,6 +110,31 @@ class Gait:
         self._longer = _turned((x, y), step.heading)
         step.place = step.place + self._longer - before
         return self._longer - before
+
+    def recover(self, now: float, off: Array, capture: Array) -> None:
+        """Takes a step of its own, and the other foot after it, if it stands and the capture point is too far off.
+
+        Args:
+            now: s.
+            off: how far the capture point is off, shape (2,), m.
+            capture: where it is, shape (2,), m.
+        """
+        standing = self.step is None and not (self.coming and self.coming[0].start < now + SOON)
+        if not standing or np.hypot(*off) < TOO_FAR * self._height:
+            return
+        away = self.places - capture
+        foot = int(np.argmax(np.hypot(away[:, 0], away[:, 1])))
+        heading, start = self._heading - self._astray, now
+        for swings in (foot, 1 - foot):
+            # Side by side, and then as they stood.
+            x, y = _turned(self.places[swings] - self.places[1 - swings], -self._heading)
+            share, side = self._set.share, self._sides[swings]
+            x = 0.0 if swings == foot else x / share
+            y = side * ((side * y - self._width) / share + self._width)
+            yaw = float(self.yaws[swings]) - self._astray
+            self._own.append(Swing(swings, start, start + QUICK, np.array([x, y]), yaw, heading))
+            start += QUICK + self._set.double_support
+        self.recoveries += 1
 
     def swing(self, now: float) -> tuple[Array, float, float]:
         """Where the swinging foot comes from, its yaw then, and what share of its time has passed."""
@@ -130,14 +166,17 @@ class Gait:
             if swing is self._swing:
                 assert self.step is not None
                 step = self.step
-                planned = self._planned(swing, places[1 - step.foot], heading, astray, count - 1)
+                planned = self._planned(
+                    swing, places[1 - step.foot], heading, astray, len(GROWS) if swing in self._own else count - 1
+                )
                 planned.start, planned.place = step.start, planned.place + self._longer
                 self.step = step = planned
             else:
                 start = max(swing.start, free)
                 if landed is not None and start - landed > STOOD and not steps:
                     count = 0
-                step = self._planned(swing, places[1 - swing.foot], heading, astray, count)
+                grown = len(GROWS) if swing in self._own else count
+                step = self._planned(swing, places[1 - swing.foot], heading, astray, grown)
                 step.start, step.end = start, self._end(swing, start)
                 count += 1
                 if start <= now and self.step is None:

@@ -52,6 +52,8 @@ HEIGHT = 15.0
 REACH = 0.8
 # How fast lasting errors of the capture point are learned, 1/s, and how much of them at most, in heights of the root.
 LEARNS, LEARNED = 0.5, 0.12
+# Where the capture point is so far off, in heights of the root, the robot is going to fall.
+LOST = 0.5
 # In the first share of a swing the foot begins to make up for the tilt of the trunk.
 TILT_FROM = 1.0 / 6.0
 
@@ -62,10 +64,12 @@ class Walker:
     Attributes:
         preview: the motion that is to come.
         travel: how far the robot has gone.
+        falling: whether the capture point is farther off than any step can reach.
     """
 
     preview: Preview
     travel: Travel
+    falling: bool = False
 
     def __init__(self, robot: Robot, model: mujoco.MjModel, feet: Sequence[Foot], dt: float) -> None:
         """Takes a robot with its walk settings, its model with a free root on a solid floor, its feet, and the tick, s.
@@ -131,6 +135,8 @@ class Walker:
         planned = planned_capture_point(times, knots, self._now, omega)
         wanted, effect = planned[:2], float(planned[2])
         wanted = wanted + effect * gait.catch(self._now, capture - wanted, effect)
+        gait.recover(self._now, capture - wanted, capture)
+        self.falling = bool(np.hypot(*(capture - wanted)) > LOST * self._height)
         self._centre = follow(self._centre, wanted, self._dt, omega)
         wanted_posture = self.preview.goal.copy()
         wanted_posture[2] = self.preview.height - self._lower

@@ -1,0 +1,73 @@
+"""`motiondeck robot tune-walk`: finds the settings with which a robot walks, and writes them into its file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from controller.cli.common.progress import progress
+from controller.deck.deck import Deck
+from controller.library.motion_library import load_library
+from controller.mocap.formats.writing import write_file
+from motiondeck_base.errors import UnknownNameError
+from motiondeck_base.shipped import find_library
+from sim.models.walk_settings import with_walk_table
+from sim.physics.walk_trial import play_course
+from sim.physics.walk_tuning import EDGE, HALVINGS, tune_walk
+from sim.robots.robot import load_robot
+
+# The usual push, as a share of mass times sqrt(g height): 0.24 N s for servo20, 16 N s for the mannequin.
+PUSH = 0.05
+
+
+def tune(file: Path, library: str, motions: list[str], seconds: float, rounds: int, seed: int) -> dict[str, Any]:
+    """Tunes the robot of a file on motions of a library, and writes the settings that are kept into the file.
+
+    Raises:
+        MotiondeckError: if a file or a motion does not exist, the robot has no two feet, or the file cannot be written.
+    """
+    loaded = load_library(find_library(library))
+    for motion in motions:
+        if motion not in loaded.network.motions:
+            raise UnknownNameError.among("motion", motion, loaded.network.motions)
+    robot = load_robot(file, loaded.skeleton)
+    height = float(robot.model.body(int(robot.model.jnt_bodyid[0])).pos[2])
+    impulse = PUSH * float(robot.model.body_mass.sum()) * float(np.sqrt(9.81 * height))
+    with progress(f"playing {', '.join(motions)}", len(motions)) as tick:
+        courses = []
+        for motion in motions:
+            courses.append(play_course(robot, Deck(loaded, robot.retarget, motion).update, seconds))
+            tick()
+    with progress("tuning", rounds + HALVINGS + 1) as tick:
+        tuned = tune_walk(robot, courses, impulse, rounds, tick, seed)
+    write_file(file, with_walk_table(file.read_text(encoding="utf-8"), tuned.settings).encode())
+    return {
+        "robot": robot.name,
+        "file": str(file),
+        "motions": motions,
+        "seconds": seconds,
+        "push_ns": impulse,
+        "walk": msgspec.structs.asdict(tuned.settings),
+        "edge": tuned.edge,
+        "margin": 1.0 - EDGE if tuned.edge > 0.0 else 0.0,
+        "walked_m": list(tuned.walked),
+        "stood": tuned.stood,
+    }
+
+
+def words(report: dict[str, Any]) -> str:
+    """The report in a few lines."""
+    walked = ", ".join(
+        f"{motion} {metres:.1f} m" for motion, metres in zip(report["motions"], report["walked_m"], strict=True)
+    )
+    ends = "stood" if report["stood"] else "fell"
+    pushes = f"pushes of {report['push_ns']:.2g} N s every 5 s"
+    lines = [f"{report['robot']} {ends} under {pushes}; in {report['seconds']:g} s it went: {walked}"]
+    if report["margin"]:
+        lines.append(f"its steps are {report['margin']:.0%} shorter than the longest at which it stood")
+    else:
+        lines.append("it fell at every pace: more --rounds, or an easier --motion")
+    return "\n".join([*lines, f"wrote {report['file']}"])

@@ -1,0 +1,134 @@
+"""Walk trials: how far a robot gets on its own feet with a played motion, under pushes from all sides."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.deck.interfaces import PlacedPose
+from controller.loop.safety.safety_envelope import SafetyEnvelope
+from controller.mocap.posture import Pose
+from controller.rotations import Array
+from sim.models.kinematic_tree import path_to
+from sim.models.walk_settings import WalkSettings
+from sim.physics.physics_model import feet_of
+from sim.physics.playback import PhysicsPlayback
+from sim.physics.walking.preview import AHEAD
+from sim.robots.robot import DT, Robot
+
+# A push lasts so long, and the next one comes after so long, s.
+LASTS, PERIOD = 0.1, 5.0
+# Of a push from behind, the right, the front and the left each comes in turn.
+SIDES = 4
+
+
+@dataclass(frozen=True)
+class Course:
+    """A motion as a robot is told to move by it, K ticks of DT.
+
+    Attributes:
+        targets: after the safety envelope, shape (K, J), rad.
+        roots: where the root is put, shape (K, 7), m.
+        headings: of the motion, shape (K,), rad.
+    """
+
+    targets: Array
+    roots: Array
+    headings: Array
+
+    @property
+    def seconds(self) -> float:
+        """How long it takes."""
+        return len(self.targets) * DT
+
+
+@dataclass(frozen=True)
+class Trial:
+    """How a robot walked.
+
+    Attributes:
+        stood_s: when it fell, or the whole length of the course, s.
+        asked_m, walked_m: how far the motion went, and the robot.
+        upper_deg, legs_deg: how far the joints were from the motion, root mean square over joints and time; legs, and
+            all others.
+        tick_us: what a tick cost with the simulation, at the median.
+    """
+
+    stood_s: float
+    asked_m: float
+    walked_m: float
+    upper_deg: float
+    legs_deg: float
+    tick_us: float
+
+
+def play_course(robot: Robot, play: Callable[[float], tuple[Array, Pose]], seconds: float) -> Course:
+    """Plays a motion for a robot without simulating it; `play` gives targets and pose of the next dt seconds."""
+    limits, envelope = robot.limits, SafetyEnvelope(robot.limits, DT)
+    qpos = robot.model.qpos0.copy()
+    rows: list[tuple[Array, Array, float]] = []
+    for _ in range(round(seconds / DT)):
+        targets, pose = play(DT)
+        targets = np.clip(targets, limits.lower, limits.upper)
+        if not rows:
+            envelope.start(targets)
+        safe = envelope(targets).copy()
+        robot.place(safe, pose, qpos)
+        rows.append((safe, qpos[:7].copy(), float(pose.heading)))
+    targets, roots, headings = zip(*rows, strict=True)
+    return Course(np.array(targets), np.array(roots), np.array(headings))
+
+
+def push_force(now: float, impulse: float, seed: int) -> Array:
+    """The force (3,), N, on the root at a time, s: pushes of an impulse, N s, in turn from four sides.
+
+    The first one comes from behind with seed 0, from any side and at any time with others.
+    """
+    random = np.random.default_rng(seed)
+    first, late = random.uniform(0.0, 2.0 * np.pi), random.uniform(0.0, 0.5 * PERIOD)
+    count, since = divmod(now - (late if seed else 0.0), PERIOD)
+    if count < 1.0 or since >= LASTS:
+        return np.zeros(3)
+    angle = (first if seed else 0.0) + 2.0 * np.pi * (count - 1.0) / SIDES
+    return impulse / LASTS * np.array([np.cos(angle), np.sin(angle), 0.0])
+
+
+def walk_trial(
+    robot: Robot, course: Course, impulse: float = 0.0, seed: int = 0, settings: WalkSettings | None = None
+) -> Trial:
+    """Walks a course until its end or a fall, pushed as `push_force` says; with other settings than the robot's."""
+    body = robot if settings is None else replace(robot, walk=settings)
+    stage = PhysicsPlayback(body, DT, "free", walk=True)
+    lag, legs = round(AHEAD / DT), _legs(robot)
+    costs: list[float] = []
+    square = np.zeros(len(robot.joints))
+    for tick, (targets, root, heading) in enumerate(zip(course.targets, course.roots, course.headings, strict=True)):
+        stage.push(push_force(tick * DT, impulse, seed))
+        began = time.thread_time()
+        stage.write(targets, _placed(root, float(heading)))
+        costs.append(time.thread_time() - began)
+        square += np.square(stage.measured() - course.targets[max(tick - lag, 0)])
+        if stage.fell_s is not None:
+            break
+    asked, walked = stage.travel or (0.0, 0.0)
+    mean = np.degrees(np.sqrt([square[~legs].mean() / len(costs), square[legs].mean() / len(costs)]))
+    stood = course.seconds if stage.fell_s is None else stage.fell_s
+    return Trial(stood, asked, walked, float(mean[0]), float(mean[1]), 1e6 * float(np.median(costs)))
+
+
+def _placed(root: Array, heading: float) -> PlacedPose:
+    return PlacedPose(root[:3], np.array(heading), root[None, 3:7], root)
+
+
+def _legs(robot: Robot) -> NDArray[np.bool_]:
+    """Which joint coordinates belong to legs, shape (J,)."""
+    model = robot.model
+    bodies = {body for foot in feet_of(robot) for body in path_to(model, int(model.body(foot.body).id))}
+    return np.isin(model.jnt_bodyid[model.actuator_trnid[:, 0]], [*bodies])
