@@ -87,6 +87,7 @@ class PhysicsPlayback:
         data: MuJoCo's state.
         model: the model of that state; the playback's own.
         placed: the commanded root of the last write, position (m) and quaternion, shape (7,).
+        incidents: that a robot that walks is about to fall, and when.
         fell_s: when a free robot fell, s since the first write; None as long as it stands.
     """
 
@@ -141,6 +142,8 @@ class PhysicsPlayback:
         self._started = False
         self._writes = self._faults = 0
         self.fell_s: float | None = None
+        self.incidents: list[str] = []
+        self._lost = False
         self._square_sum, self._worst = 0.0, 0.0
         robot.layout.place(robot.rest, self.data.qpos)
         self.placed[:] = self.data.qpos[:7]
@@ -186,6 +189,9 @@ class PhysicsPlayback:
         robot.layout.read(data.qpos, near=targets, out=self._measured)
         root = self.placed
         if self._walker is not None:
+            if self._walker.falling and not self._lost and self.fell_s is None:
+                self.incidents.append(f"the robot is about to fall, at {self._writes * self._dt:.2f} s")
+            self._lost = self._walker.falling
             # The body is behind: it is judged by what it was to do now.
             root = self._walker.preview.goal[:7]
             targets = self._played
@@ -226,8 +232,9 @@ class PhysicsPlayback:
         }
         if self._root == "free":
             said |= {"balance": self._balance is not None, "fell_s": self.fell_s}
-        if self.travel is not None:
+        if self._walker is not None and self.travel is not None:
             said["travel"] = dict(zip(("asked_m", "walked_m"), self.travel, strict=True))
+            said |= {"own_steps": self._walker.own_steps, "incidents": self.incidents}
         if self._servos is not None:
             said["servos"] = self._servos.report()
         return said

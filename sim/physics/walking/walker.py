@@ -98,6 +98,11 @@ class Walker:
         stiffness[driven] = np.maximum(model.actuator_gainprm[:, 0], 1e-9)
         self._yields = self._set.feed_forward * self._body.legs / stiffness
 
+    @property
+    def own_steps(self) -> int:
+        """How often it took a step that is not the motion's, to keep on its feet."""
+        return self._gait.recoveries
+
     def start(self, data: mujoco.MjData) -> None:
         """Puts the robot on both its feet, where and as high as it is in data."""
         model, plan, height = self._model, self._body.plan, float(data.qpos[2])

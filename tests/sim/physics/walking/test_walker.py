@@ -28,27 +28,51 @@ def walk(name, motion, seconds, push=(0.0, 0.0, 0.0), at=np.inf):
 
 
 def test_servo20_walks_and_a_push_does_not_fell_it():
-    stage = walk("servo20", "walk", 6.0, push=(0.0, 3.0, 0.0), at=4.0)
+    stage = walk("servo20", "walk", 4.5, push=(0.0, 3.0, 0.0), at=3.5)
     assert stage.fell_s is None
     assert stage.travel is not None
     asked, walked = stage.travel
-    assert asked > 1.2
+    assert asked > 0.8
     assert 0.5 * asked < walked < 1.1 * asked
     # The way that it reports is the way that the root has gone.
     assert np.hypot(*stage.qpos[:2]) == pytest.approx(walked, rel=0.2)
     assert stage.report()["travel"] == {"asked_m": asked, "walked_m": walked}
 
 
-def test_it_stands_where_nothing_moves():
+def standing(force, seconds):
+    """Stands at rest and is pushed for 0.1 s after 0.5 s; the stage at the end."""
     robot = load_robot(ROBOTS / "servo20.toml", human())
     stage = PhysicsPlayback(robot, DT, "free", walk=True)
     pose = bent_pose(human())
-    for tick in range(400):
-        stage.push(np.array([0.0, 2.0, 0.0]) * (200 <= tick < 220))
+    for tick in range(round(seconds / DT)):
+        stage.push(force * (100 <= tick < 120))
         stage.write(robot.rest, pose)
+        if stage.fell_s is not None:
+            break
+    return stage
+
+
+def test_it_stands_where_nothing_moves():
+    stage = standing(np.array([0.0, 2.0, 0.0]), seconds=1.5)
     assert stage.fell_s is None
+    assert stage.report()["own_steps"] == 0
     assert stage.travel is not None
     assert stage.travel[1] < 0.02
+
+
+@pytest.mark.parametrize("direction", [(1.0, 0.0), (0.0, -1.0)])
+def test_who_stands_and_is_pushed_hard_takes_a_step(direction):
+    stage = standing(12.0 * np.array([*direction, 0.0]), seconds=2.5)
+    assert stage.fell_s is None
+    assert stage.report()["own_steps"] == 1
+    assert stage.incidents == []
+
+
+def test_a_fall_is_seen_coming():
+    stage = standing(np.array([25.0, 0.0, 0.0]), seconds=2.5)
+    assert stage.fell_s is not None
+    seen = [float(incident.split()[-2]) for incident in stage.incidents]
+    assert seen[0] < stage.fell_s - 0.1
 
 
 def test_only_a_free_robot_with_two_feet_can_walk():
