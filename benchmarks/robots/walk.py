@@ -80,8 +80,9 @@ def main() -> None:
         f"{'robot':10} {'motion':22} {'tempo':>5} {'push N s':>9} {'seed':>4} {'stood s':>8} {'asked m':>8}"
         f" {'walked m':>9} {'upper deg':>10} {'legs deg':>9} {'tick us':>8}"
     )
-    rows = []
-    for row in Parallel(given.jobs, return_as="generator")(delayed(measure)(*case) for case in cases):
+    rows: list[dict[str, Any]] = []
+    runs: Any = Parallel(given.jobs, return_as="generator")(delayed(measure)(*case) for case in cases)
+    for row in runs:
         rows.append(row)
         print(
             f"{row['robot']:10} {row['motion']:22} {row['tempo']:5.2f} {row['push_ns']:9.2f} {row['seed']:4d}"
