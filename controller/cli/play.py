@@ -317,7 +317,8 @@ def play(
             raise MotiondeckError("with --walk the body is 1.2 s behind its targets: leave --ghost and --lock-to body")
         if not 0.0 < mismatch_after < 1e4:
             raise MotiondeckError(f"--mismatch-after {mismatch_after:g} s is not a length of time above 0")
-        loaded = load_library(find_library(library))
+        library_file = find_library(library)
+        loaded = load_library(library_file)
         name_failing(loaded)
         first, timeline, length = _timeline(loaded, motion, script)
         seconds = seconds if seconds is not None else length
@@ -357,6 +358,7 @@ def play(
             token=read_token(token_file) if token_file is not None else None,
             stop_input=_wired_stop(stop_input) if stop_input is not None else None,
             lock_to=lock_to,
+            library=library_file,
         )
         with Session(
             loaded,

@@ -20,6 +20,7 @@ from controller.deck.routes import Routes
 from controller.deck.switch import CommandedSwitch
 from controller.library.motion_library import MotionLibrary
 from controller.mocap.posture import Pose, Posture
+from controller.networks.base import Activation
 from controller.rotations import Array
 from controller.wire.command_table import PHASE, TEMPO, WEIGHT
 from controller.wire.messages import Event, EventKind
@@ -104,6 +105,11 @@ class Deck(Lockable):
     def settled(self) -> bool:
         """Whether no switch is under way."""
         return self._current is None and not self._show.fading
+
+    @property
+    def activation(self) -> Activation | None:
+        """The activation of the neurons of the network that plays, shape (N,); None if it has none to look at."""
+        return self._show.activation
 
     @property
     def phase(self) -> float | None:

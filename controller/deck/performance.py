@@ -21,6 +21,7 @@ from controller.deck.tracks.track import Track
 from controller.library.motion_library import MotionLibrary
 from controller.mocap.encodings.bone_directions import BoneDirections
 from controller.mocap.posture import Pose, Posture
+from controller.networks.base import Activation
 from controller.networks.centralized.centralized_frames import CentralizedNetwork
 from controller.networks.reservoirs.morph import ReservoirNetwork
 from controller.rotations import Array
@@ -105,6 +106,11 @@ class Performance:
     def blend(self) -> tuple[str, float] | None:
         """The motion that is blended into the one that is played, and its present weight."""
         return (self.other, self._weight.value) if self.other else None
+
+    @property
+    def activation(self) -> Activation | None:
+        """The activation of the neurons of the network that leads, shape (N,); None if it has none to look at."""
+        return self._leading.activation
 
     @property
     def phase(self) -> float | None:

@@ -108,6 +108,11 @@ class RecordedDeck(Paced):
         return self.switch(to)
 
     @property
+    def activation(self) -> None:
+        """Always None: no network is playing."""
+        return
+
+    @property
     def phase(self) -> None:
         """Always None: no network is playing."""
         return

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 Channels = NDArray[np.float64]
+Activation = NDArray[np.float32]
 
 
 class FrameNetwork(Protocol):
@@ -39,6 +40,20 @@ class FrameNetwork(Protocol):
 
     def restore(self, snapshot: Any) -> None:
         """Puts the state back to a snapshot."""
+        ...
+
+
+@runtime_checkable
+class NeuronNetwork(FrameNetwork, Protocol):
+    """A frame network of neurons that one can look at."""
+
+    @property
+    def activation(self) -> Activation:
+        """The activation of the neurons in the last step, shape (N,); the next step overwrites it."""
+        ...
+
+    def twin(self) -> Self:
+        """The same weights with a state of its own."""
         ...
 
 

@@ -58,7 +58,7 @@ NOTICE_SECONDS = 8.0
 class Panel:
     """Buttons and figures beside the scene; with `has_human` the human whose motion is played can be shown, too.
 
-    With `has_phase` motions can be played backwards and sent to a phase.
+    With `has_phase` motions can be played backwards and sent to a phase; with `has_network` one can look inside it.
     """
 
     def __init__(
@@ -70,6 +70,7 @@ class Panel:
         *,
         has_human: bool = False,
         has_phase: bool = False,
+        has_network: bool = False,
     ) -> None:
         self._page, self._commands = page, commands
         self._motions, self._joints = motions, joints
@@ -116,6 +117,13 @@ class Panel:
         self._tap = self._add_tap() if has_phase else None
         with gui.add_folder("view", expand_by_default=False):
             self._human = gui.add_dropdown("human", WAYS, hint="The pose that the network plays") if has_human else None
+            self._network = (
+                gui.add_checkbox(
+                    "network", False, hint="The orbits of its neurons, in the three directions that show most"
+                )
+                if has_network
+                else None
+            )
             self._steps = gui.add_checkbox("footprints and contacts", False)
             self._follow = gui.add_checkbox("camera follows", True)
         with gui.add_folder("loop", expand_by_default=False):
@@ -169,6 +177,11 @@ class Panel:
     def human(self) -> str:
         """Where the human is shown."""
         return str(self._human.value) if self._human is not None else WAYS[0]
+
+    @property
+    def shows_network(self) -> bool:
+        """Whether the network is shown beside the body."""
+        return self._network is not None and bool(self._network.value)
 
     @property
     def marks_steps(self) -> bool:

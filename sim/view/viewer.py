@@ -30,6 +30,7 @@ from motiondeck_base.errors import FileFormatError, MotiondeckError
 from sim.view.drawn_model import DrawnModel
 from sim.view.ghost import Ghost
 from sim.view.live_footprints import LiveSteps
+from sim.view.network_view import NetworkView
 from sim.view.panel import Panel
 from sim.view.private_page import PrivatePage
 from sim.view.scene import Follower, Scene
@@ -75,8 +76,17 @@ def view(state: Path, command_port: int | None, port: int) -> None:
         # Followers stand to the right of the robot, on the side that the panel does not cover.
         aside = (BESIDE if followers else -BESIDE) * scene.height
         ghost = Ghost(DrawnModel(page, human, scene.height, " human"), human, about, aside)
+    inside = NetworkView(page, Path(str(description["library"])), scene.height) if "library" in description else None
     steps = LiveSteps(page, model, np.array(description.get("rest", model.qpos0)), scene.height)
-    panel = Panel(page, motions, joints, CommandClient(command_port), has_human=ghost is not None, has_phase=phased)
+    panel = Panel(
+        page,
+        motions,
+        joints,
+        CommandClient(command_port),
+        has_human=ghost is not None,
+        has_phase=phased,
+        has_network=inside is not None,
+    )
     events = CommandClient(command_port)
     with contextlib.suppress(MotiondeckError):
         events.post(Subscribe())
@@ -103,6 +113,9 @@ def view(state: Path, command_port: int | None, port: int) -> None:
                     if ghost is not None:
                         human_at = latest["qpos"][:2]
                         ghost.show(panel.human, latest["human_root"], latest["human_turn"], human_at, centre)
+                    if inside is not None:
+                        playing = motions[int(latest["playing"][0])]
+                        inside.show(latest["activation"], playing, visible=panel.shows_network)
                     steps.show(scene.data, centre, dt, visible=panel.marks_steps)
                 last_picture = now
                 if now - last_health >= 1.0 / HEALTH_PER_SECOND:

@@ -93,7 +93,8 @@ def play_live(request: LiveRequest) -> None:
     from motiondeck_base.shipped import find_library
 
     check_seconds(request.seconds)
-    library = load_library(find_library(request.library))
+    library_file = find_library(request.library)
+    library = load_library(library_file)
     first = first_motion(library, request.motion)
     checked_rate(library, first, request.rate)
     held = {"root": request.root, "balance": request.balance, "walk": request.walk}
@@ -105,6 +106,7 @@ def play_live(request: LiveRequest) -> None:
         seconds=request.seconds,
         record=Path(request.record) if request.record is not None else None,
         lock_to=request.lock_to,
+        library=library_file,
     )
     with Session(
         library,

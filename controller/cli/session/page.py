@@ -14,6 +14,7 @@ from controller.cli.session.robot_on_deck import RobotOnDeck, Simulation
 from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
 from controller.mocap.skeleton import Skeleton
+from controller.networks.base import Activation
 from controller.rotations import Array
 from controller.wire.messages import LOCK_SOURCES, LOCK_STAGES, LockState
 from controller.wire.run_recording import MODES
@@ -67,6 +68,11 @@ class Showable(Protocol):
     @property
     def phase(self) -> float | None:
         """How far the motion is, from 0 to 1; None if that is not known."""
+        ...
+
+    @property
+    def activation(self) -> Activation | None:
+        """The activation of the network's neurons, shape (N,); None if there are none to look at."""
         ...
 
     @property
@@ -151,8 +157,12 @@ class Page:
         human: Skeleton | None,
         watch: RecognitionWatch | None = None,
         command_port: int = 0,
+        library: Path | None = None,
     ) -> Iterator[Page]:
-        """Puts the robots' models, the human's and the state beside each other, where the view waits for them."""
+        """Puts the robots' models, the human's and the state beside each other, where the view waits for them.
+
+        The library's file is where the view finds the network that plays.
+        """
         from sim.view.ghost import draw_ghost
 
         shown = [simulation.robot for simulation in _simulations(robots)]
@@ -175,6 +185,9 @@ class Page:
         numbers = {"qpos": robot.model.nq, "root_xy": 2} | dict.fromkeys(_NUMBERS + (NUMBERS if watch else ()), 1)
         numbers |= {"way": MOST_SHOWN, "queue": MOST_SHOWN}
         numbers |= {f"qpos {index}": one.model.nq for index, one in enumerate(shown[1:])}
+        if library is not None and deck.activation is not None:
+            description["library"] = str(library.resolve())
+            numbers["activation"] = len(deck.activation)
         if human is not None:
             description["human"] = draw_ghost(human, robot.path_scale, state.with_name("human.xml"))
             numbers |= {"human_root": 3, "human_turn": 4 * (1 + len(human))}
@@ -194,6 +207,8 @@ class Page:
         if "human_root" in fields:
             fields["human_root"][:] = state.pose.root_position
             fields["human_turn"][:] = state.pose.rotation.ravel()
+        if "activation" in fields:
+            fields["activation"][:] = deck.activation
         fields["tick"][0] = state.tick
         fields["time_s"][0] = deck.time
         fields["motion"][0] = deck.motions.index(deck.motion)

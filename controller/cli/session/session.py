@@ -82,6 +82,7 @@ class RunSettings:
         listen: the address of another interface where commands are taken, if they are sealed with the token.
         token: who has it may command.
         stop_input: a wired emergency stop, if there is one; the session closes it.
+        library: the file of what is played, if it is a library.
         lock_to: what the phase is locked to from the start: "beat", "body", the command port of another deck of
             this machine, or None.
     """
@@ -101,6 +102,7 @@ class RunSettings:
     token: bytes | None = None
     stop_input: WiredStop | None = None
     lock_to: str | None = None
+    library: Path | None = None
 
 
 class PlayableDeck(Player, Commandable, Showable, Protocol):
@@ -180,7 +182,8 @@ class Session:
         self._envelope = SafetyEnvelope(all_limits([robot.limits for robot in self.robots]), self._clock.period)
         self._watch = self._open_watch()
         if page_state is not None:
-            page = Page.open(page_state, self._deck, self.robots, self._shown_human(), self._watch, self.command_port)
+            human, port = self._shown_human(), self.command_port
+            page = Page.open(page_state, self._deck, self.robots, human, self._watch, port, self._settings.library)
             self._page = opening.enter_context(page)
         self._recorder = self._open_recorder(opening)
         self._desk = CommandDesk(

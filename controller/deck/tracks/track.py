@@ -12,7 +12,7 @@ from controller.deck.tracks.mixture import Mixture
 from controller.library.motion_library import MotionLibrary
 from controller.library.network_arrays import Network
 from controller.mocap.posture import Posture
-from controller.networks.base import PhaseNetwork
+from controller.networks.base import Activation, NeuronNetwork, PhaseNetwork
 from controller.networks.guard import Guard
 from controller.rotations import Array
 
@@ -32,6 +32,7 @@ class Track:
     def __init__(self, library: MotionLibrary, motions: Mapping[str, Motion]) -> None:
         self._encoding, self._motions = library.encoding, motions
         core = library.network.twin()
+        self._neurons = core if isinstance(core, NeuronNetwork) else None
         self._guard = _guard(core, library) if isinstance(core, Network) else None
         self._mixture = None if isinstance(core, PhaseNetwork) else Mixture(self._guard or core, core)
         self._player = FramePlayer(self._mixture or core, library.info.rate)
@@ -50,6 +51,11 @@ class Track:
     def morphing(self) -> bool:
         """Whether the network is on its way from one motion to another."""
         return self._mixture is not None and self._mixture.crossing
+
+    @property
+    def activation(self) -> Activation | None:
+        """The activation of the network's neurons, shape (N,); None if it has none to look at."""
+        return self._neurons.activation if self._neurons is not None else None
 
     @property
     def phase(self) -> float | None:

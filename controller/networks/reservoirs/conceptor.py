@@ -110,6 +110,11 @@ class ConceptorNetwork:
         """How many neurons the reservoir has."""
         return len(self._hidden)
 
+    @property
+    def activation(self) -> Float32:
+        """The activation of the neurons in the last step, shape (N,); the next step overwrites it."""
+        return self._hidden
+
     def anchors(self, motion: str) -> Channels:
         """The frames at the anchors of a motion, shape (anchors, channels)."""
         net = self[motion]

@@ -103,6 +103,11 @@ class EchoStateNetwork:
         """How many neurons the reservoir has."""
         return len(self.bias)
 
+    @property
+    def activation(self) -> Float32:
+        """The activation of the neurons in the last step, shape (N,); the next step overwrites it."""
+        return self._x
+
     def anchors(self, motion: str) -> Channels:
         """The frames at the anchors of a motion, shape (anchors, channels)."""
         return self.normalisation.invert(self[motion].outputs.astype(np.float64))

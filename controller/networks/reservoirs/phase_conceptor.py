@@ -138,11 +138,11 @@ class PhaseMotion:
 
 
 class PhaseVoice:
-    """A motion while it plays: its state z, the frame it is at, and the level of its input."""
+    """A motion while it plays: its state z, the frame it is at, the level of its input, and its neurons' activation."""
 
     def __init__(self, motion: PhaseMotion, frame: int, z: Float32, level: float = 0.0) -> None:
         inputs, neurons = motion.inputs.shape[1], motion.drive.shape[1]
-        self._hidden = np.zeros(neurons, dtype=np.float32)
+        self.hidden = np.zeros(neurons, dtype=np.float32)
         self._input = np.ones(len(z) + inputs + 1, dtype=np.float32)
         self._given = self._input[len(z) : -1]
         self._handed = np.zeros(len(z), dtype=np.float32)
@@ -173,9 +173,9 @@ class PhaseVoice:
         np.copyto(self._given, motion.inputs[frame])
         if motion.driving is not None:
             self._given[-1] = self.level
-        np.dot(motion.drive[piece], self._input, out=self._hidden)
-        np.tanh(self._hidden, out=self._hidden)
-        np.dot(motion.project[piece], self._hidden, out=z)
+        np.dot(motion.drive[piece], self._input, out=self.hidden)
+        np.tanh(self.hidden, out=self.hidden)
+        np.dot(motion.project[piece], self.hidden, out=z)
         np.subtract(z, motion.offset[piece], out=z)
         self.frame = frame
 
@@ -260,6 +260,11 @@ class PhaseConceptorNetwork:
     def neurons(self) -> int:
         """How many neurons the reservoir has."""
         return self.scales.neurons
+
+    @property
+    def activation(self) -> Float32:
+        """The activation of the neurons in the last step, shape (N,); the next step overwrites it."""
+        return self._voice.hidden
 
     def anchors(self, motion: str) -> Channels:
         """The frames at the anchors of a motion, shape (anchors, channels)."""

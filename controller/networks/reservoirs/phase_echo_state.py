@@ -103,6 +103,11 @@ class PhaseEchoStateNetwork:
         """How many neurons the reservoir has."""
         return self.scales.neurons
 
+    @property
+    def activation(self) -> Float32:
+        """The activation of the neurons in the last step, shape (N,); the next step overwrites it."""
+        return self._x
+
     def anchors(self, motion: str) -> Channels:
         """The frames at the anchors of a motion, shape (anchors, channels)."""
         part = self[motion]

@@ -1,0 +1,71 @@
+"""Orbits: where the neurons of a network are while it plays each of its motions, in the few directions that show most.
+
+The activations r of all motions, N numbers each, are seen from the three directions in which they differ most (their
+first principal components):  p = D (r - c). Each motion is a closed path there, or one that ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller.networks.base import Activation, NeuronNetwork
+from controller.rotations import Array
+
+SHOWN = 3
+POINTS = 120  # of each motion's path
+INNER = 0.95  # this share of all points is within a distance of 1 of the middle
+
+
+@dataclass(frozen=True)
+class Orbits:
+    """The paths of motions in three directions of a network's neurons.
+
+    Attributes:
+        directions: D, shape (3, N), scaled so that nearly all points are within 1 of the middle.
+        centre: c, shape (N,).
+        paths: of each motion, shape (POINTS, 3) or shorter.
+        share: which part of the activations' variance the three directions show.
+    """
+
+    directions: Activation
+    centre: Activation
+    paths: dict[str, Activation]
+    share: float
+
+    def point(self, activation: Array) -> Activation:
+        """Where an activation (N,) is seen, shape (3,)."""
+        seen: Activation = self.directions @ (activation - self.centre).astype(np.float32)
+        return seen
+
+
+def orbits(network: NeuronNetwork, frames: Mapping[str, int]) -> Orbits:
+    """Plays each motion once, on a twin of the network, and looks where its neurons are.
+
+    Args:
+        network: what plays.
+        frames: of each motion.
+    """
+    player = network.twin()
+    out = np.zeros(player.channels)
+    activations: dict[str, Activation] = {}
+    for motion in player.motions:
+        player.cue(motion, 0)
+        kept = np.unique(np.linspace(0, frames[motion] - 1, POINTS).astype(int))
+        seen: list[Activation] = []
+        for frame in range(frames[motion]):
+            player.advance(out)
+            if frame == kept[len(seen)]:
+                seen.append(player.activation.copy())
+        activations[motion] = np.stack(seen)
+    every = np.concatenate([*activations.values()])
+    centre = every.mean(0)
+    _, strengths, directions = np.linalg.svd(every - centre, full_matrices=False)
+    directions = directions[:SHOWN]
+    points = (every - centre) @ directions.T
+    directions /= max(float(np.quantile(np.linalg.norm(points, axis=1), INNER)), 1e-9)
+    found = {motion: (seen - centre) @ directions.T for motion, seen in activations.items()}
+    squares = np.square(strengths)
+    return Orbits(directions, centre, found, float(squares[:SHOWN].sum() / max(float(squares.sum()), 1e-12)))

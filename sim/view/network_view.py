@@ -1,0 +1,104 @@
+"""A look inside: the network beside the body, each motion as the orbit of its neurons and a ball where they are now."""
+
+from __future__ import annotations
+
+import colorsys
+from pathlib import Path
+from threading import Thread
+
+import numpy as np
+
+from controller.library.motion_library import load_library
+from controller.networks.base import NeuronNetwork
+from controller.networks.orbits import Orbits, orbits
+from controller.rotations import Array
+from motiondeck_base.errors import MotiondeckError
+from sim.view.private_page import PrivatePage
+
+PLACE = (-0.6, -0.75, 0.68)  # of the middle of the orbits, in heights of the robot
+REACH = 0.42  # of nearly all of them, in heights of the robot
+THIN, THICK = 1.2, 4.0  # lines on the screen, pixels
+PLAYING, DARK = (38, 110, 200), (16, 50, 110)
+PALE = 0.55  # how far the colours of motions that are not played are on their way to the background's
+BACKGROUND = np.array([238.0, 242.0, 247.0])
+
+
+class NetworkView:
+    """The orbits of a network beside a robot, hidden until somebody wants to see them.
+
+    They are computed in a thread, because playing each motion once takes a moment; until then nothing is drawn.
+
+    Args:
+        page: where they are drawn.
+        library: the file of what is played.
+        height: of the robot, m.
+    """
+
+    def __init__(self, page: PrivatePage, library: Path, height: float) -> None:
+        self._page, self._height = page, height
+        self._orbits: Orbits | None = None
+        self._lines = {}
+        self._playing = ""
+        self._worker: Thread | None = None
+        self._library = library
+
+    @property
+    def ball(self) -> Array | None:
+        """Where the ball is, shape (3,), m from the middle of the orbits; None while nothing has been drawn."""
+        return np.array(self._ball.position) if self._lines else None
+
+    def show(self, activation: Array, motion: str, *, visible: bool) -> None:
+        """Shows where the neurons are, their activation (N,), on the orbit of the motion that is played."""
+        if not visible and self._worker is None:
+            return
+        if self._worker is None:
+            self._worker = Thread(target=self._compute, daemon=True)
+            self._worker.start()
+        if self._orbits is None:
+            return
+        if not self._lines:
+            self._draw(self._orbits)
+        if self._frame.visible != visible:
+            self._frame.visible = visible
+        if not visible:
+            return
+        if motion != self._playing:
+            for name in (self._playing, motion):
+                if name in self._lines:
+                    self._draw_line(self._orbits, name, playing=name == motion)
+            self._playing = motion
+            self._label.text = motion
+        self._ball.position = self._label.position = REACH * self._height * self._orbits.point(activation)
+
+    def _compute(self) -> None:
+        try:
+            library = load_library(self._library)
+        except MotiondeckError:
+            return  # it has been replaced by something else since the deck loaded it
+        if isinstance(library.network, NeuronNetwork):
+            self._orbits = orbits(library.network, {motion.name: motion.frames for motion in library.info.motions})
+
+    def _draw(self, found: Orbits) -> None:
+        scene, height = self._page.scene, self._height
+        self._frame = scene.add_frame("/network", show_axes=False, position=height * np.array(PLACE))
+        for name in found.paths:
+            self._draw_line(found, name, playing=False)
+        self._ball = scene.add_icosphere("/network/now", radius=0.022 * height, color=DARK, cast_shadow=False)
+        self._label = scene.add_label("/network/name", "", anchor="bottom-left")
+
+    def _draw_line(self, found: Orbits, name: str, *, playing: bool) -> None:
+        path = REACH * self._height * found.paths[name]
+        self._lines[name] = self._page.scene.add_line_segments(
+            f"/network/orbit {list(found.paths).index(name)}",
+            np.stack([path[:-1], path[1:]], axis=1),
+            PLAYING if playing else _pale(list(found.paths).index(name), len(found.paths)),
+            thickness=THICK if playing else THIN,
+            thickness_units="screen",
+        )
+
+
+def _pale(index: int, count: int) -> tuple[int, int, int]:
+    """A pale colour of its own for each of several motions."""
+    colour = 255.0 * np.array(colorsys.hsv_to_rgb(index / count, 0.75, 0.8))
+    red, green, blue = (colour + PALE * (BACKGROUND - colour)).round().astype(int).tolist()
+    return red, green, blue

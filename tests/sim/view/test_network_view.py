@@ -1,0 +1,50 @@
+import time
+
+import numpy as np
+import pytest
+from test_private_page import free_port
+
+from controller.library.motion_library import load_library
+from controller.networks.orbits import orbits
+from motiondeck_base.shipped import find_library
+from sim.view.network_view import REACH, NetworkView
+from sim.view.private_page import PrivatePage
+
+HEIGHT = 1.8
+
+
+@pytest.fixture
+def page():
+    page = PrivatePage(free_port(), label="test")
+    yield page
+    page.stop()
+
+
+def look(view, activation, motion, seconds):
+    """Shows the network until it is drawn, for so long at most."""
+    deadline = time.monotonic() + seconds
+    while view.ball is None and time.monotonic() < deadline:
+        view.show(activation, motion, visible=True)
+        time.sleep(0.02)
+    view.show(activation, motion, visible=True)
+
+
+def test_the_ball_is_where_the_neurons_are(page):
+    library = load_library(find_library("thesis15"))
+    network = library.network.twin()
+    network.cue("waltz", 3)
+    network.advance(np.zeros(network.channels))
+    view = NetworkView(page, find_library("thesis15"), HEIGHT)
+    view.show(network.activation, "waltz", visible=False)
+    assert view.ball is None
+    look(view, network.activation, "waltz", 30.0)
+    waltz = orbits(network, {motion.name: motion.frames for motion in library.info.motions}).paths["waltz"]
+    # Signs of principal components are free, and so are those of the ball's coordinates.
+    apart = np.abs(np.abs(REACH * HEIGHT * waltz) - np.abs(view.ball)).max(1)
+    assert apart.min() < 0.03 * HEIGHT
+
+
+def test_a_library_that_has_gone_shows_nothing(page, tmp_path):
+    view = NetworkView(page, tmp_path / "none.safetensors", HEIGHT)
+    look(view, np.zeros(10), "walk", 0.3)
+    assert view.ball is None
