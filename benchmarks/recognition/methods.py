@@ -89,7 +89,7 @@ def forced_scorer(forced: list[Forced], labels: Indices, classes: int, ridge: fl
         costs = np.full((len(ask), classes), np.inf)
         costs[:, learned] = np.log(np.maximum(mean_errors(readouts, [forced[i] for i in ask]), SMALLEST_ERROR))
         if centred:
-            costs[:, learned] -= centre(readouts, parts)
+            costs[:, learned] -= centre(readouts[:, None], parts, readouts.shape[1])
         return costs
 
     return score

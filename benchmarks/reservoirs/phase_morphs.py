@@ -1,4 +1,4 @@
-"""Mixtures of two loops inside a phase-driven network beside the deck's blend of them, of all pairs.
+"""Mixtures of all pairs of loops: a phase-driven network's and the deck's.
 
     python -m benchmarks phase_morphs [--library thesis15] [--mu -0.3 0.25 0.5 0.75 1.3] [--json]
 

@@ -16,9 +16,9 @@ from controller.recognition.experts import (
     centre,
     expert_reservoir,
     force,
+    group_readouts,
     log_errors,
     moments,
-    readout,
     total,
 )
 from controller.rotations import Array
@@ -42,13 +42,18 @@ class ExpertBank:
 
     @cached_property
     def readouts(self) -> Array:
-        """W_m of each expert, shape (M, C, N)."""
-        return np.array([readout(of, self.recipe.ridge) for of in self.moments])
+        """The readouts of each expert, by groups of neurons, shape (M, G, C, N / G)."""
+        return np.array([group_readouts(of, self.recipe) for of in self.moments])
+
+    @property
+    def together(self) -> int:
+        """How many neighbouring channels are judged together."""
+        return self.recipe.together(len(self.moments[0].yy))
 
     @cached_property
     def centre(self) -> Array:
         """How well each expert guesses on the average class, shape (M,); see `experts.centre`."""
-        return centre(self.readouts, self.moments)
+        return centre(self.readouts, self.moments, self.together)
 
     def force(self, signals: list[Array]) -> list[Forced]:
         """Signals (T_j, C) forced through the reservoir."""
@@ -56,7 +61,11 @@ class ExpertBank:
 
     def costs(self, signals: list[Array]) -> Array:
         """The centred log error of each expert on each signal, shape (signals, M); the least names the class."""
-        return log_errors(self.readouts, self.force(signals)) - self.centre
+        return log_errors(self.readouts, self.force(signals), self.together) - self.centre
+
+    def confidences(self, costs: Array) -> Array:
+        """How sure a verdict on costs (signals, M) is, shape (signals,): what the threshold is compared with."""
+        return margins(costs) - self.recipe.doubt * costs.min(1)
 
     def learned(self, label: str, signals: list[Array]) -> ExpertBank:
         """The bank that has seen more motions of a class, known or new; no other class's readout changes."""
@@ -76,7 +85,7 @@ def teach(recipe: ExpertRecipe, signals: list[Array], labels: Sequence[str]) -> 
 
 
 def margins(costs: Array) -> Array:
-    """How far the best expert is ahead of the second, shape (signals,): the confidence of a verdict, >= 0."""
+    """How far the best expert is ahead of the second, shape (signals,), >= 0."""
     if costs.shape[1] < 2:
         return np.zeros(len(costs))
     two = np.partition(costs, 1, axis=1)[:, :2]

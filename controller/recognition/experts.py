@@ -11,6 +11,10 @@ clip or a class is added without touching the others.
 
 Some experts are better guessers than others, whatever they see. So each is judged against itself: its log error less
 the mean over all classes of its log error on their training motions ("centred"). The moments know those errors too.
+
+An expert may be a committee: the neurons are split into groups, each with a readout of its own, and the logarithm of
+the error is averaged over groups and joints. One group's chance errors are averaged out, and a joint that hardly moves
+counts as much as one that swings. That tells known motions from unknown ones better (docs/recognition.md).
 """
 
 from __future__ import annotations
@@ -29,6 +33,9 @@ from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
 SMALLEST_ERROR = 1e-12
+A_JOINT = 3  # channels: a position, or a velocity
+COMMITTEE_DOUBT = 0.1
+STRETCHES = (0.5, 0.7, 1.0, 1.4, 2.0)  # durations at which motions are learned, so that they are known at all between
 STRETCHED_LEAK = 1.0  # neurons without a time constant of their own suit motions that are learned at several durations
 WASHOUT_SHARE = 3  # no more than a third of a clip is spent on washing the reservoir's start out
 
@@ -45,6 +52,7 @@ class ExpertRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_o
         ridge: relative to the mean diagonal of X'X.
         washout: frames that are not counted, at most a third of a clip.
         seed: of the reservoir.
+        groups: into how many groups the neurons are split; those left over are not read.
     """
 
     neurons: int = 100
@@ -55,8 +63,20 @@ class ExpertRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_o
     ridge: float = 0.1
     washout: int = 5
     seed: int = 1
+    groups: int = 1
+
+    def together(self, channels: int) -> int:
+        """How many neighbouring channels are judged together: all, or those of a joint by a committee."""
+        return A_JOINT if self.groups > 1 and channels % A_JOINT == 0 else channels
+
+    @property
+    def doubt(self) -> float:
+        """The share of the best cost that is taken from the margin: experts predict an unknown motion badly."""
+        return COMMITTEE_DOUBT if self.groups > 1 else 0.0
 
     def __post_init__(self) -> None:
+        if not 1 <= self.groups <= max(self.neurons, 1):
+            raise MotiondeckError("experts need at least one group, and a neuron in each")
         if self.neurons < 1 or self.washout < 0 or self.seed < 0:
             raise MotiondeckError("experts need at least one neuron, and washout and seed must not be negative")
         if not (0.0 < self.leak <= 1.0 and 0.0 < self.ridge < 1e6 and 0.0 <= self.spectral_radius < 10.0):
@@ -115,13 +135,13 @@ class Moments:
     Attributes:
         xx: sum of x x', shape (N, N).
         xy: sum of x y', shape (N, C).
-        yy: sum of |y|^2.
+        yy: sum of y^2, shape (C,).
         count: how many numbers y were summed, C a frame.
     """
 
     xx: Array
     xy: Array
-    yy: float
+    yy: Array
     count: float
 
     def __add__(self, other: Moments) -> Moments:
@@ -131,7 +151,7 @@ class Moments:
 def moments(forced: Forced) -> Moments:
     """The moments of one motion."""
     x, y = forced.states, forced.targets
-    return Moments(x.T @ x, x.T @ y, float(np.square(y).sum()), float(y.size))
+    return Moments(x.T @ x, x.T @ y, np.square(y).sum(0), float(y.size))
 
 
 def total(of: Iterable[Moments]) -> Moments:
@@ -146,31 +166,50 @@ def readout(of: Moments, ridge: float) -> Array:
     return cho_solve(cho_factor(regularised), of.xy).T
 
 
-def frame_errors(readouts: Array, forced: Forced) -> Array:
-    """|y(t) - W_m x(t)|^2 / C of each expert, shape (T', M).
+def group_readouts(of: Moments, recipe: ExpertRecipe) -> Array:
+    """The readouts of one class, a group each, shape (G, C, N / G)."""
+    size = recipe.neurons // recipe.groups
+    parts = [slice(size * group, size * (group + 1)) for group in range(recipe.groups)]
+    return np.stack([readout(Moments(of.xx[p, p], of.xy[p], of.yy, of.count), recipe.ridge) for p in parts])
+
+
+def frame_errors(readouts: Array, forced: Forced, together: int) -> Array:
+    """The squared errors of each expert, by groups and joints, shape (T', M, K).
 
     Args:
-        readouts: shape (M, C, N).
+        readouts: shape (M, G, C, N / G).
         forced: the motion.
+        together: how many neighbouring channels are averaged; see `ExpertRecipe.together`.
     """
-    experts, channels, neurons = readouts.shape
-    guess = forced.states @ readouts.reshape(experts * channels, neurons).T
-    guess = guess.reshape(-1, experts, channels)
-    guess -= forced.targets[:, None]
-    return np.einsum("tmc,tmc->tm", guess, guess) / channels
+    experts, groups, channels, size = readouts.shape
+    found = np.empty((len(forced.states), experts, groups, channels // together))
+    for group in range(groups):
+        guess = forced.states[:, size * group : size * (group + 1)] @ readouts[:, group].reshape(-1, size).T
+        off = guess.reshape(-1, experts, channels) - forced.targets[:, None]
+        found[:, :, group] = np.square(off, out=off).reshape(*off.shape[:2], -1, together).mean(-1)
+    return found.reshape(*found.shape[:2], -1)
 
 
-def log_errors(readouts: Array, forced: list[Forced]) -> Array:
-    """The logarithm of each expert's mean squared error on each motion, shape (motions, M)."""
-    return np.log(np.maximum([frame_errors(readouts, f).mean(0) for f in forced], SMALLEST_ERROR))
+def log_errors(readouts: Array, forced: list[Forced], together: int) -> Array:
+    """The logarithm of each expert's mean squared error on each motion, shape (motions, M).
+
+    Of a committee the mean over groups and joints.
+    """
+    means = np.array([frame_errors(readouts, f, together).mean(0) for f in forced])
+    return np.log(np.maximum(means, SMALLEST_ERROR)).mean(-1)
 
 
-def mean_error(weights: Array, of: Moments) -> float:
-    """The mean squared error of a readout (C, N) on the motions behind some moments."""
-    square = of.yy - 2.0 * np.vdot(weights, of.xy.T) + np.vdot(weights @ of.xx, weights)
-    return max(float(square) / of.count, SMALLEST_ERROR)
+def mean_errors(readouts: Array, of: Moments, together: int) -> Array:
+    """The mean squared errors of one expert's readouts (G, C, N / G) on the motions behind some moments, shape (K,)."""
+    groups, channels, size = readouts.shape
+    found = np.empty((groups, channels))
+    for group, weights in enumerate(readouts):
+        own = slice(size * group, size * (group + 1))
+        found[group] = of.yy - 2.0 * (weights * of.xy[own].T).sum(1) + ((weights @ of.xx[own, own]) * weights).sum(1)
+    found *= channels / of.count
+    return np.maximum(found.reshape(groups, -1, together).mean(-1).ravel(), SMALLEST_ERROR)
 
 
-def centre(readouts: Array, classes: Sequence[Moments]) -> Array:
+def centre(readouts: Array, classes: Sequence[Moments], together: int) -> Array:
     """What each expert's log error is on the average class, shape (M,): how good a guesser it is, whatever it sees."""
-    return np.log([[mean_error(weights, of) for of in classes] for weights in readouts]).mean(1)
+    return np.log([[mean_errors(own, of, together) for of in classes] for own in readouts]).mean((1, 2))

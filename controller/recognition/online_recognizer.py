@@ -4,6 +4,7 @@ Each expert's squared error is averaged over the recent past,
 
     E_m(t) = (1 - k) E_m(t-1) + k |y(t) - W_m x(t)|^2 / C,      cost_m = log E_m - centre_m
 
+(of a committee for each group of neurons and each joint, and the mean of their logarithms),
 so that the evidence is that of the last `memory` seconds. Nothing grows, and a frame costs one step of the reservoir
 and one product with all readouts.
 """
@@ -27,7 +28,7 @@ class OnlineRecognizer:
 
     Args:
         bank: the experts.
-        threshold: the margin below which nothing is claimed.
+        threshold: the confidence (`ExpertBank.confidences`) below which nothing is claimed.
         rate: frames per second the experts were trained at, Hz.
         memory: over how long the evidence is averaged, s.
 
@@ -45,20 +46,31 @@ class OnlineRecognizer:
         self.classes = bank.classes
         self.threshold = threshold
         self.rate = rate
-        experts, self.channels, neurons = bank.readouts.shape
+        experts, groups, self.channels, size = bank.readouts.shape
+        neurons = len(reservoir.bias)
         # One matrix for all that is linear in the state, one for all that is linear in the frame; single precision.
         self._step = np.ascontiguousarray(np.hstack([reservoir.weights, reservoir.input_weights]), dtype=np.float32)
         self._bias = reservoir.bias.astype(np.float32)
-        self._readouts = np.ascontiguousarray(bank.readouts.reshape(-1, neurons), dtype=np.float32)
+        by_group = bank.readouts.transpose(1, 0, 2, 3).reshape(groups, -1, size)
+        self._readouts = np.ascontiguousarray(by_group, dtype=np.float32)
+        self._doubt = bank.recipe.doubt
         self._centre = bank.centre
         self._leak = np.float32(reservoir.leak)
         self._gain = 1.0 - np.exp(-1.0 / (memory * rate))
         self._neurons = neurons
         self._state = np.zeros(neurons + self.channels, dtype=np.float32)
         self._drive = np.zeros(neurons, dtype=np.float32)
-        self._guess = np.zeros((experts, self.channels), dtype=np.float32)
-        self._error = np.zeros(experts)
-        self._square = np.zeros(experts, dtype=np.float32)  # a sum into double precision takes twice as long
+        self._together = bank.together
+        self._guess = np.zeros((groups, experts, self.channels), dtype=np.float32)
+        self._read = [
+            (self._readouts[group], self._state[size * group : size * (group + 1)], self._guess[group].reshape(-1))
+            for group in range(groups)
+        ]
+        joints = self._guess.reshape(groups, experts, -1, self._together)
+        self._by_joint, self._error = joints, np.zeros(joints.shape[:-1])
+        # A sum into double precision takes twice as long.
+        self._square = np.zeros(joints.shape[:-1], dtype=np.float32)
+        self._log = np.zeros(joints.shape[:-1])
         self._weight = 0.0
         self.costs = np.full(experts, np.nan)
         self.frames = 0
@@ -80,19 +92,21 @@ class OnlineRecognizer:
         neurons, state = self._neurons, self._state
         state[neurons:] = frame
         if self.frames:
-            np.dot(self._readouts, state[:neurons], out=self._guess.reshape(-1))
+            for readouts, seen, guess in self._read:
+                np.dot(readouts, seen, out=guess)
             self._guess -= state[neurons:]
             square = self._square
-            np.einsum("mc,mc->m", self._guess, self._guess, out=square)
-            square *= self._gain / self.channels
+            np.einsum("gmjc,gmjc->gmj", self._by_joint, self._by_joint, out=square)
+            square *= self._gain / self._together
             self._error *= 1.0 - self._gain
             self._error += square
             self._weight += self._gain * (1.0 - self._weight)
-            costs = self.costs
-            np.multiply(self._error, 1.0 / self._weight, out=costs)
-            np.maximum(costs, SMALLEST_ERROR, out=costs)
-            np.log(costs, out=costs)
-            costs -= self._centre
+            logs = self._log
+            np.multiply(self._error, 1.0 / self._weight, out=logs)
+            np.maximum(logs, SMALLEST_ERROR, out=logs)
+            np.log(logs, out=logs)
+            np.mean(logs, axis=(0, 2), out=self.costs)
+            self.costs -= self._centre
         np.dot(self._step, state, out=self._drive)
         self._drive += self._bias
         np.tanh(self._drive, out=self._drive)
@@ -126,8 +140,8 @@ class OnlineRecognizer:
 
     @property
     def known(self) -> bool:
-        """Whether the margin is large enough to believe the verdict."""
-        return self.ready and self.margin >= self.threshold
+        """Whether the verdict is sure enough to be believed."""
+        return self.ready and self.margin - self._doubt * float(self.costs.min()) >= self.threshold
 
     def behind(self, motion: str) -> float:
         """How far a motion's expert is behind the best one, in log error; 0 if it is the best."""

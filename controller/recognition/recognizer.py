@@ -18,6 +18,7 @@ from motiondeck_base.errors import MotiondeckError
 
 # A known motion is called unknown this often, by its own training set.
 FALSE_REJECTIONS = 0.05
+LEAST_CONFIDENCE = -1e3  # nothing falls short of it
 SHORTEST_STRETCH, LONGEST_STRETCH = 0.1, 10.0
 
 
@@ -27,7 +28,7 @@ class RecognitionVerdict:
 
     Attributes:
         motion: the nearest class.
-        known: whether the margin is large enough to believe it.
+        known: whether it is sure enough to be believed.
         margin: how far the best expert is ahead of the second, in log error.
         costs: the centred log error of each class, least is nearest.
     """
@@ -45,7 +46,7 @@ class Recognizer:
     Attributes:
         recipe: what it looks at; its joints are spelled out.
         bank: its experts.
-        threshold: the margin below which a motion is called unknown.
+        threshold: the confidence (`ExpertBank.confidences`) below which a motion is called unknown.
         clips: how many clips it was trained on.
         sources: the names of their files.
     """
@@ -82,7 +83,8 @@ class Recognizer:
         """The verdict on centred log errors, shape (M,)."""
         margin = float(margins(costs[None])[0])
         named = dict(zip(self.bank.classes, costs.tolist(), strict=True))
-        return RecognitionVerdict(self.bank.classes[int(costs.argmin())], margin >= self.threshold, margin, named)
+        known = float(self.bank.confidences(costs[None])[0]) >= self.threshold
+        return RecognitionVerdict(self.bank.classes[int(costs.argmin())], known, margin, named)
 
 
 def train_recognizer(
@@ -139,16 +141,16 @@ def _trained_bank(
 
 
 def rejection_threshold(signals: list[list[Array]], dataset: Dataset, experts: ExpertRecipe) -> float:
-    """The margin that a share of FALSE_REJECTIONS of the known motions falls short of, by cross-validation.
+    """The confidence that a share of FALSE_REJECTIONS of the known motions falls short of, by cross-validation.
 
-    Zero, which rejects nothing, where the set is too small to be split.
+    LEAST_CONFIDENCE, which rejects nothing, where the set is too small to be split.
     """
     seen: list[Array] = []
     try:
         splits = inner_folds(dataset.labels, dataset.actors)
     except MotiondeckError:
-        return 0.0
+        return LEAST_CONFIDENCE
     for learn, ask in splits:
         bank = _trained_bank(signals, learn, dataset, experts)
-        seen.append(margins(bank.costs([signal for i in ask for signal in signals[i]])))
+        seen.append(bank.confidences(bank.costs([signal for i in ask for signal in signals[i]])))
     return float(np.quantile(np.concatenate(seen), FALSE_REJECTIONS))

@@ -12,14 +12,15 @@ from controller.networks.reservoirs.reservoir import Reservoir
 from controller.recognition.expert_bank import ExpertBank
 from controller.recognition.experts import ExpertRecipe, Moments
 from controller.recognition.features import FeatureRecipe
-from controller.recognition.recognizer import Recognizer
+from controller.recognition.recognizer import LEAST_CONFIDENCE, Recognizer
 from controller.rotations import Array
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 from motiondeck_base.toml_file import shaped
 
-VERSION = 1
+VERSION = 2
+OLDER = (1,)  # whose yy is a sum over the channels
 KEY = "motiondeck recognizer"
-KIND = Kind("recognizer", KEY, VERSION, "`motiondeck recognize train`")
+KIND = Kind("recognizer", KEY, VERSION, "`motiondeck recognize train`", OLDER)
 
 
 class RecognizerInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -30,7 +31,7 @@ class RecognizerInfo(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw
         classes: the motions it knows.
         features: what it looks at.
         experts: how its experts are made.
-        threshold: the margin below which a motion is called unknown.
+        threshold: the confidence below which a motion is called unknown.
         clips: how many clips it was trained on.
         sources: the names of their files.
         licence: terms of the recordings, if they were given.
@@ -92,11 +93,15 @@ def load_recognizer(path: Path) -> Recognizer:
     )
     xx = stored.take("xx", classes, neurons, neurons, kind=np.float64)
     xy = stored.take("xy", classes, neurons, channels, kind=np.float64)
-    yy, count = (stored.take(name, classes, kind=np.float64) for name in ("yy", "count"))
+    count = stored.take("count", classes, kind=np.float64)
+    if info.version == 1:
+        yy = np.tile(stored.take("yy", classes, kind=np.float64)[:, None] / channels, channels)
+    else:
+        yy = stored.take("yy", classes, channels, kind=np.float64)
     stored.finish()
     if (count <= 0.0).any() or (yy < 0.0).any():
         raise FileFormatError(f"{path}: a class was trained on nothing")
-    parts = tuple(Moments(xx[m], xy[m], float(yy[m]), float(count[m])) for m in range(classes))
+    parts = tuple(Moments(xx[m], xy[m], yy[m], float(count[m])) for m in range(classes))
     bank = ExpertBank(info.experts, reservoir, tuple(info.classes), parts)
     try:
         usable = bool(np.isfinite(bank.readouts).all() and np.isfinite(bank.centre).all())
@@ -114,6 +119,6 @@ def _read_info(path: Path, tree: object) -> RecognizerInfo:
         raise error if isinstance(error, FileFormatError) else FileFormatError(f"{path} (header): {error}") from None
     if len(info.classes) < 2 or len(set(info.classes)) < len(info.classes):
         raise FileFormatError(f"{path}: its header names fewer than two classes, or one twice")
-    if not (np.isfinite(info.threshold) and info.threshold >= 0.0):
+    if not (np.isfinite(info.threshold) and abs(info.threshold) <= -LEAST_CONFIDENCE):
         raise FileFormatError(f"{path}: a threshold of {info.threshold} is impossible")
     return info

@@ -24,7 +24,17 @@ def train(
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The recognizer to write (.safetensors).")],
     neurons: Annotated[
         int, typer.Option("--neurons", metavar="N", help="Neurons of the reservoir.", min=1, max=2000)
-    ] = 100,
+    ] = 200,
+    groups: Annotated[
+        int,
+        typer.Option(
+            "--groups",
+            metavar="N",
+            help="Groups of neurons that judge joint by joint; 1 judges all joints together.",
+            min=1,
+            max=100,
+        ),
+    ] = 8,
     rate: Annotated[
         float, typer.Option("--rate", metavar="HZ", help="Frame rate at which motions are compared, Hz.")
     ] = 30.0,
@@ -40,7 +50,8 @@ def train(
         typer.Option(
             "--stretch",
             metavar="FACTOR",
-            help="Learn each recording as if it took this many times as long; repeatable. Default: 1.",
+            help="Learn each recording as if it took this many times as long; repeatable. "
+            "Default: 0.5, 0.7, 1, 1.4 and 2.",
         ),
     ] = None,
     licence: Annotated[
@@ -52,14 +63,14 @@ def train(
 
     The folder has one folder per motion, with recordings of any format. Skeletons (.asf) lie beside the recordings or
     above them; the name of a recording begins with the name of its skeleton. A file that cannot be used is named and
-    skipped; the exit code is then 3. If few people are recorded and others move faster or slower, give several
-    --stretch; training then takes that many times as long.
+    skipped; the exit code is then 3. Every recording is also learned faster and slower, so that motions are known at
+    half and at twice their tempo; --stretch 1 leaves that out.
 
-    Example:  motiondeck recognize train hdm05 --out hdm05.safetensors --stretch 0.7 --stretch 1 --stretch 1.4
+    Example:  motiondeck recognize train hdm05 --out hdm05.safetensors
     """
     import msgspec
 
-    from controller.recognition.experts import STRETCHED_LEAK, ExpertRecipe
+    from controller.recognition.experts import STRETCHED_LEAK, STRETCHES, ExpertRecipe
     from controller.recognition.features import FeatureRecipe
     from controller.recognition.recognizer import train_recognizer
     from controller.recognition.recognizer_file import save_recognizer
@@ -69,8 +80,8 @@ def train(
         raise MotiondeckError(f"{out.parent}: there is no such folder to write the recognizer to")
     look = FeatureRecipe(rate=rate, joints=tuple(name.strip() for name in joints.split(",") if name.strip()))
     dataset = read(data)
-    stretches = tuple(dict.fromkeys(stretch or (1.0,)))
-    experts = ExpertRecipe(neurons=neurons, seed=seed)
+    stretches = tuple(dict.fromkeys(stretch or STRETCHES))
+    experts = ExpertRecipe(neurons=neurons, seed=seed, groups=groups)
     if len(stretches) > 1:
         experts = msgspec.structs.replace(experts, leak=STRETCHED_LEAK)
     recognizer = train_recognizer(dataset, look, experts, stretches)
@@ -80,7 +91,7 @@ def train(
         print(json.dumps(said))
     else:
         print(f"{recognizer.clips} clips of {len(recognizer.bank.classes)} motions: {', '.join(said['motions'])}")
-        print(f"a motion is called unknown below a margin of {recognizer.threshold:.3f}")
+        print(f"a motion is called unknown below a confidence of {recognizer.threshold:.3f}")
         print(f"wrote {out} ({out.stat().st_size / 1e6:.1f} MB)")
     leave(dataset)
 
@@ -183,8 +194,9 @@ def describe(recognizer: Recognizer) -> dict[str, Any]:
         "motions": list(recognizer.bank.classes),
         "clips": recognizer.clips,
         "neurons": recognizer.bank.recipe.neurons,
+        "groups": recognizer.bank.recipe.groups,
         "leak": recognizer.bank.recipe.leak,
-        "channels": recognizer.bank.readouts.shape[1],
+        "channels": recognizer.bank.readouts.shape[2],
         "joints": list(recognizer.recipe.joints),
         "rate_hz": recognizer.recipe.rate,
         "threshold": recognizer.threshold,

@@ -106,7 +106,7 @@ def cross_surprise(signal: Array, rate: float, recipe: ExpertRecipe) -> Array:
 
 
 def _readout(x: Array, y: Array, recipe: ExpertRecipe) -> Array:
-    return readout(Moments(x.T @ x, x.T @ y, 0.0, 1.0), recipe.ridge)
+    return readout(Moments(x.T @ x, x.T @ y, np.zeros(y.shape[1]), 1.0), recipe.ridge)
 
 
 def _error(weights: Array, x: Array, y: Array) -> float:

@@ -26,7 +26,7 @@ def bank():
 
 
 def watch_over(bank, patience=0.5):
-    channels = bank.readouts.shape[1]
+    channels = bank.readouts.shape[2]
     return DeckWatch(bank, [f"j{n}" for n in range(channels)], RATE, patience)
 
 

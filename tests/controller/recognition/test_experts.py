@@ -10,7 +10,7 @@ from controller.recognition.experts import (
     force,
     frame_errors,
     log_errors,
-    mean_error,
+    mean_errors,
     moments,
     readout,
     total,
@@ -43,8 +43,11 @@ def test_a_readout_from_moments_is_the_ridge_regression_on_all_states(seed):
 def test_moments_know_the_error_of_any_readout(seed):
     forced = force(expert_reservoir(SMALL, 3), signals(seed), 0)
     weights = np.random.default_rng(seed).normal(0, 0.3, (3, 20))
-    errors = np.concatenate([frame_errors(weights[None], f) for f in forced])
-    assert mean_error(weights, total(moments(f) for f in forced)) == pytest.approx(errors.mean(), rel=1e-8)
+    groups = weights.reshape(3, 2, 10).transpose(1, 0, 2)
+    for readouts, together in ((weights[None], 3), (groups, 1)):
+        errors = np.concatenate([frame_errors(readouts[None], f, together) for f in forced])
+        found = mean_errors(readouts, total(moments(f) for f in forced), together)
+        assert found == pytest.approx(errors.mean((0, 1)), rel=1e-8)
 
 
 def test_a_state_has_seen_everything_up_to_the_frame_before():
@@ -93,7 +96,7 @@ def test_each_motion_is_foretold_best_by_its_own_expert():
     learned = [features(clip(name, "ann", pace), LOOK) for name in names for pace in (0.9, 1.0, 1.1)]
     bank = teach(ExpertRecipe(), learned, [name for name in names for _ in range(3)])
     asked = [features(clip(name, "bob", 1.05, 20), LOOK) for name in names]
-    errors = log_errors(bank.readouts, bank.force(asked))
+    errors = log_errors(bank.readouts, bank.force(asked), bank.together)
     assert (np.diag(errors) == errors.min(0)).all()
 
 
@@ -115,3 +118,33 @@ def test_the_margin_is_the_lead_over_the_second():
     costs = np.array([[3.0, -1.0, 0.5], [2.0, 2.0, 9.0]])
     assert np.allclose(margins(costs), [1.5, 0.0])
     assert np.allclose(margins(costs[:, :1]), 0.0)
+
+
+def test_a_committee_is_the_mean_over_groups_and_joints():
+    """Each group judges by its own neurons, joint by joint; the mean is what each would say by itself."""
+    parts, names = signals(7, 6, channels=6), ["a", "b", "a", "b", "a", "b"]
+    recipe = ExpertRecipe(neurons=20, groups=2)
+    bank = teach(recipe, parts, names)
+    forced = bank.force(parts)
+    expected = np.zeros((len(parts), 2))
+    for group in (slice(0, 10), slice(10, 20)):
+        for expert, of in enumerate(bank.moments):
+            weights = ridge_of(of, group, recipe.ridge)
+            for number, one in enumerate(forced):
+                square = np.square(one.states[:, group] @ weights.T - one.targets).mean(0)
+                expected[number, expert] += np.log(square.reshape(2, 3).mean(1)).sum() / 4.0
+    assert np.allclose(bank.costs(parts), expected - bank.centre, atol=1e-9)
+
+
+def ridge_of(of, group, share):
+    """A readout from moments, by solving the normal equations."""
+    xx, xy = of.xx[group, group], of.xy[group]
+    return np.linalg.solve(xx + share * np.trace(xx) / len(xx) * np.eye(len(xx)), xy).T
+
+
+def test_a_committee_subtracts_a_share_of_the_best_cost_from_its_margin():
+    parts = signals(8, 4, channels=6)
+    costs = np.array([[-1.0, -0.5], [2.0, 3.0]])
+    assert np.allclose(teach(SMALL, parts, ["a", "b"] * 2).confidences(costs), [0.5, 1.0])
+    committee = teach(ExpertRecipe(neurons=20, groups=2), parts, ["a", "b"] * 2)
+    assert np.allclose(committee.confidences(costs), [0.6, 0.8])

@@ -28,7 +28,15 @@ def see(online, frames):
     return online
 
 
-def test_with_a_long_memory_it_says_what_the_whole_clip_says(bank):
+@pytest.fixture(scope="module")
+def committee():
+    parts = [features(clip(name, who), LOOK) for name in CLASSES for who in ("ann", "bob")]
+    return teach(ExpertRecipe(neurons=60, groups=4, washout=0), parts, [name for name in CLASSES for _ in range(2)])
+
+
+@pytest.mark.parametrize("kind", ["bank", "committee"])
+def test_with_a_long_memory_it_says_what_the_whole_clip_says(kind, request):
+    bank = request.getfixturevalue(kind)
     frames = features(clip("march", "cem"), LOOK)
     online = see(OnlineRecognizer(bank, 0.0, 30.0, memory=1e6), frames)
     assert np.allclose(online.costs, bank.costs([frames])[0], atol=1e-3)

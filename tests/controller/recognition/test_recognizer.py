@@ -65,6 +65,22 @@ def test_a_file_brings_back_the_same_recognizer(trained, file):
     assert again.sources == trained.sources
 
 
+def test_a_committee_comes_back_from_its_file(tmp_path):
+    experts = ExpertRecipe(neurons=48, groups=4)
+    trained = train_recognizer(dataset(("ann", "bob")), FeatureRecipe(), experts)
+    save_recognizer(trained, tmp_path / "committee.safetensors")
+    again = load_recognizer(tmp_path / "committee.safetensors")
+    assert again.bank.recipe == experts
+    assert again.recognize(clip("march", "cem")) == trained.recognize(clip("march", "cem"))
+
+
+def test_a_file_of_the_first_version_says_the_same(trained, file, tmp_path):
+    sums = np.array([of.yy.sum() for of in trained.bank.moments])
+    old = load_recognizer(rewritten(file, tmp_path / "old.safetensors", {"yy": sums}, {"version": 1}))
+    costs, expected = (one.recognize(clip("march", "cem")).costs for one in (old, trained))
+    assert list(costs.values()) == pytest.approx(list(expected.values()), abs=1e-9)
+
+
 def rewritten(file, out, arrays=None, header=None):
     with safe_open(file, framework="numpy") as opened:
         there = {name: opened.get_tensor(name) for name in opened.keys()}  # noqa: SIM118
@@ -86,7 +102,7 @@ def rewritten(file, out, arrays=None, header=None):
     ({"input_weights": np.zeros(3)}, {}, "'input_weights' is missing or empty"),
     ({}, {"version": 9}, "format version 9"),
     ({}, {"classes": ["a", "a", "b"]}, "one twice"),
-    ({}, {"threshold": -1.0}, "threshold"),
+    ({}, {"threshold": -1e4}, "threshold"),
     ({}, {"colour": "red"}, "unknown key 'colour'"),
     ({}, {"experts": {"neurons": 0}}, "at least one neuron"),
 ])  # fmt: skip
