@@ -8,6 +8,7 @@ import numpy as np
 
 from controller.rotations import Array
 from sim.models.walk_settings import WalkSettings
+from sim.physics.walking.capture_point import GRAVITY
 from sim.physics.walking.footfalls import Swing
 from sim.physics.walking.steps import Step, pressure_course, swing_path
 
@@ -15,8 +16,8 @@ from sim.physics.walking.steps import Step, pressure_course, swing_path
 GROWS = (0.3, 0.55, 0.8, 1.0)
 # Who has stood for so long starts anew, s.
 STOOD = 0.6
-# A step takes at least so long, s.
-SHORTEST = 0.2
+# A step takes at least so long, s, and at most so long, in sqrt(height / g): on one foot errors grow.
+SHORTEST, SLOWEST = 0.2, 3.3
 # A swing that has not ended yet in the preview lasts at least so long, s.
 UNKNOWN = 0.3
 # In the last share of a swing its goal stays where it is.
@@ -49,6 +50,7 @@ class Gait:
         self._set, self._height, self._sides = settings, height, sides
         self._roll = 0.5 * sole * settings.roll
         self._width = settings.width * height
+        self._slowest = SLOWEST * float(np.sqrt(height / GRAVITY))
 
     def start(self, middle: Array, facing: float, yaws: Array) -> None:
         """Stands with both feet beside a point (2,), m, facing a direction, rad; the feet point to yaws (2,), rad."""
@@ -172,12 +174,13 @@ class Gait:
                 planned.start, planned.place = step.start, planned.place + self._longer
                 self.step = step = planned
             else:
-                start = max(swing.start, free)
-                if landed is not None and start - landed > STOOD and not steps:
+                end = self._end(swing, max(swing.start, free))
+                start = max(swing.start, free, end - self._slowest)
+                if landed is not None and swing.start - landed > STOOD and not steps:
                     count = 0
                 grown = len(GROWS) if swing in self._own else count
                 step = self._planned(swing, places[1 - swing.foot], heading, astray, grown)
-                step.start, step.end = start, self._end(swing, start)
+                step.start, step.end = start, max(end, start + SHORTEST)
                 count += 1
                 if start <= now and self.step is None:
                     self._begin(step, swing, count)
@@ -212,7 +215,8 @@ class Gait:
         x, y = swing.from_other
         end = self._end(swing, swing.start)
         # A foot that passes the other one goes twice as far as it lands ahead of it.
-        most = self._height * min(self._set.longest, 0.5 * self._set.fastest * (end - swing.start))
+        seconds = min(end - swing.start, self._slowest)
+        most = self._height * min(self._set.longest, 0.5 * self._set.fastest * seconds)
         ahead = min(max(share * x, -most), most)
         side = self._sides[swing.foot]
         apart = min(max(self._width + share * (side * y - self._width), self._width), 1.9 * self._width)

@@ -103,3 +103,25 @@ def test_a_swinging_foot_leaves_and_lands_softly():
     assert speed.min() >= 0.0
     assert speed.max() < 1.4
     assert speed[0] < 0.05 > speed[-1]
+
+
+def test_of_a_slow_step_most_is_spent_on_both_feet():
+    gait, footfalls = new_gait(), Footfalls(1.0, DT)
+    swinging = 0.0
+    for k, row in enumerate(zip(*walking_soles(14.0, DT, step=2.0), strict=True)):
+        footfalls.add(k * DT, *row)
+        ended = gait.advance((k + 1) * DT - PREVIEW, footfalls.swings, PREVIEW)
+        if ended is not None:
+            footfalls.forget(ended)
+        swinging = swinging + DT if gait.step is not None else 0.0
+        assert swinging < 1.2
+    assert gait.places[:, 0].max() > 0.5
+
+
+def test_strides_that_are_too_long_or_too_quick_become_shorter():
+    long = new_gait()
+    pendulum(long, 6.0, catch=False, length=2.0, step=0.5)
+    assert abs(long.places[0, 0] - long.places[1, 0]) <= SETTINGS.longest + 1e-9
+    quick = new_gait()
+    pendulum(quick, 6.0, catch=False, length=0.9, step=0.3)
+    assert abs(quick.places[0, 0] - quick.places[1, 0]) < 0.5 * SETTINGS.fastest * 0.35
