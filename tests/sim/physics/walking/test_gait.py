@@ -115,7 +115,7 @@ def test_of_a_slow_step_most_is_spent_on_both_feet():
             footfalls.forget(ended)
         swinging = swinging + DT if gait.step is not None else 0.0
         assert swinging < 1.2
-    assert gait.places[:, 0].max() > 0.5
+    assert gait.places[:, 0].max() > 0.4
 
 
 def test_strides_that_are_too_long_or_too_quick_become_shorter():
