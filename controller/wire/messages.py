@@ -7,6 +7,7 @@ Queue or Blend that was accepted is answered once more when it has settled. Who 
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal, get_args
 
 import msgspec
@@ -271,6 +272,18 @@ class LockState(msgspec.Struct, frozen=True):
         off = f" ({self.error_ms:+.0f} ms)" if self.error_ms is not None else ""
         state = {"searching": "searching for", "locked": "locked to", "waiting": "waiting for"}[self.state]
         return f"{state} {to}{beat}{off}"
+
+
+def lock_numbers(lock: LockState | None) -> dict[str, float]:
+    """A lock as fields of telemetry and recordings: indices of LOCK_SOURCES and LOCK_STAGES, -1 for none, and ms."""
+    if lock is None:
+        return {"lock_source": -1.0, "lock_stage": -1.0, "lock_error_ms": math.nan}
+    error = lock.error_ms if lock.error_ms is not None else math.nan
+    return {
+        "lock_source": float(LOCK_SOURCES.index(lock.source)),
+        "lock_stage": float(LOCK_STAGES.index(lock.state)),
+        "lock_error_ms": error,
+    }
 
 
 class State(msgspec.Struct, frozen=True, tag="state"):

@@ -24,9 +24,10 @@ from controller.rotations import Array
 from controller.wire.telemetry import named
 from motiondeck_base.errors import FileFormatError
 
-VERSION = 3
-READABLE = (1, 2, 3)
-"""Version 1 lacks `robot_root`, `seen` and `confidence`; up to 2 the tempo is called `speed`, and `phase` lacks."""
+VERSION = 4
+READABLE = (1, 2, 3, 4)
+"""Version 1 lacks `robot_root`, `seen` and `confidence`; up to 2 the tempo is called `speed`, and `phase` lacks;
+up to 3 what it is locked to lacks."""
 COMMANDS = (
     *("switch", "queue", "tempo", "pause", "resume", "home", "estop", "reset", "stop", "blend", "jump"),
     *("input", "beat", "lock", "unlock"),

@@ -16,7 +16,7 @@ from controller.loop.stop_requests import StopRequest
 from controller.mocap.skeleton import Skeleton
 from controller.networks.base import Activation
 from controller.rotations import Array
-from controller.wire.messages import LOCK_SOURCES, LOCK_STAGES, LockState
+from controller.wire.messages import LockState, lock_numbers
 from controller.wire.run_recording import MODES
 from controller.wire.telemetry import StateWriter
 
@@ -218,10 +218,9 @@ class Page:
         fields["paused"][0] = deck.paused
         fields["settled"][0] = deck.settled
         lock = deck.lock_state
-        fields["lock_source"][0] = LOCK_SOURCES.index(lock.source) if lock is not None else -1
-        fields["lock_stage"][0] = LOCK_STAGES.index(lock.state) if lock is not None else -1
-        error, beats = (lock.error_ms, lock.per_minute) if lock is not None else (None, None)
-        fields["lock_error_ms"][0] = error if error is not None else math.nan
+        for name, value in lock_numbers(lock).items():
+            fields[name][0] = value
+        beats = lock.per_minute if lock is not None else None
         fields["beats_per_minute"][0] = beats if beats is not None else math.nan
         fields["mode"][0] = MODES.index(stop.mode)
         fields["rate_hz"][0] = state.rate

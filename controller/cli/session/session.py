@@ -47,7 +47,7 @@ from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array
 from controller.wire.command_socket import CommandServer
 from controller.wire.leader_link import LeaderLink
-from controller.wire.messages import EmergencyStop, Refused
+from controller.wire.messages import EmergencyStop, Refused, lock_numbers
 from motiondeck_base.errors import MotiondeckError
 
 
@@ -395,6 +395,7 @@ class Session:
             tempo=deck.tempo,
             phase=deck.phase if deck.phase is not None else math.nan,
             switching=not deck.settled,
+            **lock_numbers(deck.lock_state),
             seen=deck.motions.index(seen[0]) if seen is not None else -1.0,
             confidence=seen[1] if seen is not None else 0.0,
         )

@@ -46,6 +46,7 @@ _NUMBERS = (
     *("tick", "time_s", "late_us", "work_us", "overruns"),
     *("motion", "tempo", "phase", "switching", "mode"),
     *("command", "argument", "refused"),
+    *("lock_source", "lock_stage", "lock_error_ms"),
     *("seen", "confidence"),
 )
 
@@ -113,8 +114,8 @@ class TickRecorder:
             stop: knows in which mode it is.
             measured: joint positions (J,), rad, if any.
             placed: where the robot's root was meant to be, position and quaternion, shape (7,), m.
-            numbers: motion (its index), tempo, phase (NaN if there is none), switching and time_s; seen (an index too)
-                and confidence.
+            numbers: motion (its index), tempo, phase (NaN if there is none), switching and time_s; those of
+                `lock_numbers`; seen (an index too) and confidence.
         """
         fields = self._writer.fields
         fields["targets"][:] = state.targets[: len(fields["targets"])]  # of the first robot

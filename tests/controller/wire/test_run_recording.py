@@ -100,7 +100,7 @@ def test_another_version_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr("controller.wire.run_recording.VERSION", 4)
     write(tmp_path / "r", [1])
     monkeypatch.undo()
-    with pytest.raises(FileFormatError, match="version 4; this Motiondeck reads versions 1 to 3"):
+    with pytest.raises(FileFormatError, match="version 5; this Motiondeck reads versions 1 to 4"):
         load_recording(tmp_path / "r")
 
 

@@ -15,6 +15,7 @@ from command_line import motiondeck
 from controller.cli.pictures.clip_scene import act_of_recording
 from controller.deck.recorded_deck import RecordedDeck
 from controller.library.motion_library import load_library, save_library
+from controller.wire.messages import LOCK_SOURCES, LOCK_STAGES
 from controller.wire.run_recording import COMMANDS, MODES, load_recording
 from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.playback import KinematicPlayback
@@ -102,7 +103,7 @@ def servo_run(folder):
     """A run of a robot that is placed by its feet, with what its joints looked like."""
     done = process(
         *("play", "walk", "--robot", "servo20", "--headless", "--kinematic", "--command-port", "0", "--seconds", "1.5"),
-        *("--rate", "100", "--record", folder / "servo.rec", "--recognize", "--json"),
+        *("--rate", "100", "--record", folder / "servo.rec", "--recognize", "--lock-to", "body", "--json"),
     )
     assert done.returncode == 0, done.stderr
     return load_recording(folder / "servo.rec")
@@ -131,6 +132,16 @@ def test_what_was_recognized_is_recorded(servo_run):
     assert motions.index("walk") in seen
     assert set(seen) <= {-1.0, *range(len(motions))}
     assert ((confidence >= 0.0) & (confidence < 1.0)).all()
+
+
+def test_what_the_phase_was_locked_to_is_recorded(servo_run, run, folder):
+    assert set(servo_run.fields["lock_source"][:, 0]) == {LOCK_SOURCES.index("body")}
+    stages = servo_run.fields["lock_stage"][:, 0]
+    assert stages[-1] == LOCK_STAGES.index("locked")
+    assert np.abs(servo_run.fields["lock_error_ms"][-1, 0]) < 80.0
+    free = load_recording(folder / "show.rec").fields
+    assert set(free["lock_source"][:, 0]) == set(free["lock_stage"][:, 0]) == {-1.0}
+    assert np.isnan(free["lock_error_ms"]).all()
 
 
 def test_a_recording_is_plotted(run, folder):
