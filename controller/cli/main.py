@@ -11,19 +11,13 @@ from importlib import import_module
 from importlib.metadata import version
 from typing import Annotated, Any
 
+from motiondeck_base.early_end import take_signals
+
 # While modules are still being imported Ctrl-C ends the program silently.
 signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
-def _end_early(number: int, frame: object) -> None:
-    """Ends the program where a signal asks for it before a run has begun, which takes signals itself."""
-    print(f"motiondeck: ended by {signal.Signals(number).name}", file=sys.stderr)
-    sys.exit(128 + number)
-
-
-for _number in (signal.SIGTERM, signal.SIGHUP):
-    if signal.getsignal(_number) == signal.SIG_DFL:
-        signal.signal(_number, _end_early)
+take_signals()
 
 # Two BLAS threads cost a loop eight milliseconds at p99; this must be set before numpy is imported.
 for _library in ("OPENBLAS", "OMP", "MKL"):

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from controller.wire.messages import Mode
+from motiondeck_base.early_end import end_if_asked
 from motiondeck_base.errors import MotiondeckError
 
 
@@ -91,7 +92,11 @@ def stop_on_signals() -> Iterator[StopRequest]:
     """A request that SIGINT, SIGTERM and SIGHUP set; the next signal raises KeyboardInterrupt.
 
     Outside the main thread Python handles no signals, and the request is set by the caller alone.
+
+    Raises:
+        SystemExit: if a signal has come before.
     """
+    end_if_asked()
     request = StopRequest()
     if threading.current_thread() is not threading.main_thread():
         yield request
