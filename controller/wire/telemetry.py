@@ -68,13 +68,13 @@ class StateWriter:
     """The loop's side: fill `fields` in place, then `publish`.
 
     Attributes:
-        fields: the values of the next `publish`, each a float64 array to write into.
+        fields: the values of the next `publish`, each a float64 array to write into; NaN until it is written.
     """
 
     def __init__(self, memory: mmap.mmap, layout: _Layout, fields: Mapping[str, int]) -> None:
         self._control = layout.control_of(memory)
         self._slots = layout.slots_of(memory)
-        self._values = np.zeros(layout.values)
+        self._values = np.full(layout.values, np.nan)
         self._words = self._values.view(np.uint64)
         self._number = 0
         self.fields = named(self._values, fields)

@@ -37,7 +37,7 @@ from sim.view.ghost import WAYS
 from sim.view.page_style import MARK_OF_MOTIONS, STYLE
 from sim.view.private_page import PrivatePage
 from sim.view.recognition_text import what_is_seen
-from sim.view.state_line import RunState, button_labels, ended_line, state_line
+from sim.view.state_line import RunState, button_labels, ended_line, number_in, state_line
 
 ANSWER_WITHIN = 1.0
 # A hand on a slider keeps it for so long before the deck's own value is shown again, s.
@@ -213,11 +213,11 @@ class Panel:
             self._estop.label = "Reset" if self._stopped else "Emergency stop"
             for control, command in self._controls:
                 control.disabled = now.mode not in command.modes
-        tempo = round(_number(state, "tempo", 1.0), 2)
+        tempo = round(number_in(state, "tempo", 1.0), 2)
         if abs(tempo - self._tempo.value) > 0.024 and time.monotonic() - self._moved > HAND_ON:
             self._tempo.value = min(max(tempo, self._tempo.min), self._tempo.max)
         if self._phase is not None and time.monotonic() - self._jumped > HAND_ON:
-            self._phase.value = round(_number(state, "phase", 0.0), 2)
+            self._phase.value = round(number_in(state, "phase", 0.0), 2)
         self._health.content = _health(state)
         if "seen" in state:
             self._seen.content = what_is_seen(state, self._motions, self._joints)
@@ -300,17 +300,12 @@ class Panel:
             self._notify("Refused", refusal)
 
 
-def _number(state: dict[str, Array], field: str, default: float) -> float:
-    values = state.get(field)
-    return float(values[0]) if values is not None and len(values) and np.isfinite(values[0]) else default
-
-
 def _lock(state: dict[str, Array]) -> LockState | None:
     """What the phase is locked to, if it is."""
-    source, stage = int(_number(state, "lock_source", -1.0)), int(_number(state, "lock_stage", -1.0))
+    source, stage = int(number_in(state, "lock_source", -1.0)), int(number_in(state, "lock_stage", -1.0))
     if source < 0 or stage < 0:
         return None
-    error, beats = (_number(state, field, float("nan")) for field in ("lock_error_ms", "beats_per_minute"))
+    error, beats = (number_in(state, field, float("nan")) for field in ("lock_error_ms", "beats_per_minute"))
     return LockState(LOCK_SOURCES[source], LOCK_STAGES[stage], _known(error), _known(beats))
 
 
@@ -322,7 +317,7 @@ def _health(state: dict[str, Array]) -> str:
     """The loop's figures as a small table."""
 
     def figure(field: str, form: str) -> str:
-        value = _number(state, field, float("nan"))
+        value = number_in(state, field, float("nan"))
         return form.format(value) if np.isfinite(value) else "-"
 
     late = f"{figure('lateness_p50_us', '{:.0f}')} / {figure('lateness_p999_us', '{:.0f} µs')}"
@@ -333,11 +328,11 @@ def _health(state: dict[str, Array]) -> str:
     ]
     if (lock := _lock(state)) is not None:
         cells.append(("lock", str(lock)))
-    if _number(state, "restarts", 0.0) > 0.0:
+    if number_in(state, "restarts", 0.0) > 0.0:
         cells.append(("network restarts", figure("restarts", "{:.0f}")))
-    if _number(state, "kept_apart", 0.0) > 0.0:
+    if number_in(state, "kept_apart", 0.0) > 0.0:
         cells.append(("limbs kept apart", figure("kept_apart", "{:.0f} times")))
-    overruns = _number(state, "overruns", 0.0)
+    overruns = number_in(state, "overruns", 0.0)
     word = "On time: no tick was late." if overruns == 0.0 else f"Late: {overruns:.0f} ticks took longer than a period."
     boxes = "".join(
         f'<div><div style="opacity:.6;font-size:11px">{name}</div>'

@@ -48,22 +48,24 @@ class RunState:
             numbers = state.get(field, np.empty(0))
             return tuple(motions[int(n)] for n in numbers if np.isfinite(n) and 0 <= n < len(motions))
 
-        def number(field: str, default: float) -> float:
-            values = state.get(field)
-            return float(values[0]) if values is not None and len(values) and np.isfinite(values[0]) else default
-
         blended = names("blend")
         motion = next(iter(names("motion")), "")
         return cls(
-            mode=MODES[int(number("mode", 0.0))],
-            paused=bool(number("paused", 0.0)),
+            mode=MODES[int(number_in(state, "mode", 0.0))],
+            paused=bool(number_in(state, "paused", 0.0)),
             motion=motion,
             playing=next(iter(names("playing")), motion),
             way=names("way"),
             queue=names("queue"),
-            blend=(blended[0], number("blend_weight", 0.0)) if blended else None,
-            settled=bool(number("settled", 1.0)),
+            blend=(blended[0], number_in(state, "blend_weight", 0.0)) if blended else None,
+            settled=bool(number_in(state, "settled", 1.0)),
         )
+
+
+def number_in(state: Mapping[str, Array], field: str, default: float) -> float:
+    """One number of the shared state of a run; the default where there is none yet."""
+    values = state.get(field)
+    return float(values[0]) if values is not None and len(values) and np.isfinite(values[0]) else default
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ import numpy as np
 
 from controller.wire.command_socket import CommandClient
 from controller.wire.messages import Event, Subscribe
+from controller.wire.run_folder import REASON_FILE
 from controller.wire.telemetry import StateReader
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 from sim.view.drawn_model import DrawnModel
@@ -39,7 +40,6 @@ PICTURES_PER_SECOND = 30.0
 HEALTH_PER_SECOND = 4.0
 BESIDE = 0.75  # of the robot's height: so far aside a follower, or the human, is drawn
 LAST_WORD = 0.3  # s for the browser to get the reason of the end
-REASON_FILE = "ended"  # beside the state, written by the deck
 LONGEST_WAIT = 60.0  # s for a deck that is starting
 
 

@@ -17,6 +17,7 @@ from controller.mocap.skeleton import Skeleton
 from controller.networks.base import Activation
 from controller.rotations import Array
 from controller.wire.messages import LockState, lock_numbers
+from controller.wire.run_folder import REASON_FILE
 from controller.wire.run_recording import MODES
 from controller.wire.telemetry import StateWriter
 
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
 
 PICTURE_HZ = 50.0
 HEALTH_EVERY = 12  # pictures
-REASON_FILE = "ended"
 MOST_SHOWN = 8  # motions on the way, and in the queue
 
 # What the page shows besides the position of the robot: each field is one number.

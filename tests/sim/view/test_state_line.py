@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from controller.wire.run_recording import MODES
+from controller.wire.telemetry import StateReader, StateWriter
 from sim.view.state_line import RunState, button_labels, ended_line, state_line
 
 MOTIONS = ["walk", "jog", "crawl", "standup", "waltz"]
@@ -69,6 +70,15 @@ def test_the_shared_state_is_read():
 
 def test_what_has_not_been_published_yet_is_read_as_playing():
     assert RunState.of({"motion": np.array([np.nan])}, MOTIONS) == RunState()
+
+
+def test_what_the_deck_has_not_written_yet_is_not_a_motion_on_the_way(tmp_path):
+    fields = {"motion": 1, "playing": 1, "way": 8, "queue": 8, "blend": 1, "blend_weight": 1}
+    writer = StateWriter.create(tmp_path / "state", {}, fields)
+    writer.publish(motion=1.0, playing=1.0)
+    shared = StateReader.open(tmp_path / "state").read()
+    assert shared is not None
+    assert RunState.of(shared, MOTIONS) == RunState(motion=MOTIONS[1], playing=MOTIONS[1])
 
 
 def test_buttons_say_what_part_their_motion_has():
