@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from motiondeck import networks
     from motiondeck.libraries import Library, MotionGenerator, learn, learn_recipe, load_library
-    from motiondeck.live import CommandedMotion, DeckEvent, DeckStatus, LiveDeck, LockState, play
+    from motiondeck.live import CommandedMotion, DeckEvent, DeckStatus, LiveDeck, LockState
     from motiondeck.recognition import (
         RecognitionStream,
         RecognitionVerdict,
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from motiondeck.recordings import Clip, Skeleton, read_recording, save_recording
     from motiondeck.rigs import Rig, open_rig
     from motiondeck.robots import JointMotion, RetargetedFile, Robot, load_robot, retarget_files
+    from motiondeck.starting import play
     from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 __all__ = [
@@ -61,7 +62,8 @@ __all__ = [
 
 _HOMES = {
     "motiondeck.libraries": ("Library", "MotionGenerator", "learn", "learn_recipe", "load_library"),
-    "motiondeck.live": ("CommandedMotion", "DeckEvent", "DeckStatus", "LiveDeck", "LockState", "play"),
+    "motiondeck.live": ("CommandedMotion", "DeckEvent", "DeckStatus", "LiveDeck", "LockState"),
+    "motiondeck.starting": ("play",),
     "motiondeck.recognition": (
         "RecognitionStream",
         "RecognitionVerdict",

@@ -5,18 +5,16 @@ from __future__ import annotations
 
 import contextlib
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal
 
 import msgspec
 
-from controller.cli.session.live_deck import Ended, Failed, LiveNews, LiveRequest, Ready
+from controller.cli.session.live_deck import Ended, Failed, LiveNews, Ready
 from controller.wire.command_socket import CommandClient, SocketError
 from controller.wire.command_table import checked
 from controller.wire.messages import (
@@ -45,11 +43,9 @@ from controller.wire.messages import (
 )
 from controller.wire.messages import Event as DeckEvent
 from controller.wire.messages import State as DeckStatus
-from controller.wire.run_folder import run_folder
-from motiondeck.libraries import Library
 from motiondeck_base.errors import MotiondeckError
 
-__all__ = ["CommandedMotion", "DeckEvent", "DeckStatus", "LiveDeck", "LockState", "play"]
+__all__ = ["CommandedMotion", "DeckEvent", "DeckStatus", "LiveDeck", "LockState"]
 
 _ANSWERS_WITHIN = 5.0  # s
 _ENDS_WITHIN = 30.0  # s: on the way to rest a rig may take its time
@@ -360,75 +356,3 @@ def _told_to(client: CommandClient) -> Iterator[DeckEvent]:
                 if event.kind == "ended":
                     return
     yield DeckEvent("ended", "the deck broke off")
-
-
-def play(
-    library: str | Path | Library = "thesis15",
-    motion: str | None = None,
-    *,
-    robot: str | Path = "mannequin",
-    rig: str | Path | None = None,
-    page: bool | int = False,
-    seconds: float | None = None,
-    record: str | Path | None = None,
-    rate: float = 200.0,
-    physics: bool = True,
-    root: Literal["gantry", "fixed", "free"] = "gantry",
-    balance: bool = False,
-    walk: bool = False,
-    command_port: int = 0,
-    lock_to: str | int | LiveDeck | None = None,
-) -> LiveDeck:
-    """Starts a live deck and returns when it plays.
-
-    The deck ends with its `with` block, with `seconds`, and with the program that started it, whatever becomes of that.
-
-    Args:
-        library: a shipped one by its name, a file, or one in memory.
-        motion: what is played first; `walk` where there is one.
-        robot: a shipped one by its name ("mannequin", "servo20"), or a robot file.
-        rig: its servos: "emulated", a shipped rig or a rig file; None for none.
-        page: whether there is a page in the browser, on a free port or on this one; see `LiveDeck.page`.
-        seconds: how long to play; None until it is closed.
-        record: the file in which every tick is recorded, for `motiondeck replay` and `plot`.
-        rate: ticks of the loop a second, Hz.
-        physics: whether the simulated robot moves by servos and masses, or exactly along its targets.
-        root: what holds it: a gantry, nothing that moves, or nothing at all.
-        balance: whether a free robot keeps its balance.
-        walk: whether a free robot goes where the motion goes, on its own feet.
-        command_port: where commands come in; 0 for a free port.
-        lock_to: "beat", "body", another deck or its command port: what the phase is locked to from the start.
-
-    Raises:
-        MotiondeckError: if a name does not exist (it names the nearest), or a file, port or rig cannot be used.
-    """
-    with contextlib.ExitStack() as opening:
-        if isinstance(library, Library):
-            file = opening.enter_context(run_folder()) / "played.safetensors"
-            library.save(file)
-            library = file
-        request = LiveRequest(
-            library=str(library),
-            motion=motion,
-            robot=str(robot),
-            rig=str(rig) if rig is not None else None,
-            rate=rate,
-            physics=physics,
-            root=root,
-            balance=balance,
-            walk=walk,
-            page_port=None if page is False else 0 if page is True else page,
-            command_port=command_port,
-            seconds=seconds,
-            record=str(record) if record is not None else None,
-            lock_to=str(lock_to.command_port if isinstance(lock_to, LiveDeck) else lock_to) if lock_to else None,
-        )
-        module = "controller.cli.session.live_deck"
-        # In a session of its own: Ctrl-C is for the program, whose `with` block then ends the deck.
-        process = subprocess.Popen(
-            [sys.executable, "-P", "-m", module, msgspec.json.encode(request).decode()],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            start_new_session=True,
-        )
-        return LiveDeck(process, opening.pop_all())

@@ -7,10 +7,10 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import msgspec
 
+from controller.loop.commandable import Commandable, Progress
 from controller.loop.stop_requests import EmergencyStopError, StopRequest
 from controller.wire.command_socket import Address, CommandServer
 from controller.wire.command_table import command_of
@@ -27,8 +27,6 @@ from controller.wire.messages import (
     Home,
     Jump,
     LockPhase,
-    LockSource,
-    LockState,
     Message,
     Mode,
     PhaseNow,
@@ -54,133 +52,6 @@ Awaited = Switch | Queue | Blend
 _MOST_AWAITED = 256  # switches whose second reply is still to come
 _MOST_LISTENERS = 64
 _FORGOTTEN_AFTER = 60.0  # s that a subscriber over a network may be silent
-
-
-class Progress(Protocol):
-    """A switch under way; `deck.switch.CommandedSwitch` has the meaning of each attribute."""
-
-    commanded_s: float
-    settled_s: float | None
-    after: str
-    via: tuple[str, ...]
-    overtaken: bool
-    fell_back: str
-
-
-class Commandable(Protocol):
-    """The part of a deck that commands need; it raises a MotiondeckError for a command that it cannot carry out.
-
-    Attributes:
-        time: s since the start.
-        events: what has happened; whoever tells it takes it out.
-    """
-
-    time: float
-    events: deque[Event]
-
-    @property
-    def motions(self) -> Sequence[str]:
-        """The names of its motions."""
-        ...
-
-    @property
-    def tempo(self) -> float:
-        """The tempo."""
-        ...
-
-    @property
-    def paused(self) -> bool:
-        """Whether it is paused."""
-        ...
-
-    @property
-    def motion(self) -> str:
-        """The motion that is played or being switched to."""
-        ...
-
-    @property
-    def settled(self) -> bool:
-        """Whether no switch is under way."""
-        ...
-
-    @property
-    def queue(self) -> list[str]:
-        """The motions that are played next."""
-        ...
-
-    def switch(self, to: str, *, direct: bool = False) -> Progress:
-        """Starts a switch."""
-        ...
-
-    def enqueue(self, to: str) -> Progress:
-        """Plays a motion after the present and the queued ones."""
-        ...
-
-    @property
-    def blend(self) -> tuple[str, float] | None:
-        """The motion that is blended in, and its weight."""
-        ...
-
-    @property
-    def fell_back(self) -> str:
-        """Why the last blend was given up and what was played instead, or ""."""
-        ...
-
-    def blend_in(self, first: str, second: str, weight: float) -> Progress:
-        """Plays a blend of two motions."""
-        ...
-
-    @property
-    def phase(self) -> float | None:
-        """How far the motion is, from 0 to 1; None if that is not known."""
-        ...
-
-    @property
-    def phase_rate(self) -> float | None:
-        """How many rounds a second a loop makes, negative backwards; None if that is not known."""
-        ...
-
-    @property
-    def lock_state(self) -> LockState | None:
-        """What the phase is locked to, if it is."""
-        ...
-
-    def set_tempo(self, factor: float, over: float = 0.0) -> None:
-        """Plays at another tempo."""
-        ...
-
-    @property
-    def inputs(self) -> dict[str, float]:
-        """The present values of inputs besides the phase."""
-        ...
-
-    def set_input(self, name: str, value: float) -> None:
-        """Gives an input another value."""
-        ...
-
-    def lock(self, source: LockSource, phase: float = 0.0, steps: int = 0) -> None:
-        """Locks the phase to beats, to another deck, or to the measured joints."""
-        ...
-
-    def unlock(self) -> None:
-        """Locks it to nothing."""
-        ...
-
-    def beat(self, ago: float = 0.0) -> None:
-        """Takes a beat."""
-        ...
-
-    def jump(self, phase: float) -> None:
-        """Goes to a phase of the motion that is played."""
-        ...
-
-    def pause(self) -> None:
-        """Comes to a standstill."""
-        ...
-
-    def resume(self) -> None:
-        """Plays on."""
-        ...
 
 
 @dataclass
