@@ -5,7 +5,7 @@ All functions broadcast over the leading axes. A quaternion turns a vector by  v
 
 from __future__ import annotations
 
-from math import cos, sin
+from math import cos, sin, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,11 @@ Array = NDArray[np.float64]
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 
 _TINY = 1e-150  # instead of nothing, where something is divided by it
+
+# In how many rounds of Newton's method the turn of one body is found, and how far apart the best and the second turn
+# have to be for that.
+_MOST_ROUNDS = 50
+_CERTAIN = 1e-3
 
 
 def cross(a: Array, b: Array) -> Array:
@@ -62,8 +67,9 @@ def rotate(q: Array, v: Array) -> Array:
 
 def normalise(a: Array) -> Array:
     """Scales the last axis to unit length; a zero vector stays zero."""
-    length = np.sqrt(dot(a, a))[..., None]
-    return a / np.where(length > 0.0, length, 1.0)
+    length = np.sqrt(np.matmul(a[..., None, :], a[..., None])[..., 0])
+    length += length == 0.0
+    return a / length
 
 
 def from_rotation_vector(v: Array) -> Array:
@@ -153,9 +159,53 @@ def best_fit(m: Array) -> Array:
     Davenport's q-method: the largest eigenvector of a symmetric 4 x 4 matrix). Nothing is divided by, so half turns
     are as safe as any other rotation.
     """
+    if m.ndim == 2 and (found := _best_fit_of_one(m)) is not None:
+        return found
     k = (m.reshape(*m.shape[:-2], 9) @ _DAVENPORT).reshape(*m.shape[:-2], 4, 4)
     q = np.linalg.eigh(k)[1][..., -1]
     return np.where(q[..., :1] < 0.0, -q, q)
+
+
+def _best_fit_of_one(m: Array) -> Array | None:
+    """As `best_fit` for one matrix, in plain numbers, twice as fast; None where that would not be exact.
+
+    The largest eigenvalue of Davenport's matrix K is found by Newton's method from above, on the characteristic
+    polynomial, which has no cubic term (Theobald 2005); its eigenvector is the first column of the adjugate of
+    K - lambda.
+    """
+    a, b, c, d, e, f, g, h, i = m.ravel().tolist()
+    ca, cb, cc = e * i - f * h, f * g - d * i, d * h - e * g
+    cd, ce, cf = c * h - b * i, a * i - c * g, b * g - a * h
+    cg, ch, ci = b * f - c * e, c * d - a * f, a * e - b * d
+    square = a * a + b * b + c * c + d * d + e * e + f * f + g * g + h * h + i * i
+    cofactors = ca * ca + cb * cb + cc * cc + cd * cd + ce * ce + cf * cf + cg * cg + ch * ch + ci * ci
+    c2, c1 = -2.0 * square, -8.0 * (a * ca + b * cb + c * cc)
+    c0 = square * square - 4.0 * cofactors
+    top = sqrt(3.0 * square)
+    for _ in range(_MOST_ROUNDS):
+        slope = (4.0 * top * top + 2.0 * c2) * top + c1
+        if slope <= _CERTAIN * top**3:
+            return None  # two rotations fit nearly as well
+        step = (((top * top + c2) * top + c1) * top + c0) / slope
+        top -= step
+        if step <= 1e-15 * top:
+            break
+    else:
+        return None
+    x, y, z = h - f, c - g, d - b
+    xx, yy, zz = a - e - i - top, e - a - i - top, i - a - e - top
+    xy, xz, yz = b + d, c + g, f + h
+    mx, my, mz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - yy * xz
+    w = xx * mx + xy * my + xz * mz
+    qx = -(x * mx + y * my + z * mz)
+    qy = -(x * my + y * (xx * zz - xz * xz) + z * (xy * xz - xx * yz))
+    qz = -(x * mz + y * (xy * xz - xx * yz) + z * (xx * yy - xy * xy))
+    length = sqrt(w * w + qx * qx + qy * qy + qz * qz)
+    # The adjugate's trace is the slope: so much of a turn is left in the first column.
+    if not abs(w) > 0.1 * slope:
+        return None
+    scale = 1.0 / length if w > 0.0 else -1.0 / length
+    return np.array([w * scale, qx * scale, qy * scale, qz * scale])
 
 
 def from_matrix(m: Array) -> Array:
@@ -176,6 +226,12 @@ def yaw(angle: Array | float) -> Array:
     half = 0.5 * np.asarray(angle, dtype=np.float64)
     zero = np.zeros_like(half)
     return np.stack([np.cos(half), zero, zero, np.sin(half)], axis=-1)
+
+
+def turned_about_vertical(q: Array, angle: float) -> Array:
+    """Rotations (..., 4) turned on by an angle (rad) about z: multiply(yaw(angle), q), in one step."""
+    c, s = cos(0.5 * angle), sin(0.5 * angle)
+    return q @ np.array([[c, 0.0, 0.0, s], [0.0, c, s, 0.0], [0.0, -s, c, 0.0], [-s, 0.0, 0.0, c]])
 
 
 def continuous(q: Array) -> Array:

@@ -27,14 +27,14 @@ class Wheel(Lockable):
         angle = 2.0 * np.pi * self.phase
         return np.array([0.5 * np.cos(angle), 0.5 * np.sin(angle), 0.3])
 
-    def here(self):
+    def _playhead(self):
         alone = not self.paused
         return LoopPlace(self.time, "walk", self.phase, self.seconds, self.loop, self.commanded_tempo, alone)
 
     def update(self, dt):
-        tempo, jump = self._steer(dt, self.here())
+        tempo, jump = self._steer(dt)
         if jump is not None:
             self.phase, self.jumps = jump, self.jumps + 1
         self.phase = (self.phase + tempo * dt / self.seconds) % 1.0
         self.time += dt
-        self._note(self.here(), self.targets)
+        self._note(self.targets)

@@ -2,10 +2,13 @@
 
 A phase-driven reservoir, retargeting, safety, and the servos' frame.
 
-Each part is measured within the same run of the deck on servo20 at 200 Hz; `all` is the whole tick. The servos' frame
-is the sync write of 20 goal positions, encoded with its CRC and byte stuffing, not sent. With --calls the calls of
-Python functions in a tick of `play` with simulated servos and masses are counted instead (`sys.setprofile`, the mean of
-200 ticks, no time is measured): in all, for each room, and the functions that are called most.
+Each part is measured within the same run of the deck on servo20 at 200 Hz; `all` is their sum. The servos' frame is the
+sync write of 20 goal positions, encoded with its CRC and byte stuffing, not sent. The last row is a whole tick of
+`play` with simulated servos and masses, without a rig, back to back.
+
+With --calls the calls of Python functions in a tick of `play` with simulated servos and masses are counted instead
+(`sys.setprofile`, the mean of 200 ticks, no time is measured): in all, for each room, and the functions that are called
+most. With --rig the servos of an emulated rig are driven, too, in real time.
 """
 
 from __future__ import annotations
@@ -29,7 +32,7 @@ from controller.cli.session.robot_on_deck import RobotSetup, open_robots  # noqa
 from controller.cli.session.session import RunSettings, Session  # noqa: E402
 from controller.deck.deck import Deck  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
-from controller.loop.clock import VirtualClock  # noqa: E402
+from controller.loop.clock import Ticker, VirtualClock  # noqa: E402
 from controller.loop.gc_and_blas import undisturbed  # noqa: E402
 from controller.loop.safety.safety_envelope import SafetyEnvelope  # noqa: E402
 from controller.mocap.posture import Pose  # noqa: E402
@@ -41,7 +44,8 @@ from motiondeck_base.shipped import find_library, find_rig, find_robot  # noqa: 
 from sim.robots.robot import load_robot  # noqa: E402
 
 RATE = 200.0
-COUNTED = (1000, 1200)  # the ticks whose calls are counted; before them the joints approach
+APPROACH = 1000  # ticks after which the joints have approached the motion
+COUNTED = 200  # ticks whose calls are counted
 
 
 def encoder(joints: tuple[str, ...]) -> Callable[[Array], bytes]:
@@ -59,7 +63,39 @@ def encoder(joints: tuple[str, ...]) -> Callable[[Array], bytes]:
     return encode
 
 
-def count_calls(library: MotionLibrary, motion: str, shown: int = 12) -> dict[str, dict[str, float]]:
+def play(library: MotionLibrary, motion: str, clock: Ticker | VirtualClock, ticks: int, *, rig: bool) -> None:
+    """Plays a motion on servo20 with simulated servos and masses for so many ticks after the approach."""
+    setup = RobotSetup(find_robot("servo20"), find_rig("servo20") if rig else None, emulated=True)
+    with Session(
+        library,
+        lambda opening: open_robots(opening, [setup], library, RATE),
+        lambda retarget: Deck(library, retarget, motion),
+        RunSettings(rate=RATE, seconds=ticks / RATE),
+        clock=clock,
+    ) as session:
+        session.run()
+
+
+def time_play(library: MotionLibrary, motion: str, ticks: int = 4000) -> Array:
+    """How long whole ticks of play take back to back, without a rig and without sleep, shape (ticks,), us."""
+    clock = VirtualClock(RATE)
+    wait, spent, began = clock.wait, list[int](), 0
+
+    def timed() -> int:
+        nonlocal began
+        spent.append(time.perf_counter_ns() - began)
+        late = wait()
+        began = time.perf_counter_ns()
+        return late
+
+    clock.wait = timed
+    play(library, motion, clock, ticks, rig=False)
+    return 1e-3 * np.array(spent[APPROACH : APPROACH + ticks // 2])
+
+
+def count_calls(
+    library: MotionLibrary, motion: str, *, rig: bool = False, shown: int = 12
+) -> dict[str, dict[str, float]]:
     """Python calls a tick: in all, for each room of the project (numpy is one, too), and of the busiest functions."""
     counts: Counter[tuple[str, str]] = Counter()
 
@@ -67,38 +103,31 @@ def count_calls(library: MotionLibrary, motion: str, shown: int = 12) -> dict[st
         if event == "call":
             counts[frame.f_code.co_filename, frame.f_code.co_qualname] += 1
 
-    class Counting(VirtualClock):
-        ticks = 0
+    clock = Ticker(RATE) if rig else VirtualClock(RATE)
+    wait, ticks = clock.wait, 0
 
-        def wait(self) -> int:
-            self.ticks += 1
-            if self.ticks == COUNTED[0]:
-                sys.setprofile(note)
-            elif self.ticks == COUNTED[1]:
-                sys.setprofile(None)
-            return super().wait()
+    def counting() -> int:
+        nonlocal ticks
+        ticks += 1
+        if ticks == APPROACH:
+            sys.setprofile(note)
+        elif ticks == APPROACH + COUNTED:
+            sys.setprofile(None)
+        return wait()
 
-    setup = RobotSetup(find_robot("servo20"))
-    settings = RunSettings(rate=RATE, seconds=COUNTED[1] / RATE)
-    with Session(
-        library,
-        lambda opening: open_robots(opening, [setup], library, RATE),
-        lambda retarget: Deck(library, retarget, motion),
-        settings,
-        clock=Counting(RATE),
-    ) as session:
-        session.run()
-    ticks = COUNTED[1] - COUNTED[0]
+    clock.wait = counting
+    play(library, motion, clock, APPROACH + COUNTED, rig=rig)
+    del counts[__file__, counting.__qualname__]
     rooms: Counter[str] = Counter()
     for (file, _), count in counts.items():
         parts = Path(file).parts
-        known = [k for k, part in enumerate(parts) if part in ("controller", "sim", "numpy")]
+        known = [k for k, part in enumerate(parts) if part in ("controller", "sim", "hardware", "numpy")]
         rooms["/".join(parts[known[-1] :][: 1 if parts[known[-1]] == "numpy" else 2]) if known else "elsewhere"] += (
             count
         )
-    busiest = {f"{Path(file).stem}: {name}": count / ticks for (file, name), count in counts.most_common(shown)}
-    total = {"all": sum(counts.values()) / ticks}
-    return {"calls": total | {room: n / ticks for room, n in rooms.most_common()}, "busiest": busiest}
+    busiest = {f"{Path(file).stem}: {name}": count / COUNTED for (file, name), count in counts.most_common(shown)}
+    total = {"all": sum(counts.values()) / COUNTED}
+    return {"calls": total | {room: n / COUNTED for room, n in rooms.most_common()}, "busiest": busiest}
 
 
 def main() -> int:
@@ -109,11 +138,12 @@ def main() -> int:
     parser.add_argument("--motion", default="walk")
     parser.add_argument("--ticks", type=int, default=20_000)
     parser.add_argument("--calls", action="store_true", help="count the Python calls of a tick of play instead")
+    parser.add_argument("--rig", action="store_true", help="with --calls: drive an emulated rig, too")
     parser.add_argument("--json", action="store_true", help="one JSON object")
     options = parser.parse_args()
     library = load_library(find_library(options.library))
     if options.calls:
-        counted = count_calls(library, options.motion)
+        counted = count_calls(library, options.motion, rig=options.rig)
         if options.json:
             print(json.dumps({"library": library.info.name, "motion": options.motion} | counted))
             return 0
@@ -155,6 +185,10 @@ def main() -> int:
         name: dict(zip(("p50", "p99"), (1e-3 * np.percentile(column, (50, 99))).tolist(), strict=True))
         for name, column in zip(names, spent.T, strict=True)
     }
+    whole = time_play(library, options.motion)
+    rows["play with simulated servos and masses"] = dict(
+        zip(("p50", "p99"), np.percentile(whole, (50, 99)).tolist(), strict=True)
+    )
     if options.json:
         print(json.dumps({"library": library.info.name, "motion": options.motion, "us": rows}))
         return 0

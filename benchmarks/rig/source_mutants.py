@@ -25,7 +25,9 @@ class Mutant(NamedTuple):
 _GOALS = '_write(config, bus, "goal_position", [int(pulses) for pulses in scale.pulses(goals)])'
 
 MUTANTS = {
-    "no clipping": Mutant(DynamixelRig.write, "np.clip(wanted, self._scale.lower, self._scale.upper)", "wanted"),
+    "no clipping": Mutant(
+        DynamixelRig.write, "np.minimum(np.maximum(wanted, self._scale.lower), self._scale.upper)", "wanted"
+    ),
     "no goal := present": Mutant(hold_still, _GOALS, "pass"),
     "no braking distance": Mutant(_places_of_rest, "np.where(moves, np.clip(ahead, -most, most), 0.0)", "0.0"),
     "no acceleration limit": Mutant(

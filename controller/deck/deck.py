@@ -265,21 +265,23 @@ class Deck(Lockable):
 
     def update(self, dt: float) -> tuple[Array, Pose]:
         """Advances by dt seconds; the joint targets (J,), rad, and the pose they come from."""
-        tempo, jump = self._steer(dt, self._playhead())
+        tempo, jump = self._steer(dt)
         if jump is not None:
             self._jump = jump
         self.time += dt
         show = self._show
-        for name, value in self._inputs.advance(dt).items():
-            show.set_input(name, value)
+        if self._inputs.present:
+            for name, value in self._inputs.advance(dt).items():
+                show.set_input(name, value)
         if show.step(dt, tempo):
             self._finish_fade()
         if show.blend_problem and not self._ahead:
             self._give_up_blend(show.blend_problem)
         if self._fading is not None and self._fading.first_change_s is None:
             self._fading.first_change_s = self.time
-        self._update_blend()
-        if self._next_is_due():
+        if self._blending is not None:
+            self._update_blend(self._blending)
+        if (self._ahead or self._queued) and self._next_is_due():
             motion = self._ahead.popleft()
             if self._ahead:
                 self._tell("via", f"{motion}, on the way to {self._ahead[-1]}", motion)
@@ -293,11 +295,12 @@ class Deck(Lockable):
             self._jump = None
         self.pose = show.show()
         targets = self._retarget(self.pose)
-        self._note(self._playhead(), targets)
+        if self._lock is not None:
+            self._note(targets)
         return targets, self.pose
 
     def _playhead(self) -> LoopPlace | None:
-        """Where it is before the next step, for a lock; None if the network runs by itself."""
+        """Where it is, for a lock; None if the network runs by itself."""
         here, phase = self._show.here, self.phase
         if phase is None:
             return None
@@ -390,11 +393,9 @@ class Deck(Lockable):
         self._current, self._waits = switch, False
         self._ahead.append(nearer)
 
-    def _update_blend(self) -> None:
-        """Notes the progress of a blend, and drops the first motion when its weight has become 0."""
-        switch, show = self._blending, self._show
-        if switch is None:
-            return
+    def _update_blend(self, switch: CommandedSwitch) -> None:
+        """Notes the progress of a switch's blend, and drops the first motion when its weight has become 0."""
+        show = self._show
         if switch.first_change_s is None:
             switch.first_change_s = self.time
         if show.crossing:

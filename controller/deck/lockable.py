@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+
 from controller.deck.locks.beats import Beats
 from controller.deck.locks.body_lock import BodyLock, Measured
 from controller.deck.locks.lock import Lock, LoopPlace
@@ -14,7 +16,7 @@ from controller.wire.messages import LockSource, LockState
 from motiondeck_base.errors import MotiondeckError
 
 
-class Lockable(Paced):
+class Lockable(Paced, ABC):
     """The locks of a deck, as commands see them.
 
     Attributes:
@@ -37,13 +39,17 @@ class Lockable(Paced):
         """What the phase is locked to, and how well; None if to nothing."""
         return self._lock.state if self._lock is not None else None
 
+    @abstractmethod
     def require_phase(self) -> None:
         """Checks that the network has a phase.
 
         Raises:
             MotiondeckError: if it runs by itself.
         """
-        raise NotImplementedError
+
+    @abstractmethod
+    def _playhead(self) -> LoopPlace | None:
+        """Where the deck is; None if the network runs by itself."""
 
     def lock(self, source: LockSource, phase: float = 0.0, steps: int = 0) -> None:
         """Locks the phase of loops to something else than the commanded tempo; an earlier lock ends.
@@ -100,19 +106,17 @@ class Lockable(Paced):
         if self._lock is not None and self._lock.owns_tempo:
             self._lock = self._beats = None
 
-    def _note(self, playhead: LoopPlace | None, targets: Array) -> None:
-        """Takes the joint targets (J,), rad, that a tick has led to, and where the deck is with them."""
-        if isinstance(self._lock, BodyLock) and playhead is not None:
+    def _note(self, targets: Array) -> None:
+        """Takes the joint targets (J,), rad, that a tick has led to, for a lock to the body."""
+        if isinstance(self._lock, BodyLock) and (playhead := self._playhead()) is not None:
             self._lock.note(playhead, targets)
 
-    def _steer(self, dt: float, playhead: LoopPlace | None) -> tuple[float, float | None]:
+    def _steer(self, dt: float) -> tuple[float, float | None]:
         """The tempo after dt more seconds, as commanded or as a lock wants it, and a phase to jump to, if it wants one.
 
-        Args:
-            dt: s.
-            playhead: where the deck is before them; None if the network runs by itself.
+        It is called before the deck advances by them.
         """
-        if self._lock is None or playhead is None:
+        if self._lock is None or (playhead := self._playhead()) is None:
             return self._tempo.advance(dt), None
         steering = self._lock.steer(playhead)
         return self._tempo.steer(steering.tempo, self._lock.rate, dt), steering.jump

@@ -158,21 +158,24 @@ class Performance:
         """Advances by dt seconds at a tempo; whether a switch has been completed with it."""
         self._dt, self._tempo = dt, tempo
         self._target = self._play(dt, tempo)
-        shown, completed = self._faded(dt)
+        shown, completed = self._target, False
+        if self._fade is not None or self._switching:
+            shown, completed = self._faded(dt)
         self.blend_problem = ""
-        if self._check is not None and self.other:
+        blending = self._blend is not None and not self._switching
+        if blending and self._check is not None:
             self.blend_problem = self._check.problem(self._joints(self._target), dt * abs(tempo))
         self._take(shown)
         # Played faster, the motions themselves go beyond what they need at their own tempo.
         use = self._limits.use(self._next, dt) / max(1.0, abs(tempo)) if self._limits is not None else 0.0
-        if self.other and use > BLEND_TURNS_OVER:
+        if blending and use > BLEND_TURNS_OVER:
             self.blend_problem = "turns over"
-        elif not self.other and use > CORRECTED_FROM and self._corrections < MOST_CORRECTIONS:
+        elif not blending and use > CORRECTED_FROM and self._corrections < MOST_CORRECTIONS:
             self._take(extrapolated(self._before, self.posture, dt))
             self._fade_instead()
         if self.blend_problem == "turns over":
             self._take(extrapolated(self._before, self.posture, dt))
-        restarted = self._first.restarted()
+        restarted = self._first.restarted() if self._first.guarded else None
         if restarted is not None and self._blend is None:
             self._first.restart_at(restarted)
             self._fade_to_first(self.here)
@@ -265,7 +268,7 @@ class Performance:
                 return self._fade.apply(target, self._fade_elapsed, self._turned), False
             self._fade = None
             return target, True
-        if not self._switching or self.crossing or self._first.morphing:
+        if self.crossing or self._first.morphing:
             return target, False
         if self._blend is not None:
             self.finish_blend()

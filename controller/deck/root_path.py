@@ -7,7 +7,7 @@ from math import cos, sin
 import numpy as np
 
 from controller.mocap.posture import Pose, Posture
-from controller.rotations import multiply, yaw
+from controller.rotations import turned_about_vertical
 
 
 def at_origin(posture: Posture) -> Pose:
@@ -22,4 +22,4 @@ def advance(pose: Pose, posture: Posture, dt: float) -> Pose:
     forward, left = (posture.velocity * dt).tolist()
     x, y, _ = pose.root_position.tolist()
     position = np.array([x + cosine * forward - sine * left, y + sine * forward + cosine * left, float(posture.height)])
-    return Pose(position, np.array(heading), multiply(yaw(heading), posture.rotation))
+    return Pose(position, np.array(heading), turned_about_vertical(posture.rotation, heading))

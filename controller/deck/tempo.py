@@ -49,6 +49,8 @@ class Tempo:
 
     def advance(self, dt: float) -> float:
         """The tempo after dt more seconds."""
+        if self.present == self.commanded and not self.paused:
+            return self.present
         return self._approach(self.commanded, self._rate, dt)
 
     def steer(self, wanted: float, rate: float, dt: float) -> float:

@@ -99,7 +99,8 @@ class Ticker:
         spare = self._deadline - self.now() - SPIN_NS
         if spare > 0:
             time.sleep(spare * 1e-9)
-        while (late := self.now() - self._deadline) < 0:
+        now, deadline = time.monotonic_ns, self._deadline
+        while (late := now() - deadline) < 0:
             pass
         if late > self._period:
             self.overruns += 1

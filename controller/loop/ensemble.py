@@ -20,6 +20,11 @@ def all_limits(limits: Sequence[JointLimits]) -> JointLimits:
     return JointLimits(*(np.concatenate([getattr(one, field.name) for one in limits]) for field in fields(JointLimits)))
 
 
+def together(retargeters: Sequence[Retargeter]) -> Retargeter:
+    """Carries a pose to the joints of all robots; what carries it to a single one is given back as it is."""
+    return retargeters[0] if len(retargeters) == 1 else Ensemble(retargeters)
+
+
 class Ensemble:
     """Carries a pose to the joints of several robots; fits `interfaces.Retargeter`."""
 

@@ -18,26 +18,24 @@ class FaultCounter:
     Attributes:
         faults: how many calls have raised.
         fault: the last exception, in words.
+        given_up: whether the last FAULTS_TO_GIVE_UP calls have all raised; no further one is made.
     """
 
     faults: int = 0
     fault: str = ""
+    given_up: bool = False
     _in_a_row: int = 0
-
-    @property
-    def given_up(self) -> bool:
-        """Whether the last FAULTS_TO_GIVE_UP calls have all raised; no further one is made."""
-        return self._in_a_row >= FAULTS_TO_GIVE_UP
 
     def call(self, action: Callable[P, None], *args: P.args, **kwargs: P.kwargs) -> None:
         """Calls the action and counts what it raises, unless given up."""
-        if self._in_a_row >= FAULTS_TO_GIVE_UP:
+        if self.given_up:
             return
         try:
             action(*args, **kwargs)
         except Exception as error:
             self.faults += 1
             self._in_a_row += 1
+            self.given_up = self._in_a_row >= FAULTS_TO_GIVE_UP
             self.fault = f"{type(error).__name__}: {error}"
         else:
             self._in_a_row = 0

@@ -121,10 +121,10 @@ def run(
         state = LoopState(envelope.position, source.pose)
         steps = safe_targets(source, channels, envelope, stop, seconds, rest)
         clock.start()
-        start, pace = clock.now(), Pace(clock.period)
+        began = start = clock.now()
+        pace = Pace(clock.period)
         try:
             while True:
-                began = clock.now()
                 if commands:
                     commanding.call(commands, stop)
                 for channel in channels:
@@ -146,7 +146,8 @@ def run(
                 state.lateness.add(state.late_ns)
                 state.tick += 1
                 state.overruns = clock.overruns
-                state.seconds = (clock.now() - start) * 1e-9
+                began = clock.now()
+                state.seconds = (began - start) * 1e-9
                 if channels and channels[-1].parked and all(channel.parked for channel in channels):
                     faults = "; ".join(f"{channel.output.name}: {channel.fault}" for channel in channels)
                     stop.ask(f"every output is parked ({faults})")
@@ -163,5 +164,5 @@ def run(
         outputs=[channel.report() for channel in channels],
         reason=stop.reason,
         faults={"deck": source.counter.faults, "commands": commanding.faults, "telemetry": publishing.faults},
-        changed=envelope.changed.tolist(),
+        changed=envelope.changed.copy(),
     )

@@ -96,7 +96,7 @@ def safe_targets(
         "emergency stop": lambda: _hold(source, envelope, None, stop),
     }
     mode, phase = "", iter(())
-    while not stop:
+    while not stop.reason:
         if source.counter.given_up:
             stop.ask(f"the deck keeps failing: {source.counter.fault}")
             break

@@ -25,6 +25,10 @@ class Posture:
     turn_rate: Array
     rotation: Array
 
+    def __getitem__(self, times: slice) -> Posture:
+        """The postures at some of the times, where the first axis is time."""
+        return Posture(self.height[times], self.velocity[times], self.turn_rate[times], self.rotation[times])
+
 
 @dataclass(slots=True)
 class Pose:

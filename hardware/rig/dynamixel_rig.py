@@ -124,11 +124,11 @@ class DynamixelRig:
         with self.write_us:
             finite = np.isfinite(targets)
             wanted = np.where(finite, targets, self.goals)
-            goals = np.clip(wanted, self._scale.lower, self._scale.upper)
+            goals = np.minimum(np.maximum(wanted, self._scale.lower), self._scale.upper)
             self.faults.clipped[:] += wanted != goals
             self.faults.refused[:] += ~finite
             if reach is not None:
-                goals = np.clip(goals, self.goals - reach, self.goals + reach)
+                goals = np.minimum(np.maximum(goals, self.goals - reach), self.goals + reach)
             try:
                 sent = self._send(goals)
             except SerialPortError:
@@ -160,7 +160,7 @@ class DynamixelRig:
             except SerialPortError:
                 self.gone = True
                 raise
-            return reply is not None and self.readings.take(reply, self.now())
+            return reply is not None and self.readings.take(reply, self.bus.port.now())
 
     def attach(self, bus: Bus, joints: Sequence[int], held: Array, blocks: Sequence[StateBlock]) -> None:
         """Goes on over this bus, where these joints hold at these angles, rad; see `Readings.start`."""
@@ -228,9 +228,10 @@ class DynamixelRig:
             group.write.values[:] = pulses[group.joints]
             frames.append(group.write.frame())
         data = b"".join(frames)
-        sent = self._ask(data) or self.bus.port.send(data)
-        self._last_word = self.bus.port.now()
-        return sent
+        if self._ask(data):
+            return True
+        self._last_word = now
+        return self.bus.port.send(data)
 
     def _ask(self, before: bytes = b"") -> bool:
         """Sends the next question if it is due, behind these frames; False if nothing was sent."""

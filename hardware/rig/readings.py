@@ -143,7 +143,7 @@ class Readings:
         buffer, rows = question.rows[place]
         buffer[:] = reply.rows
         error = rows["error"]
-        if (error & ~np.uint8(ALERT)).any():
+        if np.logical_or.reduce(error & ~np.uint8(ALERT)):
             return False
         joints = slice(None) if question.all else question.joints
         self.missed_in_a_row[joints] = 0
@@ -179,7 +179,7 @@ class Readings:
 
     def _note_alerts(self, joints: NDArray[np.int64], alert: NDArray[np.bool_]) -> None:
         """Counts alert bits; a joint whose block lacks the reason is asked for it next."""
-        if alert.any():
+        if np.logical_or.reduce(alert):
             self._faults.alert[joints] += alert
             self._alerted.update(index for index in joints[alert].tolist() if index in self._in_turns)
 
@@ -194,7 +194,7 @@ class Readings:
             blank = ~torque & (rows["present_temperature"] == 0) & (rows["present_input_voltage"] == 0)
             self.torque[joints] = torque
             self.health_at[joints] = now
-            if blank.any():
+            if np.logical_or.reduce(blank):
                 indices, known = np.arange(len(self._ids))[joints], ~blank
                 self.errors[indices[blank]] = 0
                 joints, rows = indices[known], rows[known]
@@ -228,7 +228,7 @@ class Readings:
         asked only now and then, one at a time, because waiting for it makes everybody's state older.
         """
         missed = self.missed_in_a_row
-        if not missed.any():
+        if not np.logical_or.reduce(missed):
             return self._everybody if turn is None else tuple(turn.tolist())
         joints = np.arange(len(missed)) if turn is None else turn
         missed = missed[joints]

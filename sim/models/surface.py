@@ -80,17 +80,23 @@ class LowestPoint:
             if len(vertices) > 1:
                 low, high = vertices.min(axis=0), vertices.max(axis=0)
                 self._centre[row], self._flat[row], self._meshes[row] = (low + high) / 2.0, (high - low) / 2.0, vertices
-        self._has_round = bool(self._round.any())
+        # One column a solid; only the rounded ones are asked for how round they are.
+        self._up = 9 * self._geoms + np.array([[6], [7], [8]])
+        self._rounded = np.flatnonzero(self._round.any(axis=1))
+        self._round = np.ascontiguousarray(self._round[self._rounded].T)
+        self._flat, self._centre = np.ascontiguousarray(self._flat.T), np.ascontiguousarray(self._centre.T)
 
     def bounds(self, data: mujoco.MjData) -> Array:
         """A height below which no point of each solid is, shape (G,), m; for all but meshes the lowest point's own."""
-        up = data.geom_xmat.take(self._geoms, axis=0)[:, 6:]
-        low = np.einsum("ij,ij->i", up, self._centre)
-        low -= np.einsum("ij,ij->i", np.abs(up), self._flat)
-        low += data.geom_xpos[:, 2].take(self._geoms)
+        up = data.geom_xmat.reshape(-1).take(self._up)
+        low = data.geom_xpos[:, 2].take(self._geoms)
         low -= self._radius
-        if self._has_round:
-            low -= np.sqrt(np.square(up * self._round).sum(axis=1))
+        low -= np.add.reduce(np.abs(up) * self._flat)
+        if len(self._rounded):
+            wide = up.take(self._rounded, axis=1) * self._round
+            low[self._rounded] -= np.sqrt(np.add.reduce(wide * wide))
+        if self._meshes:
+            low += np.add.reduce(up * self._centre)
         return low
 
     def __call__(self, data: mujoco.MjData, bounds: Array | None = None) -> float:

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from controller.mocap.posture import Pose
 from controller.rotations import Array, rotate
@@ -176,13 +177,18 @@ class PhysicsPlayback:
             self._goal[:] = self._servos.delayed(self._goal)
         self._aim()
         for _ in range(self._steps):
-            self._command()
+            data.ctrl[:] = self._ahead
+            if len(robot.layout.ball):
+                self._aim_balls(data.ctrl, robot.layout.ball)
             if self._servos is not None:
                 self._servos.limit(data)
             mujoco.mj_step(self.model, data)
             if self._servos is not None:
                 self._servos.note(data)
-        if not np.isfinite(data.qpos).all() or any(warning.number for warning in self._warnings):
+        broken = not np.logical_and.reduce(np.isfinite(data.qpos))
+        for warning in self._warnings:
+            broken |= warning.number > 0
+        if broken:
             self._faults += 1
             robot.place(targets, pose, self._goal)
             self._put_in_place()
@@ -249,14 +255,12 @@ class PhysicsPlayback:
         ahead[:] = self._lead * self._turned[self._dof]
         ahead[layout.hinge] += self._goal[layout.hinge_qpos]
 
-    def _command(self) -> None:
-        ctrl, balls = self.data.ctrl, self._robot.layout.ball
-        ctrl[:] = self._ahead
-        if len(balls):
-            # MuJoCo subtracts the joint's rotation vector from the control; the difference is to be the error.
-            mujoco.mj_differentiatePos(self.model, self._turned, 1.0, self._straight, self.data.qpos)
-            mujoco.mj_differentiatePos(self.model, self._error, 1.0, self.data.qpos, self._goal)
-            ctrl[balls] += (self._turned + self._error)[self._dof[balls]]
+    def _aim_balls(self, ctrl: Array, balls: NDArray[np.int64]) -> None:
+        """Sets the controls of ball joints in a step."""
+        # MuJoCo subtracts the joint's rotation vector from the control; the difference is to be the error.
+        mujoco.mj_differentiatePos(self.model, self._turned, 1.0, self._straight, self.data.qpos)
+        mujoco.mj_differentiatePos(self.model, self._error, 1.0, self.data.qpos, self._goal)
+        ctrl[balls] += (self._turned + self._error)[self._dof[balls]]
 
     def _put_in_place(self) -> None:
         """Starts at the goal, at rest; a free robot with its lowest point on the floor."""
@@ -280,7 +284,7 @@ class PhysicsPlayback:
         error = targets - self._measured
         self._writes += 1
         self._square_sum += float(error @ error)
-        self._worst = max(self._worst, float(np.abs(error).max()))
+        self._worst = max(self._worst, float(np.maximum.reduce(error)), -float(np.minimum.reduce(error)))
 
 
 def has_fallen(qpos: Array, played: Array) -> bool:

@@ -16,6 +16,8 @@ from sim.models.servo_motor import ROOM, ServoMotor
 # A servo that pushes with this share of its present limit counts as at its limit.
 _AT_THE_LIMIT = 0.999
 
+_NOTES = 64  # steps that are noted before they are added to the statistics, all at once
+
 
 class Servos:
     """One servo an actuator.
@@ -35,6 +37,9 @@ class Servos:
         self._floor = np.column_stack([np.maximum(-most, own[:, 0]), np.minimum(0.0, own[:, 1])])
         self._ceiling = np.column_stack([np.maximum(0.0, own[:, 0]), np.minimum(most, own[:, 1])])
         model.actuator_forcelimited[:] = 1
+        # The same line as  stall + slope velocity,  backwards and forwards.
+        self._stall = servo.line(np.zeros(1))
+        self._slope = servo.line(np.ones(1)) - self._stall
         self._late = round(servo.latency / dt)
         self.start()
 
@@ -45,6 +50,8 @@ class Servos:
         self._steps = 0
         self._square, self._peak = np.zeros(joints), np.zeros(joints)
         self._at_limit = np.zeros(joints, dtype=np.int64)
+        self._noted = 0
+        self._forces, self._ranges = np.empty((_NOTES, joints)), np.empty((_NOTES, joints, 2))
 
     def delayed(self, goal: Array) -> Array:
         """The goal that arrives at the servos when this one is sent, `latency` later; the first ones arrive at once."""
@@ -53,40 +60,41 @@ class Servos:
 
     def limit(self, data: mujoco.MjData) -> None:
         """Sets the torque limits at the present speed, and applies the backlash to the goals."""
-        line = self._servo.line(data.actuator_velocity)
+        line = data.actuator_velocity[:, None] * self._slope
+        line += self._stall
         np.maximum(line, self._floor, out=line)
         np.minimum(line, self._ceiling, out=self._model.actuator_forcerange)
         if self._servo.backlash > 0.0:
-            error = data.ctrl - data.actuator_length
-            half = 0.5 * self._servo.backlash
-            data.ctrl[:] = data.actuator_length + np.sign(error) * np.maximum(np.abs(error) - half, 0.0)
+            error, half = data.ctrl - data.actuator_length, 0.5 * self._servo.backlash
+            data.ctrl -= np.minimum(np.maximum(error, -half), half)  # within the play there is no error
 
     def note(self, data: mujoco.MjData) -> None:
-        """Adds the torques of the last step to the statistics."""
-        force, share = data.actuator_force, _AT_THE_LIMIT * self._model.actuator_forcerange
-        torque = np.abs(force)
+        """Notes the torques of the last step for the statistics."""
+        self._forces[self._noted], self._ranges[self._noted] = data.actuator_force, self._model.actuator_forcerange
+        self._noted += 1
         self._steps += 1
-        self._square += torque * torque
-        np.maximum(self._peak, torque, out=self._peak)
-        self._at_limit += ((force >= share[:, 1]) | (force <= share[:, 0])) & (torque > 0.0)
+        if self._noted == _NOTES:
+            self._add_notes()
 
-    @property
-    def mean_square_current(self) -> Array:
-        """Of each servo since the start, shape (J,), A^2."""
-        return np.square(self._servo.drawn(np.sqrt(self._square / max(self._steps, 1))))
-
-    @property
-    def at_limit(self) -> Array:
-        """The share of the time in which each servo was at its torque limit, shape (J,)."""
-        return self._at_limit / max(self._steps, 1)
+    def _add_notes(self) -> None:
+        """Adds the steps that are noted to the statistics."""
+        force = self._forces[: self._noted]
+        low, high = (_AT_THE_LIMIT * self._ranges[: self._noted, :, end] for end in (0, 1))
+        torque = np.abs(force)
+        self._square += np.square(torque).sum(axis=0)
+        np.maximum(self._peak, torque.max(axis=0, initial=0.0), out=self._peak)
+        self._at_limit += (((force >= high) | (force <= low)) & (torque > 0.0)).sum(axis=0)
+        self._noted = 0
 
     def report(self) -> dict[str, object]:
         """The load of the servos, for the report."""
-        servo, square = self._servo, self.mean_square_current
+        self._add_notes()
+        servo, steps = self._servo, max(self._steps, 1)
+        square = np.square(servo.drawn(np.sqrt(self._square / steps)))  # A^2, the mean of each servo
         seconds = self._steps * self._model.opt.timestep
         return {
             "peak_torque_nm": float(self._peak.max(initial=0.0)),
             "rms_current_a": float(np.sqrt(square.max(initial=0.0))),
-            "at_limit": float(self.at_limit.max(initial=0.0)),
+            "at_limit": float((self._at_limit / steps).max(initial=0.0)),
             "hottest_degc": float(servo.temperature(square, seconds).max(initial=ROOM)),
         }

@@ -17,7 +17,7 @@ The floor of the human is where its still foot is, because recordings stand a fe
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import exp, hypot
+from math import dist, exp, hypot
 
 import mujoco
 import numpy as np
@@ -28,7 +28,7 @@ from controller.rotations import Array
 from sim.models.kinematic_tree import below
 from sim.models.surface import LowestPoint, Surface
 from sim.retargeting.flat_feet import FlatFeet
-from sim.retargeting.human_soles import Sole, Soles, distance
+from sim.retargeting.human_soles import Sole, Soles
 
 # In lengths of the leg: how far a sole may seem to be off the floor and still stand on it, and how close to the floor a
 # point of the skin touches it.
@@ -131,7 +131,7 @@ class Footing:
         soles = self._soles(pose, self.flat.slope)
         x, y = pose.root_position[:2].tolist()
         if self._floor is None or hypot(x - self._human[0], y - self._human[1]) > TELEPORT * self._human_leg:
-            self._floor, self._before = min(sole.lowest for sole in soles), soles
+            self._floor, self._before = min([sole.lowest for sole in soles]), soles
             self._human, self._root = (x, y), (self._scale * x, self._scale * y)
             self._turn, self._at, self._others = turn, at, None
         still = self._stillness(soles)
@@ -140,9 +140,9 @@ class Footing:
         heights = np.matmul(turn[:, 2:], self._points)[:, 0]
         heights += at[:, 2:]
         heights -= self._radius
-        lows = heights.min(axis=1)
+        lows = np.minimum.reduce(heights, axis=1)
         bounds = self._lowest.bounds(data)
-        height = max(self._scale * raised - float(lows.min()), -self._lowest(data, bounds))
+        height = max(self._scale * raised - float(np.minimum.reduce(lows)), -self._lowest(data, bounds))
         # A foot stands on its own lowest points if the human's is still and low: a toe that trails may hold it up.
         if not self._one_each:
             lows = np.array([lows[self._side == foot].min() for foot in self._sides]).take(self._side)
@@ -150,22 +150,22 @@ class Footing:
         weight = np.exp(heights * (-1.0 / self._touches))
         counts = np.array(self._standing(soles, still))
         weight *= (counts if self._one_each else counts.take(self._side))[:, None]
-        touching = float(weight.max())
+        touching = float(np.maximum.reduce(weight, axis=None))
         weight *= weight
-        sums = weight.sum(axis=1)
+        sums = np.add.reduce(weight, axis=1)
         moved = np.matmul(turn - self._turn, np.matmul(self._points, weight[:, :, None]))[:, :2, 0]
         moved += sums[:, None] * (at - self._at)[:, :2]
-        slides = [(*way, share) for way, share in zip(moved.tolist(), sums.tolist(), strict=True)]
+        gone_x, gone_y = np.add.reduce(moved).tolist()
+        total = float(np.add.reduce(sums))
         others = self._others_gone(bounds, height)
         if others is not None:
-            slides.append(others[:3])
+            gone_x, gone_y, total = gone_x + others[0], gone_y + others[1], total + others[2]
             touching = max(touching, others[3])
 
         dx, dy = self._scale * (x - self._human[0]), self._scale * (y - self._human[1])
         if touching > 1e-6:
-            total = sum(share for _, _, share in slides)
-            dx = (1.0 - touching) * dx - touching * sum(slide[0] for slide in slides) / total
-            dy = (1.0 - touching) * dy - touching * sum(slide[1] for slide in slides) / total
+            dx = (1.0 - touching) * dx - touching * gone_x / total
+            dy = (1.0 - touching) * dy - touching * gone_y / total
         self._root = self._root[0] + dx, self._root[1] + dy
         self._human, self._before, self._turn, self._at = (x, y), soles, turn, at
         qpos[0], qpos[1], qpos[2] = *self._root, height
@@ -175,9 +175,9 @@ class Footing:
         slow = STILL * self._human_leg * self._dt
         still = []
         for foot, (now, before) in enumerate(zip(soles, self._before, strict=True)):
-            heel, ball = distance(now.heel, before.heel), distance(now.ball, before.ball)
+            heel, ball = dist(now.heel, before.heel), dist(now.ball, before.ball)
             still.append(1.0 / (1.0 + (min(heel, ball) / slow) ** 8))
-            if max(ball, distance(now.ankle, before.ankle)) < 0.5 * slow and now is not before:
+            if max(ball, dist(now.ankle, before.ankle)) < 0.5 * slow and now is not before:
                 self.flat.stood(foot, now.slope)
         return still
 
@@ -186,16 +186,20 @@ class Footing:
         if not self._feet_known:
             return [OTHERS]
         assert self._floor is not None
-        near = NEAR * self._human_leg
-        return [share * exp((self._floor - sole.lowest) / near) for share, sole in zip(still, soles, strict=True)]
+        near, counts = NEAR * self._human_leg, []
+        for share, sole in zip(still, soles, strict=True):
+            counts.append(share * exp((self._floor - sole.lowest) / near))
+        return counts
 
     def _raised(self, soles: list[Sole], still: list[float]) -> float:
         """How high the human's lowest sole is above its floor, m; the floor goes along with feet that stand."""
         assert self._floor is not None
-        lowest = min(range(len(soles)), key=lambda k: soles[k].lowest)
-        low = soles[lowest].lowest
+        low, share = soles[0].lowest, still[0]
+        for sole, other in zip(soles[1:], still[1:], strict=True):
+            if sole.lowest < low:
+                low, share = sole.lowest, other
         rise = low - self._floor
-        self._still_for = self._still_for + self._dt if still[lowest] > 0.5 else 0.0
+        self._still_for = self._still_for + self._dt if share > 0.5 else 0.0
         if rise > 0.0:
             rise *= min(FOLLOWS * self._dt, 1.0) if self._still_for > SURE else 0.0
         self._floor += rise
@@ -203,14 +207,17 @@ class Footing:
 
     def _others_gone(self, bounds: Array, height: float) -> tuple[float, float, float, float] | None:
         """What of the other skin touches: how far it has gone, times its weight, x and y; its weight; how close."""
-        if not len(self._other_solids) or bounds[self._other_solids].min() + height > CLOSE * self._touches:
+        if (
+            not len(self._other_solids)
+            or np.minimum.reduce(bounds.take(self._other_solids)) + height > CLOSE * self._touches
+        ):
             self._others = None
             return None
         points = self._other.positions(self._data)
         weight = OTHERS * np.exp((points[:, 2] - self._other.radius + height) * (-1.0 / self._touches))
         before, self._others = points if self._others is None else self._others, points
-        x, y = (np.square(weight) @ (points - before)[:, :2]).tolist()
-        return x, y, float(np.square(weight).sum()), float(weight.max())
+        x, y = ((weight * weight) @ (points - before)[:, :2]).tolist()
+        return x, y, float(weight @ weight), float(weight.max())
 
 
 def _product(p: list[float], q: list[float]) -> list[float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import atan2, cos, hypot, sin, sqrt
+from math import atan2, cos, hypot, sin
 
 import numpy as np
 
@@ -21,17 +21,16 @@ HEEL = 1.25 * cos(FOOT_SLOPE)  # lengths of the foot bone from the ball back to 
 
 @dataclass(slots=True)
 class Sole:
-    """One foot: its heel, its ball and its ankle, each x, y, z in m; how far its bone slopes down, rad."""
+    """One foot: its heel, its ball and its ankle, each x, y, z in m; how far its bone slopes down, rad.
+
+    `lowest` is the height of its lowest point, m.
+    """
 
     heel: Point
     ball: Point
     ankle: Point
     slope: float
-
-    @property
-    def lowest(self) -> float:
-        """The height of its lowest point, m."""
-        return min(self.heel[2], self.ball[2])
+    lowest: float
 
 
 class Soles:
@@ -67,7 +66,7 @@ class Soles:
         if not self.count:
             joints = self._skeleton.joints(pose.root_position, pose.rotation)
             x, y, z = joints[np.argmin(joints[:, 2])].tolist()
-            return [Sole((x, y, z), (x, y, z), (x, y, z), 0.0)]
+            return [Sole((x, y, z), (x, y, z), (x, y, z), 0.0, z)]
         q = pose.rotation.ravel().take(self._rows).reshape(-1, 4)
         numbers = ((q[:, :, None] * q[:, None, :]).ravel() @ self._turn).tolist()
         rx, ry, rz = pose.root_position.tolist()
@@ -80,11 +79,5 @@ class Soles:
             slope = atan2(-fz, level)
             along = back * cos(slope - even) / level if level > 1e-9 else 0.0
             heel = (x - along * fx, y - along * fy, z + back * sin(slope - even))
-            found.append(Sole(heel, (x, y, z), (x - fx, y - fy, z - fz), slope))
+            found.append(Sole(heel, (x, y, z), (x - fx, y - fy, z - fz), slope, min(heel[2], z)))
         return found
-
-
-def distance(a: Point, b: Point) -> float:
-    """From one point to another, m."""
-    x, y, z = a[0] - b[0], a[1] - b[1], a[2] - b[2]
-    return sqrt(x * x + y * y + z * z)

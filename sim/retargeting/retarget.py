@@ -190,9 +190,9 @@ class LimbAngles:
 
     def _head(self, angles: list[float], ahead: Vector, moved: float) -> None:
         """Pan and tilt so that the face looks ahead as the human's does."""
-        level = hypot(ahead[0], ahead[1])
-        self._follow(angles, 0, atan2(ahead[1], ahead[0]), moved, level)
-        self._follow(angles, 1, atan2(-ahead[2], level), moved, 1.0)
+        x, y, z = ahead
+        level = hypot(x, y)
+        self._follow(angles, 0, (atan2(y, x), atan2(-z, level)), (moved, moved), (level, 1.0))
 
     def _arm(
         self, angles: list[float], joint: int, upper: Vector, fore: Vector, upper_moved: float, moved: float
@@ -206,45 +206,45 @@ class LimbAngles:
 
         found from the last ones on, each angle in turn by its closed form.
         """
-        x, _, z = upper
-        fx, _, fz = fore
+        (x, y, z), (fx, fy, fz) = upper, fore
         pitch, elbow = self._last[joint], self._last[joint + 2]
         low, high = self._lower[joint + 1], self._upper[joint + 1]
+        rounds = ROUNDS
         if not self._started:
             # An elbow bends in the plane that faces ahead along Ry(pitch) (1, 0, 0).
-            along = _dot(upper, fore)
+            along = x * fx + y * fy + z * fz
             pitch = atan2(-x - FOREARM * (fz - along * z), -z + FOREARM * (fx - along * x))
             elbow = _angle_between(upper, fore)
-        certain = 0.0
-        for _ in range(ROUNDS if self._started else FIRST_ROUNDS):
-            roll, elbow = self._roll_and_elbow(pitch, elbow, upper, fore, low, high)
-            upper_down = -cos(roll)
+            rounds = FIRST_ROUNDS
+        outwards = 0.5 * hypot(x, z)
+        most = max(upper_moved, moved)
+        while True:
+            # The roll, within its range, and then the elbow that fit best at a pitch.
+            c, s = cos(pitch), sin(pitch)
+            fore_ahead, fore_up = c * fx - s * fz, s * fx + c * fz
+            share = FOREARM * cos(elbow)
+            roll = atan2(y + share * fy, max(-(s * x + c * z) - share * fore_up, outwards))
+            roll = min(max(roll, low), high)
+            sideways, upper_down = sin(roll), -cos(roll)
+            elbow = atan2(fore_ahead, sideways * fy + upper_down * fore_up)
+            if rounds == 0:
+                break
+            # The pitch that fits best at these.
+            rounds -= 1
             ahead, down = sin(elbow), cos(elbow) * upper_down
             sine = upper_down * x + FOREARM * (down * fx - ahead * fz)
             cosine = upper_down * z + FOREARM * (down * fz + ahead * fx)
             certain = min(hypot(sine, cosine), 1.0)
+            # An arm stretched out sideways has no pitch: the less it has, the slower the pitch goes where it should.
             if certain < 1e-3:
-                break
-            pitch = atan2(sine, cosine)
-        # An arm stretched out sideways has no pitch: the less it has, the slower the pitch goes where it should.
-        most = max(upper_moved, moved)
-        if certain > 1e-3:
-            self._follow(angles, joint, pitch, min(2.0 * certain, 1.0) * most, certain)
-        roll, elbow = self._roll_and_elbow(angles[joint], elbow, upper, fore, low, high)
-        self._follow(angles, joint + 1, roll, most, 1.0)
-        self._follow(angles, joint + 2, elbow, upper_moved + moved, 1.0)
-
-    def _roll_and_elbow(
-        self, pitch: float, elbow: float, upper: Vector, fore: Vector, low: float, high: float
-    ) -> tuple[float, float]:
-        """The roll, within its range, then the elbow that bring an arm closest at a pitch, from an elbow on."""
-        c, s = cos(pitch), sin(pitch)
-        (x, y, z), (fx, fy, fz) = upper, fore
-        fore_ahead, fore_up = c * fx - s * fz, s * fx + c * fz
-        share = FOREARM * cos(elbow)
-        roll = atan2(y + share * fy, max(-(s * x + c * z) - share * fore_up, 0.5 * hypot(x, z)))
-        roll = min(max(roll, low), high)
-        return roll, atan2(fore_ahead, sin(roll) * fy - cos(roll) * fore_up)
+                rounds, pitch = 0, angles[joint]
+            elif rounds == 0:
+                goal = atan2(sine, cosine)
+                self._follow(angles, joint, (goal,), (min(2.0 * certain, 1.0) * most,), (certain,))
+                pitch = angles[joint]
+            else:
+                pitch = atan2(sine, cosine)
+        self._follow(angles, joint + 1, (roll, elbow), (most, upper_moved + moved), (1.0, 1.0))
 
     def _leg(
         self,
@@ -260,66 +260,60 @@ class LimbAngles:
         """Thigh frame (x, y, z) = Rz(yaw) Rx(roll) Ry(pitch), with z up the thigh and y across the leg."""
         # Two planes tell which way a leg faces: that of the bent knee and that of the foot; both contain the shank.
         # Written out by components, as this is done for each leg in each tick.
-        (bx, by, bz), (sx, sy, sz), (mx, my, mz) = _cross(thigh, shank), _cross(foot, shank), self._across[leg]
-        tx, ty, tz = thigh
-        x, y, z = 2.0 * bx + sx, 2.0 * by + sy, 2.0 * bz + sz
+        (tx, ty, tz), (sx, sy, sz), (fx, fy, fz), (ux, uy, uz) = thigh, shank, foot, up
+        bx, by, bz = ty * sz - tz * sy, tz * sx - tx * sz, tx * sy - ty * sx
+        x = 2.0 * bx + fy * sz - fz * sy
+        y = 2.0 * by + fz * sx - fx * sz
+        z = 2.0 * bz + fx * sy - fy * sx
         # A straight leg with its toes pointed faces nowhere: then it keeps facing where it did.
+        ax, ay, az = self._across[leg]
         faint = max(0.5 - sqrt(x * x + y * y + z * z), 0.0)
-        x, y, z = x + faint * mx, y + faint * my, z + faint * mz
+        x, y, z = x + faint * ax, y + faint * ay, z + faint * az
         along = x * tx + y * ty + z * tz
         x, y, z = x - along * tx, y - along * ty, z - along * tz
         length = sqrt(x * x + y * y + z * z)
         if length > 1e-3:
-            self._across[leg] = x / length, y / length, z / length
-        across = self._across[leg]
-        ahead = _cross(thigh, across)  # z is -thigh, so y × z = thigh × y
+            ax, ay, az = self._across[leg] = x / length, y / length, z / length
+        # Ahead: z is -thigh, so y × z = thigh × y.
+        x, y, z = ty * az - tz * ay, tz * ax - tx * az, tx * ay - ty * ax
 
-        level = hypot(across[0], across[1])
-        self._follow(angles, joint, atan2(-across[0], across[1]), moved, level)
-        self._follow(angles, joint + 1, atan2(across[2], level), moved, 1.0)
-        self._follow(angles, joint + 2, atan2(-ahead[2], -thigh[2]), moved, level)
-        self._follow(angles, joint + 3, _angle_between(thigh, shank), moved, 1.0)
+        level = hypot(ax, ay)
+        knee = atan2(sqrt(bx * bx + by * by + bz * bz), tx * sx + ty * sy + tz * sz)
+        goals = atan2(-ax, ay), atan2(az, level), atan2(-z, -tz), knee
+        self._follow(angles, joint, goals, (moved,) * 4, (level, 1.0, level, 1.0))
 
         # In the plane of the leg the foot is pitched by knee and ankle together.
-        pitch = atan2(_dot(foot, thigh), _dot(foot, ahead))
-        self._follow(angles, joint + 4, pitch - angles[joint + 3] - FOOT_SLOPE, moved, 1.0)
+        pitch = atan2(fx * tx + fy * ty + fz * tz, fx * x + fy * y + fz * z)
+        self._follow(angles, joint + 4, (pitch - angles[joint + 3] - FOOT_SLOPE,), (moved,), (1.0,))
         # The less the leg lies, the more the sole is kept level sideways.
         total = angles[joint + 3] + angles[joint + 4]
-        sole_up = sin(total) * _dot(ahead, up) - cos(total) * _dot(thigh, up)  # how far the sole's normal points up
-        upright = max(-_dot(shank, up), 0.0) ** 2
-        roll = atan2(-_dot(across, up), max(sole_up, 0.3))
-        self._follow(angles, joint + 5, upright * roll, moved, 1.0)
+        # How far the sole's normal points up.
+        sole_up = sin(total) * (x * ux + y * uy + z * uz) - cos(total) * (tx * ux + ty * uy + tz * uz)
+        upright = max(-(sx * ux + sy * uy + sz * uz), 0.0) ** 2
+        roll = atan2(-(ax * ux + ay * uy + az * uz), max(sole_up, 0.3))
+        self._follow(angles, joint + 5, (upright * roll,), (moved,), (1.0,))
 
-    def _follow(self, angles: list[float], joint: int, goal: float, moved: float, certain: float) -> None:
-        """Moves one angle towards its goal, the near way round, within its range and its pace."""
-        last, lower, upper = self._last[joint], self._lower[joint], self._upper[joint]
-        if not -pi <= last - goal <= pi:
-            goal += 2.0 * pi * round((last - goal) / (2.0 * pi))
-        if not lower <= goal <= upper:
-            # Past the end of its range a joint waits there, but not if the goal can be reached from the other side.
-            other = goal - 2.0 * pi if goal > upper else goal + 2.0 * pi
-            if (goal > upper + WAIT or goal < lower - WAIT) and lower <= other <= upper:
-                goal = other
-            reached = min(max(goal, lower), upper)
-            if abs(goal - reached) > ROUNDING and lower < upper:  # without a range it is of a joint that is not there
-                self.beyond += 1
-            goal = reached
-        most = GAIN * moved + SETTLE * certain
-        angles[joint] = min(max(goal, last - most), last + most)  # a goal in reach is met to the last digit
-
-
-def _dot(a: Vector, b: Vector) -> float:
-    ax, ay, az = a
-    bx, by, bz = b
-    return ax * bx + ay * by + az * bz
-
-
-def _cross(a: Vector, b: Vector) -> tuple[float, float, float]:
-    ax, ay, az = a
-    bx, by, bz = b
-    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    def _follow(self, angles: list[float], joint: int, goals: Vector, moved: Vector, certain: Vector) -> None:
+        """Moves angles from `joint` on towards their goals, the near way round, within their ranges and their pace."""
+        for goal, fast, sure in zip(goals, moved, certain, strict=True):
+            last, lower, upper = self._last[joint], self._lower[joint], self._upper[joint]
+            if not -pi <= last - goal <= pi:
+                goal += 2.0 * pi * round((last - goal) / (2.0 * pi))
+            if not lower <= goal <= upper:
+                # Past the end of its range a joint waits, but not if the goal can be reached from the other side.
+                other = goal - 2.0 * pi if goal > upper else goal + 2.0 * pi
+                if (goal > upper + WAIT or goal < lower - WAIT) and lower <= other <= upper:
+                    goal = other
+                reached = min(max(goal, lower), upper)
+                if abs(goal - reached) > ROUNDING and lower < upper:  # without a range no joint is there
+                    self.beyond += 1
+                goal = reached
+            most = GAIN * fast + SETTLE * sure
+            angles[joint] = min(max(goal, last - most), last + most)  # a goal in reach is met to the last digit
+            joint += 1
 
 
 def _angle_between(a: Vector, b: Vector) -> float:
-    x, y, z = _cross(a, b)
-    return atan2(sqrt(x * x + y * y + z * z), _dot(a, b))
+    (ax, ay, az), (bx, by, bz) = a, b
+    x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    return atan2(sqrt(x * x + y * y + z * z), ax * bx + ay * by + az * bz)

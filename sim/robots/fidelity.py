@@ -76,7 +76,7 @@ def carry(clip: Clip, robot: Robot) -> Carried:
         played.append(safe.copy())
         qpos.append(state.copy())
         limbs.append(view(pose))
-    altered = float(envelope.changed.sum()) / max(len(clip) * len(robot.joints), 1)
+    altered = sum(envelope.changed) / max(len(clip) * len(robot.joints), 1)
     return Carried(np.array(wanted), np.array(played), np.array(qpos), np.array(limbs), altered)
 
 

@@ -27,8 +27,9 @@ from controller.deck.recorded_deck import RecordedDeck
 from controller.deck.switch import CommandedSwitch
 from controller.library.motion_library import MotionLibrary
 from controller.loop.clock import Clock, Ticker
-from controller.loop.command_desk import Commandable, CommandDesk
-from controller.loop.ensemble import Ensemble, all_limits
+from controller.loop.command_desk import CommandDesk
+from controller.loop.commandable import Commandable
+from controller.loop.ensemble import all_limits, together
 from controller.loop.loop import LoopState, run
 from controller.loop.permissions import (
     Permission,
@@ -176,7 +177,7 @@ class Session:
         page_state = self._start_page(opening)
         self.robots = self._open_robots(opening)
         self._first = self.robots[0]
-        self._deck = self._make_deck(Ensemble([robot.retarget for robot in self.robots]))
+        self._deck = self._make_deck(together([robot.retarget for robot in self.robots]))
         self._channels = channels_of(self.robots)
         self._lock(opening)
         self._envelope = SafetyEnvelope(all_limits([robot.limits for robot in self.robots]), self._clock.period)
@@ -339,15 +340,13 @@ class Session:
         for robot in self.robots:
             if robot.rig is not None and robot.rig.parked:
                 stop.ask(f"the rig is lost: {robot.rig.fault}")
-        self._look_at_wired_stop(stop)
+        if self._settings.stop_input is not None:
+            self._look_at_wired_stop(self._settings.stop_input, stop)
         self._desk(stop)
         self._news.look()
 
-    def _look_at_wired_stop(self, stop: StopRequest) -> None:
+    def _look_at_wired_stop(self, wired: WiredStop, stop: StopRequest) -> None:
         """Stops while the wired stop is pulled, and if it was since the last look; a reset before that is in vain."""
-        wired = self._settings.stop_input
-        if wired is None:
-            return
         before, self._pulls = self._pulls, wired.pulls
         if stop.emergency or not (wired.pulled or self._pulls != before):
             return

@@ -12,6 +12,7 @@ from controller.library.motion_library import MotionLibrary, once_a_library
 from controller.measures.motion_matching import joint_features
 from controller.mocap.posture import Posture, walk_path
 from controller.networks.base import FrameNetwork
+from controller.networks.reservoirs.phase_conceptor import ANCHOR_EVERY, PhaseConceptorNetwork
 from controller.rotations import Array, normalise
 
 ENTRY_SHARE = 0.1
@@ -93,14 +94,15 @@ def read_motions(library: MotionLibrary) -> Mapping[str, Motion]:
         velocities = _rate(places, spacing, loop=loop)
         moving = len(frames) if loop else _moving(places)
         entries = moving if loop else max(1, int(ENTRY_SHARE * moving))
-        speed, acceleration = _peaks(library, network, info)
+        postures, played = _played(library, network, info)
+        speed, acceleration = _peaks(library, played)
         motions[info.name] = Motion(
             name=info.name,
             loop=loop,
             places=places[:entries],
             velocities=velocities[:entries],
             exits=places if loop else places[-1:],
-            postures=library.encoding.decode(frames),
+            postures=postures,
             spacing=spacing,
             seconds=moving * spacing,
             speed=speed,
@@ -122,17 +124,29 @@ def _rate(values: Array, spacing: float, *, loop: bool) -> Array:
     return np.gradient(values, spacing, axis=0)
 
 
-def _peaks(library: MotionLibrary, network: FrameNetwork, info: MotionInfo) -> tuple[float, float]:
+def _played(library: MotionLibrary, network: FrameNetwork, info: MotionInfo) -> tuple[Posture, Posture]:
+    """The postures of a motion: at its anchors, and in each frame as it is played alone, a little more than once."""
+    decode = library.encoding.decode
+    if isinstance(network, PhaseConceptorNetwork):
+        frames = network.settled(info.name)
+        beyond = frames[:4] if info.plays == "loop" else frames[-1:]
+        whole = decode(np.concatenate([frames, beyond]))
+        anchors, after_cue = slice(0, len(frames), ANCHOR_EVERY), slice(1, None)
+        return whole[anchors], whole[after_cue]
+    network.cue(info.name, 0)
+    frames = np.empty((info.frames + 3, network.channels))
+    for frame in frames:
+        network.advance(frame)
+    return decode(network.anchors(info.name)), decode(frames)
+
+
+def _peaks(library: MotionLibrary, played: Posture) -> tuple[float, float]:
     """The largest speed and acceleration of any joint in the world while a motion plays alone, m/s and m/s^2.
 
     At least LEAST_SPEED and LEAST_ACCELERATION.
     """
     encoding, rate = library.encoding, library.info.rate
-    network.cue(info.name, 0)
-    frames = np.empty((info.frames + 3, network.channels))
-    for frame in frames:
-        network.advance(frame)
-    pose = walk_path(encoding.decode(frames), 1.0 / rate)
+    pose = walk_path(played, 1.0 / rate)
     step = np.diff(encoding.skeleton.joints(pose.root_position, pose.rotation), axis=0)
     speed = float(np.linalg.norm(step, axis=-1).max()) * rate
     acceleration = float(np.linalg.norm(np.diff(step, axis=0), axis=-1).max()) * rate**2

@@ -38,11 +38,15 @@ class FramePlayer:
     Args:
         network: the network that is played.
         rate: the frames per second of its training.
+
+    Attributes:
+        pace: how many frames are played in the time of one, because of an input.
     """
 
     def __init__(self, network: FrameNetwork, rate: float) -> None:
         self.network = network
         self.rate = rate
+        self.pace = 1.0
         self.motions = network.motions
         self._center = network if isinstance(network, PhaseNetwork) else None
         self._driven = network if isinstance(network, InputNetwork) and network.inputs else None
@@ -74,6 +78,8 @@ class FramePlayer:
     def _begin(self, motion: str) -> None:
         """Takes the frames after the first one from the network, which is there."""
         self.motion, self._fraction, self._forwards = motion, 0.0, True
+        if self._driven is not None:
+            self.pace = self._driven.pace
         self._note_phase(0)
         for place in range(1, 4):
             self._take(place)
@@ -111,15 +117,13 @@ class FramePlayer:
         self._fraction += abs(dt) * self.rate * self.pace
         while self._fraction >= 1.0:
             self._fraction -= 1.0
-            for older, newer in zip(self._frames, self._frames[1:], strict=False):
-                older[:] = newer
-            for place in range(3):
-                self._phases[place] = self._phases[place + 1]
+            self._frames[:3] = self._frames[1:]
+            self._phases[:3] = self._phases[1:]
             self._take(3)
         u = self._fraction
         self._powers[1:] = u, u * u, u * u * u
-        np.dot(self._powers, _CUBIC, out=self._weights)
-        return np.dot(self._weights, self._frames, out=self._out)
+        np.matmul(self._powers, _CUBIC, out=self._weights)
+        return np.matmul(self._weights, self._frames, out=self._out)
 
     def _take(self, place: int) -> None:
         """The next frame in the direction of play."""
@@ -148,11 +152,6 @@ class FramePlayer:
             self._take(place)
 
     @property
-    def pace(self) -> float:
-        """How many frames are played in the time of one, because of the input."""
-        return self._driven.pace if self._driven is not None else 1.0
-
-    @property
     def inputs(self) -> dict[str, tuple[float, float]]:
         """The inputs that the network has besides the phase, and between which values each was learned."""
         return self._driven.inputs if self._driven is not None else {}
@@ -166,6 +165,7 @@ class FramePlayer:
         if self._driven is None:
             raise UnknownNameError(f"there is no input '{name}': no motion of this library was learned with one")
         self._driven.set_input(name, value)
+        self.pace = self._driven.pace
 
     def require_phase(self) -> None:
         """Checks that a center drives the network.
@@ -194,6 +194,8 @@ class FramePlayer:
         """Puts the state back to a snapshot."""
         self.motion = playhead.motion
         self.network.restore(playhead.network)
+        if self._driven is not None:
+            self.pace = self._driven.pace
         self._frames[:] = playhead.frames
         self._fraction, self._forwards = playhead.fraction, playhead.forwards
         self._phases[:] = playhead.phases

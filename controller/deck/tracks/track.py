@@ -26,6 +26,7 @@ class Track:
 
     Attributes:
         at: how far into the motion it is, s; a loop counts on, round after round.
+        guarded: whether the network may be restarted; see `restarted`.
         posture_before, posture: of the last two steps.
     """
 
@@ -34,6 +35,7 @@ class Track:
         core = library.network.twin()
         self._neurons = core if isinstance(core, NeuronNetwork) else None
         self._guard = _guard(core, library) if isinstance(core, Network) else None
+        self.guarded = self._guard is not None
         self._mixture = None if isinstance(core, PhaseNetwork) else Mixture(self._guard or core, core)
         self._player = FramePlayer(self._mixture or core, library.info.rate)
         self._faded_restarts = 0
@@ -119,11 +121,12 @@ class Track:
 
     def step(self, dt: float, tempo: float) -> Posture:
         """Advances by dt seconds at a tempo; the posture there, its path played at that tempo."""
-        self.at += dt * tempo * self._player.pace
-        if not self.motion.loop:
+        player = self._player
+        self.at += dt * tempo * player.pace
+        if not self._motions[player.motion].loop:
             self.at = min(max(self.at, self._round[0]), self._round[1])
         self._backwards = tempo < 0.0 or (tempo == 0.0 and self._backwards)
-        self.posture_before, self.posture = self.posture, self._decode(self._player.step(dt * tempo), tempo)
+        self.posture_before, self.posture = self.posture, self._decode(player.step(dt * tempo), tempo)
         return self.posture
 
     def ahead(self, times: Array, tempo: float, *, starting: bool) -> Posture:
@@ -139,8 +142,9 @@ class Track:
     def _decode(self, channels: Array, tempo: float) -> Posture:
         """The posture of channels, its path played at a tempo."""
         posture = self._encoding.decode(channels)
-        # A copy of the height: the channels are overwritten by the next step.
-        return Posture(posture.height.copy(), posture.velocity * tempo, posture.turn_rate * tempo, posture.rotation)
+        posture.height = posture.height.copy()  # the channels are overwritten by the next step
+        posture.velocity, posture.turn_rate = posture.velocity * tempo, posture.turn_rate * tempo
+        return posture
 
     def finish_round(self) -> None:
         """Has a loop end with its present round."""

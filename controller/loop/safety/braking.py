@@ -20,8 +20,6 @@ from __future__ import annotations
 
 from math import ceil, copysign, floor, sqrt
 
-from controller.rotations import Array
-
 Run = tuple[float, float, float]
 """How far a stopping joint still moves, relative to where it is (rad): its highest, lowest and last position."""
 
@@ -95,12 +93,12 @@ def stopping_run(v: float, a: float, most: float, j: float) -> Run:
     return (-low, -high, -run) if mirrored else (high, low, run)
 
 
-def longest_run(speed: Array, size: Array, most: Array, j: Array) -> Array:
-    """An upper bound of the stopping distances of all joints, cheap to compute: the highest velocity, kept longest.
+def longest_run(speed: float, size: float, most: float, j: float) -> float:
+    """An upper bound of the distance in which a joint stops, cheap to compute: the highest velocity, kept longest.
 
     Args:
-        speed, size: the absolute velocity and acceleration, shape (J,).
-        most, j: the limits of acceleration and jerk, shape (J,).
+        speed, size: the absolute velocity and acceleration.
+        most, j: the limits of acceleration and jerk.
     """
     top = speed + 0.5 * (size + j) ** 2 / j
     return top * (size / j + top / most + most / j + 4.0)

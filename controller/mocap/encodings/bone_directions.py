@@ -130,7 +130,7 @@ class BoneDirections:
 
     def directions(self, channels: Array) -> Array:
         """Where the bones point, brought back to unit length, shape (..., B, 3)."""
-        return normalise(channels[..., FIRST_BONE:].reshape(*channels.shape[:-1], len(self.skeleton), 3))
+        return normalise(channels[..., FIRST_BONE:].reshape(*channels.shape[:-1], -1, 3))
 
     def height(self, channels: Array) -> Array:
         """Of the root above the ground, shape (...), m."""

@@ -144,7 +144,7 @@ class PhaseVoice:
         inputs, neurons = motion.inputs.shape[1], motion.drive.shape[1]
         self.hidden = np.zeros(neurons, dtype=np.float32)
         self._input = np.ones(len(z) + inputs + 1, dtype=np.float32)
-        self._given = self._input[len(z) : -1]
+        self._before, self._given = self._input[: len(z)], self._input[len(z) : -1]
         self._handed = np.zeros(len(z), dtype=np.float32)
         # z and a 1 side by side, for the readout.
         self._state = np.ones(len(z) + 1, dtype=np.float32)
@@ -169,8 +169,8 @@ class PhaseVoice:
         if piece != motion.course.piece[self.frame]:
             np.dot(motion.hand_on[piece], z, out=self._handed)
             np.add(self._handed, motion.shift[piece], out=z)
-        np.copyto(self._input[: len(z)], z)
-        np.copyto(self._given, motion.inputs[frame])
+        self._before[...] = z
+        self._given[...] = motion.inputs[frame]
         if motion.driving is not None:
             self._given[-1] = self.level
         np.dot(motion.drive[piece], self._input, out=self.hidden)
@@ -268,10 +268,18 @@ class PhaseConceptorNetwork:
 
     def anchors(self, motion: str) -> Channels:
         """The frames at the anchors of a motion, shape (anchors, channels)."""
+        return self.settled(motion, ANCHOR_EVERY)
+
+    def settled(self, motion: str, every: int = 1) -> Channels:
+        """Every so manyth frame of a motion as it is played once it has settled, shape (frames, channels)."""
         part = self[motion]
-        frames = np.arange(0, len(part), ANCHOR_EVERY)
-        readout = part.readout[part.course.piece[frames]].astype(np.float64)
-        return np.einsum("fck,fk->fc", readout[:, :, :-1], part.states[frames]) + readout[:, :, -1]
+        frames = np.arange(0, len(part), every)
+        out = np.empty((len(frames), self.channels))
+        for piece in np.unique(part.course.piece):
+            mine = part.course.piece[frames] == piece
+            readout = part.readout[piece].astype(np.float64)
+            out[mine] = part.states[frames[mine]] @ readout[:, :-1].T + readout[:, -1]
+        return out
 
     def recall(self, motion: str) -> Channels:
         """What the readout makes of the stored states; here that is what the anchors are."""
@@ -285,14 +293,14 @@ class PhaseConceptorNetwork:
         """Steps one frame on and writes it into out, shape (channels,)."""
         self._voice.step(self._voice.next)
         self._voice.read(self._frame)
-        np.copyto(out, self._frame)
+        out[...] = self._frame
 
     def retreat(self, out: Channels) -> None:
         """Steps one frame back, along the states that the motion settles in, and writes it into out."""
         part = self._voice.motion
         self._place(part, part.course.preceding(self._voice.frame))
         self._voice.read(self._frame)
-        np.copyto(out, self._frame)
+        out[...] = self._frame
 
     @property
     def phase(self) -> float:

@@ -11,6 +11,7 @@ The weights that motions share follow from a seed and are not stored.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import msgspec
 import numpy as np
@@ -123,7 +124,7 @@ class PhaseCourse:
             return round(share * len(self.phase)) % len(self.phase)
         return int(np.abs(self.phase - share * self.whole).argmin())
 
-    @property
+    @cached_property
     def whole(self) -> float:
         """By how much the center turns in a round of a loop, or in all of a one-shot, rad."""
         return float(self.phase[-1] + (self.phase[1] if self.loop else 0.0))

@@ -123,8 +123,9 @@ class Health:
         limp = ~readings.torque & ~down & ~missing
         still = self._still(readings.positions, goals, now) & readings.torque & ~missing & ~yielding
         idle = still & (np.abs(readings.currents) < _IDLE_CURRENT * self._stall)
-        restless = limp & self._often_mended(now) if limp.any() else limp
-        self._return(~missing & ~down, now)
+        restless = limp & self._often_mended(now) if np.logical_or.reduce(limp) else limp
+        if np.logical_or.reduce(self.lost):
+            self._return(~missing & ~down, now)
         alive = ~self.lost
         self.mend = alive & (back | limp | idle)
         self.fatal = alive & (down | hot | silent | restless | (idle & self._was_idle))
@@ -139,10 +140,11 @@ class Health:
         seen[_STARVED] = (readings.voltages < self._lowest) | (readings.errors & 1 != 0)
         seen[_DOWN] = down
         seen &= alive
-        if (new := seen & ~known).any():
+        new = seen & ~known
+        if np.logical_or.reduce(new, axis=None):
             self._report(new, readings, now)
         self._known, self._seen = seen, known
-        if self.fatal.any():
+        if np.logical_or.reduce(self.fatal):
             self._explain(readings, down, hot, silent, restless)
 
     def mended(self, joints: Mask, now: float) -> None:

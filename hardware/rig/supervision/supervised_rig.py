@@ -16,8 +16,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import NamedTuple
 
@@ -194,24 +193,30 @@ class SupervisedRig:
         if not self._ready():
             self._rig.faults.unsent[:] += 1
             return
-        with self._mend_what_breaks():
+        try:
             self._send(targets)
+        except SerialPortError as error:
+            self._mend_port(error)
         if not self._mending and self._rig.stopped:
             self._mend(_MENDED_WITHIN)
 
     def request_state(self) -> None:
         """Asks the servos for their state without giving them targets; see `DynamixelRig.request_state`."""
         if self._ready():
-            with self._mend_what_breaks():
+            try:
                 self._rig.request_state()
+            except SerialPortError as error:
+                self._mend_port(error)
 
     def collect_state(self) -> bool:
         """Takes the answer if it has come in the meantime; whether anything new was measured."""
         if not self._ready():
             return False
         fresh = False
-        with self._mend_what_breaks():
+        try:
             fresh = self._rig.collect_state()
+        except SerialPortError as error:
+            self._mend_port(error)
         if not self._mending:
             self._look_after()
         return fresh
@@ -249,17 +254,17 @@ class SupervisedRig:
             self._catching_up[:] = True
         return not (self._mending or self._stopped)
 
-    @contextmanager
-    def _mend_what_breaks(self) -> Iterator[None]:
-        """A block in which a vanished port starts a recovery."""
-        try:
-            yield
-        except SerialPortError as error:
-            self._health.incidents.append(Incident(self._rig.now(), f"the port {self.config.port}", "is gone"))
-            if self.config.reconnect_s == 0.0:
-                self._stopped = True
-                raise RigError(f"the rig has stopped: {error}") from error
-            self._mend(self.config.reconnect_s)
+    def _mend_port(self, error: SerialPortError) -> None:
+        """Starts to look for a port that has vanished.
+
+        Raises:
+            RigError: if the rig file does not want that.
+        """
+        self._health.incidents.append(Incident(self._rig.now(), f"the port {self.config.port}", "is gone"))
+        if self.config.reconnect_s == 0.0:
+            self._stopped = True
+            raise RigError(f"the rig has stopped: {error}") from error
+        self._mend(self.config.reconnect_s)
 
     def _mend(self, patience: float) -> None:
         """Starts to bring the rig back, for at most so long, s."""
@@ -304,16 +309,18 @@ class SupervisedRig:
         now = self._rig.now()
         passed = max(0.0, now - self._last_write)
         self._last_write = now
-        strain = self._strain
-        if strain.yielding.any():
+        strain, part = self._strain, self._ease
+        if np.logical_or.reduce(self._catching_up):
+            part = self.easing
+        if np.logical_or.reduce(strain.yielding):
             here = self._rig.positions
             near = np.clip(targets, here - strain.reach, here + strain.reach)
             targets = np.where(strain.yielding, near, targets)
             self._catching_up |= strain.yielding
-        part = np.where(strain.yielding, 1.0, self.easing)
+            part = np.where(strain.yielding, 1.0, self.easing)
         eased_for = min(_LONGEST_STEP / self.config.rate_hz, passed)
         self._rig.write(targets, self._speed * part * np.where(part < 1.0, eased_for, passed))
-        if self._catching_up.any():
+        if np.logical_or.reduce(self._catching_up):
             # A joint that stands at a limit has caught up with a target beyond it.
             off = np.abs(np.clip(targets, self._lower, self._upper) - self._rig.goals)
             self._catching_up &= strain.yielding | ~(off < _CAUGHT_UP)
@@ -328,14 +335,16 @@ class SupervisedRig:
         known = np.isfinite(rig.readings.temperatures)
         margin = np.where(known, self._hottest - rig.readings.temperatures, np.inf)
         self._strain.note(rig.currents, now)
-        self._ease = np.clip((margin - _EASED_TO) / (EASED_FROM - _EASED_TO), _LEAST, 1.0)
+        self._ease = np.minimum(np.maximum((margin - _EASED_TO) / (EASED_FROM - _EASED_TO), _LEAST), 1.0)
         health.look(rig.readings, rig.goals, self._strain.yielding, now)
-        if health.fatal.any():
+        if np.logical_or.reduce(health.fatal):
             if self.config.on_loss == "stop" or (health.fatal | health.lost).all():
                 self._stopped = True
                 raise RigError(f"the rig has stopped: {health.reasons}. Mend the cause and start anew.")
             health.give_up(now)
-            with self._mend_what_breaks():
+            try:
                 rig.loosen(np.flatnonzero(health.lost).tolist())
-        if health.mend.any() and not self._mending:
+            except SerialPortError as error:
+                self._mend_port(error)
+        if np.logical_or.reduce(health.mend) and not self._mending:
             self._mend(_MENDED_WITHIN)

@@ -178,21 +178,21 @@ def test_a_wired_stop_stops_and_while_it_is_pulled_a_reset_is_in_vain(desk, caps
     nothing = None
     session = Session(nothing, nothing, nothing, RunSettings(rate=100.0, stop_input=wired))
     session._desk = desk.desk
-    session._look_at_wired_stop(desk.stop)
+    session._look_at_wired_stop(wired, desk.stop)
     assert not desk.stop.emergency
     wired.pulled, wired.pulls = True, 1
-    session._look_at_wired_stop(desk.stop)
+    session._look_at_wired_stop(wired, desk.stop)
     assert desk.stop.emergency
     assert "/dev/ttyUSB1 was pulled" in capsys.readouterr().err
     desk.stop.at_rest = True
     assert isinstance(desk.ask(Reset()), Accepted)
-    session._look_at_wired_stop(desk.stop)
+    session._look_at_wired_stop(wired, desk.stop)
     assert desk.stop.emergency, "it is still pulled"
     wired.pulled = False
     desk.stop.at_rest = True
     assert isinstance(desk.ask(Reset()), Accepted)
-    session._look_at_wired_stop(desk.stop)
+    session._look_at_wired_stop(wired, desk.stop)
     assert not desk.stop.emergency
     wired.pulls = 2  # a key that was let go again before anybody looked
-    session._look_at_wired_stop(desk.stop)
+    session._look_at_wired_stop(wired, desk.stop)
     assert desk.stop.emergency
