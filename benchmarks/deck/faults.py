@@ -44,7 +44,7 @@ class Outcome:
 
 
 class Run:
-    """A deck with a folder of its own for all that it leaves."""
+    """A deck with a folder of its own for all that it leaves; `{folder}` in an option stands for it."""
 
     def __init__(self, folder: Path, *options: str, **environment: str) -> None:
         self.folder = folder
@@ -53,6 +53,7 @@ class Run:
 
     def _start(self, *options: str) -> subprocess.Popen[str]:
         words = ("play", "--kinematic", "--seconds", "3", "--command-port", "7000", *options)
+        words = tuple(word.replace("{folder}", str(self.folder)) for word in words)
         limited = "no room" in options
         return subprocess.Popen(
             [sys.executable, "-m", "controller.cli.main", *(word for word in words if word != "no room")],
@@ -155,8 +156,8 @@ def read_only_home() -> Outcome:
 
 def struck(who: str, module: str, number: signal.Signals, codes: tuple[int, ...], words: str) -> Outcome:
     """A process of the run gets a signal while it plays; one that is stopped goes on after a second."""
-    options = ("--headless", "--record", "run.rec") if module.endswith("recorder") else ("--port", "0")
-    with started(*(word.replace("run.rec", "/tmp/motiondeck-faults.rec") for word in options)) as one:
+    options = ("--headless", "--record", "{folder}/run.rec") if module.endswith("recorder") else ("--port", "0")
+    with started(*options) as one:
         one.plays()
         one.send(module, number)
         if number == signal.SIGSTOP:

@@ -28,20 +28,6 @@ GOAL, PRESENT, TORQUE, LIMIT = 116, 132, 64, 48
 IDS = range(1, 21)
 
 
-@pytest.fixture(scope="module")
-def emulator(servo20_file):
-    with start_emulator(servo20_file) as emulator:
-        yield emulator
-
-
-@pytest.fixture
-def client(emulator):
-    port = sdk.PortHandler(emulator.port)
-    port.setBaudRate(4_000_000)
-    yield port
-    port.closePort()
-
-
 @pytest.fixture
 def packets():
     return sdk.PacketHandler(2.0)

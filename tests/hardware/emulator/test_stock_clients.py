@@ -6,25 +6,9 @@ import time
 import dynamixel_sdk as sdk
 import pytest
 
-from hardware.emulator.process import start_emulator
-
 OK = sdk.COMM_SUCCESS
 GOAL, PRESENT, TORQUE = 116, 132, 64
 IDS = range(1, 21)
-
-
-@pytest.fixture(scope="module")
-def emulator(servo20_file):
-    with start_emulator(servo20_file) as emulator:
-        yield emulator
-
-
-@pytest.fixture
-def client(emulator):
-    port = sdk.PortHandler(emulator.port)
-    port.setBaudRate(4_000_000)
-    yield port
-    port.closePort()
 
 
 def insist(call, wanted=lambda result: result == OK):

@@ -28,11 +28,8 @@ def emulator(tmp_path_factory):
 
 
 @pytest.fixture
-def client(emulator):
-    port = sdk.PortHandler(emulator.port)
-    port.setBaudRate(1_000_000)
-    yield port
-    port.closePort()
+def baud():
+    return 1_000_000
 
 
 def test_the_makers_sdk_finds_each_servo_with_its_own_protocol_only(client):
