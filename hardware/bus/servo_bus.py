@@ -121,15 +121,6 @@ class Bus:
         """
         return self._insist(self._words(id).write(id, address, data), id, 0, f"write register {address}")
 
-    def reboot(self, id: int) -> StatusPacket:
-        """Restarts a servo, torque off; it is deaf for a moment afterwards.
-
-        Raises:
-            NoReplyError: if the servo stays silent.
-            RefusedError: if it answers with an error number.
-        """
-        return self._insist(self._words(id).reboot(id), id, 0, "reboot")
-
     def sync_write(self, address: int, length: int, entries: bytes) -> bool:
         """Writes the same registers of many servos of one protocol, without an answer and without waiting.
 
@@ -200,33 +191,6 @@ class Bus:
         if reply is not None:
             self._pending, self._may_be_late = None, not isinstance(reply, WholeReply)
         return reply
-
-    def factory_reset(self, id: int, keep: int = instructions.RESET_BUT_ID_AND_BAUD) -> StatusPacket:
-        """Puts a servo's EEPROM back to what it was in the box; it restarts.
-
-        Raises:
-            NoReplyError: if the servo stays silent.
-            RefusedError: if it answers with an error number.
-        """
-        return self._insist(self._words(id).factory_reset(id, keep), id, 0, "reset")
-
-    def clear_turns(self, id: int) -> StatusPacket:
-        """Makes a servo's position one within a turn again.
-
-        Raises:
-            NoReplyError: if the servo stays silent.
-            RefusedError: if it answers with an error number: it moves, or does not know the instruction.
-        """
-        return self._insist(instructions.clear_turns(id), id, 0, "clear turns")
-
-    def backup(self, id: int, restore: bool = False) -> StatusPacket:
-        """Stores a servo's EEPROM in itself, or brings back what was stored.
-
-        Raises:
-            NoReplyError: if the servo stays silent.
-            RefusedError: if it answers with an error number: torque is on, or nothing is stored.
-        """
-        return self._insist(instructions.backup(id, restore), id, 0, "restore" if restore else "back up")
 
     def ping_all(self) -> list[Identity]:
         """The servos of Protocol 2.0 that answer a broadcast ping, in order of ID; waits for the slowest of 253."""

@@ -33,16 +33,6 @@ def write(id: int, address: int, data: bytes) -> bytes:
     return build(id, WRITE, bytes((address,)) + data)
 
 
-def reboot(id: int) -> bytes:
-    """Restarts a servo of the MX series; AX and RX servos do not know this instruction."""
-    return build(id, REBOOT)
-
-
-def factory_reset(id: int, keep: int = 0) -> bytes:
-    """Puts the EEPROM back to what it was in the box, ID and baud rate too: `keep` is not known here."""
-    return build(id, FACTORY_RESET)
-
-
 def sync_write(address: int, length: int, entries: bytes) -> bytes:
     """Writes the same registers of many servos at once, unanswered; entries are ID and `length` bytes, repeated."""
     return build(BROADCAST, SYNC_WRITE, bytes((address, length)) + entries)

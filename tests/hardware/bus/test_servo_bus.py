@@ -231,17 +231,6 @@ def test_an_answer_that_comes_too_late_is_not_mistaken_for_the_next(bus, port):
     assert list(bus.collect().statuses([3, 4])) == [3, 4]
 
 
-def test_a_rebooted_servo_comes_back(port, servos):
-    bus = Bus(port, 1_000_000, retries=0)
-    servos[1].fail(0x20)
-    bus.reboot(1)
-    assert bus.ping(1) is None
-    port.elapse(1.0)
-    identity = bus.ping(1)
-    assert identity is not None
-    assert not identity.alert
-
-
 @pytest.mark.parametrize(
     "call",
     [
@@ -293,33 +282,6 @@ def test_other_answers_are_not_taken_for_those_of_a_ping(port):
     bus = Bus(damaged(port, lambda data: next(sent, b"") + data), 1_000_000)
     bus._discard = lambda: None
     assert [identity.id for identity in bus.ping_all()] == [1, 2, 3, 4]
-
-
-def test_settings_are_stored_in_the_servo_and_brought_back(bus, servos):
-    with pytest.raises(RefusedError, match="refused to restore"):
-        bus.backup(1, restore=True)
-    bus.write(1, 11, b"\x04")
-    assert bus.backup(1).error == 0
-    bus.write(1, 11, b"\x03")
-    assert bus.backup(1, restore=True).error == 0
-    assert servos[1]["operating_mode"] == 4
-
-
-def test_a_factory_reset_keeps_the_id_and_what_is_set_is_gone(bus, servos, port):
-    bus.write(1, 11, b"\x04")
-    assert bus.factory_reset(1).id == 1
-    port.elapse(1.0)
-    assert bus.ping(1) is not None
-    assert servos[1]["operating_mode"] == 3
-
-
-def test_turns_are_cleared(bus, servos):
-    servos[1].bank.shaft[servos[1].row] = 2048 + 3 * 4096
-    servos.advance(0.1)
-    bus.clear_turns(1)
-    assert servos[1]["present_position"] == 2048
-    with pytest.raises(NoReplyError, match="clear turns"):
-        bus.clear_turns(77)
 
 
 def test_half_an_answer_is_waited_for_and_counts_at_the_deadline(bus, port):
