@@ -204,7 +204,8 @@ class ShaftJudge:
         past = self._coasting * angles - self._held_at
         self._note("ran past the goal at which it was held", (self._coasting != 0.0) & (past > _PAST), past)
         slow = (self._at >= self._slow_from) & (self._coasting == 0.0)
-        self._note("was too fast", free & (speed > self._velocity * SPEED_MARGIN + SPEED_PLAY), speed)
+        most = np.maximum(self._velocity * SPEED_MARGIN + SPEED_PLAY, self._velocity * self._swings())
+        self._note("was too fast", free & (speed > most), speed)
         self._note("caught up too fast", free & slow & (speed > self._velocity * _CATCH_UP + _CATCH_UP_PLAY), speed)
         self._note("left its limits", (angles < self._lower - _PLAY) | (angles > self._upper + _PLAY), angles)
         self._judge_acceleration(now, velocity, free)
@@ -214,6 +215,16 @@ class ShaftJudge:
         """How fast the shafts really turn, shape (J,), rad/s."""
         speeds = np.array([device.bank.drive.speed[device.row] for device in self._bus.devices])
         return speeds / self._per_radian
+
+    def _swings(self) -> Array:
+        """The speed of each shaft as a part of its path's when that turns back at full speed, shape (J,).
+
+        Of the change, 2 v, a loop of gain K and motor lag T overshoots by exp(-pi z / sqrt(1 - z^2)), where z is its
+        damping 1 / (2 sqrt(K T)).
+        """
+        loops = [_loop(device) for device in self._bus.devices]
+        damping = np.clip(0.5 / np.sqrt(np.maximum(loops, 1e-9)), 0.0, 0.999)
+        return 1.0 + 2.0 * np.exp(-np.pi * damping / np.sqrt(1.0 - damping * damping))
 
     def _goals(self) -> Array:
         """The goal registers of the servos, shape (J,), rad."""
@@ -292,6 +303,13 @@ class ShaftJudge:
                     at = entries[:: goal.length + 1].find(joint.id) * (goal.length + 1) + 1
                     beyond += at > 0 and not low <= goal.decode(entries[at : at + goal.length]) <= high
         return [f"{beyond} goals were beyond the limits"] if beyond else []
+
+
+def _loop(device: Device) -> float:
+    """The gain of a servo's position loop (1/s) times its motor's lag (s)."""
+    drive, motor = device.bank.drive, device.bank.drive.motor
+    fastest = motor.no_load_speed / 60.0 * device.bank.table.pulses_per_turn
+    return float(drive.p_gain[device.row] * fastest / motor.full_pwm * motor.lag)
 
 
 def _has_voltage(device: Device) -> bool:

@@ -175,6 +175,7 @@ def test_a_killed_client_leaves_a_rig_that_stops(served):
     client = subprocess.Popen(
         [sys.executable, "-c", _RUNAWAY, served.port], stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True
     )
+    assert client.stdout is not None
     assert client.stdout.readline() == "under way\n"
     servo = served._bus[1]
     until(lambda: served._bus.moving, "the start")
@@ -332,6 +333,7 @@ def test_after_a_failed_replug_torque_goes_off_over_the_new_port_and_nowhere_els
     config = msgspec.structs.replace(rig_of_four, reconnect_s=0.5)
     rig = SupervisedRig(config, lambda: Bus.open(hub.server.port, config.baud))
     first = rig._rig.bus.port
+    assert isinstance(first, SerialPort)
     number = first._fd
     hub.bus[2].dead = True
     hub.replug()

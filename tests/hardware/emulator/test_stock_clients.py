@@ -64,7 +64,7 @@ def test_registered_writes_of_the_makers_sdk(client):
 
 
 def test_reset_clear_and_reboot_of_the_makers_sdk(client):
-    packets = sdk.PacketHandler(2.0)
+    packets = sdk.Protocol2PacketHandler()
     assert insist(lambda: packets.clearMultiTurn(client, 6)[0]) == OK
     assert insist(lambda: packets.factoryReset(client, 6, 0x02)[0]) == OK
     time.sleep(0.3)

@@ -48,7 +48,9 @@ def test_sync_writes_and_bulk_reads_of_the_makers_sdk(client):
 
     def bulk_read(*asked):
         """What each sends; the SDK's own class for it passes an argument too many under Protocol 1.0."""
-        packets.bulkReadTx(client, [number for id, length in asked for number in (length, id, GOAL)], 3 * len(asked))
+        packets.bulkReadTx(  # pyright: ignore[reportCallIssue]
+            client, [number for id, length in asked for number in (length, id, GOAL)], 3 * len(asked)
+        )
         heard = [packets.readRx(client, id, length)[:2] for id, length in asked]
         client.is_using = False
         return [bytes(data) if result == OK else None for data, result in heard]
