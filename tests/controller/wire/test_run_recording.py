@@ -97,7 +97,7 @@ def test_what_cannot_be_opened_is_said(tmp_path):
 
 
 def test_another_version_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("controller.wire.run_recording.VERSION", 4)
+    monkeypatch.setattr("controller.wire.run_recording.VERSION", 5)
     write(tmp_path / "r", [1])
     monkeypatch.undo()
     with pytest.raises(FileFormatError, match="version 5; this Motiondeck reads versions 1 to 4"):
