@@ -42,6 +42,11 @@ class Foot:
         """The middle of the sole, shape (3,), m."""
         return self.corners.mean(axis=0)
 
+    @property
+    def area(self) -> float:
+        """Of that rectangle, m^2."""
+        return float(np.prod(np.linalg.norm(np.diff(self.corners[:3], axis=0), axis=1)))
+
 
 def find_feet(model: mujoco.MjModel, qpos: Array) -> tuple[Foot, ...]:
     """The feet of a robot that stands upright at qpos (nq,); none where nothing resembles a foot."""
@@ -60,12 +65,16 @@ def find_feet(model: mujoco.MjModel, qpos: Array) -> tuple[Foot, ...]:
         top = max(top, z + float(reach(model, geom, -down @ axes)))
     ground = float(lowest.min())
     height = top - ground
-    found: list[int] = []
+    # Of an ankle's link and the sole below it, or of a foot and its toes, the one with the largest sole is the foot.
+    found: dict[int, Foot] = {}
+    chain: dict[int, int] = {}
     for body in range(1, model.nbody):
-        near = lowest[body] < ground + GROUND * height and data.xpos[body, 2] < ground + ANKLE * height
-        if near and int(model.body_parentid[body]) not in found:
-            found.append(body)
-    return tuple(_foot(model, data, body) for body in found)
+        if lowest[body] < ground + GROUND * height and data.xpos[body, 2] < ground + ANKLE * height:
+            first = chain[body] = chain.get(int(model.body_parentid[body]), body)
+            foot = _foot(model, data, body)
+            if first not in found or foot.area > found[first].area:
+                found[first] = foot
+    return tuple(found.values())
 
 
 def _foot(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> Foot:

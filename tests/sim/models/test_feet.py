@@ -1,0 +1,42 @@
+"""Tests of finding the feet of a robot: the body with the sole, whatever hangs above and below it."""
+
+import mujoco
+import pytest
+
+from sim.models.feet import find_feet
+
+ANKLE = '<geom type="box" size=".02 .02 .02"/>'
+SOLE = '<geom type="box" size=".1 .04 .01" pos=".03 0 -.04"/>'
+TOES = '<geom type="box" size=".02 .04 .01" pos=".15 0 -.04"/>'
+
+
+def robot(*links):
+    """Two legs of a trunk that end in links, each hanging from the one before."""
+    legs = ""
+    for side, y in (("l", 0.1), ("r", -0.1)):
+        chain = ""
+        for name, geom in reversed(links):
+            chain = f'<body name="{side}_{name}"><joint name="{side}_{name}" axis="0 1 0"/>{geom}{chain}</body>'
+        legs += f'<body name="{side}_shank" pos="0 {y} -.45"><geom type="capsule" size=".03" fromto="0 0 .4 0 0 .1"/>'
+        legs += f"{chain}</body>"
+    return mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body name="trunk" pos="0 0 .5"><freejoint/><geom type="box" size=".1 .15 .3"/>'
+        f"{legs}</body></worldbody></mujoco>"
+    )
+
+
+@pytest.mark.parametrize(
+    ("links", "foot"),
+    [
+        ([("foot", SOLE)], "foot"),
+        ([("pitch", ANKLE), ("roll", SOLE)], "roll"),
+        ([("foot", SOLE), ("toes", TOES)], "foot"),
+        ([("pitch", ANKLE), ("roll", SOLE), ("toes", TOES)], "roll"),
+    ],
+)
+def test_the_foot_is_the_body_with_the_largest_sole(links, foot):
+    model = robot(*links)
+    feet = find_feet(model, model.qpos0)
+    assert {found.body for found in feet} == {f"l_{foot}", f"r_{foot}"}
+    for found in feet:
+        assert found.area == pytest.approx(0.2 * 0.08)
