@@ -92,8 +92,10 @@ def interrupted_twice(folder: Path, count: int) -> dict[str, Any]:
         before = _files(out)
         start = time.perf_counter()
         run = subprocess.Popen(
-            [sys.executable, "-P", "-m", "controller.cli.main", "retarget", str(folder / "clips")]
-            + ["--robot", str(folder / "robot.toml"), "--out", str(out), "--format", "mjlab"],
+            [
+                *(sys.executable, "-P", "-m", "controller.cli.main", "retarget", str(folder / "clips")),
+                *("--robot", str(folder / "robot.toml"), "--out", str(out), "--format", "mjlab"),
+            ],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )

@@ -7,7 +7,8 @@ own length, so that what a human can do is in reach of a robot with as many join
     such that     lower <= q + dq <= upper,   |q + dq - q_before| <= velocity * dt
 
 (Gauss-Newton, damped; the inequalities as in Kanoun et al. 2011) with the solver DAQP (Arnström et al. 2022). Steps
-start from the last answer and no joint goes faster than it may, so the answer never jumps to another branch.
+start from the last answer and no joint goes faster than it may, so the answer never jumps to another branch. Feet that
+stand have goals of their own: the vector between them, and where their toes point (`planted_feet`).
 """
 
 from __future__ import annotations
@@ -22,13 +23,19 @@ from controller.mocap.posture import Pose
 from controller.mocap.rest_pose import FOOT_SLOPE
 from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array
-from sim.retargeting.flat_feet import FlatFeet
 from sim.retargeting.human_limbs import LIMBS, LimbView, up_of
-from sim.retargeting.robot_limbs import SIDES, RobotLimbs
+from sim.retargeting.human_stance import HumanStance
+from sim.retargeting.planted_feet import PlantedFeet
+from sim.retargeting.robot_limbs import FEET, SIDES, RobotLimbs
 from sim.retargeting.stuck_limbs import StuckLimbs
 
 # How much a vector counts that is as long as a leg.
-WEIGHT = {"leg": 4.0, "thigh": 1.0, "arm": 3.0, "upper_arm": 1.5, "foot": 2.0, "head": 1.5, "chest": 3.0}
+WEIGHT = {"leg": 4.0, "thigh": 1.0, "arm": 3.0, "upper_arm": 1.5, "head": 1.5, "chest": 3.0}
+# A sole must be level where the human's is. Where its toes point is shared with the plane of the knee: few robots can
+# turn a foot in its ankle.
+WEIGHT |= {"foot_up": 2.5, "foot_ahead": 0.4}
+# Of feet that stand: how far they are apart along the floor, how much higher one is, and, besides, where toes point.
+APART, HIGHER, TURNED = 8.0, 3.0, 3.0
 WEIGHT |= {"upper_arm_start": 2.0, "thigh_start": 2.0}
 # What it costs a joint to be 1 rad away from rest, or to move by 1 rad in a step.
 POSTURE = 3e-4
@@ -54,22 +61,31 @@ class InverseKinematics:
         limits: JointLimits,
         rest: Array,
         dt: float,
-        flat: FlatFeet | None = None,
+        stance: HumanStance | None = None,
     ) -> None:
-        """As for the solver, for a skeleton whose feet slope as `flat` says; FileFormatError if it lacks a limb."""
-        self._view, self._flat = LimbView(skeleton), flat
+        """As for the solver, for a skeleton whose feet stand as `stance` says; FileFormatError if it lacks a limb."""
+        self._view, self._stance = LimbView(skeleton), stance
         self.solver = LimbSolver(limbs, self._view.length, limits, rest, dt)
+        self._planted = None
+        if stance is not None and stance.feet == 2 and FEET in limbs.vectors.names:
+            leg = float(self._view.length[[LIMBS.index("r_thigh"), LIMBS.index("r_shank")]].sum())
+            self._planted = PlantedFeet(stance, limbs, limbs.reach["r_leg"] / leg, dt)
 
     def reset(self) -> None:
         """Forgets the last pose."""
         self.solver.reset()
+        if self._planted is not None:
+            self._planted.reset()
 
     def __call__(self, pose: Pose) -> Array:
         """Targets (N,), rad, within the robot's range and pace."""
         directions = self._view(pose)
-        if self._flat is not None:
-            directions = self._flat(directions)
-        return self.solver(directions, np.array(up_of(pose)))
+        if self._stance is not None:
+            self._stance(pose, "joints")
+            directions = self._stance.flat(directions)
+        if self._planted is not None:
+            self._planted(pose, self.solver.q)
+        return self.solver(directions, np.array(up_of(pose)), self._planted)
 
 
 class LimbSolver:
@@ -94,9 +110,12 @@ class LimbSolver:
         self._step = limits.velocity * dt
         self.names = limbs.vectors.names
         kinds = [name.split("_", 1)[1] if name[1] == "_" else name for name in self.names]
-        kinds = [kind.removesuffix("_ahead").removesuffix("_left") for kind in kinds]
-        longest = max(limbs.reach.values())
-        self._weight = np.array([WEIGHT[kind] for kind in kinds])[:, None] / longest
+        kinds = [kind if kind in WEIGHT else kind.removesuffix("_ahead").removesuffix("_left") for kind in kinds]
+        self._longest = max(limbs.reach.values())
+        self._weight = np.array([WEIGHT.get(kind, 1.0) for kind in kinds])[:, None] / self._longest
+        self._has_feet = FEET in self.names  # the last one
+        self._toes = [k for k, kind in enumerate(kinds) if kind == "foot_ahead"]
+        self._hold = np.zeros((3, 3))
         # Arms and head are held to the chest: what turns the chest takes their goals along, so it is no way to them.
         along = np.outer(self._goals.with_chest, limbs.turns_chest)
         self._slope = self._weight[:, :, None] * ~along[:, None, :]
@@ -113,10 +132,18 @@ class LimbSolver:
         self._stuck.reset()
         self._count, self._square, self._worst = 0, np.zeros(len(self.names)), np.zeros(len(self.names))
 
-    def __call__(self, directions: Array, up: Array) -> Array:
-        """Targets (N,), rad, for limbs that point in the directions (14, 3) and a vertical (3,), seen from the root."""
+    def __call__(self, directions: Array, up: Array, planted: PlantedFeet | None = None) -> Array:
+        """Targets (N,), rad.
+
+        Args:
+            directions: where the limbs are to point, shape (14, 3), seen from the root.
+            up: the vertical, shape (3,), seen from the root.
+            planted: feet that are to stay where they are.
+        """
         lower, upper = self._limits.lower, self._limits.upper
         goals, q = self._goals(directions, up), self._q
+        if planted is not None:
+            self._plant(planted, goals)
         missed = self._square
         if not self._started:
             self._started = True
@@ -141,12 +168,27 @@ class LimbSolver:
         np.maximum(self._worst, missed, out=self._worst)
         return q
 
+    @property
+    def q(self) -> Array:
+        """The last answer, shape (N,), rad."""
+        return self._q
+
+    def _plant(self, planted: PlantedFeet, goals: Array) -> None:
+        """Sets the goals, and what they count, of feet that stand."""
+        goals[-1] = planted.between
+        weights = np.array([APART * planted.apart, APART * planted.apart, HIGHER * planted.higher])
+        self._hold = (weights / self._longest)[:, None] * planted.root
+        for row, share, ahead in zip(self._toes, planted.turned.tolist(), planted.ahead, strict=True):
+            goals[row] += share * (ahead - goals[row])
+            self._weight[row] = self._slope[row] = (WEIGHT["foot_ahead"] + TURNED * share) / self._longest
+
     def shortfall(self) -> dict[str, dict[str, float]]:
         """How far the goals were missed since the last reset: root mean square and worst, m, by the goal's name."""
         rms = np.sqrt(self._square / max(self._count, 1))
         return {
             name: {"rms_m": float(rms[k]), "worst_m": float(np.sqrt(self._worst[k]))}
             for k, name in enumerate(self.names)
+            if name != FEET
         }
 
     def _advance(self, q: Array, goals: Array, low: Array, high: Array) -> tuple[Array, Array]:
@@ -155,8 +197,12 @@ class LimbSolver:
         limbs.place(q)
         positions = limbs.positions()
         goals = self._goals.seen_from_root(goals, limbs.chest_rotation())
-        miss = (self._weight * (goals - (positions[1] - positions[0]))).ravel()
-        jacobian = (self._slope * limbs.jacobian(positions)).reshape(len(miss), -1)
+        off, turn = goals - (positions[1] - positions[0]), limbs.jacobian(positions)
+        rows, slopes = self._weight * off, self._slope * turn
+        if self._has_feet:
+            rows[-1], slopes[-1] = self._hold @ off[-1], self._hold @ turn[-1]
+        miss = rows.ravel()
+        jacobian = slopes.reshape(len(miss), -1)
         hessian = jacobian.T @ jacobian
         hessian.flat[:: len(q) + 1] += POSTURE + DAMPING
         slope = POSTURE * (q - self._rest) - miss @ jacobian
@@ -166,6 +212,8 @@ class LimbSolver:
             return q, np.zeros(len(self.names))
         step = np.minimum(np.maximum(step, low), high)
         left = (miss - jacobian @ step).reshape(-1, 3) / self._weight
+        if self._has_feet:
+            left[-1] = 0.0  # no limb
         return q + step, np.einsum("ij,ij->i", left, left)
 
 
@@ -214,7 +262,7 @@ class Goals:
 
 
 def sole(thigh: Array, shank: Array, foot: Array, up: Array) -> Array:
-    """The axes of the sole, ahead and left, shape (2, 3), for directions of the leg and the vertical (3,).
+    """The axes of the sole, ahead and up, shape (2, 3), for directions of the leg and the vertical (3,).
 
     Sideways the sole is kept level as far as the leg stands, and follows the leg as it lies.
     """
@@ -233,6 +281,8 @@ def sole(thigh: Array, shank: Array, foot: Array, up: Array) -> Array:
     lx, ly, lz = lx - along * fx, ly - along * fy, lz - along * fz
     length = sqrt(lx * lx + ly * ly + lz * lz)
     lx, ly, lz = (lx / length, ly / length, lz / length) if length > 1e-6 else (0.0, 1.0, 0.0)
-    above = (fy * lz - fz * ly, fz * lx - fx * lz, fx * ly - fy * lx)
+    x, y, z = fy * lz - fz * ly, fz * lx - fx * lz, fx * ly - fy * lx
     c, s = cos(FOOT_SLOPE), sin(FOOT_SLOPE)
-    return np.array([[c * fx + s * above[0], c * fy + s * above[1], c * fz + s * above[2]], [lx, ly, lz]])
+    return np.array(
+        [[c * fx + s * x, c * fy + s * y, c * fz + s * z], [c * x - s * fx, c * y - s * fy, c * z - s * fz]]
+    )

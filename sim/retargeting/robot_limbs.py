@@ -9,7 +9,7 @@ from the pelvis: the root stands upright at the origin and faces x.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -32,6 +32,9 @@ PARTS = (
     "head",
     *(f"{side}_{part}" for side in SIDES for part in ("upper_arm", "forearm", "hand", "thigh", "shank", "foot")),
 )
+FEET = "feet"
+"""The vector from the right sole to the left one, the last of all: no limb, but what keeps feet where they stand."""
+BALL = 0.75  # of the length of a sole from its heel on
 CARRIED = 0.5  # lengths of the limb above the knee or elbow
 STEEPEST_SOLE = 0.5  # rad: what slopes more than this at rest is no sole
 
@@ -160,6 +163,18 @@ class RobotLimbs:
         rotation = self._data.xmat[body].reshape(*body.shape, 3, 3)
         return self._data.xpos[body] + np.matmul(rotation, self.vectors.point[..., None])[..., 0]
 
+    def feet_apart(self) -> Array:
+        """The vector FEET, shape (3,), m."""
+        (right, left), (start, end) = self.vectors.body[:, -1], self.vectors.point[:, -1]
+        there = self._data.xpos[left] + self._data.xmat[left].reshape(3, 3) @ end
+        return there - self._data.xpos[right] - self._data.xmat[right].reshape(3, 3) @ start
+
+    def stand_on(self, rolled: Sequence[float]) -> None:
+        """From now on the vector FEET goes from and to this part of each sole: 0 is the heel, 1 the ball."""
+        for foot, share in enumerate(rolled):
+            heel, ball = self.sole_ends[foot]
+            self.vectors.point[foot, -1] = (1.0 - share) * heel + share * ball
+
     def jacobian(self, positions: Array) -> Array:
         """How the vectors turn with the joints, shape (K, 3, N), m/rad."""
         axis, anchor = self._data.xaxis[self._joint], self._data.xanchor[self._joint]
@@ -201,7 +216,7 @@ class RobotLimbs:
         for side in SIDES:
             if f"{side}_foot" in self._parts:
                 foot = self._parts[f"{side}_foot"]
-                for name, axis in zip(("ahead", "left"), self._sole(side), strict=True):
+                for name, axis in zip(("ahead", "up"), self._sole(side), strict=True):
                     at = self._data.xpos[foot]
                     add(f"{side}_foot_{name}", (foot, at), (foot, at + size * axis))
         for part in self._axes:
@@ -209,6 +224,11 @@ class RobotLimbs:
             for name, axis in (("ahead", AHEAD), ("left", LEFT)):
                 at = self._data.xpos[body]
                 add(f"{part}_{name}", (body, at), (body, at + size * axis))
+        if all(f"{side}_foot" in self._parts for side in SIDES):
+            soles = [self._sole_ends(side) for side in SIDES]
+            feet = [self._parts[f"{side}_foot"] for side in SIDES]
+            self.sole_ends = np.array([[self._local(b, p) for p in pair] for b, pair in zip(feet, soles, strict=True)])
+            add(FEET, *((foot, pair.mean(axis=0)) for foot, pair in zip(feet, soles, strict=True)))
         self._chest_at_rest = self._data.xmat[self._parts["chest"]].reshape(3, 3).copy()
         body, point = np.array(ends, np.int64).T.copy(), np.array(points).transpose(1, 0, 2).copy()
         world = self._data.xpos[body] + rotate(self._data.xquat[body], point)
@@ -282,7 +302,7 @@ class RobotLimbs:
         return start + float(((points - start) @ direction).max()) * direction
 
     def _sole(self, side: str) -> tuple[Array, Array]:
-        """Which way a foot points and which way is left for it, both level when it stands flat, at rest."""
+        """Which way a foot points, level when it stands flat, and which way is up for it, at rest."""
         shank, foot = self._parts[f"{side}_shank"], self._parts[f"{side}_foot"]
         knee = self._data.xanchor[self._knee(self._parts[f"{side}_thigh"], shank)]
         ankle = self._data.xanchor[self._ankle(shank, foot, knee, 0.0)]
@@ -301,7 +321,23 @@ class RobotLimbs:
                 slope = float(np.arctan2(height[toe] - height[heel], along[toe] - along[heel]))
                 if abs(slope) < STEEPEST_SOLE:
                     ahead = np.cos(slope) * ahead + np.sin(slope) * up
-        return ahead, left
+        return ahead, np.cross(ahead, left)
+
+    def _sole_ends(self, side: str) -> Array:
+        """Where heel and ball of a foot touch the floor at rest, shape (2, 3), m."""
+        foot = self._parts[f"{side}_foot"]
+        mine = self.surface.part(np.array(below(self._model, foot)))
+        points = mine.positions(self._data)
+        if not len(points):
+            return np.tile(self._data.xpos[foot], (2, 1))
+        ahead, up = self._sole(side)
+        left = np.cross(up, ahead)
+        along, height = points @ ahead, (points @ up - mine.radius).min()
+        back, front = along.min(), along.max()
+        middle = 0.5 * ((points @ left).min() + (points @ left).max())
+        return np.array(
+            [(back + share * (front - back)) * ahead + middle * left + height * up for share in (0.0, BALL)]
+        )
 
     def _local(self, body: int, point: Array) -> Array:
         return rotate(conjugate(self._data.xquat[body]), point - self._data.xpos[body])

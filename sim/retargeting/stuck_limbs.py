@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.rotations import Array
+from sim.retargeting.robot_limbs import FEET
 
 # A limb is far off if one of its vectors misses its goal by this share of its length; a scout that misses by half of
 # what the limb does is better.
@@ -47,8 +48,9 @@ class StuckLimbs:
         ]
         self._limbs = np.array([limb for limb in limbs if limb.any()]).reshape(-1, len(names))
         # A limb's own joints move nothing but that limb.
+        is_limb = np.array([name != FEET for name in names])
         self._joints = np.array(
-            [moved[limb].any(axis=0) & ~moved[~limb].any(axis=0) for limb in self._limbs], dtype=bool
+            [moved[limb].any(axis=0) & ~moved[~limb & is_limb].any(axis=0) for limb in self._limbs], dtype=bool
         ).reshape(-1, len(rest))
         self.reset()
 

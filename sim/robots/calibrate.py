@@ -245,8 +245,7 @@ def limb_directions(limbs: RobotLimbs) -> Array:
                 found[f"{side}_{first}"] = vector[f"{side}_{first}"] @ frame
                 found[f"{side}_{second}"] = (vector[f"{side}_{whole}"] - vector[f"{side}_{first}"]) @ frame
         if f"{side}_foot_ahead" in vector:
-            ahead, left = vector[f"{side}_foot_ahead"], vector[f"{side}_foot_left"]
-            above = np.cross(ahead, left) / np.linalg.norm(left)
+            ahead, above = vector[f"{side}_foot_ahead"], vector[f"{side}_foot_up"]
             found[f"{side}_foot"] = np.cos(FOOT_SLOPE) * ahead - np.sin(FOOT_SLOPE) * above
     for axis in ("head_ahead", "head_left"):
         if axis in vector:
@@ -318,9 +317,9 @@ def _ankle_rolls(limbs: RobotLimbs, joints: tuple[str, ...], rest: Array) -> dic
     turn = limbs.jacobian(limbs.positions())
     found = {}
     for side in SIDES:
-        if f"{side}_foot_left" in limbs.vectors.names:
-            sole, leg = (limbs.vectors.names.index(f"{side}_{name}") for name in ("foot_left", "leg"))
-            lift = turn[sole, 2] / limbs.vectors.length[sole]
+        if f"{side}_foot_up" in limbs.vectors.names:
+            sole, leg = (limbs.vectors.names.index(f"{side}_{name}") for name in ("foot_up", "leg"))
+            lift = -turn[sole, 1] / limbs.vectors.length[sole]  # of the sole's left edge
             lift[np.abs(turn[leg]).max(axis=0) > 1e-9] = 0.0  # it moves the foot and not the leg
             joint = int(np.argmax(np.abs(lift)))
             if abs(lift[joint]) > 1.0 - SLOPE_ERROR:

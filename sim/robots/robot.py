@@ -25,8 +25,8 @@ from sim.models.robot_file import RobotFile, Solver, read_robot_file
 from sim.models.scenery import add_gantry, add_lamp, set_stage
 from sim.models.servo_motor import ServoMotor
 from sim.models.walk_settings import WalkSettings
-from sim.retargeting.flat_feet import FlatFeet
 from sim.retargeting.footing import Footing
+from sim.retargeting.human_stance import HumanStance
 from sim.retargeting.retarget import MannequinRetargeter, ServoHumanoidRetargeter
 from sim.retargeting.robot_limbs import RobotLimbs
 
@@ -147,10 +147,10 @@ class RobotLoader:
         if isinstance(skeleton, JointBody):
             taught = JointRetargeter(skeleton, layout.joints, rest)
             return Robot(file.name, spec, model, layout, limits, rest, taught, scale, file.servo)
-        flat = FlatFeet(dt)
-        retarget = _retargeter(path, file, solver or file.solver, skeleton, model, layout, limits, rest, dt, flat)
+        stance = HumanStance(skeleton, dt)
+        retarget = _retargeter(path, file, solver or file.solver, skeleton, model, layout, limits, rest, dt, stance)
         feet = [model.body(file.parts[foot]).id for foot in ("r_foot", "l_foot") if foot in file.parts]
-        footing = Footing(skeleton, model, feet, np.array(file.root_rotation), scale, dt, flat)
+        footing = Footing(stance, model, feet, np.array(file.root_rotation), scale)
         return Robot(file.name, spec, model, layout, limits, rest, retarget, scale, file.servo, footing, file.walk)
 
 
@@ -164,14 +164,16 @@ def _retargeter(
     limits: JointLimits,
     rest: Array,
     dt: float,
-    flat: FlatFeet,
+    stance: HumanStance,
 ) -> Retargeter:
     parts = file.parts
     if solver == "angles":
         if parts:
             RobotLimbs(path, model, parts, np.array(file.root_rotation), layout.joints)
         try:
-            return ServoHumanoidRetargeter(skeleton, layout.joints, limits.lower, limits.upper, file.angles, rest, flat)
+            return ServoHumanoidRetargeter(
+                skeleton, layout.joints, limits.lower, limits.upper, file.angles, rest, stance.flat
+            )
         except UnknownNameError as error:
             raise UnknownNameError(f"{path}: {error}") from None
     from sim.retargeting.inverse_kinematics import InverseKinematics
@@ -179,7 +181,7 @@ def _retargeter(
     if not parts:
         raise FileFormatError(f"{path}: solver 'ik' needs a table [parts]: `motiondeck robot calibrate` writes one")
     limbs = RobotLimbs(path, model, parts, np.array(file.root_rotation), layout.joints)
-    return InverseKinematics(skeleton, limbs, limits, rest, dt, flat)
+    return InverseKinematics(skeleton, limbs, limits, rest, dt, stance)
 
 
 def _load_model(path: Path, file: RobotFile) -> tuple[mujoco.MjSpec, mujoco.MjModel]:

@@ -1,5 +1,8 @@
 """Tests of finding the feet of a robot: the body with the sole, whatever hangs above and below it."""
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
 import mujoco
 import pytest
 

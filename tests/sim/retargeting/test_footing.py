@@ -1,5 +1,8 @@
 """Tests of the root's place above the floor."""
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
 import mujoco
 import numpy as np
 import pytest
@@ -11,8 +14,9 @@ from controller.mocap.rest_pose import FOOT_SLOPE
 from controller.rotations import from_rotation_vector, multiply
 from sim.models.model_file import read_model
 from sim.models.surface import LowestPoint
-from sim.retargeting.footing import FOLLOWS, STANDS, SURE, TELEPORT, Footing
+from sim.retargeting.footing import Footing
 from sim.retargeting.human_soles import Soles
+from sim.retargeting.human_stance import FOLLOWS, STANDS, SURE, TELEPORT, HumanStance
 from simulated_bodies import bent_pose, human, smooth_poses
 from small_robots import humanoid
 
@@ -31,7 +35,7 @@ def model(tmp_path_factory):
 @pytest.fixture
 def footing(model):
     feet = [model.body(f"{side}_sole").id for side in ("right", "left")]
-    return Footing(human(), model, feet, UPRIGHT, SCALE, DT)
+    return Footing(HumanStance(human(), DT), model, feet, UPRIGHT, SCALE)
 
 
 def moved(pose, by, turn=(0.0, 0.0, 0.0)):
@@ -60,7 +64,7 @@ def test_nothing_is_below_the_floor_however_the_body_lies(model, seed):
     turn = 1.5 * random.normal(size=3)
     poses = [moved(pose, 0.3 * random.normal(size=3), turn) for pose in smooth_poses(human(), random, 12)]
     joints = random.uniform(-0.8, 0.8, model.nq - 7)
-    _, lowest = placed(Footing(human(), model, feet, UPRIGHT, SCALE, DT), model, poses, joints)
+    _, lowest = placed(Footing(HumanStance(human(), DT), model, feet, UPRIGHT, SCALE), model, poses, joints)
     assert lowest.min() >= -1e-9
 
 
@@ -159,7 +163,7 @@ def test_reset_forgets_the_floor_and_the_place(footing, model):
 
 def test_the_root_turns_with_the_human_and_its_own_way_of_standing(model):
     turned = from_rotation_vector(np.array([0.0, 0.0, 0.7]))
-    footing = Footing(human(), model, [], turned, SCALE, DT)
+    footing = Footing(HumanStance(human(), DT), model, [], turned, SCALE)
     qpos = np.zeros(model.nq)
     pose = moved(bent_pose(human()), (0, 0, 0), (0.1, 0.2, 0.3))
     footing.place(pose, qpos)

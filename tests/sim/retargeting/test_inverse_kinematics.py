@@ -1,5 +1,8 @@
 """Tests of the inverse kinematics: a robot is asked to hold poses of its own, which it must find again."""
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
 import mujoco
 import numpy as np
 import pytest
@@ -128,6 +131,7 @@ def kicked_back():
 
 def test_what_is_out_of_range_ends_at_the_range_and_is_told(limbs):
     solver, limits = solver_of(limbs)
+    q = solver.q
     for _ in range(3):
         q = solver(kicked_back(), UP)
         assert ((q >= limits.lower) & (q <= limits.upper)).all()
@@ -137,7 +141,7 @@ def test_what_is_out_of_range_ends_at_the_range_and_is_told(limbs):
     start, end = limbs.positions()
     goal = limbs.reach["r_leg"] * np.array([-1.0, 0.0, 0.0])
     missed = np.linalg.norm(goal - (end - start)[solver.names.index("r_leg")])
-    assert missed > 0.05
+    assert missed > 0.03
     told = solver.shortfall()
     assert told["r_leg"]["worst_m"] == pytest.approx(missed, rel=0.02)
     assert told["r_leg"]["rms_m"] == pytest.approx(missed, rel=0.02)
@@ -174,41 +178,47 @@ def well_posed(thigh, shank, foot, up):
     return np.linalg.norm(left) > 0.05
 
 
+def left_of(axes):
+    """Which way is left for a sole with axes ahead and up."""
+    return np.cross(axes[1], axes[0])
+
+
 @given(directions, directions, directions, directions, vectors)
 def test_a_sole_turns_with_the_body_it_is_seen_from(thigh, shank, foot, up, turn):
     if not well_posed(thigh, shank, foot, up):
         return
-    ahead, left = sole(thigh, shank, foot, up)
+    ahead, above = sole(thigh, shank, foot, up)
+    left = np.cross(above, ahead)
     assert np.array([ahead @ ahead, left @ left, ahead @ left, foot @ left]) == pytest.approx([1, 1, 0, 0], abs=1e-9)
     assert ahead @ foot == pytest.approx(np.cos(FOOT_SLOPE))
     assert ahead @ np.cross(foot, left) == pytest.approx(np.sin(FOOT_SLOPE))  # the toes are lower than the ankle
     q = from_rotation_vector(3.0 * turn)
     turned = sole(*(rotate(q, v) for v in (thigh, shank, foot, up)))
-    assert turned == pytest.approx(rotate(q, np.array([ahead, left])), abs=1e-4)
+    assert turned == pytest.approx(rotate(q, np.array([ahead, above])), abs=1e-4)
     mirror = np.array([1.0, -1.0, 1.0])
     mirrored = sole(*(v * mirror for v in (thigh, shank, foot, up)))
-    assert mirrored == pytest.approx(np.array([ahead * mirror, -left * mirror]), abs=1e-4)
+    assert mirrored == pytest.approx(np.array([ahead * mirror, above * mirror]), abs=1e-4)
 
 
 def test_a_standing_leg_keeps_its_sole_level_and_a_lying_one_takes_it_along():
     ahead, level = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
     knee_out = normalise(np.array([0.6, 0.6, -0.5]))
-    assert sole(knee_out, -UP, ahead, UP)[1] == pytest.approx(level, abs=1e-5)
+    assert left_of(sole(knee_out, -UP, ahead, UP)) == pytest.approx(level, abs=1e-5)
     # On the side, the knee bent ahead: left is across the leg's own plane, here straight down or up.
-    lying = sole(normalise(np.array([1.0, 1.0, 0.0])), level, ahead, UP)[1]
+    lying = left_of(sole(normalise(np.array([1.0, 1.0, 0.0])), level, ahead, UP))
     assert lying == pytest.approx([0.0, 0.0, 1.0], abs=1e-5)
     # Half way between, shank 45 degrees to the side, it is between level and what the leg alone would have.
     shank, thigh = normalise(np.array([0.0, 1.0, -1.0])), normalise(np.array([0.5, 0.7, -0.7]))
-    half = sole(thigh, shank, ahead, UP)[1]
+    half = left_of(sole(thigh, shank, ahead, UP))
     assert degrees_between(half, level) == pytest.approx(45.0 / 2.0, abs=8.0)
     assert degrees_between(half, np.array([0.0, 1.0, 1.0]) / np.sqrt(2.0)) < 45.0
 
 
 def test_a_leg_and_foot_in_one_line_have_no_side_and_still_get_one():
     down = np.array([0.0, 0.0, -1.0])
-    ahead, left = sole(down, down, down, UP)
-    assert np.isfinite(ahead).all()
-    assert left.tolist() == [0.0, 1.0, 0.0]
+    axes = sole(down, down, down, UP)
+    assert np.isfinite(axes).all()
+    assert left_of(axes) == pytest.approx([0.0, 1.0, 0.0])
 
 
 def test_a_trunk_does_not_bend_for_what_an_arm_cannot_reach(tmp_path):
