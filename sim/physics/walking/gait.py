@@ -30,9 +30,9 @@ LONGER, NARROW, WIDE = 0.7, 0.85, 2.2
 DOUBT = 0.15
 
 
-# Who stands takes a step if the capture point is farther off than this, in heights of the root, and the motion does
-# not take one soon, s. Such a step takes so long, s.
-TOO_FAR, SOON, QUICK = 0.12, 0.15, 0.35
+# Who stands takes a step if the capture point is farther off than this, in heights of the root, and the motion takes
+# none in the preview. Such a step takes so long, s.
+TOO_FAR, QUICK = 0.12, 0.35
 
 
 class Gait:
@@ -121,8 +121,7 @@ class Gait:
             off: how far the capture point is off, shape (2,), m.
             capture: where it is, shape (2,), m.
         """
-        standing = self.step is None and not (self.coming and self.coming[0].start < now + SOON)
-        if not standing or np.hypot(*off) < TOO_FAR * self._height:
+        if self.coming or np.hypot(*off) < TOO_FAR * self._height:
             return
         away = self.places - capture
         foot = int(np.argmax(np.hypot(away[:, 0], away[:, 1])))
