@@ -1,4 +1,4 @@
-"""Mixtures of all pairs of loops: a phase-driven network's and the deck's.
+"""Mixtures of all pairs of loops, inside a network and in the deck.
 
     python -m benchmarks phase_morphs [--library thesis15] [--mu -0.3 0.25 0.5 0.75 1.3] [--json]
 
