@@ -1,4 +1,4 @@
-"""Many clips retargeted into mjlab's files: time, going on after an interrupt, and the files read back.
+"""Many clips retargeted into files of mjlab, interrupted, and read back.
 
 The clips are all recordings of --data, the longest ones cut in halves until there are --clips. `motiondeck retarget`
 carries them onto a published robot, calibrated from its file alone. It is interrupted (SIGINT) when a third of the
