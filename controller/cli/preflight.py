@@ -86,12 +86,16 @@ def preflight(
     with progress("motions", len(loaded.network.motions)) as tick:
         for played in play_motions(loaded, body):
             verdicts.append(judge.judge(played, simulate=True, tempo=tempo))
+            if not as_json:
+                _print_motion(verdicts[-1])
             tick()
     motions = len(verdicts)
     if not motions_only:
         with progress("switches", count_switches(loaded)) as tick:
             for played in play_switches(loaded, body):
                 verdicts.append(judge.judge(played, simulate=False, tempo=tempo))
+                if not as_json:
+                    _print_switch(verdicts[-1])
                 tick()
         verdicts += _by_their_parts({v.name: v for v in verdicts}, switches_by_way_of(loaded))
     report = _report(verdicts, motions, loaded.info.name, body.name, root, balance, tempo)
@@ -180,8 +184,31 @@ def _report(
     }
 
 
+def _print_motion(verdict: PreflightVerdict) -> None:
+    """A line as soon as a motion is judged, and one more for each of its troubles."""
+    _say(f"{verdict.name}: {_remedy(verdict)}")
+    for finding in verdict.troubles:
+        where = f" ({finding.where})" if finding.where else ""
+        _say(f"{verdict.name}: [red]{finding.check}[/] {finding.value:.3g} {finding.unit}{where}")
+
+
+def _print_switch(verdict: PreflightVerdict) -> None:
+    """A line as soon as a switch is judged that is not all right."""
+    if not verdict.ok:
+        checks = ", ".join(sorted({finding.check for finding in verdict.troubles}))
+        _say(f"[red]{verdict.name}[/]: {checks}; {_remedy(verdict)}")
+
+
+def _say(line: str) -> None:
+    """Prints a line at once, in a pipe too."""
+    from rich.console import Console
+
+    Console(soft_wrap=True).print(line, highlight=False)
+    sys.stdout.flush()
+
+
 def _print(verdicts: list[PreflightVerdict], motions: int, report: dict[str, Any]) -> None:
-    """A row a motion, green where all is well; of the switches only what is not."""
+    """What all of it comes to: a row a motion, green where all is well, and how many switches are."""
     from rich.console import Console
 
     from controller.cli.common.tables import show_table
@@ -201,18 +228,10 @@ def _print(verdicts: list[PreflightVerdict], motions: int, report: dict[str, Any
         headings = ("", *tempo, *(f"{check}\n[dim]{unit}[/]" for check, unit in units.items()))
         show_table(headings, rows, title=words)
     console = Console()
-    for verdict in verdicts[:motions]:
-        for finding in verdict.troubles:
-            where = f" ({finding.where})" if finding.where else ""
-            console.print(f"{verdict.name}: {finding.check} {finding.value:.3g} {finding.unit}{where}", highlight=False)
     switches = verdicts[motions:]
     if switches:
-        bad = [verdict for verdict in switches if not verdict.ok]
-        console.print(f"\n{len(switches) - len(bad)} of {len(switches)} switches are all right at this tempo")
-        for verdict in bad:
-            if not verdict.by_way_of:
-                checks_bad = ", ".join(sorted({finding.check for finding in verdict.troubles}))
-                console.print(f"[red]{verdict.name}[/]: {checks_bad}; {_remedy(verdict)}", highlight=False)
+        right = sum(verdict.ok for verdict in switches)
+        console.print(f"{right} of {len(switches)} switches are all right at this tempo")
         console.print("Switches by way of other motions are judged by their parts.", style="dim")
     console.print("Where each number comes from: --json. What it means: docs/physics.md", style="dim")
     if not report["ok"]:

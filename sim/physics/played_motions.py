@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from controller.mocap.posture import Pose
 from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array
 from sim.robots.robot import Robot, load_robot
+
+T = TypeVar("T")
 
 DT = 0.01
 """s from sample to sample."""
@@ -57,7 +60,7 @@ def load_sampled_robot(path: Path, skeleton: Skeleton) -> Robot:
 def play_motions(library: MotionLibrary, robot: Robot) -> Iterator[PlayedMotion]:
     """Each motion: one round of a loop, or a whole one-shot."""
     for motion in read_motions(library).values():
-        deck = Deck(library, deepcopy(robot.retarget), motion.name)
+        deck = Deck(library, _copied(robot.retarget, robot), motion.name)
         if motion.loop:
             for _ in range(round(SETTLED / DT)):
                 deck.update(DT)
@@ -69,13 +72,13 @@ def play_switches(library: MotionLibrary, robot: Robot) -> Iterator[PlayedMotion
     repertoire = read_motions(library)
     routes = Routes.of(library)
     for source in repertoire.values():
-        deck = Deck(library, deepcopy(robot.retarget), source.name)
+        deck = Deck(library, _copied(robot.retarget, robot), source.name)
         for _ in range(round((SETTLED if source.loop else source.seconds) / DT)):
             deck.update(DT)
         for target in repertoire:
             if target == source.name or routes.by_way_of(source.name, target):
                 continue
-            branch = deepcopy(deck)
+            branch = _copied(deck, robot)
             targets, poses = [], []
             after = round(AFTER / DT)
             while after > 0 and len(targets) < round(LONGEST / DT):
@@ -101,6 +104,11 @@ def count_switches(library: MotionLibrary) -> int:
     """The number of switches that `play_switches` yields."""
     motions = len(read_motions(library))
     return motions * (motions - 1) - len(switches_by_way_of(library))
+
+
+def _copied(what: T, robot: Robot) -> T:
+    """A deep copy that shares the robot's model, which nothing changes: with meshes it is large."""
+    return deepcopy(what, {id(robot.model): robot.model})
 
 
 def _played(name: str, deck: Deck, count: int, *, loop: bool) -> PlayedMotion:

@@ -37,9 +37,8 @@ DOWN = 0.7
 FALL_SECONDS = 10.0
 SLOWEST = 0.1
 _AT_ANY_TEMPO = ("out of reach", "self-collision")
-_HALVINGS = 5
-# A motion that passes without physics and fails in it is tried again at this share of the tempo.
-_SLOWER = 0.9
+# How close to the fastest tempo that passes the one found is, as a ratio: by the numbers, and in physics.
+_WITHIN, _WITHIN_IN_PHYSICS = 1.02, 1.1
 
 
 @dataclass(frozen=True)
@@ -124,9 +123,16 @@ class Preflight:
             return PreflightVerdict(played.name, findings, tempo)
         if any(finding.check in _AT_ANY_TEMPO for finding in findings if not finding.ok):
             return PreflightVerdict(played.name, findings, None)
-        passes = fastest_passing(lambda slow: self._passes(played, loads, slow, simulate=False), tempo)
-        while simulate and passes is not None and not self._passes(played, loads, passes, simulate=True):
-            passes = _SLOWER * passes if _SLOWER * passes >= SLOWEST else None
+
+        def by_numbers(slow: float) -> bool:
+            return all(finding.ok for finding in self.findings(played, loads, slow, simulate=False))
+
+        def in_physics(slow: float) -> bool:
+            return by_numbers(slow) and self._follows(played, slow)
+
+        passes = fastest_passing(by_numbers, tempo, _WITHIN)
+        if simulate and passes is not None and not in_physics(passes):
+            passes = fastest_passing(in_physics, passes, _WITHIN_IN_PHYSICS)
         return PreflightVerdict(played.name, findings, passes)
 
     def findings(self, played: PlayedMotion, loads: Loads, tempo: float, *, simulate: bool) -> tuple[Finding, ...]:
@@ -139,7 +145,7 @@ class Preflight:
 
     def simulated(self, played: PlayedMotion, tempo: float) -> list[Finding]:
         """Findings of playing it in physics: whether the servos follow, and whether a free robot stands."""
-        astray, joint, _ = self.play(played, tempo, self.root if self.root != "free" else "gantry", rounds=1)
+        astray, joint, _ = self.play(played, tempo, self._carried(), rounds=1)
         found = [_finding("physics: off target", astray, ASTRAY, "rad", self.robot.joints[joint])]
         if self.root == "free":
             _, _, fell = self.play(played, tempo, "free", rounds=None)
@@ -147,10 +153,22 @@ class Preflight:
             found.append(replace(Finding("physics: stands", stood, FALL_SECONDS, "s"), ok=fell is None))
         return found
 
+    def _follows(self, played: PlayedMotion, tempo: float) -> bool:
+        """Whether all that `simulated` finds is within its limits; it stops as soon as something is not."""
+        astray, _, _ = self.play(played, tempo, self._carried(), rounds=1, until=ASTRAY)
+        return astray <= ASTRAY and (self.root != "free" or self.play(played, tempo, "free", rounds=None)[2] is None)
+
+    def _carried(self) -> str:
+        """What holds the root while it counts whether the servos follow."""
+        return self.root if self.root != "free" else "gantry"
+
     def play(
-        self, played: PlayedMotion, tempo: float, root: str, rounds: int | None
+        self, played: PlayedMotion, tempo: float, root: str, rounds: int | None, until: float = np.inf
     ) -> tuple[float, int, float | None]:
         """Plays a motion in physics, once, or for FALL_SECONDS if `rounds` is None.
+
+        It ends when the robot falls, or when a joint has been farther than `until`, rad, from its target for longer
+        than BRIEFLY.
 
         Returns:
             how far a joint was from its target for longer than BRIEFLY, rad; which; when the robot fell, s, or None.
@@ -163,18 +181,17 @@ class Preflight:
         stage = PhysicsPlayback(self.robot, TICK, root, self.balance and root == "free")
         ticks = len(targets) if rounds is not None else round(FALL_SECONDS / TICK)
         off = np.zeros((ticks, targets.shape[1]))
+        lost = np.zeros(targets.shape[1], dtype=np.int64)
         for k in range(ticks):
             # A one-shot holds its end, a loop goes round.
             at = k % len(targets) if played.loop else min(k, len(targets) - 1)
             stage.write(envelope(targets[at]), poses[at])
             off[k] = np.abs(stage.measured() - np.clip(targets[at], self.limits.lower, self.limits.upper))
-            if stage.fell_s is not None:
+            lost = np.where(off[k] > until, lost + 1, 0)
+            if stage.fell_s is not None or lost.max() >= _window(ticks, TICK):
                 break
         worst = _lasting(off)
         return float(worst.max()), int(np.argmax(worst)), stage.fell_s
-
-    def _passes(self, played: PlayedMotion, loads: Loads, tempo: float, *, simulate: bool) -> bool:
-        return all(finding.ok for finding in self.findings(played, loads, tempo, simulate=simulate))
 
     def _joints(self, played: PlayedMotion, loads: Loads, tempo: float) -> list[Finding]:
         joints, limits = self.robot.joints, self.limits
@@ -270,8 +287,13 @@ def _poses(played: PlayedMotion, tempo: float) -> list[Pose]:
 
 def _lasting(off: Array, dt: float = TICK) -> Array:
     """The largest value that each column of (T, J) exceeds for a whole BRIEFLY, shape (J,)."""
-    window = min(len(off), max(1, round(BRIEFLY / dt)))
-    return np.lib.stride_tricks.sliding_window_view(off, window, axis=0).min(axis=-1).max(axis=0)
+    windows = np.lib.stride_tricks.sliding_window_view(off, _window(len(off), dt), axis=0)
+    return windows.min(axis=-1).max(axis=0)
+
+
+def _window(count: int, dt: float) -> int:
+    """How many of so many samples are BRIEFLY."""
+    return min(count, max(1, round(BRIEFLY / dt)))
 
 
 def _longest(flags: NDArray[np.bool_]) -> int:
@@ -308,11 +330,15 @@ def servo_lag(drive: Array, dt: float) -> Array:
     return worst
 
 
-def fastest_passing(passes: Callable[[float], bool], tempo: float) -> float | None:
-    """The largest tempo from SLOWEST to the given one at which it passes, found by halving; None where none does."""
+def fastest_passing(passes: Callable[[float], bool], tempo: float, within: float) -> float | None:
+    """The fastest tempo from SLOWEST to below the given one that passes, found by halving; None where none does.
+
+    The tempo returned passes, and one less than `within` times as fast does not; where passing tempos have gaps, it is
+    the upper end of one of their stretches.
+    """
     low, high = SLOWEST, tempo
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
+    while high > within * low:
+        middle = float(np.sqrt(low * high))
         low, high = (middle, high) if passes(middle) else (low, middle)
     # The slowest tempo takes longest to check, and is rarely needed.
     return low if low > SLOWEST or passes(SLOWEST) else None

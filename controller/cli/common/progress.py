@@ -36,7 +36,13 @@ def progress(words: str, total: int | None) -> Iterator[Tick]:
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
+    with Progress(
+        *columns,
+        console=Console(stderr=True),
+        disable=not sys.stderr.isatty(),
+        transient=True,
+        redirect_stdout=sys.stdout.isatty(),  # lines that go to a file are no concern of the bar
+    ) as bar:
         task = bar.add_task(words, total=total)
 
         def tick(words: str | None = None) -> None:

@@ -45,7 +45,26 @@ def test_the_table_names_what_is_wrong_and_the_tempo_that_passes(library):
     assert "march: physics: stands" in run.stdout
     limited, informing = run.stdout.split("for information")
     assert "self-collision" in limited
-    assert "foot slide" in informing.split("march: physics")[0]
+    assert "foot slide" in informing
+
+
+def test_what_was_judged_before_an_interruption_has_been_printed(library, monkeypatch):
+    from sim.physics.preflight import Preflight
+
+    judged, judge = [], Preflight.judge
+
+    def judge_two(self, played, **how):
+        if len(judged) == 2:
+            raise KeyboardInterrupt
+        judged.append(judge(self, played, **how))
+        return judged[-1]
+
+    monkeypatch.setattr(Preflight, "judge", judge_two)
+    run = preflight(library, "--robot", "mannequin")
+    assert run.exit_code != 0
+    assert "march: passes at tempo" in run.stdout or "march: no slower tempo" in run.stdout
+    assert "wave: " in run.stdout
+    assert "bow" not in run.stdout
 
 
 @pytest.mark.parametrize(

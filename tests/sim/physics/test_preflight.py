@@ -136,15 +136,47 @@ def test_who_stands_still_or_is_down_already_cannot_fall(rotation):
     assert {f.check: f.ok for f in judge.simulated(played, 1.0)}["physics: stands"]
 
 
-@given(st.floats(0.15, 1.0))
-def test_the_fastest_tempo_that_passes_is_found(border):
-    found = fastest_passing(lambda tempo: tempo <= border, 1.0)
+@given(st.floats(SLOWEST, 3.0), st.floats(0.11, 3.0), st.floats(1.01, 1.3))
+def test_the_fastest_tempo_that_passes_is_found(border, tempo, within):
+    tried = []
+
+    def passes(at):
+        tried.append(at)
+        return at <= border
+
+    found = fastest_passing(passes, tempo, within)
+    scanned = max(at for at in np.geomspace(SLOWEST, tempo, 500) if at <= border)
     assert found is not None
-    assert border - 0.03 <= found <= border
+    assert scanned / within * 0.99 <= found <= border
+    assert all(SLOWEST <= at <= tempo for at in tried)
+    assert len(tried) <= 2 + np.log2(np.log(30.0) / np.log(within))
+
+
+@given(st.lists(st.booleans(), min_size=2, max_size=40))
+def test_of_tempos_that_pass_with_gaps_between_them_one_at_an_upper_end_is_found(passing):
+    def passes(at):
+        return passing[min(int((at - SLOWEST) / (1.0 - SLOWEST) * len(passing)), len(passing) - 1)]
+
+    found = fastest_passing(passes, 1.0, 1.02)
+    if found is None:
+        assert not passing[0]
+    else:
+        assert passes(found)
+        assert found * 1.02 >= 1.0 or not all(passes(at) for at in np.linspace(found, found * 1.02, 50))
 
 
 def test_where_nothing_passes_none_is_offered():
-    assert fastest_passing(lambda tempo: False, 1.0) is None
+    assert fastest_passing(lambda tempo: False, 1.0, 1.02) is None
+
+
+def test_a_play_that_is_astray_ends_early_and_with_the_same_verdict():
+    judge = Preflight(SERVO20, SERVO20.limits)
+    for rate in (2.0, 25.0):
+        played = swinging(rate, seconds=0.8)
+        whole, _, _ = judge.play(played, 1.0, "gantry", rounds=1)
+        cut, _, _ = judge.play(played, 1.0, "gantry", rounds=1, until=ASTRAY)
+        assert (cut > ASTRAY) == (whole > ASTRAY)
+        assert cut < whole if rate == 25.0 else cut == whole
 
 
 @given(st.lists(st.floats(0.0, 3.0), min_size=1, max_size=30))
