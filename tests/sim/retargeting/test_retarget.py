@@ -1,3 +1,5 @@
+from itertools import product
+
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
@@ -6,7 +8,15 @@ from hypothesis import strategies as st
 from controller.rotations import between, conjugate, from_rotation_vector, multiply, rotate
 from motiondeck_base.errors import FileFormatError
 from sim.retargeting.human_limbs import LIMBS, up_of
-from sim.retargeting.retarget import GAIN, SETTLE, MannequinRetargeter, ServoHumanoidRetargeter
+from sim.retargeting.retarget import (
+    FOREARM,
+    GAIN,
+    SERVO_HUMANOID_JOINTS,
+    SETTLE,
+    LimbAngles,
+    MannequinRetargeter,
+    ServoHumanoidRetargeter,
+)
 from sim.robots.calibrate import limb_directions
 from sim.robots.robot import load_robot
 from simulated_bodies import ROBOTS, bent_pose, human, random_pose, smooth_poses
@@ -142,6 +152,35 @@ def test_a_pose_held_is_reached_wherever_one_comes_from(servo20):
     for _ in range(400):
         settled = servo20.retarget(goal)
     assert np.allclose(settled, list(fresh.values()), atol=0.03)
+
+
+def arm(pitch, roll, elbow):
+    """Upper arm and forearm of a servo humanoid, by matrices: Ry(pitch) Rx(roll) (0, 0, -1) and (sin e, 0, -cos e)."""
+    turned = [from_rotation_vector(np.array(turn)) for turn in ((0, pitch, 0), (roll, 0, 0))]
+    whole = multiply(*turned)
+    return rotate(whole, np.array([0, 0, -1.0])), rotate(whole, np.array([np.sin(elbow), 0, -np.cos(elbow)]))
+
+
+@pytest.mark.parametrize(("pitch", "roll", "elbow"), [(-0.4, 0.9, 0.8), (0.5, -0.8, 1.2), (-0.9, 0.7, 0.5)])
+def test_an_arm_whose_roll_ends_early_comes_as_close_as_any_other_way(pitch, roll, elbow):
+    """Against all angles on a grid: pitch and elbow make up for what the roll, 0.3 rad at most, cannot do."""
+    upper, fore = arm(pitch, roll, elbow)
+    ranges = np.full(len(SERVO_HUMANOID_JOINTS), 3.0)
+    ranges[3] = 0.3
+    direction = np.zeros((len(LIMBS), 3))
+    direction[:, 2] = -1.0
+    direction[10] = 1.0, 0.0, 0.0
+    direction[:2] = upper, fore
+    found = LimbAngles(-ranges, ranges)(direction, (0.0, 0.0, 1.0))[2:5]
+
+    def closeness(angles):
+        one, other = arm(*angles)
+        return one @ upper + FOREARM * other @ fore
+
+    grid = [np.linspace(-1.6, 1.6, 33), np.array([-0.3, 0.0, 0.3]), np.linspace(0.0, 2.4, 25)]
+    best = max(closeness(angles) for angles in product(*grid))
+    assert abs(found[1]) <= 0.3
+    assert closeness(found) > best - 2e-3
 
 
 def test_other_joints_are_refused():
