@@ -16,6 +16,8 @@ from controller.rotations import Array
 # second); how much it turns at least, rad, and how long it takes at least, s.
 BEGINS, ENDS = 0.2, 0.15
 FAR, TURN, LONG = 0.04, 0.15, 0.12
+# What is over sooner is no step but a foot that shuffles while motions are blended, s.
+BRIEF = 0.15
 # The speed is smoothed with this time constant, s.
 SMOOTHING = 0.01
 
@@ -101,7 +103,7 @@ class Footfalls:
         if now - swing.start < LONG or (speed >= other and (speed > ENDS or raised)):
             return
         turned = float(np.abs(np.angle(np.exp(1j * (swing.yaw - self._yaw)))))
-        if self._went < FAR * self._height and turned < TURN:
+        if now - swing.start < BRIEF or (self._went < FAR * self._height and turned < TURN):
             self.swings.pop()
         else:
             swing.end = now

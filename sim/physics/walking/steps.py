@@ -13,6 +13,8 @@ from controller.rotations import Array
 SHIFT = 0.25
 # In this share of its time a swinging foot speeds up, and in the last one it slows down.
 RAMP = 0.25
+# A foot is lifted by at most so much for each second of its swing, heights of the root: a quick one would hit the floor.
+RISES = 0.3
 
 
 @dataclass(slots=True)
@@ -100,3 +102,8 @@ def swing_path(share: float) -> tuple[float, float]:
     near = min(u, 1.0 - u)
     way = near**2 / (2.0 * RAMP * (1.0 - RAMP)) if near < RAMP else (near - 0.5 * RAMP) / (1.0 - RAMP)
     return way if u < 0.5 else 1.0 - way, 16.0 * (u * (1.0 - u)) ** 2
+
+
+def highest(lift: float, seconds: float) -> float:
+    """How high a foot is lifted whose swing takes so long, at most `lift`; heights of the root."""
+    return min(lift, RISES * seconds)

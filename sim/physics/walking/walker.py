@@ -42,7 +42,7 @@ from sim.models.feet import Foot
 from sim.physics.walking.capture_point import GRAVITY, follow, pendulum_rate, planned_capture_point
 from sim.physics.walking.gait import Gait
 from sim.physics.walking.preview import AHEAD, Preview, Travel
-from sim.physics.walking.steps import swing_path
+from sim.physics.walking.steps import highest, swing_path
 from sim.physics.walking.whole_body import WholeBody
 from sim.robots.robot import Robot
 
@@ -192,7 +192,8 @@ class Walker:
             start, angle, share = gait.swing(self._now)
             along, high = swing_path(share)
             turn = angle + along * float(_wrapped(np.array(step.yaw - angle)))
-            place = np.array([*(start + along * (step.place - start)), self._set.lift * self._height * high])
+            lift = self._height * highest(self._set.lift, step.end - step.start)
+            place = np.array([*(start + along * (step.place - start)), lift * high])
             back = from_rotation_vector(-self._set.upright * min(1.0, share / TILT_FROM) * tilt)
             stands = places[1 - step.foot]
             places[step.foot] = stands + rotate(back, place - stands)

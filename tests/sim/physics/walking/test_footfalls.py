@@ -42,6 +42,13 @@ def test_who_stands_and_sways_makes_no_step():
     assert not [swing for swing in found(soles, np.zeros((len(time), 2)), np.zeros(len(time))) if swing.end]
 
 
+@pytest.mark.parametrize(("step", "steps"), [(0.135, 0), (0.2, 1)])
+def test_a_foot_that_shuffles_takes_no_step(step, steps):
+    soles, yaws, headings = walking_soles(1.0 + step, DT, length=0.08, step=step)
+    still = [np.concatenate([rows, np.repeat(rows[-1:], 100, axis=0)]) for rows in (soles, yaws, headings)]
+    assert len(found(*still)) == steps
+
+
 def test_stepping_on_the_spot_is_stepping():
     swings = found(*walking_soles(4.0, DT, length=0.0, lift=0.08))
     assert [swing.foot for swing in swings[:4]] == [0, 1, 0, 1]

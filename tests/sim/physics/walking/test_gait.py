@@ -5,7 +5,7 @@ from sim.models.walk_settings import WalkSettings
 from sim.physics.walking.capture_point import planned_capture_point
 from sim.physics.walking.footfalls import Footfalls
 from sim.physics.walking.gait import Gait
-from sim.physics.walking.steps import swing_path
+from sim.physics.walking.steps import highest, swing_path
 from walking_soles import walking_soles
 
 DT, PREVIEW, OMEGA = 0.01, 1.2, 3.2
@@ -103,6 +103,13 @@ def test_a_swinging_foot_leaves_and_lands_softly():
     assert speed.min() >= 0.0
     assert speed.max() < 1.4
     assert speed[0] < 0.05 > speed[-1]
+
+
+@pytest.mark.parametrize("seconds", [0.2, 0.3, 0.5])
+def test_a_quick_foot_comes_down_by_less_than_a_height_a_second(seconds):
+    high = np.array([highest(0.1, seconds) * swing_path(share)[1] for share in np.linspace(0.0, 1.0, 201)])
+    assert np.abs(np.diff(high)).max() * 200.0 / seconds < 1.0
+    assert high.max() >= 0.05
 
 
 def test_of_a_slow_step_most_is_spent_on_both_feet():
