@@ -13,7 +13,7 @@ from controller.rotations import Array
 SHIFT = 0.25
 # In this share of its time a swinging foot speeds up, and in the last one it slows down.
 RAMP = 0.25
-# A foot is lifted by at most so much for each second of its swing, heights of the root: a quick one would hit the floor.
+# A foot is lifted by at most so many heights of the root for each second of its swing: a quick one would hit the floor.
 RISES = 0.3
 
 
