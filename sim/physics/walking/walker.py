@@ -4,13 +4,13 @@ Each tick: the footfalls of the motion become steps of the robot (`Gait`), these
 this a planned capture point xi_p (`capture_point`). Where the robot's own xi is off it, the next step lands where that
 is made up for, and the centre of mass is moved against what is left:
 
-    c = c_p - ankle (xi - xi_p) - b,      b' = LEARNS (xi - xi_p)                                                (5)
+    c = c_p - ankle (xi - xi_p) - b,      b' = LEARNS (xi - xi_p)                                                (6)
 
 with the planned c_p and what was learned of a lasting error, b, seen from the heading. `WholeBody` finds the posture,
 and the servos of the legs get a share of the torques in advance that carry the weight W along the line from the centre
 of pressure p to the centre of mass:
 
-    tau = W J_c,z - J_p^T f,      f = W ((c_p - p) omega^2 / g, 1)                                               (6)
+    tau = W J_c,z - J_p^T f,      f = W ((c_p - p) omega^2 / g, 1)                                               (7)
 
 All is planned on a plane where feet never slip: the robot is seen from the feet that stand, so that nothing needs to
 know where in the world it is.
@@ -175,7 +175,7 @@ class Walker:
         return capture, tilt * (1.0, 1.0, 0.0)
 
     def _ankles(self, off: Array) -> Array:
-        """How the centre of mass is moved, (2,), m, against an error of the capture point: (5)."""
+        """How the centre of mass is moved, (2,), m, against an error of the capture point: (6)."""
         heading = self.preview.heading + self._gait.astray(self._now)
         turning, most = _turning(heading), LEARNED * self._height
         self._learned += LEARNS * self._dt * (turning.T @ off)
@@ -201,7 +201,7 @@ class Walker:
         return places, turns
 
     def _carry(self, goal: Array, pressure: Array) -> None:
-        """Moves the goal of the legs by what their servos yield under the weight: (6)."""
+        """Moves the goal of the legs by what their servos yield under the weight: (7)."""
         gait, jacobian, standing = self._gait, self._body.jacobian, self._gait.standing
         force = self._weight * np.array([*(self._omega**2 / GRAVITY * (self._centre - pressure)), 1.0])
         torque = self._weight * jacobian[14]
