@@ -164,14 +164,14 @@ def test_a_mistake_ends_in_one_clear_line(arguments, says):
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (("paly",), "No such command 'paly'. Did you mean"),
+        (("paly",), "No such command 'paly'"),
         (("play", "--root", "string"), "'string' is not one of 'gantry', 'fixed', 'free'"),
         (("preflight", "--root", "string"), "'string' is not one of"),
         (("retarget", "walk.bvh", "--robot", "servo20", "--out", ".", "--format", "fbx"), "'fbx' is not one of"),
         (("robot", "check", "servo20", ".", "--solver", "magic"), "'magic' is not one of 'angles', 'ik'"),
         (("play", "--seconds", "x"), "'--seconds'"),
         (("library", "show"), "Missing argument 'LIBRARY'"),
-        (("rig", "doctor", "servo20", "--fast"), "No such option: --fast"),
+        (("rig", "doctor", "servo20", "--fast"), "--fast"),
     ],
 )
 def test_a_word_that_no_command_knows_ends_in_one_line_that_names_the_help(arguments, says):
