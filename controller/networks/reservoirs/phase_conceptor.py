@@ -39,6 +39,7 @@ from controller.networks.reservoirs.phase_reservoir import (
     PhaseCourse,
     PhaseReservoir,
     PhaseScales,
+    read_settled,
 )
 from motiondeck_base.errors import UnknownNameError
 
@@ -273,13 +274,7 @@ class PhaseConceptorNetwork:
     def settled(self, motion: str, every: int = 1) -> Channels:
         """Every so manyth frame of a motion as it is played once it has settled, shape (frames, channels)."""
         part = self[motion]
-        frames = np.arange(0, len(part), every)
-        out = np.empty((len(frames), self.channels))
-        for piece in np.unique(part.course.piece):
-            mine = part.course.piece[frames] == piece
-            readout = part.readout[piece].astype(np.float64)
-            out[mine] = part.states[frames[mine]] @ readout[:, :-1].T + readout[:, -1]
-        return out
+        return read_settled(part.readout, part.states, part.course, every)
 
     def recall(self, motion: str) -> Channels:
         """What the readout makes of the stored states; here that is what the anchors are."""

@@ -26,6 +26,7 @@ from controller.networks.reservoirs.phase_reservoir import (
     PhaseCourse,
     PhaseReservoir,
     PhaseScales,
+    read_settled,
 )
 from motiondeck_base.errors import UnknownNameError
 
@@ -110,10 +111,12 @@ class PhaseEchoStateNetwork:
 
     def anchors(self, motion: str) -> Channels:
         """The frames at the anchors of a motion, shape (anchors, channels)."""
+        return self.settled(motion, ANCHOR_EVERY)
+
+    def settled(self, motion: str, every: int = 1) -> Channels:
+        """Every so manyth frame of a motion as it is played once it has settled, shape (frames, channels)."""
         part = self[motion]
-        frames = np.arange(0, len(part.states), ANCHOR_EVERY)
-        readout = part.readout[part.course.piece[frames]].astype(np.float64)
-        return np.einsum("fcn,fn->fc", readout[:, :, :-1], part.states[frames]) + readout[:, :, -1]
+        return read_settled(part.readout, part.states, part.course, every)
 
     def recall(self, motion: str) -> Channels:
         """What the readout makes of the stored states; here that is what the anchors are."""
