@@ -36,8 +36,8 @@ MUTANTS = {
     "no speed limit": Mutant(hold_still, "_limit_speed(config, bus)", "pass"),
     "full-speed catch-up": Mutant(
         cast(property, vars(SupervisedRig)["easing"]).fget or SupervisedRig.write,
-        "np.minimum(self._ease, _CATCHING_UP)",
-        "self._ease",
+        "np.minimum(self._ease.part, _CATCHING_UP)",
+        "self._ease.part",
     ),
     "no watchdog": Mutant(DynamixelRig._send, '"bus_watchdog", units)', '"bus_watchdog", 0)'),
     "no identity check": Mutant(check_identities, "identity.model != joint.model", "False"),

@@ -1,7 +1,7 @@
 """A rig supervised while a loop drives it: nothing goes faster than its limit, and what can be mended is.
 
-Goals follow the targets at each joint's speed limit in real time, however many targets a late loop sends at once; hot
-and strained joints are eased.
+Goals follow the targets at each joint's speed limit in real time, however many targets a late loop sends at once; hot,
+strained and weakly supplied joints are eased.
 
     the bus was silent too long      the watchdogs are cleared; the joints start again from where they stand
     a servo needs setting up again   it is checked, set up and switched on where it stands (see `health`)
@@ -32,7 +32,8 @@ from hardware.rig.indirect_cells import arrange_state
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array
 from hardware.rig.state_block import StateBlock
-from hardware.rig.supervision.health import EASED_FROM, Health, Incident
+from hardware.rig.supervision.easing import Easing
+from hardware.rig.supervision.health import Health, Incident
 from hardware.rig.supervision.strain import Strain
 from hardware.rig.switching import resume
 from hardware.rig.timings import Timings
@@ -41,8 +42,6 @@ _MENDED_WITHIN = 2.0  # s, for all but a vanished port
 _PAUSE = 0.05  # s between two tries
 _CATCHING_UP = 0.25  # of the speed limit
 _CAUGHT_UP = 0.02  # rad
-_EASED_TO = 2.0  # degC below the servo's limit: least speed; full speed at EASED_FROM
-_LEAST = 0.25  # of the speed limit
 _LONGEST_STEP = 2.0  # ticks' worth of way for an eased joint after a stall: the servo would take it at full speed
 
 
@@ -96,8 +95,7 @@ class SupervisedRig:
         self._speed = np.array([joint.velocity for joint in config.joints])
         self._lower = np.array([joint.lower for joint in config.joints])
         self._upper = np.array([joint.upper for joint in config.joints])
-        self._hottest = np.array([joint.hottest for joint in config.joints])
-        self._ease = np.ones(len(self.names))
+        self._ease = Easing(config)
         self._strain = Strain(config)
         self._catching_up = np.zeros(len(self.names), dtype=np.bool_)
         self._last_write = self._rig.now()
@@ -178,7 +176,7 @@ class SupervisedRig:
     @property
     def easing(self) -> Array:
         """The part of its speed limit that each joint may use now, shape (J,)."""
-        return np.where(self._catching_up, np.minimum(self._ease, _CATCHING_UP), self._ease)
+        return np.where(self._catching_up, np.minimum(self._ease.part, _CATCHING_UP), self._ease.part)
 
     @property
     def yielding(self) -> NDArray[np.bool_]:
@@ -309,7 +307,7 @@ class SupervisedRig:
         now = self._rig.now()
         passed = max(0.0, now - self._last_write)
         self._last_write = now
-        strain, part = self._strain, self._ease
+        strain, part = self._strain, self._ease.part
         if np.logical_or.reduce(self._catching_up):
             part = self.easing
         if np.logical_or.reduce(strain.yielding):
@@ -332,10 +330,8 @@ class SupervisedRig:
             RigError: if the rig must stop.
         """
         rig, health, now = self._rig, self._health, self._rig.now()
-        known = np.isfinite(rig.readings.temperatures)
-        margin = np.where(known, self._hottest - rig.readings.temperatures, np.inf)
         self._strain.note(rig.currents, now)
-        self._ease = np.minimum(np.maximum((margin - _EASED_TO) / (EASED_FROM - _EASED_TO), _LEAST), 1.0)
+        self._ease.note(rig.readings.temperatures, rig.readings.voltages)
         health.look(rig.readings, rig.goals, self._strain.yielding, now)
         if np.logical_or.reduce(health.fatal):
             if self.config.on_loss == "stop" or (health.fatal | health.lost).all():

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from hardware.bus.servo_bus import Bus
+from hardware.control_table.models import MODELS
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import FaultPlan, parse_fault
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
 from hardware.protocol2.frames import Parser
+from hardware.rig.rig_file import RigJoint
 from hardware.rig.supervision.supervised_rig import SupervisedRig
 
 TICK = 0.01
@@ -210,6 +212,20 @@ def test_only_the_eased_joint_is_held_back_and_by_its_own_speed(build):
     play(rig, port, [1.0] * 4, 0.1)
     # 4 rad/s for 0.1 s, and a quarter of it.
     assert rig._rig.goals == pytest.approx([0.1, 0.4, 0.4, 0.4], abs=0.02)
+
+
+@pytest.mark.parametrize(("model", "volts"), [("XL-320", 4.0), ("XM430-W350", 6.0), ("AX-12A", 6.0)])
+def test_a_joint_does_not_hurry_when_its_supply_is_back(build, model, volts):
+    """A shaft at half the voltage is twice as far behind its path, and makes up for it at 1.5 times its speed."""
+    joint = RigJoint("hand", 1, model, 1, sum(MODELS[model].one_turn) // 2, -1.3, 1.3, velocity=2.5)
+    rig, port = build(f"brownout:at=1.2,for=0.5,value={volts}", joints=(joint,))
+    drive, fastest = port.bus.devices[0].bank.drive, 0.0
+    play(rig, port, [-1.2], 1.2)
+    for _ in range(160):
+        play(rig, port, [1.2], TICK)
+        fastest = max(fastest, float(drive.speed[0]) / joint.pulses_per_radian)
+    assert rig.positions[0] == pytest.approx(1.2, abs=0.02)
+    assert 0.9 * 2.5 < fastest < 1.1 * 2.5
 
 
 def test_a_servo_heard_again_before_its_watchdog_has_tripped_is_left_alone(build):
