@@ -14,7 +14,7 @@ import typer
 
 from benchmarks import command
 from controller.mocap.formats.reading import read_clip
-from controller.mocap.segmentation import Bounds, body_features, borders_between, find_segments
+from controller.mocap.segmentation import Bounds, body_features, find_segments
 from controller.recognition.segmentation.border_score import BorderScore, score_borders
 from controller.recognition.segmentation.labels import read_labels
 
@@ -29,7 +29,8 @@ def angles(values: np.ndarray) -> np.ndarray:
 
 def score(segments: Bounds, marked: np.ndarray, tolerance: int = 0) -> BorderScore:
     """Borders against the labels' windows, widened by a tolerance in frames."""
-    return score_borders(borders_between(segments), marked + tolerance * np.array([-1, 0, 1]))
+    found = np.array([end for _, end in segments[:-1]])
+    return score_borders(found, marked + tolerance * np.array([-1, 0, 1]))
 
 
 def main(

@@ -41,11 +41,6 @@ def by_hand(borders: list[int], frames: int) -> Bounds:
     return tuple(pairwise(ends))
 
 
-def borders_between(segments: Bounds) -> NDArray[np.int64]:
-    """The frames at which one segment ends and the next begins, shape (S - 1,)."""
-    return np.array([end for _, end in segments[:-1]], dtype=np.int64)
-
-
 def body_features(clip: Clip) -> Array:
     """Joints relative to the root and seen from its heading, and their rates over 0.1 s, shape (T, 6 B), m."""
     forward = rotate(clip.rotation[:, 0], np.array([1.0, 0.0, 0.0]))

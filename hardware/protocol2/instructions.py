@@ -68,11 +68,6 @@ def factory_reset(id: int, keep: int = RESET_BUT_ID_AND_BAUD) -> bytes:
     return build(id, FACTORY_RESET, bytes((keep,)))
 
 
-def clear_turns(id: int) -> bytes:
-    """Makes the present position one within a turn again; refused while the servo moves."""
-    return build(id, CLEAR, CLEAR_TURNS)
-
-
 def backup(id: int, restore: bool = False) -> bytes:
     """Stores the EEPROM in the servo, or brings back what was stored and restarts; refused with torque on."""
     return build(id, BACKUP, BACKUP_RESTORE if restore else BACKUP_STORE)

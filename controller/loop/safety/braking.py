@@ -24,13 +24,6 @@ Run = tuple[float, float, float]
 """How far a stopping joint still moves, relative to where it is (rad): its highest, lowest and last position."""
 
 
-def released(h: float, j: float) -> float:
-    """G(h): the velocity gained while the acceleration h, counting itself, is let go by j a tick (rad/tick)."""
-    size = abs(h)
-    n = ceil(size / j)
-    return copysign(n * size - 0.5 * j * n * (n - 1), h)
-
-
 def held_back(v: float, j: float) -> float:
     """H(v), the inverse of G: the acceleration that, let go by j a tick, makes up the velocity v (rad/tick^2)."""
     size = abs(v)

@@ -131,12 +131,13 @@ def test_clear_forgets_whole_turns_and_is_refused_while_moving(servo, port):
     port.bus[1].bank.shaft[0] = 3 * 4096 + 500.0
     port.elapse(0.01)
     assert servo.get("present_position") == 3 * 4096 + 500
-    assert servo.errors(wire.clear_turns(1)) == [0]
+    clear = build(1, wire.CLEAR, wire.CLEAR_TURNS)
+    assert servo.errors(clear) == [0]
     assert servo.get("present_position") == 500
     servo.put("goal_position", 3000)
     servo.put("torque_enable", 1)
     port.elapse(0.2)
-    assert servo.errors(wire.clear_turns(1)) == [1]
+    assert servo.errors(clear) == [1]
     assert servo.errors(build(1, wire.CLEAR, b"\x01\x02")) == [4]
 
 
