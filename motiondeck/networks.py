@@ -59,6 +59,7 @@ from controller.networks.reservoirs.loaded_signals import LoadedSignals
 from controller.networks.reservoirs.morph import Morph, morph
 from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork
 from controller.networks.reservoirs.phase_echo_state import PhaseEchoStateNetwork
+from controller.networks.reservoirs.phase_morph import PhaseMorph
 from controller.networks.reservoirs.random_feature_conceptor import RandomFeatureNetwork
 from controller.networks.reservoirs.reservoir import Reservoir, drive, random_reservoir
 from controller.ridge import ridge
@@ -107,6 +108,7 @@ __all__ = [
     "PhaseConceptorNetwork",
     "PhaseEchoStateNetwork",
     "PhaseEchoStateRecipe",
+    "PhaseMorph",
     "PhaseRecipe",
     "PolynomialSatellites",
     "RandomFeatureNetwork",

@@ -27,13 +27,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.reservoirs.phase_morph import PhaseMorph, channels_at
 from controller.deck.joins.posture_blend import PostureBlend
 from controller.library.motion_library import MotionLibrary, load_library
 from controller.measures.motion_matching import joint_features
 from controller.mocap.encodings.bone_directions import BoneDirections
 from controller.mocap.encodings.encoding import Encoding
 from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork
+from controller.networks.reservoirs.phase_morph import PhaseMorph, channels_at
 from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library
