@@ -165,10 +165,10 @@ def ours(port: str, baud: int) -> Client:
 
 def ours_with_statuses(port: str, baud: int) -> Client:
     bus = Bus(SerialPort(port, baud), baud, margin=0.5)
-    goals = SyncWrite(IDS, *GOAL)
+    goals, wanted = SyncWrite(IDS, *GOAL), np.full(len(IDS), 2048, dtype=np.int32)
 
     def sync_write() -> bool:
-        goals.values[:] = 2048
+        goals.values[:] = wanted
         return bus.port.send(goals.frame())
 
     def fast_read() -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from hardware.protocol1 import instructions as old_words
@@ -35,7 +35,7 @@ class GroupRead(NamedTuple):
         fast: whether it asks for a joint reply.
         ids: of the servos, in the order asked.
         lengths: of what each sends, bytes.
-        format: how a whole reply looks; None where the lengths differ.
+        whole: takes a reply that is all there and undamaged, else gives None; None where the lengths differ.
         needed: how many bytes the whole reply has.
         old: whether it is about servos of Protocol 1.0.
     """
@@ -44,18 +44,17 @@ class GroupRead(NamedTuple):
     fast: bool
     ids: bytes
     lengths: tuple[int, ...]
-    format: FastFormat | SingleFormat | None
+    whole: Callable[[bytes], WholeReply | None] | None
     needed: int
     old: bool
 
-    def understand(self, received: bytes, late: bool) -> WholeReply | GroupReply | None:
-        """The reply as far as it has come; None while the rest may still be on its way, which it is not when `late`."""
-        is_long_enough = len(received) >= self.needed
-        if is_long_enough and self.format is not None and (rows := self.format.whole(received)) is not None:
-            return rows
-        if not (is_long_enough or late):
+    def understand(self, received: bytes, late: bool) -> GroupReply | None:
+        """A reply that is not whole as far as it has come: with noise, stuffing, damage or a missing servo.
+
+        None while the rest may still be on its way, which it is not when `late`.
+        """
+        if len(received) < self.needed and not late:
             return None
-        # Noise, stuffing, damage or a missing servo: what has come counts when it is complete, or at the deadline.
         if self.old:
             reply, ended = single_replies(received, self.ids, self.lengths, _old_statuses), False
         else:
@@ -83,8 +82,8 @@ def group_read(blocks: Blocks, fast: bool, old: bool) -> GroupRead:
     else:
         frame = (instructions.fast_bulk_read if fast else instructions.bulk_read)(blocks)
     empty = fast_reply_length(len(ids), 0) if fast else len(ids) * status_length(0)
-    form = (FastFormat if fast else SingleFormat)(ids, length) if len(set(lengths)) == 1 else None
-    return GroupRead(frame, fast, ids, lengths, form, empty + sum(lengths), False)
+    whole = (FastFormat if fast else SingleFormat)(ids, length).whole if len(set(lengths)) == 1 else None
+    return GroupRead(frame, fast, ids, lengths, whole, empty + sum(lengths), False)
 
 
 def _old_statuses(received: bytes) -> Iterator[StatusPacket]:

@@ -54,6 +54,8 @@ class SerialPort:
     dynamixel-sdk, is refused by the system. (root is not.)
     """
 
+    now = staticmethod(time.monotonic)
+
     def __init__(self, name: str, baud: int) -> None:
         """Opens the device.
 
@@ -110,10 +112,6 @@ class SerialPort:
             raise self._vanished()
         self._ready = bool(events)
         return self._ready
-
-    def now(self) -> float:
-        """The monotonic clock, s."""
-        return time.monotonic()
 
     def close(self) -> None:
         """Gives the device back; may be called twice, and afterwards every other call raises SerialPortError."""

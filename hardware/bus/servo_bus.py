@@ -165,7 +165,7 @@ class Bus:
             request = self._plan(blocks, fast)
         if self._may_be_late:
             self._discard()
-        data = b"".join((before, request.frame)) if before else request.frame
+        data = before + request.frame
         if not self.port.send(data):
             return False
         self._pending, self._may_be_late = request, True
@@ -181,15 +181,17 @@ class Bus:
         pending = self._pending
         if pending is None:
             return None
-        port = self.port
-        now = port.now()
-        received = port.receive(now > self._due)
+        now = self.port.now()
+        received = self.port.receive(now > self._due)
         if self._received:
             received = self._received + received
+        if pending.whole is not None and len(received) >= pending.needed and (reply := pending.whole(received)):
+            self._pending, self._may_be_late = None, False
+            return reply
         self._received = received
         reply = pending.understand(received, now >= self._due + self._margin)
         if reply is not None:
-            self._pending, self._may_be_late = None, not isinstance(reply, WholeReply)
+            self._pending = None
         return reply
 
     def ping_all(self) -> list[Identity]:
