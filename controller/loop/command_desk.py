@@ -7,6 +7,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import msgspec
 
@@ -34,7 +35,9 @@ from controller.wire.messages import (
     Refused,
     Reply,
     Reset,
+    RestartServo,
     Resume,
+    ServoTorque,
     SetInput,
     SetTempo,
     Settled,
@@ -45,6 +48,19 @@ from controller.wire.messages import (
     Unlock,
 )
 from motiondeck_base.errors import MotiondeckError
+
+
+class RigServos(Protocol):
+    """The servos of a rig, as commands need them; neither call waits."""
+
+    def switch(self, joint: str, *, on: bool) -> None:
+        """Takes the torque off a joint, or has it set up again."""
+        ...
+
+    def restart(self, joint: str) -> None:
+        """Has the servo of a joint restarted."""
+        ...
+
 
 Awaited = Switch | Queue | Blend
 """Commands that are answered once more when they have settled."""
@@ -81,6 +97,7 @@ class CommandDesk:
         note: called with each command and its reply.
         seen: the motion that the measured joints are recognised as and the confidence, or None.
         now: a steady clock, s.
+        servos: of the rig, if there is one.
     """
 
     def __init__(
@@ -90,8 +107,10 @@ class CommandDesk:
         note: Callable[[Message, Reply], None] | None = None,
         seen: Callable[[], tuple[str, float] | None] | None = None,
         now: Callable[[], float] = time.monotonic,
+        servos: RigServos | None = None,
     ) -> None:
         self._deck = deck
+        self._servos = servos
         self._servers = servers
         self._note = note
         self._seen = seen
@@ -227,6 +246,12 @@ class CommandDesk:
                 case Resume():
                     stop.play()
                     deck.resume()
+                case ServoTorque(joint=joint, to=to):
+                    if to == "on":
+                        stop.check_released()
+                    self._rig.switch(joint, on=to == "on")
+                case RestartServo(joint=joint):
+                    self._rig.restart(joint)
                 case _:
                     progress = self._play(message, stop)
         except MotiondeckError as error:
@@ -234,6 +259,12 @@ class CommandDesk:
         if progress is None:
             return Accepted(message.id), None
         return Accepted(message.id, progress.after, list(progress.via)), progress
+
+    @property
+    def _rig(self) -> RigServos:
+        if self._servos is None:
+            raise MotiondeckError("no servos are driven here; play with --rig")
+        return self._servos
 
     def _play(self, message: Message, stop: StopRequest) -> Progress | None:
         """Carries out a command of the deck alone; a command for a motion also lets the joints follow it again."""

@@ -30,7 +30,9 @@ from controller.wire.messages import (
     Pause,
     Queue,
     Reset,
+    RestartServo,
     Resume,
+    ServoTorque,
     SetInput,
     SetTempo,
     Stop,
@@ -245,6 +247,19 @@ COMMANDS = (
     DeckCommand("subscribe", Subscribe, (), "be told what happens", ALWAYS),
     DeckCommand("status", GetStatus, (), "show what is played and what can be", ALWAYS),
     DeckCommand("phase", GetPhase, (), "show how far the motion is, and how many rounds a second it makes", ALWAYS),
+    DeckCommand(
+        "torque",
+        ServoTorque,
+        (MotionName("joint", "JOINT", kind="joint"), Choice("to", "on|off", ("on", "off"))),
+        "take the torque off a servo of the rig (it goes limp), or set it up again where it stands",
+        ALWAYS,
+    ),
+    DeckCommand(
+        "restart",
+        RestartServo,
+        (MotionName("joint", "JOINT", kind="joint"),),
+        "restart a servo of the rig and set it up again; the others hold meanwhile",
+    ),
     DeckCommand("stop", Stop, (), "bring the joints to rest and end the run", ALWAYS, ("quit",)),
 )
 

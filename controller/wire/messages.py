@@ -206,6 +206,26 @@ class GetPhase(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="pha
     id: Number = 0
 
 
+class ServoTorque(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="torque"):
+    """Take the torque off a servo of the rig, or set it up again and switch it on where it stands.
+
+    Attributes:
+        joint: its name in the rig file.
+        to: on or off.
+    """
+
+    joint: str
+    to: Literal["on", "off"]
+    id: Number = 0
+
+
+class RestartServo(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="restart"):
+    """Restart a servo of the rig, and set it up again; the others hold meanwhile."""
+
+    joint: str
+    id: Number = 0
+
+
 class Accepted(msgspec.Struct, frozen=True, tag="accepted"):
     """The command is being carried out.
 
@@ -385,6 +405,8 @@ Message = (
     | Subscribe
     | GetStatus
     | GetPhase
+    | ServoTorque
+    | RestartServo
 )
 Reply = Accepted | Refused | Settled | State | PhaseNow | Event
 

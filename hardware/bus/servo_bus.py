@@ -121,6 +121,15 @@ class Bus:
         """
         return self._insist(self._words(id).write(id, address, data), id, 0, f"write register {address}")
 
+    def restart(self, id: int) -> None:
+        """Restarts a servo of Protocol 2.0, and waits for its answer; it is deaf and without torque for a while.
+
+        Raises:
+            NoReplyError: if the servo stays silent.
+            RefusedError: if it answers with an error number.
+        """
+        self._insist(instructions.reboot(id), id, 0, "restart")
+
     def sync_write(self, address: int, length: int, entries: bytes) -> bool:
         """Writes the same registers of many servos of one protocol, without an answer and without waiting.
 

@@ -1,8 +1,13 @@
-"""Hands on an emulated rig: what somebody does to joints that have no torque, in words.
+"""Hands on an emulated rig: what somebody does to its joints and servos, in words.
+
+Hands move only joints that have no torque.
 
 swing pan 0.5 tilt -0.2 every 2     to 0.5 rad from where it is and back, every 2 s, until it is told otherwise
 move pan 1.2 tilt 0 in 1.5          to these angles, rad, in 1.5 s
 rest                                lets go
+pull pan                            takes the servo's cable out
+plug pan                            and puts it back
+warm pan 70                         has the servo at so many degC
 """
 
 from __future__ import annotations
@@ -15,7 +20,10 @@ from hardware.emulator.bus import EmulatedBus
 from hardware.errors import MotiondeckError
 from hardware.rig.rig_file import RigConfig, RigJoint
 
-HELP = "hands: swing JOINT RAD ... every SECONDS; move JOINT RAD ... in SECONDS; rest; where"
+HELP = (
+    "hands: swing JOINT RAD ... every SECONDS; move JOINT RAD ... in SECONDS; rest; where; "
+    "pull JOINT; plug JOINT; warm JOINT DEGC"
+)
 
 
 class HandsError(MotiondeckError):
@@ -47,7 +55,7 @@ class _Grip(NamedTuple):
 
 
 class Hands:
-    """Moves horns that have no torque; servos that hold are left alone."""
+    """Moves horns that have no torque, and does things to servos."""
 
     def __init__(self, config: RigConfig) -> None:
         self._joints = {joint.name: joint for joint in config.joints}
@@ -55,6 +63,7 @@ class Hands:
         self._turns: dict[str, float] = {}
         self._wanted: dict[str, tuple[float, float, bool]] = {}
         self._grips: dict[str, _Grip] = {}
+        self._deeds: list[tuple[str, str, float]] = []
 
     def tell(self, words: str) -> None:
         """Does something else from now on.
@@ -66,6 +75,9 @@ class Hands:
         if verb == "rest" and not rest:
             self._wanted, self._grips = {}, {}
             return
+        if (verb, len(rest)) in (("pull", 1), ("plug", 1), ("warm", 2)):
+            self._deeds.append((verb, self._known(rest[0]), _number(rest[1], words) if verb == "warm" else 0.0))
+            return
         word = {"swing": "every", "move": "in"}.get(verb)
         if word is None or len(rest) < 4 or len(rest) % 2 or rest[-2] != word:
             raise HandsError(f"'{words}' is not understood. {HELP}")
@@ -74,10 +86,13 @@ class Hands:
             raise HandsError(f"'{words}': {rest[-1]} s is no time")
         wanted: dict[str, tuple[float, float, bool]] = {}
         for name, angle in zip(rest[:-2:2], rest[1:-2:2], strict=True):
-            if name not in self._joints:
-                raise HandsError(f"there is no joint '{name}': {', '.join(self._joints)}")
-            wanted[name] = (_number(angle, words), seconds, verb == "swing")
+            wanted[self._known(name)] = (_number(angle, words), seconds, verb == "swing")
         self._wanted, self._grips = wanted, {}
+
+    def _known(self, name: str) -> str:
+        if name not in self._joints:
+            raise HandsError(f"there is no joint '{name}': {', '.join(self._joints)}")
+        return name
 
     def where(self, buses: Sequence[EmulatedBus]) -> str:
         """Where the joints really are, rad; a bus for each port of the rig."""
@@ -90,6 +105,13 @@ class Hands:
 
     def move(self, buses: Sequence[EmulatedBus], now: float) -> None:
         """Brings the joints where the hands have them at the time `now`, s; a bus for each port of the rig."""
+        while self._deeds:
+            verb, name, value = self._deeds.pop(0)
+            device = buses[self._bus[name]][self._joints[name].id]
+            if verb == "warm":
+                device.bank.drive.temperature[device.row] = value
+            else:
+                device.dead = verb == "pull"
         for name, (angle, seconds, swings) in self._wanted.items():
             joint = self._joints[name]
             device = buses[self._bus[name]][joint.id]

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from controller.rotations import Array
 from sim.view.footprints import Print
 from sim.view.playhead import Playhead
-from sim.view.private_page import PrivatePage
 from sim.view.scene import Follower, Scene
+from sim.view.web.private_page import PrivatePage
 
 PICTURES_PER_SECOND = 30.0
 PRINT = (70, 110, 190)

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.rotations import Array
-from sim.view.private_page import PrivatePage
 from sim.view.solids import batches, poses
+from sim.view.web.private_page import PrivatePage
 
 SHADOW = (58, 66, 78)
 

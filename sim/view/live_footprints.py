@@ -11,7 +11,7 @@ import numpy as np
 from controller.rotations import Array
 from sim.models.feet import find_feet
 from sim.view.footprints import StepWatch
-from sim.view.private_page import PrivatePage
+from sim.view.web.private_page import PrivatePage
 
 PRINTS = 24  # of the latest ones are kept
 PRINT, STANDS = (120, 130, 145), (38, 110, 200)

@@ -13,7 +13,7 @@ from controller.networks.base import NeuronNetwork
 from controller.networks.orbits import Orbits, orbits
 from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
-from sim.view.private_page import PrivatePage
+from sim.view.web.private_page import PrivatePage
 
 PLACE = (-0.6, -0.75, 0.68)  # of the middle of the orbits, in heights of the robot
 REACH = 0.42  # of nearly all of them, in heights of the robot

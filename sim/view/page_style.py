@@ -19,6 +19,9 @@ div:has(> #{STATE_LINE}), div:has(> #{STATE_LINE}) + div {{
 div:has(> #{STATE_LINE}) {{ top: 0; padding-top: 2px; }}
 div:has(> #{STATE_LINE}) + div {{ top: 6.4em; padding-bottom: 4px; }}
 div:has(> #{STATE_LINE}) + div button {{ min-height: 2.6em; font-size: 1.05em; font-weight: 700; }}
+div[style*="pointer-events: none"] #{STATE_LINE}::before {{
+  content: "NO CONNECTION"; display: block; margin: -8px -12px 4px; padding: 2px 12px; background: black;
+  font-weight: 800; font-size: 17px; }}
 div:has(> div > #{MOTIONS}) {{ display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); }}
 div:has(> div > #{MOTIONS}) button {{ padding: 0 0.2em; }}
 div:has(> #{MOTIONS}) {{ display: none; }}

@@ -35,9 +35,10 @@ from controller.wire.messages import (
 from motiondeck_base.errors import MotiondeckError
 from sim.view.ghost import WAYS
 from sim.view.page_style import MARK_OF_MOTIONS, STYLE
-from sim.view.private_page import PrivatePage
 from sim.view.recognition_text import what_is_seen
 from sim.view.state_line import RunState, button_labels, ended_line, number_in, state_line
+from sim.view.web.parts import PageParts
+from sim.view.web.private_page import PrivatePage
 
 ANSWER_WITHIN = 1.0
 # A hand on a slider keeps it for so long before the deck's own value is shown again, s.
@@ -80,6 +81,7 @@ class Panel:
         gui = page.gui
         gui.configure_theme(show_share_button=False, show_logo=False, brand_color=CURRENT)
         gui.add_html(STYLE)
+        self.parts = PageParts(page)
         # What happens and how to stop it stand first, so that they are visible in a small window too.
         self._line = gui.add_html("")
         self._estop = gui.add_button(
@@ -233,7 +235,7 @@ class Panel:
             self._send(EmergencyStop())
             return
         text = "See that nobody is near. Nothing moves yet; Resume, Home or a motion then starts slowly."
-        self._ask(event, "Release the emergency stop?", text, "Release", "Cancel", Reset())
+        self.ask(event, "Release the emergency stop?", text, "Release", Reset())
 
     def end(self, reason: str) -> None:
         """Shows that the run has ended, and why; nothing can be commanded any more."""
@@ -254,9 +256,11 @@ class Panel:
 
     def _ask_to_end(self, event: viser.GuiEvent) -> None:
         text = "The robot comes to rest, and the deck ends. This page then shows nothing any more."
-        self._ask(event, "End the run?", text, "End the run", "Play on", Stop())
+        self.ask(event, "End the run?", text, "End the run", Stop(), no="Play on")
 
-    def _ask(self, event: viser.GuiEvent, title: str, text: str, yes: str, no: str, message: Message) -> None:
+    def ask(
+        self, event: viser.GuiEvent, title: str, text: str, yes: str, message: Message, *, no: str = "Cancel"
+    ) -> None:
         """Asks the one who clicked; the first answer sends a message, the second does nothing."""
         gui = event.client.gui if event.client is not None else self._page.gui
         with gui.add_modal(title) as question:

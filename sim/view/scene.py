@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from controller.rotations import Array
 from sim.models.scenery import body_height
 from sim.view.drawn_model import DrawnModel
-from sim.view.private_page import PrivatePage
+from sim.view.web.private_page import PrivatePage
 
 ZENITH, HORIZON = (214, 225, 238), (242, 245, 248)
 # On its way through the lights of the scene this comes out as the colour of the horizon.

@@ -33,13 +33,15 @@ from sim.view.ghost import Ghost
 from sim.view.live_footprints import LiveSteps
 from sim.view.network_view import NetworkView
 from sim.view.panel import Panel
-from sim.view.private_page import PrivatePage
+from sim.view.rig.joint_glow import JointGlow
+from sim.view.rig.rig_panel import RigPanel
 from sim.view.scene import Follower, Scene
+from sim.view.web.private_page import PrivatePage
 
 PICTURES_PER_SECOND = 30.0
 HEALTH_PER_SECOND = 4.0
 BESIDE = 0.75  # of the robot's height: so far aside a follower, or the human, is drawn
-LAST_WORD = 0.3  # s for the browser to get the reason of the end
+LAST_WORD = 1.2  # s for a browser to get the reason of the end
 LONGEST_WAIT = 60.0  # s for a deck that is starting
 
 
@@ -87,6 +89,10 @@ def view(state: Path, command_port: int | None, port: int) -> None:
         has_phase=phased,
         has_network=inside is not None,
     )
+    rig = glow = None
+    if servos := description.get("rig"):
+        rig = RigPanel(page, panel.parts, servos, panel.ask)
+        glow = JointGlow(page, model, [servo["joint"] for servo in servos["servos"]], scene.height)
     events = CommandClient(command_port)
     with contextlib.suppress(MotiondeckError):
         events.post(Subscribe())
@@ -117,15 +123,19 @@ def view(state: Path, command_port: int | None, port: int) -> None:
                         playing = motions[int(latest["playing"][0])]
                         inside.show(latest["activation"], playing, visible=panel.shows_network)
                     steps.show(scene.data, centre, dt, visible=panel.marks_steps)
+                    if glow is not None:
+                        glow.show(scene.data, centre)
                 last_picture = now
                 if now - last_health >= 1.0 / HEALTH_PER_SECOND:
                     panel.show(latest)
+                    if rig is not None and glow is not None:
+                        glow.mark(rig.show(latest, now))
                     last_health = now
             tell_news(events, panel)
             time.sleep(max(0.0, now + 1.0 / PICTURES_PER_SECOND - time.monotonic()))
         panel.end(_reason(state))
         page.flush()
-        time.sleep(LAST_WORD)
+        time.sleep(LAST_WORD if page.get_clients() else 0.0)
     finally:
         page.stop()
         if os.getppid() != parent and state.parent.name.startswith("motiondeck-"):

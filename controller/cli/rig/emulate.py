@@ -52,7 +52,8 @@ def emulate(
     It goes on in the background (&) when the shell that started it ends, and with nohup when the terminal closes.
 
     What you type moves joints that have no torque, as hands would: `swing pan 0.5 every 2`, `move pan 1 tilt 0 in 1.5`
-    (rad and s), `rest`; `where` tells where they are.
+    (rad and s), `rest`; `where` tells where they are. `pull pan` takes a servo's cable out, `plug pan` puts it back,
+    `warm pan 70` heats it up (degC).
 
     With --robot the servos turn a body with masses, so they feel load, stall and fall: as current, heat and sag.
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from controller.cli.session.child_process import free_port
 from controller.cli.session.recognition_watch import NUMBERS, RecognitionWatch
+from controller.cli.session.rig_output import RigOutput
 from controller.cli.session.robot_on_deck import RobotOnDeck, Simulation
 from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 PICTURE_HZ = 50.0
 HEALTH_EVERY = 12  # pictures
+SERVOS_EVERY = 5  # pictures
 MOST_SHOWN = 8  # motions on the way, and in the queue
 
 # What the page shows besides the position of the robot: each field is one number.
@@ -52,6 +54,11 @@ _NUMBERS = (
     "restarts",
     "work_p50_us",
     "kept_apart",
+)
+# What it shows of the servos of a rig, in the order of their `ServoStates`: each field has one number a servo.
+_OF_SERVOS = tuple(
+    f"servo {what}"
+    for what in ("goal", "position", "current", "temperature", "voltage", "error", "torque", "condition")
 )
 
 
@@ -134,6 +141,7 @@ class Page:
         reason_file: where the view reads why the run has ended.
         robots: whose positions are drawn, each with a simulation.
         watch: recognizes the motion of the joints, if that is wanted.
+        servos: of the first robot's rig, if it has one.
     """
 
     def __init__(
@@ -142,8 +150,10 @@ class Page:
         reason_file: Path,
         robots: Sequence[RobotOnDeck],
         watch: RecognitionWatch | None = None,
+        servos: RigOutput | None = None,
     ) -> None:
-        self._writer, self._reason_file, self._watch = writer, reason_file, watch
+        self._writer, self._reason_file, self._watch, self._servos = writer, reason_file, watch, servos
+        self._pictures = 0
         self._stage, *self._followers = [simulation.stage for simulation in _simulations(robots)]
         self._guards = [robot.guard for robot in robots if robot.guard is not None]
 
@@ -158,10 +168,11 @@ class Page:
         watch: RecognitionWatch | None = None,
         command_port: int = 0,
         library: Path | None = None,
+        servos: RigOutput | None = None,
     ) -> Iterator[Page]:
         """Puts the robots' models, the human's and the state beside each other, where the view waits for them.
 
-        The library's file is where the view finds the network that plays.
+        The library's file is where the view finds the network that plays; servos are those of the first robot.
         """
         from sim.view.ghost import draw_ghost
 
@@ -191,7 +202,10 @@ class Page:
         if human is not None:
             description["human"] = draw_ghost(human, robot.path_scale, state.with_name("human.xml"))
             numbers |= {"human_root": 3, "human_turn": 4 * (1 + len(human))}
-        page = cls(StateWriter.create(state, description, numbers), state.with_name(REASON_FILE), robots, watch)
+        if servos is not None:
+            description["rig"] = servos.description
+            numbers |= dict.fromkeys(_OF_SERVOS, len(servos.description["servos"]))
+        page = cls(StateWriter.create(state, description, numbers), state.with_name(REASON_FILE), robots, watch, servos)
         try:
             yield page
         finally:
@@ -237,6 +251,10 @@ class Page:
             fields["lateness_p50_us"][0] = lateness.p50
             fields["lateness_p999_us"][0] = lateness.p999
             fields["work_p50_us"][0] = state.work.percentiles().p50
+        self._pictures += 1
+        if self._servos is not None and self._pictures % SERVOS_EVERY == 1:
+            for name, values in zip(_OF_SERVOS, self._servos.states, strict=True):
+                fields[name][:] = values
         if self._watch is not None:
             self._watch.show(fields, deck.motions)
         self._writer.publish()

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,11 +15,12 @@ from controller.deck.interfaces import JointLimits
 from controller.loop.output_channel import Channel
 from controller.mocap.posture import Pose
 from controller.rotations import Array
-from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 if TYPE_CHECKING:
     from hardware.rig.rig_file import RigConfig
     from hardware.rig.supervision.joined_rig import JoinedRig
+    from hardware.rig.supervision.servo_states import ServoStates
     from hardware.rig.supervision.supervised_rig import SupervisedRig
     from sim.robots.robot import Robot
 
@@ -80,6 +81,58 @@ class RigOutput:
     def measured(self) -> Array | None:
         """The latest measured positions (J,), rad; NaN for joints that the rig lacks."""
         return self._measured
+
+    @property
+    def states(self) -> ServoStates:
+        """What each servo does now, in the order of the rig file."""
+        return self._rig.states
+
+    @property
+    def description(self) -> dict[str, Any]:
+        """What the page has to know of the servos that does not change."""
+        from hardware.rig.supervision.servo_states import CONDITIONS
+
+        joints = self._rig.config.joints
+        return {
+            "conditions": list(CONDITIONS),
+            "servos": [
+                {
+                    "joint": one.name,
+                    "id": one.id,
+                    "model": one.model,
+                    "lower": one.lower,
+                    "upper": one.upper,
+                    "hottest": one.hottest,
+                }
+                for one in joints
+            ],
+        }
+
+    def switch(self, joint: str, *, on: bool) -> None:
+        """Takes the torque off a joint, or has it set up again and switched on where it stands.
+
+        Raises:
+            UnknownNameError: if the rig has no such joint; it names the nearest.
+        """
+        place = self._place(joint)
+        if on:
+            self._rig.set_up_again(place)
+        else:
+            self._rig.switch_off(place)
+
+    def restart(self, joint: str) -> None:
+        """Has the servo of a joint restarted, and set up again.
+
+        Raises:
+            MotiondeckError: if the rig has no such joint, or its servo cannot be restarted.
+        """
+        self._rig.restart(self._place(joint))
+
+    def _place(self, joint: str) -> int:
+        names = self._rig.names
+        if joint not in names:
+            raise UnknownNameError.among("joint", joint, names)
+        return names.index(joint)
 
     @property
     def incidents(self) -> list[str]:

@@ -18,6 +18,7 @@ from controller.cli.session.child_process import PageProcess, child_process, kep
 from controller.cli.session.page import HEALTH_EVERY, PICTURE_HZ, Page, Showable
 from controller.cli.session.recognition_watch import MismatchPolicy, RecognitionWatch
 from controller.cli.session.report import RunNews, run_report
+from controller.cli.session.rig_output import RigOutput
 from controller.cli.session.robot_on_deck import RobotOnDeck, channels_of
 from controller.cli.session.script import Timed
 from controller.cli.session.tick_recorder import TickRecorder, recording
@@ -177,6 +178,8 @@ class Session:
         page_state = self._start_page(opening)
         self.robots = self._open_robots(opening)
         self._first = self.robots[0]
+        rig = self._first.rig.output if self._first.rig is not None else None
+        servos = rig if isinstance(rig, RigOutput) else None
         self._deck = self._make_deck(together([robot.retarget for robot in self.robots]))
         self._channels = channels_of(self.robots)
         self._lock(opening)
@@ -184,7 +187,8 @@ class Session:
         self._watch = self._open_watch()
         if page_state is not None:
             human, port = self._shown_human(), self.command_port
-            page = Page.open(page_state, self._deck, self.robots, human, self._watch, port, self._settings.library)
+            library = self._settings.library
+            page = Page.open(page_state, self._deck, self.robots, human, self._watch, port, library, servos)
             self._page = opening.enter_context(page)
         self._recorder = self._open_recorder(opening)
         self._desk = CommandDesk(
@@ -192,6 +196,7 @@ class Session:
             servers,
             self._recorder.note if self._recorder else None,
             seen := (lambda watch=self._watch: watch.seen) if self._watch else None,
+            servos=servos,
         )
         self._news = RunNews(self._desk, self._clock, self._channels, servers, seen)
         self._start_terminal(opening)

@@ -25,6 +25,7 @@ from hardware.rig.dynamixel_rig import WATCHDOG_UNIT
 from hardware.rig.readings import Readings
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array
+from hardware.rig.supervision.servo_states import CONDITIONS
 from hardware.rig.switching import describe_errors
 
 Mask = NDArray[np.bool_]
@@ -54,6 +55,23 @@ _KINDS = (
     "has shut down",
 )
 _SILENT, _LIMP, _BACK, _STILL, _YIELDS, _WARM, _STARVED, _DOWN = range(len(_KINDS))
+# The place of each kind among the conditions, which go from the best to the worst.
+_SEVERITY = np.array(
+    [
+        CONDITIONS.index(word)
+        for word in (
+            "does not answer",
+            "is limp",
+            "was cut off",
+            "does not follow",
+            "gives way",
+            "is getting hot",
+            "has a low supply voltage",
+            "has shut down",
+        )
+    ]
+)
+_OFF, _LOST = CONDITIONS.index("is off on command"), CONDITIONS.index("is lost")
 
 
 class Incident(NamedTuple):
@@ -78,12 +96,13 @@ class Health:
         mend: joints that need setting up again, shape (J,).
         fatal: joints that cannot be mended, shape (J,).
         lost: joints that the rig goes on without, shape (J,).
+        off: those of them that were switched off on command, shape (J,).
     """
 
     def __init__(self, config: RigConfig, now: float) -> None:
         count = len(config.joints)
         self.incidents: deque[Incident] = deque(maxlen=_KEPT)
-        self.mend, self.fatal, self.lost = (np.zeros(count, dtype=np.bool_) for _ in range(3))
+        self.mend, self.fatal, self.lost, self.off = (np.zeros(count, dtype=np.bool_) for _ in range(4))
         self._who = [f"{joint.name} (id {joint.id})" for joint in config.joints]
         self._patience = config.watchdog_ms * 1e-3 - WATCHDOG_UNIT
         self._hottest = np.array([joint.hottest for joint in config.joints])
@@ -164,6 +183,25 @@ class Health:
         self.lost |= self.fatal
         self.mend &= ~self.lost
 
+    def take_out(self, joint: int, now: float) -> None:
+        """Goes on without a joint on command."""
+        self.incidents.append(Incident(now, self._who[joint], "was switched off on command"))
+        self.off[joint] = self.lost[joint] = True
+        self.mend[joint] = False
+
+    def take_back(self, joint: int, now: float) -> None:
+        """Counts on a joint again; without torque it is then set up anew."""
+        self.off[joint] = self.lost[joint] = self._given_up[joint] = self._was_idle[joint] = False
+        self._mended[joint].clear()
+        self._heard[joint] = self._anchored[joint] = now
+        self._anchor[joint] = np.inf
+
+    @property
+    def conditions(self) -> NDArray[np.int64]:
+        """How each joint was when it was last looked at, places in `CONDITIONS`, shape (J,)."""
+        worst = np.max(np.where(self._known, _SEVERITY[:, None], 0), axis=0)
+        return np.where(self.off, _OFF, np.where(self.lost, _LOST, worst))
+
     @property
     def reasons(self) -> str:
         """Why the joints in `fatal` are lost, each named."""
@@ -181,7 +219,7 @@ class Health:
 
     def _return(self, well: Mask, now: float) -> None:
         """Takes joints back that were lost and answer without an error again."""
-        returned = self.lost & well & ~self._given_up
+        returned = self.lost & well & ~self._given_up & ~self.off
         self.lost &= ~returned
         for index in np.flatnonzero(returned).tolist():
             self.incidents.append(Incident(now, self._who[index], "answers again"))

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import fields
 from types import TracebackType
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -20,6 +21,7 @@ from hardware.rig.faults import RigFaults
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array
 from hardware.rig.supervision.health import Incident
+from hardware.rig.supervision.servo_states import ServoStates
 from hardware.rig.supervision.supervised_rig import SupervisedRig
 from hardware.rig.timings import Timings
 
@@ -73,6 +75,12 @@ class JoinedRig:
         return self._joined([part.voltages for part, _ in self._parts])
 
     @property
+    def states(self) -> ServoStates:
+        """What each servo does now."""
+        parts = [part.states for part, _ in self._parts]
+        return ServoStates(*(self._joined([*values]) for values in zip(*parts, strict=True)))
+
+    @property
     def incidents(self) -> Sequence[Incident]:
         """The latest incidents of all parts, in order of time."""
         return sorted(incident for part, _ in self._parts for incident in part.incidents)
@@ -115,6 +123,21 @@ class JoinedRig:
                 fresh |= part.collect_state()
         return fresh
 
+    def switch_off(self, joint: int) -> None:
+        """Takes the torque off a joint; see `SupervisedRig.switch_off`."""
+        part, place = self._part_of(joint)
+        part.switch_off(place)
+
+    def set_up_again(self, joint: int) -> None:
+        """Counts on a joint again; see `SupervisedRig.set_up_again`."""
+        part, place = self._part_of(joint)
+        part.set_up_again(place)
+
+    def restart(self, joint: int) -> None:
+        """Restarts a joint's servo; see `SupervisedRig.restart`."""
+        part, place = self._part_of(joint)
+        part.restart(place)
+
     def close(self) -> list[str]:
         """Ends all parts, also twice (see `SupervisedRig.close`); returns the joints that did not confirm it."""
         return _close_all([part for part, _ in self._parts])
@@ -128,9 +151,14 @@ class JoinedRig:
             self._lost = True
             raise
 
-    def _joined(self, values: list[Array]) -> Array:
+    def _part_of(self, joint: int) -> tuple[SupervisedRig, int]:
+        """The part that has a joint, and its place there."""
+        part, places = next(found for found in self._parts if joint in found[1])
+        return part, int(np.flatnonzero(places == joint)[0])
+
+    def _joined(self, values: list[NDArray[Any]]) -> NDArray[Any]:
         """The values of the parts in the order of the rig file."""
-        joined = np.empty(len(self.names))
+        joined = np.empty(len(self.names), values[0].dtype)
         for (_, places), own in zip(self._parts, values, strict=True):
             joined[places] = own
         return joined

@@ -34,6 +34,7 @@ from hardware.rig.scale import Array
 from hardware.rig.state_block import StateBlock
 from hardware.rig.supervision.easing import Easing
 from hardware.rig.supervision.health import Health, Incident
+from hardware.rig.supervision.servo_states import CONDITIONS, ServoStates
 from hardware.rig.supervision.strain import Strain
 from hardware.rig.switching import resume
 from hardware.rig.timings import Timings
@@ -104,6 +105,7 @@ class SupervisedRig:
         self._mending = self._stopped = False
         self._failure: MotiondeckError | None = None
         self._mended: _Mended | None = None
+        self._to_do: Callable[[Bus], object] | None = None  # what waits for answers, and so has to be done beside
 
     @classmethod
     def connect(cls, config: RigConfig) -> SupervisedRig:
@@ -147,6 +149,22 @@ class SupervisedRig:
     def voltages(self) -> Array:
         """Last measured supply voltages, shape (J,), V; NaN until first read."""
         return self._rig.readings.voltages
+
+    @property
+    def states(self) -> ServoStates:
+        """What each servo does now."""
+        readings, silent = self._rig.readings, CONDITIONS.index("does not answer")
+        conditions = self._health.conditions
+        return ServoStates(
+            self._rig.goals,
+            readings.positions,
+            readings.currents,
+            readings.temperatures,
+            readings.voltages,
+            readings.errors,
+            readings.torque,
+            np.maximum(conditions, silent) if self._rig.gone else conditions,
+        )
 
     @property
     def incidents(self) -> Sequence[Incident]:
@@ -219,6 +237,26 @@ class SupervisedRig:
             self._look_after()
         return fresh
 
+    def switch_off(self, joint: int) -> None:
+        """Has the torque taken off a joint; the rig goes on without it until `set_up_again`."""
+        self._health.take_out(joint, self._rig.now())
+
+    def set_up_again(self, joint: int) -> None:
+        """Counts on a joint again: one without torque is set up and switched on where it stands, beside the loop."""
+        self._health.take_back(joint, self._rig.now())
+
+    def restart(self, joint: int) -> None:
+        """Has a joint's servo restarted, beside the loop; it is then set up again, and the others hold meanwhile.
+
+        Raises:
+            RigError: if its model cannot be restarted.
+        """
+        one = self.config.joints[joint]
+        if one.table.protocol == 1:
+            raise RigError(f"{one.name} is a {one.model}, which cannot be restarted. Switch its power off and on.")
+        self._health.take_back(joint, self._rig.now())
+        self._to_do = lambda bus: bus.restart(one.id)
+
     def close(self) -> list[str]:
         """Ends it as the rig file asks; may be called twice.
 
@@ -278,6 +316,7 @@ class SupervisedRig:
         """Opens the port if it is gone, verifies the servos and has them hold; again and again until it works."""
         bus = None if self._rig.gone else self._rig.bus
         waited, began = 0.0, self._rig.now()
+        to_do, self._to_do = self._to_do, None
         while not self._stopped:
             try:
                 if bus is None:
@@ -285,6 +324,9 @@ class SupervisedRig:
                     # The rig's own at once, so that `close` always switches off over the port that is open.
                     self._rig.bus = bus = self._open_bus()
                     bus.old = self.config.old_ids
+                if to_do is not None:
+                    do, to_do = to_do, None
+                    do(bus)
                 joints = np.flatnonzero(~self._health.lost).tolist()
                 alive = self.config.only(joints)
                 held = resume(alive, bus, lambda: self._stopped)
@@ -342,5 +384,11 @@ class SupervisedRig:
                 rig.loosen(np.flatnonzero(health.lost).tolist())
             except SerialPortError as error:
                 self._mend_port(error)
-        if np.logical_or.reduce(health.mend) and not self._mending:
+        held_on = health.off & rig.readings.torque
+        if np.logical_or.reduce(held_on) and not self._mending:
+            try:
+                rig.loosen(np.flatnonzero(held_on).tolist())
+            except SerialPortError as error:
+                self._mend_port(error)
+        if (np.logical_or.reduce(health.mend) or self._to_do is not None) and not self._mending:
             self._mend(_MENDED_WITHIN)

@@ -255,6 +255,15 @@ def test_hands_say_what_they_understand(rig_of_four, words, said):
         Hands(rig_of_four).tell(words)
 
 
+def test_hands_pull_servos_plug_them_in_and_warm_them(rig_of_four, port):
+    hands, servo = Hands(rig_of_four), port.bus[2]
+    for words, dead in (("pull joint_2", True), ("plug joint_2", False), ("warm joint_2 71", False)):
+        hands.tell(words)
+        hands.move([port.bus], port.now())
+        assert servo.dead == dead
+    assert servo.bank.drive.temperature[servo.row] == 71.0
+
+
 def test_hands_leave_servos_alone_that_hold(rig_of_four, port):
     hands = Hands(rig_of_four)
     hands.tell("swing joint_1 0.5 joint_4 0.5 every 1")

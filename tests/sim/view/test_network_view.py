@@ -2,13 +2,13 @@ import time
 
 import numpy as np
 import pytest
-from test_private_page import free_port
 
 from controller.library.motion_library import load_library
 from controller.networks.orbits import orbits
 from motiondeck_base.shipped import find_library
 from sim.view.network_view import REACH, NetworkView
-from sim.view.private_page import PrivatePage
+from sim.view.web.private_page import PrivatePage
+from web_pages import free_port
 
 HEIGHT = 1.8
 

@@ -11,7 +11,6 @@ import msgspec
 import numpy as np
 import pytest
 from PIL import Image
-from test_private_page import free_port
 
 from controller.wire.command_socket import CommandServer
 from controller.wire.messages import (
@@ -32,6 +31,7 @@ from sim.models.mannequin.mannequin import build_mannequin
 from sim.view.scene import Follower
 from sim.view.viewer import main
 from simulated_bodies import human
+from web_pages import free_port
 
 MOTIONS = ["walk", "jog", "waltz"]
 NUMBERS = ["tick", "time_s", "motion", "mode", "tempo", "phase", "paused", "rate_hz", "overruns"]

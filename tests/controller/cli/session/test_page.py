@@ -15,6 +15,7 @@ from playwright.sync_api import Error
 
 from controller.wire.command_socket import CommandClient
 from controller.wire.messages import GetStatus
+from motiondeck_base.shipped import find_rig
 
 
 def free_port():
@@ -27,11 +28,31 @@ def free_port():
 COMMAND_PORT = free_port()
 
 
+COMMAND = [sys.executable, "-m", "controller.cli.main"]
+
+
 @pytest.fixture(scope="module")
-def address():
-    """A deck that plays walk, and its page."""
+def emulator(tmp_path_factory):
+    """Emulated servos that obey hands, and the rig file for them."""
+    servos = subprocess.Popen(
+        [*COMMAND, "rig", "emulate", "servo20"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    assert servos.stdout is not None
+    rig = tmp_path_factory.mktemp("rig") / "servo20.toml"
+    text = find_rig("servo20").read_text().replace("/dev/ttyUSB0", servos.stdout.readline().strip())
+    rig.write_text(f'on_loss = "go on"\n{text}')
+    yield servos, rig
+    servos.kill()
+    servos.communicate()
+
+
+@pytest.fixture(scope="module")
+def address(emulator):
+    """A deck that plays walk on a robot with servos, and its page."""
+    _, rig = emulator
+    robot = ["--robot", "servo20", "--rig", str(rig)]
     deck = subprocess.Popen(
-        [sys.executable, "-m", "controller.cli.main", "play", "walk", "--port", "0", "--command-port", COMMAND_PORT],
+        [*COMMAND, "play", "walk", *robot, "--port", "0", "--command-port", COMMAND_PORT],
         stdin=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
@@ -48,7 +69,7 @@ def address():
 
 @pytest.fixture(scope="module")
 def page(browser, address):
-    page = browser.new_page(viewport={"width": 800, "height": 600})
+    page = browser.new_page(viewport={"width": 1130, "height": 600})
     for _ in range(100):
         try:
             page.goto(address)
@@ -61,7 +82,7 @@ def page(browser, address):
 
 def picture(page):
     """What the page shows left of the panel, as grey values."""
-    png = page.screenshot(clip={"x": 100, "y": 50, "width": 350, "height": 500})
+    png = page.screenshot(clip={"x": 430, "y": 50, "width": 350, "height": 500})
     return np.asarray(Image.open(io.BytesIO(png)).convert("L"), dtype=float)
 
 
@@ -110,3 +131,12 @@ def test_the_page_says_how_the_loop_is_doing(page):
 
 def test_nobody_can_publish_the_page(page):
     assert page.get_by_role("button", name="Share").count() == 0
+
+
+def test_a_servo_that_is_pulled_is_red_within_two_seconds(page, emulator):
+    servos, _ = emulator
+    card = page.get_by_role("button", name=re.compile("^l_knee:"))
+    assert "bad" not in card.get_attribute("class")
+    servos.stdin.write("pull l_knee\n")
+    servos.stdin.flush()
+    page.locator('.servo-card.bad[aria-label^="l_knee"]').wait_for(timeout=2000)

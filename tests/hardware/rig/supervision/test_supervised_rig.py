@@ -14,6 +14,7 @@ from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
 from hardware.protocol2.frames import Parser
 from hardware.rig.rig_file import RigJoint
+from hardware.rig.supervision.servo_states import CONDITIONS
 from hardware.rig.supervision.supervised_rig import SupervisedRig
 
 TICK = 0.01
@@ -343,3 +344,53 @@ def test_incidents_name_the_port_that_went_and_came(build):
     assert rig.recoveries == 1
     assert ("the port emulated", "is gone") in [(incident.who, incident.what) for incident in rig.incidents]
     assert [incident.time for incident in rig.incidents] == sorted(incident.time for incident in rig.incidents)
+
+
+def conditions(rig):
+    return [CONDITIONS[place] for place in rig.states.conditions]
+
+
+def test_a_joint_switched_off_on_command_stays_limp_and_comes_back_slowly(build):
+    rig, port = build()
+    play(rig, port, [0.3] * 4, 1.0)
+    rig.switch_off(1)
+    play(rig, port, [0.3] * 4, 1.0)
+    assert [port.bus[id]["torque_enable"] for id in (1, 2, 3, 4)] == [1, 0, 1, 1]
+    assert conditions(rig) == ["well", "is off on command", "well", "well"]
+    assert rig.recoveries == 0
+    far = [0.3, 1.3, 0.3, 0.3]
+    play(rig, port, far, 0.5)
+    rig.set_up_again(1)
+    play(rig, port, far, 0.2)
+    assert (rig.easing[1], rig.positions[1] < 0.6) == (0.25, True)
+    assert play(rig, port, far, 2.0) == 0.0
+    assert port.bus[2]["torque_enable"] == 1
+    assert conditions(rig) == ["well"] * 4
+
+
+def test_a_servo_restarts_on_command_and_is_set_up_again(build):
+    rig, port = build()
+    play(rig, port, [0.3] * 4, 1.0)
+    rig.restart(2)
+    play(rig, port, [0.3] * 4, 2.0)
+    assert play(rig, port, [0.3] * 4, 1.0) == 0.0
+    assert rig.recoveries >= 1
+    assert port.bus[3]["torque_enable"] == 1
+
+
+@pytest.mark.parametrize(
+    ("fault", "condition"),
+    [
+        ("dead:id=3,at=1", "does not answer"),
+        ("overheat:id=3,at=1,value=72", "is getting hot"),
+        ("jam:id=3", "gives way"),
+    ],
+)
+def test_the_state_of_a_servo_names_what_is_wrong_within_two_seconds(build, fault, condition):
+    rig, port = build(fault, on_loss="go on")
+    seen = set()
+    for tick in range(30):
+        play(rig, port, [0.3, 0.3, 0.3 + 0.4 * (tick > 10), 0.3], 0.1)
+        seen.add(conditions(rig)[2])
+    assert any(word.startswith(condition) for word in seen), seen
+    assert rig.states.goals[0] == pytest.approx(0.3)

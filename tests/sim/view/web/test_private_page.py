@@ -11,13 +11,8 @@ import viser
 import websockets.exceptions
 import websockets.sync.client
 
-from sim.view.private_page import PagePortError, PrivatePage, owner_of_connection
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+from sim.view.web.private_page import PagePortError, PrivatePage, owner_of_connection
+from web_pages import free_port
 
 
 def open_socket(port, **more):

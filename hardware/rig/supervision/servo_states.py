@@ -1,0 +1,49 @@
+"""What each servo of a rig does now, for whoever watches: its goal, what it measures, and how it is, in a word."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.rig.scale import Array
+
+CONDITIONS = (
+    "well",
+    "was cut off",
+    "has a low supply voltage",
+    "is getting hot",
+    "gives way",
+    "does not follow",
+    "is off on command",
+    "is limp",
+    "has shut down",
+    "does not answer",
+    "is lost",
+)
+"""From the best to the worst; a servo in several of them is shown in the last one."""
+
+
+class ServoStates(NamedTuple):
+    """The servos of J joints, in the order of the rig file.
+
+    Attributes:
+        goals: last sent, shape (J,), rad.
+        positions: last measured, shape (J,), rad.
+        currents: last measured, shape (J,), A.
+        temperatures: last measured, shape (J,), degC; NaN until first read.
+        voltages: last measured, shape (J,), V; NaN until first read.
+        errors: hardware error bits, shape (J,).
+        torque: whether torque is on, shape (J,).
+        conditions: places in CONDITIONS, shape (J,).
+    """
+
+    goals: Array
+    positions: Array
+    currents: Array
+    temperatures: Array
+    voltages: Array
+    errors: NDArray[np.int64]
+    torque: NDArray[np.bool_]
+    conditions: NDArray[np.int64]

@@ -1,0 +1,51 @@
+// Draws the page's own parts from JSON that the server keeps up to date, and sends back what is done with them.
+//
+// A part is an element with data-part="KIND"; its state is the text of the element with data-state-of="ID".
+// A kind registers how it is drawn: motiondeck.part(KIND, draw), draw(element, state, send). send(value) reaches the
+// server through a text field that viser keeps in step; the field is hidden.
+window.motiondeck ??= (() => {
+  const kinds = {};
+  const drawn = new WeakMap();
+  const setValue = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set;
+  let number = 0;
+
+  function sender(id) {
+    return (value) => {
+      const field = document.getElementById("part-events")?.parentElement?.nextElementSibling?.querySelector("input");
+      if (!field) return;
+      number += 1;
+      // The number makes two equal events differ: a field that does not change is not sent.
+      setValue.call(field, JSON.stringify([id, value, `${performance.timeOrigin}-${number}`]));
+      field.dispatchEvent(new Event("input", { bubbles: true }));
+    };
+  }
+
+  function draw() {
+    for (const element of document.querySelectorAll("[data-part]")) {
+      const kind = kinds[element.dataset.part];
+      const text = document.querySelector(`[data-state-of="${element.id}"]`)?.textContent;
+      if (!kind || text === undefined || drawn.get(element) === text) continue;
+      drawn.set(element, text);
+      kind(element, JSON.parse(text), sender(element.id));
+    }
+  }
+
+  // A child of an element, made when it is first asked for: [tag, class].
+  function child(element, key, tag, name) {
+    let found = element.querySelector(`:scope > [data-key="${CSS.escape(key)}"]`);
+    if (!found) {
+      found = document.createElement(tag);
+      found.dataset.key = key;
+      found.className = name;
+      element.append(found);
+    }
+    return found;
+  }
+
+  function write(element, text) {
+    if (element.textContent !== text) element.textContent = text;
+  }
+
+  setInterval(draw, 100);
+  return { part: (kind, how) => (kinds[kind] = how), child, write };
+})();
