@@ -1,4 +1,4 @@
-"""The shipped robots, rigs and libraries, and how a name or a path becomes a file."""
+"""The shipped robots, rigs, libraries and stage files, and how a name or a path becomes a file."""
 
 from __future__ import annotations
 
@@ -42,6 +42,15 @@ def find_library(name: str | Path) -> Path:
         MotiondeckError: if there is none; it offers the nearest names.
     """
     return _find("library", "libraries", ".safetensors", name)
+
+
+def find_stage(name: str | Path) -> Path:
+    """A stage file: the path itself if `name` is one, else the shipped example of this name.
+
+    Raises:
+        MotiondeckError: if there is none; it offers the nearest names.
+    """
+    return _find("stage", "stages", ".toml", name)
 
 
 def _find(kind: str, folder: str, suffix: str, name: str | Path) -> Path:

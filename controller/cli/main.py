@@ -50,6 +50,7 @@ _COMMANDS = {
     "send": "send",
     "events": "send",
     "gamepad": "gamepad",
+    "stage": "stage",
     "replay": "replay",
     "plot": "plot",
     "learn": "learn",

@@ -56,7 +56,7 @@ def send(
     from controller.wire.messages import Accepted, Blend, Queue, Refused, Settled, Switch
 
     request = parse_command(words)
-    client = _client(command_port, host, token_file)
+    client = client_of(command_port, host, token_file)
     try:
         answer = client.request(request, _STARTING)
         if wait and isinstance(request, Switch | Queue | Blend) and isinstance(answer, Accepted):
@@ -103,7 +103,7 @@ def events(
     from motiondeck_base.errors import MotiondeckError
 
     every = min(_AGAIN, heartbeat / 4.0) if heartbeat else _AGAIN
-    client = _client(command_port, host, token_file)
+    client = client_of(command_port, host, token_file)
     try:
         if isinstance(refused := client.request(Subscribe(), _STARTING), Refused):
             raise MotiondeckError(f"the deck refuses to tell: {refused.reason}")
@@ -132,7 +132,7 @@ def events(
         client.close()
 
 
-def _client(command_port: int, host: str | None, token_file: Path | None) -> CommandClient:
+def client_of(command_port: int, host: str | None, token_file: Path | None) -> CommandClient:
     """A client of the deck that the options name."""
     from controller.wire.authentication import read_token
     from controller.wire.command_socket import CommandClient

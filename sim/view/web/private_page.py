@@ -12,10 +12,8 @@ import contextlib
 import logging
 import os
 import socket
-import sys
 from collections.abc import Callable, Iterator
 from http import HTTPStatus
-from pathlib import Path
 from typing import Any
 
 import viser
@@ -25,6 +23,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
 from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.socket_owners import owner_of_connection
 
 LOOPBACK = "127.0.0.1"
 
@@ -110,24 +109,6 @@ def _is_same_user(connection: ServerConnection) -> bool:
     """Whether a program of our own user, or root, is at the other end; the system's table of connections says whose."""
     near, far = connection.local_address, connection.remote_address
     return owner_of_connection(far[:2], near[:2]) in (0, os.geteuid())
-
-
-def owner_of_connection(here: tuple[str, int], there: tuple[str, int]) -> int | None:
-    """The user whose program on this machine has a TCP connection over IPv4 between two addresses; None if nobody."""
-    plain = f"{_as_listed(here)} {_as_listed(there)} "
-    mapped = " ".join(f"0000000000000000FFFF0000{_as_listed(end)}" for end in (here, there))
-    for table, ends in (("tcp", plain), ("tcp6", f"{mapped} ")):
-        with contextlib.suppress(OSError):
-            for line in Path("/proc/net", table).read_text().splitlines():
-                if ends in line:
-                    return int(line.split()[7])
-    return None
-
-
-def _as_listed(end: tuple[str, int]) -> str:
-    """An address and port as /proc/net/tcp has them: the address in the order of this machine's bytes."""
-    number = int.from_bytes(socket.inet_aton(end[0]), sys.byteorder)
-    return f"{number:08X}:{end[1]:04X}"
 
 
 def _forbid_frames(connection: ServerConnection, request: Request, response: Response) -> None:

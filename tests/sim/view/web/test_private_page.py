@@ -11,7 +11,7 @@ import viser
 import websockets.exceptions
 import websockets.sync.client
 
-from sim.view.web.private_page import PagePortError, PrivatePage, owner_of_connection
+from sim.view.web.private_page import PagePortError, PrivatePage
 from web_pages import free_port
 
 
@@ -164,17 +164,6 @@ with socket.create_connection(("127.0.0.1", {port})) as connection:
             assert done.stdout.split() == [status]
     finally:
         page.stop()
-
-
-def test_the_owner_of_a_connection_is_found_for_both_kinds_of_socket():
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        there = server.getsockname()
-        with socket.create_connection(there) as client:
-            assert owner_of_connection(client.getsockname(), there) == os.geteuid()
-            assert owner_of_connection(("127.0.0.9", 1), there) is None
-        with socket.socket(socket.AF_INET6) as client:
-            client.connect(("::ffff:127.0.0.1", there[1]))
-            assert owner_of_connection(("127.0.0.1", client.getsockname()[1]), there) == os.geteuid()
 
 
 def test_it_listens_on_loopback_only(monkeypatch):

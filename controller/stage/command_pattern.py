@@ -1,0 +1,82 @@
+"""What a stage file writes for a command: a line of the prompt, in which $1 to $9 stand for what the signal carries."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from controller.wire.command_table import BY_WORD, parse_command
+from controller.wire.messages import Blend, CommandError, Message, Queue, Switch
+
+_PLACE = re.compile(r"\$([1-9])")
+
+
+@dataclass(frozen=True)
+class CommandPattern:
+    """One command, complete or with places for arguments.
+
+    Attributes:
+        text: as it stands in the file, such as "tempo $1".
+    """
+
+    text: str
+
+    def __post_init__(self) -> None:
+        """Checks what can be known before a signal comes.
+
+        Raises:
+            CommandError: if it is no command, or has too few or too many arguments.
+        """
+        words = self.text.split()
+        if self.complete:
+            parse_command(words)
+        elif words[0] not in BY_WORD:
+            raise CommandError(f"'{self.text}' does not begin with a command, such as: tempo $1")
+        else:
+            command = BY_WORD[words[0]]
+            required = sum(not argument.optional for argument in command.arguments)
+            if not required <= len(words) - 1 <= len(command.arguments):
+                raise CommandError(f"'{self.text}': give it as: {command.usage}")
+
+    @property
+    def complete(self) -> bool:
+        """Whether it needs no arguments."""
+        return _PLACE.search(self.text) is None
+
+    @property
+    def motions(self) -> list[str]:
+        """The motions that the command names."""
+        message = parse_command(self.text.split()) if self.complete else None
+        match message:
+            case Switch(to=to) | Queue(to=to):
+                return [to]
+            case Blend(first=first, second=second):
+                return [first, second]
+            case _:
+                return []
+
+    def command(self, arguments: Sequence[object] = ()) -> Message | None:
+        """The command that a signal with these arguments gives.
+
+        A complete command is given by a button that is pressed; the only argument 0 or false says that it was released.
+
+        Returns:
+            None where it was released.
+
+        Raises:
+            CommandError: if an argument is missing or not allowed.
+        """
+        if self.complete:
+            released = len(arguments) == 1 and isinstance(arguments[0], int | float) and not arguments[0]
+            return None if released else parse_command(self.text.split())
+        missing = [number for number in _PLACE.findall(self.text) if int(number) > len(arguments)]
+        if missing:
+            raise CommandError(f"argument {missing[0]} is missing; it is mapped to: {self.text}")
+        words = [_PLACE.sub(lambda place: _word(arguments[int(place[1]) - 1]), word) for word in self.text.split()]
+        return parse_command(words)
+
+
+def _word(argument: object) -> str:
+    """An argument as it would be typed; controllers send whole numbers as floats too."""
+    return f"{argument:.9g}" if isinstance(argument, float) else str(argument)
