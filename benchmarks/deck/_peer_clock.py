@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import importlib
 import time
+from types import ModuleType
 
-try:
-    from loop_rate_limiters import RateLimiter
-except ImportError:
-    RateLimiter = None
+
+def _installed() -> ModuleType | None:
+    try:
+        return importlib.import_module("loop_rate_limiters")
+    except ImportError:
+        return None
+
+
+limiters = _installed()
 
 
 class PeerClock:
     """The clock of loop-rate-limiters; fits `controller.loop.clock.Clock`."""
 
     def __init__(self, rate: float) -> None:
-        assert RateLimiter is not None
+        assert limiters is not None
         self._rate = rate
         self.overruns = self.skipped = 0
         self.start()
@@ -30,8 +37,8 @@ class PeerClock:
 
     def start(self) -> None:
         """Makes the present the time of tick 0."""
-        assert RateLimiter is not None
-        self._limiter = RateLimiter(self._rate, warn=False)
+        assert limiters is not None
+        self._limiter = limiters.RateLimiter(self._rate, warn=False)
         self.overruns = 0
 
     def wait(self) -> int:

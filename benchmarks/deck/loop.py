@@ -9,7 +9,9 @@ run is made with ordinary scheduling and then with SCHED_FIFO and locked memory,
 - loop-rate-limiters: all that on the clock of this package (pip install motiondeck[benchmark], else it is left out);
 - empty loop: our clock with nothing to do at all. No loop on this machine is more punctual than that; what is worse
   than it is ours, what it shows itself is the machine's. So is `steal`: the time for which the host took all cores of
-  a virtual machine away, as /proc/stat counts it.
+  a virtual machine away, as /proc/stat counts it;
+- C loop: the same without Python (`_c_loop.c`): clock_nanosleep until each deadline and nothing else. It does not spin.
+  It is compiled with cc and left out, with a word, where there is none.
 
 Lateness is that of a tick after the deadline its own clock promised. Motiondeck's deadlines are the start plus k
 periods; loop-rate-limiters sets each one a period after the last wake-up, so it is late against fewer promises and
@@ -36,8 +38,9 @@ for _library in ("OPENBLAS", "OMP", "MKL"):
 import msgspec  # noqa: E402
 import numpy as np  # noqa: E402
 
+from benchmarks.deck._c_loop import CLoop  # noqa: E402
 from benchmarks.deck._machine_load import hog, stolen_ms  # noqa: E402
-from benchmarks.deck._peer_clock import PeerClock, RateLimiter  # noqa: E402
+from benchmarks.deck._peer_clock import PeerClock, limiters  # noqa: E402
 from controller.cli.session.robot_on_deck import RobotSetup, open_robots  # noqa: E402
 from controller.cli.session.script import Timed  # noqa: E402
 from controller.cli.session.session import RunSettings, Session  # noqa: E402
@@ -140,6 +143,34 @@ def floor(fifo: bool, rate: float, beside: str, options: argparse.Namespace) -> 
     }
 
 
+def c_floor(loop: CLoop, fifo: bool, rate: float, beside: str, options: argparse.Namespace) -> dict[str, Any]:
+    """The same deadlines with clock_nanosleep, in C."""
+    ticks = round(rate * options.seconds)
+    with hog(beside == "hog", options.core), handed_back():
+        if options.core is not None:
+            request_core(options.core)  # which the program inherits
+        before = stolen_ms()
+        late = loop(rate, ticks, fifo=fifo)
+        stolen = stolen_ms() - before
+    percentiles = np.percentile(late, (50.0, 99.0, 99.9, 100.0)).tolist()
+    overruns = int((late > 1e6 / rate).sum())
+    return {
+        "rate_hz": rate,
+        "clock": "C loop",
+        "fifo": fifo,
+        "beside": beside,
+        **dict(zip(("p50_us", "p99_us", "p999_us", "max_us"), percentiles, strict=True)),
+        "ticks": ticks,
+        "overruns": overruns,
+        "overruns_percent": 100.0 * overruns / ticks,
+        "drift_ms": 1e-3 * float(late[-1]),
+        "steal_ms": stolen,
+        "change_p99_ticks": None,
+        "work_p50_us": 0.0,
+        "work_p99_us": 0.0,
+    }
+
+
 def changed_after(report: dict[str, Any], rate: float) -> float | None:
     """The 99th percentile of the ticks from a command to the first targets that it changed."""
     waits = [s["first_change_s"] - s["commanded_s"] for s in report["switches"] if s["first_change_s"] is not None]
@@ -212,6 +243,7 @@ def main() -> int:
         "core": options.core,
     }
     schedulings = (False, True) if fifo_permitted() else (False,)
+    c_loop = CLoop.compiled()
     rows: list[dict[str, Any]] = []
 
     def add(row: dict[str, Any]) -> None:
@@ -223,15 +255,19 @@ def main() -> int:
         print(", ".join(f"{name} {value}" for name, value in machine.items()))
         if len(schedulings) == 1:
             print("SCHED_FIFO is not permitted here, so its rows are missing")
+        if c_loop is None:
+            print("there is no C compiler (cc) here, so the rows of the C loop are missing")
         print("| " + " | ".join(COLUMNS) + " |\n" + "|---" * len(COLUMNS) + "|", flush=True)
     for rate in map(float, options.rates.split(",")):
         for beside in besides:
             for fifo in schedulings:
                 add(measure(library, Ticker(rate), fifo, rate, beside, options))
                 if beside != "view":
-                    if RateLimiter is not None:
+                    if limiters is not None:
                         add(measure(library, PeerClock(rate), fifo, rate, beside, options))
                     add(floor(fifo, rate, beside, options))
+                    if c_loop is not None:
+                        add(c_floor(c_loop, fifo, rate, beside, options))
     ratios = view_ratios(rows)
     if options.json:
         print(json.dumps({"machine": machine, "rows": rows, "view_p999_ratio": ratios}))

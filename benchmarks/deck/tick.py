@@ -1,10 +1,16 @@
-"""CPU time of one tick, part by part, and the Python calls of a tick.
+"""Where the time of a tick goes, what a pause costs it, and its Python calls.
 
-A phase-driven reservoir, retargeting, safety, and the servos' frame.
+A tick of `play` on servo20 at 200 Hz with simulated servos and masses, in two runs:
 
-Each part is measured within the same run of the deck on servo20 at 200 Hz; `all` is their sum. The servos' frame is the
-sync write of 20 goal positions, encoded with its CRC and byte stuffing, not sent. The last row is a whole tick of
-`play` with simulated servos and masses, without a rig, back to back.
+- back to back: tick after tick without a pause, and without a rig;
+- in the loop: in real time, asleep between ticks, with the servos of an emulated rig.
+
+Each part has the median of its own time: what the parts within it take is theirs. The last rows are whole ticks of runs
+whose parts are not timed, and the share of a core that the loop takes, its spinning before each deadline included.
+
+Then ticks back to back are compared with those after a pause of a whole period: one that reads the clock all the time,
+and one that sleeps but for the last 0.2 ms, as `play` does. Forty ticks of one kind take turns with forty of the next,
+so that a machine that becomes slower or faster meanwhile changes all of them.
 
 With --calls the calls of Python functions in a tick of `play` with simulated servos and masses are counted instead
 (`sys.setprofile`, the mean of 200 ticks, no time is measured): in all, for each room, and the functions that are called
@@ -19,52 +25,38 @@ import os
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
 for _library in ("OPENBLAS", "OMP", "MKL"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
 
 import numpy as np  # noqa: E402
 
+from benchmarks.deck._tick_parts import ALL, PARTS, REST, Ticks  # noqa: E402
 from controller.cli.session.robot_on_deck import RobotSetup, open_robots  # noqa: E402
 from controller.cli.session.session import RunSettings, Session  # noqa: E402
 from controller.deck.deck import Deck  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
-from controller.loop.clock import Ticker, VirtualClock  # noqa: E402
-from controller.loop.gc_and_blas import undisturbed  # noqa: E402
-from controller.loop.safety.safety_envelope import SafetyEnvelope  # noqa: E402
-from controller.mocap.posture import Pose  # noqa: E402
+from controller.loop.clock import SPIN_NS, Ticker, VirtualClock  # noqa: E402
 from controller.rotations import Array  # noqa: E402
-from hardware.bus.sync_write import SyncWrite  # noqa: E402
-from hardware.rig.rig_file import load_rig  # noqa: E402
-from hardware.rig.scale import RigScale  # noqa: E402
+from motiondeck_base.errors import MotiondeckError  # noqa: E402
 from motiondeck_base.shipped import find_library, find_rig, find_robot  # noqa: E402
-from sim.robots.robot import load_robot  # noqa: E402
 
 RATE = 200.0
 APPROACH = 1000  # ticks after which the joints have approached the motion
 COUNTED = 200  # ticks whose calls are counted
-
-
-def encoder(joints: tuple[str, ...]) -> Callable[[Array], bytes]:
-    """Makes the sync write of goal positions for the shipped rig, out of targets (J,), rad, in the robot's order."""
-    config = load_rig(find_rig("servo20"))
-    scale = RigScale(config)
-    order = np.array([joints.index(joint.name) for joint in config.joints])
-    goal = config.joints[0].table["goal_position"]
-    write = SyncWrite([joint.id for joint in config.joints], goal.address, goal.length)
-
-    def encode(targets: Array) -> bytes:
-        write.values[:] = scale.pulses(np.clip(targets[order], scale.lower, scale.upper))
-        return write.frame()
-
-    return encode
+BLOCK, SETTLING = 40, 3  # ticks after one kind of pause, and how many of them still show the one before
 
 
 def play(library: MotionLibrary, motion: str, clock: Ticker | VirtualClock, ticks: int, *, rig: bool) -> None:
-    """Plays a motion on servo20 with simulated servos and masses for so many ticks after the approach."""
+    """Plays a motion on servo20 with simulated servos and masses for so many ticks after the approach.
+
+    Raises:
+        MotiondeckError: if the run ended early.
+    """
     setup = RobotSetup(find_robot("servo20"), find_rig("servo20") if rig else None, emulated=True)
     with Session(
         library,
@@ -73,24 +65,51 @@ def play(library: MotionLibrary, motion: str, clock: Ticker | VirtualClock, tick
         RunSettings(rate=RATE, seconds=ticks / RATE),
         clock=clock,
     ) as session:
-        session.run()
+        reason = session.run()["reason"]
+    if reason != "played to the end":
+        raise MotiondeckError(f"the run ended early: {reason}")
 
 
-def time_play(library: MotionLibrary, motion: str, ticks: int = 4000) -> Array:
-    """How long whole ticks of play take back to back, without a rig and without sleep, shape (ticks,), us."""
+def time_play(
+    library: MotionLibrary, motion: str, clock: Ticker | VirtualClock, ticks: int, *, rig: bool, parts: bool
+) -> tuple[dict[str, Array], float]:
+    """How long the ticks of a run took, their parts too if asked for, (ticks,), us; the loop's share of a core."""
+    used, passed = list[int](), list[int]()
+
+    def note(tick: int) -> None:
+        if tick in (APPROACH, APPROACH + ticks):
+            used.append(time.thread_time_ns())
+            passed.append(time.perf_counter_ns())
+
+    timing = Ticks(clock, note)
+    with timing.of_parts() if parts else nullcontext():
+        play(library, motion, clock, APPROACH + ticks, rig=rig)
+    names = [*PARTS, REST, ALL] if parts else [ALL]
+    columns = {name: timing.column(name, slice(APPROACH, APPROACH + ticks)) for name in names}
+    return columns, (used[1] - used[0]) / (passed[1] - passed[0])
+
+
+def time_pauses(library: MotionLibrary, motion: str, rounds: int = 8) -> dict[str, Array]:
+    """How long whole ticks take after each kind of pause, us; without a rig."""
+    period = round(1e9 / RATE)
+
+    def spin(ns: int) -> None:
+        end = time.perf_counter_ns() + ns
+        while time.perf_counter_ns() < end:
+            pass
+
+    def sleep() -> None:
+        time.sleep(1e-9 * (period - SPIN_NS))
+        spin(SPIN_NS)
+
+    pauses = {"none": lambda: None, "reading the clock": lambda: spin(period), "asleep": sleep}
+    turns = [name for _ in range(rounds) for name in pauses for _ in range(BLOCK)]
     clock = VirtualClock(RATE)
-    wait, spent, began = clock.wait, list[int](), 0
-
-    def timed() -> int:
-        nonlocal began
-        spent.append(time.perf_counter_ns() - began)
-        late = wait()
-        began = time.perf_counter_ns()
-        return late
-
-    clock.wait = timed
-    play(library, motion, clock, ticks, rig=False)
-    return 1e-3 * np.array(spent[APPROACH : APPROACH + ticks // 2])
+    timing = Ticks(clock, lambda tick: pauses[turns[tick - APPROACH]]() if 0 <= tick - APPROACH < len(turns) else None)
+    play(library, motion, clock, APPROACH + len(turns), rig=False)
+    spent = timing.column(ALL, slice(APPROACH, APPROACH + len(turns)))
+    settled = np.arange(len(turns)) % BLOCK >= SETTLING
+    return {name: spent[settled & (np.array(turns) == name)] for name in pauses}
 
 
 def count_calls(
@@ -130,72 +149,56 @@ def count_calls(
     return {"calls": total | {room: n / COUNTED for room, n in rooms.most_common()}, "busiest": busiest}
 
 
+def measure(library: MotionLibrary, motion: str, ticks: int) -> dict[str, Any]:
+    """Medians of the parts and of whole ticks in both runs, us, the loop's share of a core, and the pauses."""
+    runs: dict[str, dict[str, float]] = {}
+    for run, rig in (("back to back", False), ("in the loop", True)):
+        clocks = [Ticker(RATE) if rig else VirtualClock(RATE) for _ in range(2)]
+        parts, _ = time_play(library, motion, clocks[0], ticks, rig=rig, parts=True)
+        whole, share = time_play(library, motion, clocks[1], ticks, rig=rig, parts=False)
+        rows = {part: float(np.median(column)) for part, column in parts.items() if part != ALL}
+        rows["p50 of whole ticks"], rows["p99"] = np.percentile(whole[ALL], (50.0, 99.0)).tolist()
+        if rig:
+            rows["share of a core, %"] = 100.0 * share
+        runs[run] = rows
+    pauses = {name: float(np.median(spent)) for name, spent in time_pauses(library, motion).items()}
+    return {"us": runs, "us_after_a_pause": pauses}
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks tick", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--library", default="thesis15")
     parser.add_argument("--motion", default="walk")
-    parser.add_argument("--ticks", type=int, default=20_000)
+    parser.add_argument("--ticks", type=int, default=2000, help="of each run")
     parser.add_argument("--calls", action="store_true", help="count the Python calls of a tick of play instead")
     parser.add_argument("--rig", action="store_true", help="with --calls: drive an emulated rig, too")
     parser.add_argument("--json", action="store_true", help="one JSON object")
     options = parser.parse_args()
     library = load_library(find_library(options.library))
+    played = {"library": library.info.name, "motion": options.motion}
     if options.calls:
         counted = count_calls(library, options.motion, rig=options.rig)
         if options.json:
-            print(json.dumps({"library": library.info.name, "motion": options.motion} | counted))
+            print(json.dumps(played | counted))
             return 0
         for title, rows in counted.items():
             print(f"| {title} | a tick |\n|---|---|")
             print("".join(f"| {name} | {calls:.1f} |\n" for name, calls in rows.items()))
         return 0
-    robot = load_robot(find_robot("servo20"), library.skeleton)
-    retargeting = 0
-
-    def retarget(pose: Pose) -> Array:
-        nonlocal retargeting
-        began = time.perf_counter_ns()
-        targets = robot.retarget(pose)
-        retargeting = time.perf_counter_ns() - began
-        return targets
-
-    deck = Deck(library, retarget, options.motion)
-    envelope = SafetyEnvelope(robot.limits, 1.0 / RATE)
-    envelope.start(np.clip(deck.update(1.0 / RATE)[0], robot.limits.lower, robot.limits.upper))
-    frame = encoder(robot.joints)
-    spent = np.empty((options.ticks, 5))
-    clock = time.perf_counter_ns
-    with undisturbed():
-        for row in spent:
-            start = clock()
-            targets, _ = deck.update(1.0 / RATE)
-            played = clock()
-            safe = envelope(targets)
-            saved = clock()
-            frame(safe)
-            encoded = clock()
-            row[:] = (
-                *(played - start - retargeting, retargeting, saved - played, encoded - saved),
-                encoded - start,
-            )
-    names = ("deck (network, posture)", "retarget", "safety envelope", "sync write of 20", "all")
-    rows = {
-        name: dict(zip(("p50", "p99"), (1e-3 * np.percentile(column, (50, 99))).tolist(), strict=True))
-        for name, column in zip(names, spent.T, strict=True)
-    }
-    whole = time_play(library, options.motion)
-    rows["play with simulated servos and masses"] = dict(
-        zip(("p50", "p99"), np.percentile(whole, (50, 99)).tolist(), strict=True)
-    )
+    measured = measure(library, options.motion, options.ticks)
     if options.json:
-        print(json.dumps({"library": library.info.name, "motion": options.motion, "us": rows}))
+        print(json.dumps(played | measured))
         return 0
-    print(f"{library.info.name}, {options.motion}, {options.ticks} ticks\n")
-    print("| part | p50 us | p99 us |\n|---|---|---|")
-    for name, row in rows.items():
-        print(f"| {name} | {row['p50']:.0f} | {row['p99']:.0f} |")
+    back, loop = measured["us"].values()
+    print(f"{library.info.name}, {options.motion}, {options.ticks} ticks a run\n")
+    print("| part | back to back, us | in the loop, us |\n|---|---|---|")
+    for part, value in loop.items():
+        print(f"| {part} | {f'{back[part]:.0f}' if part in back else ''} | {value:.0f} |")
+    print("\n| pause before a tick | tick p50 us |\n|---|---|")
+    for pause, value in measured["us_after_a_pause"].items():
+        print(f"| {pause} | {value:.0f} |")
     return 0
 
 

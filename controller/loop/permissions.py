@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from threadpoolctl import threadpool_info, threadpool_limits
 
-_FIFO_PRIORITY = 60  # above the kernel's threaded interrupts (50), below its watchdogs (99)
+FIFO_PRIORITY = 60  # above the kernel's threaded interrupts (50), below its watchdogs (99)
 _MCL_CURRENT, _MCL_FUTURE = 1, 2
 
 
@@ -87,10 +87,10 @@ def request_one_blas_thread() -> Permission:
 def _first_in_first_out() -> Permission:
     name = "real-time scheduling (SCHED_FIFO)"
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_FIFO_PRIORITY))
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
     except (AttributeError, OSError):
         return Permission(
-            name, False, f"Allow it with 'ulimit -r {_FIFO_PRIORITY}' (limits.conf: rtprio) or CAP_SYS_NICE."
+            name, False, f"Allow it with 'ulimit -r {FIFO_PRIORITY}' (limits.conf: rtprio) or CAP_SYS_NICE."
         )
     return Permission(name, True)
 
