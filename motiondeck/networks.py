@@ -76,8 +76,8 @@ from controller.training.own_signals import (
 )
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe
+from controller.training.reservoirs.phase_conceptor_training import PhaseRecipe
 from controller.training.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
-from controller.training.reservoirs.phase_training import PhaseRecipe
 from controller.training.reservoirs.random_feature_training import RandomFeatureRecipe
 
 __all__ = [

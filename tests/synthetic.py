@@ -8,11 +8,13 @@ from controller.library.motion_library import MotionLibrary
 from controller.mocap.encodings.bone_directions import BoneDirections
 from controller.mocap.encodings.normalisation import Normalisation
 from controller.mocap.skeleton import Skeleton
+from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork
 from controller.training.preparation.loops import hold_end
 from controller.training.preparation.training_motion import TrainingMotion
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir
-from controller.training.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe, train_phase_echo_state
-from controller.training.reservoirs.phase_training import PhaseRecipe, train_phase_conceptors
+from controller.training.reservoirs.phase_conceptor_training import PhaseRecipe
+from controller.training.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
+from controller.training.reservoirs.phase_training import train_phase_driven
 
 RATE = 120.0
 RIGHT, LEFT, UP, DOWN = (0, -1, 0), (0, 1, 0), (0, 0, 1), (0, 0, -1)
@@ -101,13 +103,15 @@ def small_network(seed=0, recipe=SMALL_RECIPE):
 
 def small_phase_network(seed=0, **recipe):
     taught, normalisation = lessons()
-    return train_phase_conceptors(taught, normalisation, PhaseRecipe(**(SMALL_PHASE | recipe)), RATE, seed)
+    network = train_phase_driven(taught, normalisation, PhaseRecipe(**(SMALL_PHASE | recipe)), RATE, seed)
+    assert isinstance(network, PhaseConceptorNetwork)
+    return network
 
 
 def small_phase_echo_state(seed=0, **recipe):
     """The same motions in a phase-driven echo-state network."""
     taught, normalisation = lessons()
-    return train_phase_echo_state(taught, normalisation, PhaseEchoStateRecipe(**recipe), RATE, seed)
+    return train_phase_driven(taught, normalisation, PhaseEchoStateRecipe(**recipe), RATE, seed)
 
 
 def small_phase_library(seed=0, **recipe):

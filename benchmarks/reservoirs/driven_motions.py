@@ -12,7 +12,7 @@ rolled into step, mean over seeds; "as learned" is that of the network at the va
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -26,11 +26,12 @@ from controller.mocap.encodings.encoding import Encoding, encoding_of
 from controller.mocap.encodings.normalisation import Normalisation
 from controller.mocap.formats.reading import read_clip
 from controller.networks.reservoirs.driving_input import DrivingInput
-from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork
+from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
 from controller.rotations import Array
 from controller.training.preparation.cycles import in_step, steps_behind
 from controller.training.preparation.training_motion import TrainingMotion, Variant
-from controller.training.reservoirs.phase_training import PhaseRecipe, train_phase_conceptors
+from controller.training.reservoirs.phase_conceptor_training import PhaseRecipe
+from controller.training.reservoirs.phase_training import train_phase_driven
 
 RATE = 120.0
 RECIPE = PhaseRecipe(neurons=500, rank=100)
@@ -56,7 +57,7 @@ def family(data: Path, files: tuple[str, ...]) -> tuple[Encoding, list[Variant]]
     return encoding, sorted(variants, key=lambda variant: variant.value)
 
 
-def learned(variants: list[Variant], seed: int) -> PhaseConceptorNetwork:
+def learned(variants: list[Variant], seed: int) -> PhaseDrivenNetwork[Any]:
     """A network of one motion over its input."""
     normalisation = Normalisation.fit([variant.frames for variant in variants])
     values, seconds = zip(*((variant.value, variant.seconds) for variant in variants), strict=True)
@@ -64,10 +65,10 @@ def learned(variants: list[Variant], seed: int) -> PhaseConceptorNetwork:
     motion = TrainingMotion(
         GAIT, taught[0].frames, True, None, DrivingInput("speed", values, seconds, values[0]), taught
     )
-    return train_phase_conceptors([motion], normalisation, RECIPE, RATE, seed)
+    return train_phase_driven([motion], normalisation, RECIPE, RATE, seed)
 
 
-def played(network: PhaseConceptorNetwork, value: float) -> Array:
+def played(network: PhaseDrivenNetwork[Any], value: float) -> Array:
     """A round at a value of the input, after one in which it settles."""
     network.set_input("speed", value)
     network.seek(GAIT, 0.0)

@@ -49,8 +49,8 @@ from controller.training.fit import train
 from controller.training.recipe import MotionRecipe, NetworkRecipe, read_recipe
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe
+from controller.training.reservoirs.phase_conceptor_training import PhaseRecipe
 from controller.training.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
-from controller.training.reservoirs.phase_training import PhaseRecipe
 from controller.training.training_set import TrainingSet, prepare, to_learn
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.shipped import shipped_configs

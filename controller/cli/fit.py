@@ -213,12 +213,12 @@ def sized(
     import msgspec
 
     from controller.training.centralized.centralized_training import CentralizedRecipe
-    from controller.training.reservoirs.phase_training import PhaseRecipe
+    from controller.training.reservoirs.phase_training import PhaseDrivenRecipe
     from motiondeck_base.errors import MotiondeckError
 
     if tolerance is not None:
-        if not isinstance(plan.network, PhaseRecipe):
-            raise MotiondeckError(f"recipe '{plan.name}' is not for phase-driven conceptors, which take --tolerance")
+        if not isinstance(plan.network, PhaseDrivenRecipe):
+            raise MotiondeckError(f"recipe '{plan.name}' is not for a phase-driven network, which takes --tolerance")
         plan = msgspec.structs.replace(plan, network=msgspec.structs.replace(plan.network, tolerance_mm=tolerance))
 
     given = {name: value for name, value in (("centers", centers), ("satellites", satellites)) if value is not None}

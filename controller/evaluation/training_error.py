@@ -20,8 +20,7 @@ from controller.training.reservoirs.aperture_choice import settled_network
 from controller.training.reservoirs.conceptor_training import load_reservoir, what_drove
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
 from controller.training.reservoirs.noise_choice import settled_echo_state
-from controller.training.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe, train_phase_echo_state
-from controller.training.reservoirs.phase_training import PhaseRecipe, train_phase_conceptors
+from controller.training.reservoirs.phase_training import PhaseDrivenRecipe, train_phase_driven
 from controller.training.reservoirs.random_feature_training import RandomFeatureRecipe, train_random_features
 from controller.training.training_set import TrainingSet
 
@@ -76,11 +75,8 @@ def training_error(
         errors = [nrmse(network.recall(name), frames) for name, frames in syllabus.frames.items()]
         size = mabs(network.reservoir.readout * normalisation.scaling)
         return TrainingError(seed, size, float(np.mean(errors)), None, None, network)
-    if isinstance(plan, PhaseRecipe):
-        network = train_phase_conceptors(lessons, normalisation, plan, syllabus.rate, seed)
-        return _of_phase_driven(network, syllabus, plan.anchor_every, seed)
-    if isinstance(plan, PhaseEchoStateRecipe):
-        network = train_phase_echo_state(lessons, normalisation, plan, syllabus.rate, seed)
+    if isinstance(plan, PhaseDrivenRecipe):
+        network = train_phase_driven(lessons, normalisation, plan, syllabus.rate, seed)
         return _of_phase_driven(network, syllabus, plan.anchor_every, seed)
     if isinstance(plan, CentralizedRecipe):
         return _of_centralized(

@@ -15,8 +15,13 @@ from controller.networks.centralized.centralized_frames import CentralizedNetwor
 from controller.networks.centralized.low_rank import LowRankWeights, PackedWeights
 from controller.networks.reservoirs.conceptor import ConceptorMotion, ConceptorNetwork, Memory
 from controller.networks.reservoirs.echo_state import EchoStateMotion, EchoStateNetwork
-from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork, PhaseMotion, StoredPieces
-from controller.networks.reservoirs.phase_echo_state import PhaseEchoStateMotion, PhaseEchoStateNetwork
+from controller.networks.reservoirs.phase_conceptor import PhaseConceptorMotion, PhaseConceptorNetwork, StoredPieces
+from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork, PhaseMotion
+from controller.networks.reservoirs.phase_echo_state import (
+    PhaseEchoStateMotion,
+    PhaseEchoStateNetwork,
+    StoredReadouts,
+)
 from controller.networks.reservoirs.phase_reservoir import PhaseCourse, PhaseReservoir, PhaseScales
 from controller.networks.reservoirs.random_feature_conceptor import (
     FeatureMotion,
@@ -26,7 +31,7 @@ from controller.networks.reservoirs.random_feature_conceptor import (
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 
 Network = ConceptorNetwork | EchoStateNetwork | RandomFeatureNetwork
-PhaseDriven = PhaseConceptorNetwork | PhaseEchoStateNetwork
+PhaseDriven = PhaseDrivenNetwork[Any]
 AnyNetwork = Network | PhaseDriven | CentralizedNetwork
 
 
@@ -38,10 +43,6 @@ def arrays_of(network: AnyNetwork) -> dict[str, NDArray[Any]]:
         if isinstance(part, PhaseMotion):
             arrays[f"motion/{motion}/held"] = np.array([part.course.held], dtype=np.int32)
             part = part.stored
-        elif isinstance(part, PhaseEchoStateMotion):
-            arrays[f"motion/{motion}/held"] = np.array([part.course.held], dtype=np.int32)
-            arrays[f"motion/{motion}/readout"] = part.readout
-            continue
         for field in fields(part):
             value = getattr(part, field.name)
             if isinstance(value, LowRankWeights):
@@ -55,7 +56,7 @@ def arrays_of(network: AnyNetwork) -> dict[str, NDArray[Any]]:
         arrays |= {"memory/shift": normalisation.shift, "memory/scaling": normalisation.scaling}
     if isinstance(network, EchoStateNetwork):
         arrays |= {"weights": network.weights, "feedback": network.feedback, "bias": network.bias}
-    if isinstance(network, EchoStateNetwork | PhaseDriven):
+    if isinstance(network, EchoStateNetwork | PhaseDrivenNetwork):
         arrays |= {"shift": network.normalisation.shift, "scaling": network.normalisation.scaling}
     if isinstance(network, RandomFeatureNetwork):
         arrays |= {field.name: getattr(network.reservoir, field.name) for field in fields(network.reservoir)}
@@ -87,10 +88,8 @@ class _Reader:
                 raise FileFormatError(f"{self.path}: motions of different reservoir sizes {sorted(sizes)}")
             memory = self.memory(len(parts), sizes.pop(), channels) if "memory/estimate" in self.stored else None
             network: AnyNetwork = ConceptorNetwork(parts, memory)
-        elif info.network == "phase-conceptor":
-            network = self.phase_conceptors(info, channels)
-        elif info.network == "phase-echo-state":
-            network = self.phase_echo_state(info, channels)
+        elif info.network in ("phase-conceptor", "phase-echo-state"):
+            network = self.phase_driven(info, channels)
         elif info.network == "centralized":
             network = self.centralized(info, channels)
         elif info.network == "random-feature":
@@ -136,38 +135,42 @@ class _Reader:
             states=self.take(at + "states", anchors, rank),
         )
 
-    def phase_conceptors(self, info: LibraryInfo, channels: int) -> PhaseConceptorNetwork:
-        scales = self.scales(info)
-        at = f"motion/{info.motions[0].name}/directions"
-        neurons, rank = self.size(at, 1), self.size(at, 2)
-        if neurons != scales.neurons:
-            raise FileFormatError(f"{self.path}: {scales.neurons} neurons in its header, {neurons} in '{at}'")
+    def phase_driven(self, info: LibraryInfo, channels: int) -> PhaseDriven:
+        scales, normalisation = self.scales(info), self.normalisation("", channels)
         reservoir = PhaseReservoir.draw(scales, channels, info.seed)
-        motions = {}
+        if info.network == "phase-echo-state":
+            echoes: dict[str, PhaseEchoStateMotion] = {}
+            for motion in info.motions:
+                read = self.readouts(motion, channels, scales.neurons)
+                course = self.course(motion, len(read.readout))
+                echoes[motion.name] = PhaseEchoStateMotion(read, course, reservoir, motion.input)
+            return PhaseEchoStateNetwork(scales, info.seed, normalisation, echoes)
+        motions: dict[str, PhaseConceptorMotion] = {}
+        rank = self.size(f"motion/{info.motions[0].name}/directions", 2)
         for motion in info.motions:
-            at = f"motion/{motion.name}/"
-            pieces = self.size(at + "directions")
-            course = self.course(motion, pieces)
-            stored = StoredPieces(
-                directions=self.take(at + "directions", pieces, neurons, rank, kind=np.float16),
-                strength=self.take(at + "strength", pieces, rank),
-                mean=self.take(at + "mean", pieces, neurons, kind=np.float16),
-                estimate=self.take(at + "estimate", pieces, channels, rank + 1, kind=np.float16),
-                readout=self.take(at + "readout", pieces, channels, rank + 1),
-            )
-            motions[motion.name] = PhaseMotion(stored, course, reservoir, motion.input)
-        return PhaseConceptorNetwork(scales, info.seed, self.normalisation("", channels), motions)
+            pieces = self.pieces(motion, channels, scales.neurons, rank)
+            course = self.course(motion, len(pieces.mean))
+            motions[motion.name] = PhaseConceptorMotion(pieces, course, reservoir, motion.input)
+        return PhaseConceptorNetwork(scales, info.seed, normalisation, motions)
 
-    def phase_echo_state(self, info: LibraryInfo, channels: int) -> PhaseEchoStateNetwork:
-        scales = self.scales(info)
-        reservoir = PhaseReservoir.draw(scales, channels, info.seed)
-        motions = {}
-        for motion in info.motions:
-            at = f"motion/{motion.name}/readout"
-            pieces = self.size(at)
-            readout = self.take(at, pieces, channels, scales.neurons + 1)
-            motions[motion.name] = PhaseEchoStateMotion(readout, self.course(motion, pieces), reservoir)
-        return PhaseEchoStateNetwork(scales, info.seed, self.normalisation("", channels), motions)
+    def pieces(self, motion: MotionInfo, channels: int, neurons: int, rank: int) -> StoredPieces:
+        """A motion of phase-driven conceptors."""
+        at = f"motion/{motion.name}/"
+        pieces, there = self.size(at + "directions"), self.size(at + "directions", 1)
+        if there != neurons:
+            raise FileFormatError(f"{self.path}: {neurons} neurons in its header, {there} in '{at}directions'")
+        return StoredPieces(
+            directions=self.take(at + "directions", pieces, neurons, rank, kind=np.float16),
+            strength=self.take(at + "strength", pieces, rank),
+            mean=self.take(at + "mean", pieces, neurons, kind=np.float16),
+            estimate=self.take(at + "estimate", pieces, channels, rank + 1, kind=np.float16),
+            readout=self.take(at + "readout", pieces, channels, rank + 1),
+        )
+
+    def readouts(self, motion: MotionInfo, channels: int, neurons: int) -> StoredReadouts:
+        """A motion of a phase-driven echo-state network."""
+        at = f"motion/{motion.name}/readout"
+        return StoredReadouts(self.take(at, self.size(at), channels, neurons + 1))
 
     def scales(self, info: LibraryInfo) -> PhaseScales:
         """What the weights that phase-driven motions share are drawn with."""

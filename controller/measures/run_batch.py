@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.measures.centralized_run_batch import CentralizedBatch
-from controller.measures.phase_run_batch import PhaseBatch, PhaseEchoStateBatch
+from controller.measures.phase_run_batch import PhaseConceptorBatch, PhaseEchoStateBatch
 from controller.networks.centralized.centralized_frames import CentralizedNetwork
 from controller.networks.reservoirs.conceptor import ConceptorNetwork
 from controller.networks.reservoirs.echo_state import EchoStateNetwork
 from controller.networks.reservoirs.morph import ReservoirNetwork
 from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork
-from controller.networks.reservoirs.phase_echo_state import PhaseEchoStateNetwork
+from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
 from controller.networks.reservoirs.random_feature_conceptor import RandomFeatureNetwork
 
 Float32 = NDArray[np.float32]
@@ -193,7 +193,7 @@ class RandomFeatureBatch:
 
 
 def batch_of(
-    network: ReservoirNetwork | PhaseConceptorNetwork | PhaseEchoStateNetwork | CentralizedNetwork,
+    network: ReservoirNetwork | PhaseDrivenNetwork[Any] | CentralizedNetwork,
     motion: str,
     runs: int,
     weights: Float32 | None = None,
@@ -202,9 +202,9 @@ def batch_of(
     if isinstance(network, CentralizedNetwork):
         return CentralizedBatch(network, motion, runs)
     if isinstance(network, PhaseConceptorNetwork):
-        return PhaseBatch(network, motion, runs)
-    if isinstance(network, PhaseEchoStateNetwork):
-        return PhaseEchoStateBatch(network, motion, runs)
+        return PhaseConceptorBatch(network[motion], runs)
+    if isinstance(network, PhaseDrivenNetwork):
+        return PhaseEchoStateBatch(network[motion], runs)
     if isinstance(network, ConceptorNetwork):
         return ConceptorBatch(network, motion, runs, weights)
     if isinstance(network, RandomFeatureNetwork):

@@ -23,9 +23,7 @@ from controller.mocap.encodings.normalisation import Normalisation
 from controller.networks.centralized.centralized_frames import CentralizedNetwork
 from controller.networks.reservoirs.conceptor import ConceptorNetwork
 from controller.networks.reservoirs.echo_state import EchoStateNetwork
-from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork
-from controller.networks.reservoirs.phase_echo_state import PhaseEchoStateNetwork
-from controller.networks.reservoirs.phase_reservoir import PhaseReservoir
+from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
 from controller.networks.reservoirs.random_feature_conceptor import RandomFeatureNetwork
 from controller.networks.reservoirs.reservoir import Reservoir
 from controller.rotations import Array
@@ -36,8 +34,7 @@ from controller.training.recipe import LibraryRecipe, MotionRecipe, check_name, 
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe, learn_readouts
 from controller.training.reservoirs.incremental_loading import load_one_more, memory_of, quota
-from controller.training.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe, learn_echo
-from controller.training.reservoirs.phase_training import PhaseRecipe, learn_motion
+from controller.training.reservoirs.phase_training import PhaseDrivenRecipe
 from controller.training.reservoirs.rank_choice import cut_to_tolerance
 from controller.training.stress_test import stress_test
 from controller.training.training_set import LearnedPart, to_learn
@@ -142,14 +139,9 @@ def _learn(
             # The stored motions were cut when they were learned.
             grown = cut_to_tolerance(grown, library.encoding, plan.rank_tolerance_mm, (motion.name,))
         return grown, (quota(network, lengths, plan), quota(grown, lengths | {motion.name: len(frames)}, plan))
-    if isinstance(network, PhaseConceptorNetwork) and isinstance(plan, PhaseRecipe):
+    if isinstance(plan, PhaseDrivenRecipe) and isinstance(network, PhaseDrivenNetwork) and type(network) is plan.plays:
         one = TrainingMotion(motion.name, _scaled(network.normalisation, frames, recipe.name), loop)
-        reservoir = PhaseReservoir.draw(network.scales, network.channels, network.seed)
-        part = learn_motion(one, reservoir, network.normalisation, plan, library.info.rate)
-        return network.with_motions({motion.name: part}), (None, None)
-    if isinstance(network, PhaseEchoStateNetwork) and isinstance(plan, PhaseEchoStateRecipe):
-        one = TrainingMotion(motion.name, _scaled(network.normalisation, frames, recipe.name), loop)
-        part = learn_echo(one, network.reservoir, network.normalisation, plan, library.info.rate)
+        part = plan.learn(one, network.reservoir, network.normalisation, library.info.rate)
         return network.with_motions({motion.name: part}), (None, None)
     if isinstance(network, EchoStateNetwork) and isinstance(plan, EchoStateRecipe):
         to_load = TrainingMotion(motion.name, _scaled(network.normalisation, frames, recipe.name), loop)

@@ -20,13 +20,13 @@ from controller.library.library_header import (
     describe_skeleton,
 )
 from controller.library.motion_library import MotionLibrary
-from controller.library.network_arrays import AnyNetwork, PhaseDriven
+from controller.library.network_arrays import AnyNetwork
 from controller.measures.accuracy import nrmse
 from controller.measures.self_test import Judge, MotionVerdict, self_test
 from controller.measures.trials import with_trials
 from controller.mocap.encodings.normalisation import Normalisation
 from controller.networks.centralized.centralized_frames import CentralizedNetwork
-from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork
+from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
 from controller.rotations import Array
 from controller.training.centralized.centralized_training import CentralizedRecipe, train_centralized_network
 from controller.training.preparation.training_motion import TrainingMotion
@@ -35,8 +35,9 @@ from controller.training.reservoirs.aperture_choice import settled_network
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe, conceptor_network, load_reservoir
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
 from controller.training.reservoirs.noise_choice import settled_echo_state
-from controller.training.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe, train_phase_echo_state
-from controller.training.reservoirs.phase_training import PhaseRecipe, train_phase_conceptors
+from controller.training.reservoirs.phase_conceptor_training import PhaseRecipe
+from controller.training.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
+from controller.training.reservoirs.phase_training import PhaseDrivenRecipe, train_phase_driven
 from controller.training.reservoirs.random_feature_training import RandomFeatureRecipe, train_random_features
 from controller.training.reservoirs.size_choice import smallest_within
 from controller.training.stress_test import stress_test
@@ -89,7 +90,7 @@ def fit_prepared(
     holds = not recipe.as_recorded
     judge = Judge(training_set.encoding, training_set.frames, training_set.loops, training_set.rate, holds=holds)
 
-    if isinstance(recipe.network, PhaseRecipe) and recipe.network.tolerance_mm is not None:
+    if isinstance(recipe.network, PhaseRecipe | PhaseEchoStateRecipe) and recipe.network.tolerance_mm is not None:
         wanted = (recipe.network.tolerance_mm, motions, normalisation, recipe.network)
         with threadpool_limits(1):
             sized = smallest_within(*wanted, training_set.rate, recipe.seeds[0], judge, progress)
@@ -192,7 +193,7 @@ def assemble(
         acknowledgement=recipe.acknowledgement,
         leak=recipe.network.leak if isinstance(recipe.network, EchoStateRecipe) else 1.0,
         clipped=recipe.network.clipped if isinstance(recipe.network, EchoStateRecipe) else True,
-        scales=network.scales if isinstance(network, PhaseDriven) else None,
+        scales=network.scales if isinstance(network, PhaseDrivenNetwork) else None,
     )
     return MotionLibrary(info, network, training_set.encoding)
 
@@ -203,10 +204,8 @@ def train(
     """The network that a recipe describes, untested."""
     if isinstance(recipe, CentralizedRecipe):
         return train_centralized_network(motions, normalisation, recipe, rate, seed)
-    if isinstance(recipe, PhaseRecipe):
-        return train_phase_conceptors(motions, normalisation, recipe, rate, seed)
-    if isinstance(recipe, PhaseEchoStateRecipe):
-        return train_phase_echo_state(motions, normalisation, recipe, rate, seed)
+    if isinstance(recipe, PhaseDrivenRecipe):
+        return train_phase_driven(motions, normalisation, recipe, rate, seed)
     if isinstance(recipe, ConceptorRecipe):
         return conceptor_network(load_reservoir(motions, recipe, seed), motions, normalisation, recipe)
     if isinstance(recipe, RandomFeatureRecipe):
@@ -232,5 +231,5 @@ def describe_motion(
         error_mm=verdict.error_mm,
         passed=verdict.passed,
         reason=verdict.reason,
-        input=network[motion.name].driving if isinstance(network, PhaseConceptorNetwork) else None,
+        input=network[motion.name].driving if isinstance(network, PhaseDrivenNetwork) else None,
     )

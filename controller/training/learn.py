@@ -26,7 +26,7 @@ from controller.training.fit import fit_prepared
 from controller.training.preparation.loops import best_seam, farthest_left_out, with_velocities
 from controller.training.preparation.takes import by_motion, read_takes
 from controller.training.recipe import LibraryRecipe, MotionRecipe, NetworkRecipe, check_recipe, typeable
-from controller.training.reservoirs.phase_training import PhaseRecipe
+from controller.training.reservoirs.phase_conceptor_training import PhaseRecipe
 from controller.training.training_set import (
     COMMON_RATE,
     SHORTEST_SECONDS,

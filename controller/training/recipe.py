@@ -16,8 +16,9 @@ from controller.training.centralized.centralized_training import CentralizedReci
 from controller.training.preparation.takes import by_motion, motion_of
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe
+from controller.training.reservoirs.phase_conceptor_training import PhaseRecipe
 from controller.training.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
-from controller.training.reservoirs.phase_training import PhaseRecipe
+from controller.training.reservoirs.phase_training import PhaseDrivenRecipe
 from controller.training.reservoirs.random_feature_training import RandomFeatureRecipe
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.toml_file import read_toml, shaped
@@ -25,8 +26,7 @@ from motiondeck_base.toml_file import read_toml, shaped
 ReservoirRecipe = ConceptorRecipe | EchoStateRecipe | RandomFeatureRecipe
 """Networks that run by themselves, as in the thesis."""
 
-PhaseDrivenRecipe = PhaseRecipe | PhaseEchoStateRecipe
-CenterRecipe = PhaseDrivenRecipe | CentralizedRecipe
+CenterRecipe = PhaseRecipe | PhaseEchoStateRecipe | CentralizedRecipe
 """Networks that centers drive."""
 
 NetworkRecipe = ReservoirRecipe | CenterRecipe
@@ -265,8 +265,8 @@ def _input_problems(motion: MotionRecipe, recipe: LibraryRecipe) -> Iterator[str
         return
     if not NAME.fullmatch(motion.input):
         yield f"input '{motion.input}' cannot be typed; use letters, digits, - and _ (at most 40)"
-    if not isinstance(recipe.network, PhaseRecipe):
-        yield f"motion '{motion.name}' has an input, which only phase-driven conceptors can have"
+    if not isinstance(recipe.network, PhaseDrivenRecipe):
+        yield f"motion '{motion.name}' has an input, which only phase-driven networks can have"
     if motion.plays != "loop" or not motion.takes:
         yield f"motion '{motion.name}' has an input; it has to be a loop with takes, which are its other values"
     many = 1 + len(motion.takes)

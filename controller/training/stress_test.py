@@ -15,6 +15,7 @@ from controller.library.network_arrays import Network, PhaseDriven
 from controller.measures.disturbance import Kind, disturbed
 from controller.measures.run_batch import batch_of
 from controller.measures.self_test import Judge, MotionVerdict, after_disturbance
+from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
 
 RUNS = 5
 FORGIVEN = 1
@@ -33,7 +34,7 @@ def stress_test(
         judge: of its motions.
         seed: of the noise.
     """
-    knows_phase = isinstance(network, PhaseDriven)
+    knows_phase = isinstance(network, PhaseDrivenNetwork)
     return {
         name: _stressed(network, name, verdict, judge, seed)
         if verdict.passed and (judge.loops[name] or knows_phase)

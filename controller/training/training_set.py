@@ -24,7 +24,8 @@ from controller.training.preparation.cycles import in_step
 from controller.training.preparation.loops import Seam, best_seam, close_loop, hold_end
 from controller.training.preparation.takes import read_takes
 from controller.training.preparation.training_motion import TrainingMotion, Variant
-from controller.training.recipe import CenterRecipe, LibraryRecipe, MotionRecipe, PhaseDrivenRecipe, find_recording
+from controller.training.recipe import CenterRecipe, LibraryRecipe, MotionRecipe, find_recording
+from controller.training.reservoirs.phase_training import PhaseDrivenRecipe
 from motiondeck_base.errors import FileFormatError
 
 SHORTEST_SECONDS = 0.4  # of a recording: two windows of the self-test

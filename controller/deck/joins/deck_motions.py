@@ -12,8 +12,7 @@ from controller.library.motion_library import MotionLibrary, once_a_library
 from controller.measures.motion_matching import joint_features
 from controller.mocap.posture import Posture, walk_path
 from controller.networks.base import FrameNetwork
-from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork
-from controller.networks.reservoirs.phase_echo_state import PhaseEchoStateNetwork
+from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
 from controller.networks.reservoirs.phase_reservoir import ANCHOR_EVERY
 from controller.rotations import Array, normalise
 
@@ -129,7 +128,7 @@ def _rate(values: Array, spacing: float, *, loop: bool) -> Array:
 def _played(library: MotionLibrary, network: FrameNetwork, info: MotionInfo) -> tuple[Posture, Posture]:
     """The postures of a motion: at its anchors, and in each frame as it is played alone, a little more than once."""
     decode = library.encoding.decode
-    if isinstance(network, PhaseConceptorNetwork | PhaseEchoStateNetwork):
+    if isinstance(network, PhaseDrivenNetwork):
         frames = network.settled(info.name)
         beyond = frames[:4] if info.plays == "loop" else frames[-1:]
         whole = decode(np.concatenate([frames, beyond]))

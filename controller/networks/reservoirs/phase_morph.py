@@ -23,8 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.networks.base import Channels
-from controller.networks.reservoirs.phase_conceptor import PhaseConceptorNetwork, PhaseMotion
-from controller.networks.reservoirs.phase_reservoir import PhaseReservoir
+from controller.networks.reservoirs.phase_conceptor import PhaseConceptorMotion, PhaseConceptorNetwork
 from controller.ridge import ridge
 from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
@@ -79,7 +78,7 @@ class PhaseMorph:
             raise MotiondeckError(f"knots {tuple(knots)}: give at least two, rising")
         self._network, self._source, self._target = network, source, target
         self._motions = network[source], network[target]
-        reservoir = PhaseReservoir.draw(network.scales, network.channels, network.seed)
+        reservoir = network.reservoir
         self._phase_weights, self._harmonics_of = reservoir.phase_weights, reservoir.harmonics_of
         states, channels = zip(*(_settled(motion) for motion in self._motions), strict=True)
         means = np.stack([one.mean(0) for one in states])
@@ -163,7 +162,7 @@ class PhaseMorph:
         return self._readout @ (self._z + (1.0 - mu) * self._means[0] + mu * self._means[1]) + self._rest
 
 
-def _settled(motion: PhaseMotion) -> tuple[Array, Channels]:
+def _settled(motion: PhaseConceptorMotion) -> tuple[Array, Channels]:
     """The states x (T, N) in which a motion settles, and the channels (T, C) that it reads from them."""
     stored, piece = motion.stored, motion.course.piece
     z = motion.states.astype(np.float64)
@@ -175,7 +174,7 @@ def _settled(motion: PhaseMotion) -> tuple[Array, Channels]:
     return states, channels
 
 
-def channels_at(motion: PhaseMotion, share: Array) -> Channels:
+def channels_at(motion: PhaseConceptorMotion, share: Array) -> Channels:
     """The channels of a loop at shares (T,) of its round, between frames linearly."""
     _, channels = _settled(motion)
     place = share % 1.0 * len(channels)

@@ -17,8 +17,6 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.networks.base import Channels
-
 Float32 = NDArray[np.float32]
 
 ANCHOR_EVERY = 2
@@ -150,21 +148,3 @@ class PhaseCourse:
     def preceding(self, frame: int) -> int:
         """The frame before one: the last before the first of a loop, the first itself of a one-shot."""
         return frame - 1 if frame > 0 else len(self.phase) - 1 if self.loop else 0
-
-
-def read_settled(readout: Float32, states: Float32, course: PhaseCourse, every: int) -> Channels:
-    """Every so manyth frame of a motion as its settled states are read out, shape (frames, C).
-
-    Args:
-        readout: of each piece, with what is added in the last column, shape (P, C, k + 1).
-        states: at each frame, shape (T, k).
-        course: of the motion's phase.
-        every: how many frames on the next one is.
-    """
-    frames = np.arange(0, len(states), every)
-    out = np.empty((len(frames), readout.shape[1]))
-    for piece in np.unique(course.piece):
-        mine = course.piece[frames] == piece
-        own = readout[piece].astype(np.float64)
-        out[mine] = states[frames[mine]] @ own[:, :-1].T + own[:, -1]
-    return out

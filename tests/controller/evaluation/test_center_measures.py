@@ -10,8 +10,8 @@ from controller.evaluation.training_error import training_error
 from controller.measures.run_batch import batch_of
 from controller.training.centralized.centralized_training import CentralizedRecipe
 from controller.training.recipe import LibraryRecipe, MotionRecipe
+from controller.training.reservoirs.phase_conceptor_training import PhaseRecipe
 from controller.training.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
-from controller.training.reservoirs.phase_training import PhaseRecipe
 from controller.training.training_set import TrainingSet
 
 LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}

@@ -11,7 +11,6 @@ from controller.measures.intervals import grouped, wilson
 from controller.measures.run_batch import batch_of
 from controller.measures.self_test import Judge, after_disturbance, self_test
 from controller.networks.guard import Guard, beat, spread
-from controller.networks.reservoirs.phase_reservoir import PhaseReservoir
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
 from controller.training.stress_test import stress_test
 from controller.training.training_set import TrainingSet
@@ -196,8 +195,7 @@ def test_a_disturbed_phase_network_finds_back_to_its_phase(network, kind, reques
 
 def test_a_push_acts_through_all_of_the_weights(driven):
     # The network steps from x = s + d with dense weights; the batch has only z and what is orthogonal to it.
-    motion, scales = driven["march"], driven.scales
-    reservoir = PhaseReservoir.draw(scales, driven.channels, driven.seed)
+    motion, reservoir = driven["march"], driven.reservoir
     push = np.random.default_rng(4).uniform(-2.0, 2.0, (1, driven.neurons)).astype(np.float32)
     batch = batch_of(driven, "march", 1)
     batch.displace(push)

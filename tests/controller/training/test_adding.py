@@ -24,8 +24,8 @@ from controller.training.recipe import LibraryRecipe, MotionRecipe
 from controller.training.reservoirs.conceptor_training import conceptor_network, load_reservoir
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe, train_echo_state
 from controller.training.reservoirs.incremental_loading import load_one_more, quota
+from controller.training.reservoirs.phase_conceptor_training import PhaseRecipe
 from controller.training.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
-from controller.training.reservoirs.phase_training import PhaseRecipe
 from controller.training.training_set import prepare
 from motiondeck_base.errors import MotiondeckError
 

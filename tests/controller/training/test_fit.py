@@ -11,7 +11,7 @@ from controller.mocap.formats.reading import read_clip
 from controller.mocap.formats.writing import bvh_text
 from controller.training.fit import fit, steps
 from controller.training.recipe import read_recipe, warnings
-from controller.training.reservoirs.phase_training import PhaseRecipe
+from controller.training.reservoirs.phase_conceptor_training import PhaseRecipe
 from controller.training.training_set import prepare
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 from motiondeck_base.shipped import shipped_configs

@@ -20,7 +20,7 @@ from controller.training.learn import learn, recordings_in
 from controller.training.recipe import LibraryRecipe, MotionRecipe, read_recipe
 from controller.training.recipe_text import recipe_text
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe
-from controller.training.reservoirs.phase_training import PhaseRecipe
+from controller.training.reservoirs.phase_conceptor_training import PhaseRecipe
 from controller.training.training_set import prepare
 from motiondeck_base.errors import MotiondeckError
 

@@ -15,7 +15,9 @@ from controller.networks.reservoirs.driving_input import DrivingInput
 from controller.training.preparation.cycles import ground_speed, one_cycle, steps_behind, stretched
 from controller.training.preparation.training_motion import TrainingMotion, Variant
 from controller.training.recipe import LibraryRecipe, MotionRecipe, check_recipe
-from controller.training.reservoirs.phase_training import PhaseRecipe, train_phase_conceptors
+from controller.training.reservoirs.phase_conceptor_training import PhaseRecipe
+from controller.training.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
+from controller.training.reservoirs.phase_training import train_phase_driven
 from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
 
 ENCODING = synthetic.small_encoding()
@@ -31,8 +33,14 @@ def stride(speed, frames=FRAMES):
     return synthetic.frames_of(0.8 + 0.03 * np.cos(2 * t), speed + 0 * t, 0 * t, legs, legs[::-1])
 
 
-@pytest.fixture(scope="module")
-def library():
+RECIPES = {
+    "phase-conceptor": PhaseRecipe(neurons=300, rank=60),
+    "phase-echo-state": PhaseEchoStateRecipe(neurons=150),
+}
+
+
+@pytest.fixture(scope="module", params=RECIPES)
+def library(request):
     variants = [Variant(speed, frames / synthetic.RATE, stride(speed)) for speed, frames in SPEEDS.items()]
     wave = synthetic.wave()
     normalisation = Normalisation.fit([*(one.frames for one in variants), wave])
@@ -42,14 +50,14 @@ def library():
         TrainingMotion("gait", normalised[0].frames, True, None, driving, normalised),
         TrainingMotion("wave", normalisation.apply(wave), True),
     ]
-    network = train_phase_conceptors(taught, normalisation, PhaseRecipe(neurons=300, rank=60), synthetic.RATE, 0)
+    network = train_phase_driven(taught, normalisation, RECIPES[request.param], synthetic.RATE, 0)
     plain = synthetic.small_library()
     gait, wave_info = (
         msgspec.structs.replace(one, name=name) for one, name in zip(plain.info.motions, ("gait", "wave"), strict=False)
     )
     info = msgspec.structs.replace(
         plain.info,
-        network="phase-conceptor",
+        network=request.param,
         scales=network.scales,
         motions=[msgspec.structs.replace(gait, frames=FRAMES, input=driving), wave_info],
     )

@@ -1,17 +1,25 @@
-"""The phase-driven echo-state network: it plays in phase, stops at an end, finds back, and is sent to any phase."""
+"""Both phase-driven networks: they play in phase, stop at an end, find back, and are sent to any phase."""
 
 import numpy as np
 import pytest
 
 import synthetic
-from controller.networks.base import PhaseNetwork
+from controller.networks.base import InputNetwork, PhaseNetwork
 from controller.networks.reservoirs.phase_reservoir import ANCHOR_EVERY
 from motiondeck_base.errors import UnknownNameError
 
+KINDS = {"conceptors": synthetic.small_phase_network, "echo state": synthetic.small_phase_echo_state}
+NEAR = 0.02
+
+
+@pytest.fixture(scope="module", params=KINDS)
+def make(request):
+    return KINDS[request.param]
+
 
 @pytest.fixture(scope="module")
-def network():
-    return synthetic.small_phase_echo_state()
+def network(make):
+    return make()
 
 
 def run(network, frames):
@@ -22,7 +30,8 @@ def run(network, frames):
 
 
 def test_it_knows_its_phase(network):
-    assert isinstance(network, PhaseNetwork)
+    assert isinstance(network, InputNetwork)
+    assert not isinstance(synthetic.small_network(), PhaseNetwork)
 
 
 @pytest.mark.parametrize("name", ["march", "wave"])
@@ -30,14 +39,14 @@ def test_a_loop_stays_in_phase_with_what_it_learned(network, name):
     taught = synthetic.MOTIONS[name]()
     network.cue(name, 0)
     played = run(network, 5 * len(taught))[-len(taught) :]
-    assert np.abs(np.roll(taught, -1, axis=0) - played).max() < 0.01
+    assert np.abs(np.roll(taught, -1, axis=0) - played).max() < NEAR
 
 
 def test_a_one_shot_ends_where_it_was_learned_to_and_holds(network):
     network.cue("bow", 0)
     taught = synthetic.bow()
     played = run(network, len(taught) + 600)
-    assert np.abs(played[: len(taught) - 1] - taught[1:]).max() < 0.01
+    assert np.abs(played[: len(taught) - 1] - taught[1:]).max() < NEAR
     assert np.abs(played[-1] - taught[-1]).max() < 0.01
     assert np.abs(played[-1] - played[-2]).max() < 1e-5
     assert network.phase == 1.0
@@ -46,20 +55,21 @@ def test_a_one_shot_ends_where_it_was_learned_to_and_holds(network):
 @pytest.mark.parametrize("name", list(synthetic.MOTIONS))
 def test_any_state_leads_back_to_the_motion(network, name):
     network.cue(name, 0)
-    motion, frame, x = network.snapshot()
+    motion, frame, z, inputs = network.snapshot()
     expected = run(network, 300)[-1]
-    wrong = np.random.default_rng(1).uniform(-50.0, 50.0, x.shape).astype(np.float32)
-    network.restore((motion, frame, wrong))
+    wrong = np.random.default_rng(1).uniform(-50.0, 50.0, z.shape).astype(np.float32)
+    network.restore((motion, frame, wrong, inputs))
     assert np.abs(run(network, 300)[-1] - expected).max() < 1e-3
 
 
-def test_a_chain_of_pieces_goes_on_smoothly():
-    chained = synthetic.small_phase_echo_state(piece_seconds=0.5)
+def test_a_chain_of_pieces_goes_on_smoothly(make):
+    chained = make(piece_seconds=0.5)
     for name, pieces in (("wave", 2), ("bow", 3)):
         taught = synthetic.MOTIONS[name]()
         assert len(chained[name].readout) == pieces
         chained.cue(name, 0)
         played = run(chained, len(taught) - 1)
+        assert np.abs(played - taught[1:]).max() < NEAR
         bend, own = (np.abs(np.diff(frames, n=2, axis=0)).max(1) for frames in (played, taught[1:]))
         for seam in np.flatnonzero(np.diff(chained[name].course.piece)):
             assert bend[seam - 2 : seam + 1].max() < 1.5 * own.max()
@@ -67,7 +77,7 @@ def test_a_chain_of_pieces_goes_on_smoothly():
 
 def test_anchors_are_the_frames_it_learned(network):
     for name, make in synthetic.MOTIONS.items():
-        assert np.abs(network.anchors(name) - make()[::ANCHOR_EVERY]).max() < 0.01
+        assert np.abs(network.anchors(name) - make()[::ANCHOR_EVERY]).max() < NEAR
 
 
 @pytest.mark.parametrize(("phase", "frame"), [(0.0, 0), (0.25, 24), (0.999, 0), (0.5, 48)])
@@ -75,7 +85,21 @@ def test_a_loop_is_sent_to_a_phase(network, phase, frame):
     network.cue("wave", 0)
     network.seek("march", phase)
     assert network.phase == pytest.approx(frame / 96)
-    assert np.abs(run(network, 1)[0] - synthetic.march()[frame + 1]).max() < 0.01
+    after = run(network, 1)[0]
+    assert np.abs(after - synthetic.march()[frame + 1]).max() < NEAR
+
+
+def test_the_phase_of_a_one_shot_rises_to_one_and_stays(network):
+    network.cue("bow", 0)
+    frame, phases = np.empty(network.channels), [network.phase]
+    for _ in range(len(synthetic.bow())):
+        network.advance(frame)
+        phases.append(network.phase)
+    assert phases[0] == 0.0
+    assert phases[-1] == phases[-50] == 1.0
+    assert (np.diff(phases) >= 0.0).all()
+    network.seek("bow", 0.5)
+    assert network.phase == pytest.approx(0.5, abs=0.01)
 
 
 @pytest.mark.parametrize("name", list(synthetic.MOTIONS))
@@ -86,6 +110,14 @@ def test_backwards_it_plays_the_frames_in_the_other_order(network, name):
     for frame in back:
         network.retreat(frame)
     assert np.abs(back[:-1] - there[-2::-1]).max() < 1e-3
+
+
+def test_a_one_shot_goes_back_to_its_beginning_and_no_further(network):
+    network.cue("bow", 1)
+    frame = np.empty(network.channels)
+    for _ in range(5):
+        network.retreat(frame)
+    assert network.phase == 0.0
 
 
 def test_two_runs_from_one_snapshot_are_identical(network):
