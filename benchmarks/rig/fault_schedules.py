@@ -34,8 +34,8 @@ from hardware.rig.supervision.supervised_rig import SupervisedRig
 _TICK = 0.01
 SECONDS = 12.0
 _MODELS = ("XM430-W350", "XL330-M288", "XL430-W250", "XC330-T288", "MX-64", "XW540-T260")
-_OLD_MODELS = ("MX-28(1.0)", "AX-12A", "XL-320")
-_WITH_OLD = 0.4  # part of the schedules whose rigs may have old servos too
+_OTHER_MODELS = ("MX-28(1.0)", "AX-12A", "XL-320", "PH54-200-S500")
+_WITH_OTHERS = 0.4  # part of the schedules whose rigs may have old servos and a P servo too
 _PASSING = ("drop", "corrupt", "truncate", "delay", "dead", "reboot", "brownout", "jam", "duplicate", "unplug",
             "latency", "silence")  # fmt: skip
 _ABOUT_ONE = ("dead", "reboot", "jam", "duplicate")
@@ -94,7 +94,7 @@ def schedule(seed: int) -> Schedule:
     """The schedule of this seed."""
     rng = random.Random(seed)
     ports = rng.choice((1, 2))
-    models = _MODELS + _OLD_MODELS if rng.random() < _WITH_OLD else _MODELS
+    models = _MODELS + _OTHER_MODELS if rng.random() < _WITH_OTHERS else _MODELS
     joints = tuple(_joint(rng, id, models, f"emulated-{1 + id % ports}") for id in range(1, rng.choice((4, 5))))
     end = rng.choice(_ENDS)
     hold = "hold" if end == "hold" else "off"

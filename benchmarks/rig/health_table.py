@@ -15,6 +15,7 @@ import typer
 from benchmarks import command
 from hardware.bus.servo_bus import Bus
 from hardware.control_table.models import MODELS as TABLES
+from hardware.control_table.p_series import P_SERIES
 from hardware.emulator.bus import BOOT_TIME, EmulatedBus
 from hardware.emulator.faults import Fault, FaultPlan
 from hardware.emulator.port import EmulatedPort
@@ -25,8 +26,10 @@ from hardware.rig.supervision.supervised_rig import SupervisedRig
 
 MODELS = ("XM430-W350", "XL330-M288", "XL430-W250", "XC330-T288", "MX-64", "XW540-T260")
 OLD_MODELS = ("AX-12A", "RX-64", "MX-28(1.0)", "MX-64(1.0)", "XL-320", "XM430-W350")
+P_MODELS = (*P_SERIES, "XM430-W350")
 _TICK = 0.01
 _AT, _UNTIL = 1.0, 4.0  # s
+_HEAT = 4
 _FOLLOWS = 0.2  # rad
 
 
@@ -86,6 +89,9 @@ def run(model: str, fault: str, in_place: bool = False, models: Sequence[str] = 
     """Plays sines on the mixed rig and has one servo suffer a fault after a second."""
     config = mixed_rig(models=models)
     port = EmulatedPort(EmulatedBus(config), paced=True, faults=FaultPlan([Fault("cells")] if in_place else []))
+    for device in port.bus.devices:
+        if device.model in P_SERIES:  # most come without heat in their shutdown mask: doctor --fix sets it
+            device["shutdown"] |= _HEAT
     rig = SupervisedRig(config, lambda: Bus(port, config.baud), beside=False, sleep=port.elapse)
     index = models.index(model)
     device = port.bus.devices[index]
@@ -120,8 +126,9 @@ def main(
     old: Annotated[
         bool, typer.Option("--old", help="AX, RX and MX servos of Protocol 1.0, an XL-320 and an XM430 on one bus.")
     ] = False,
+    p_series: Annotated[bool, typer.Option("--p-series", help="The six P models and an XM430 on one bus.")] = False,
 ) -> None:
-    late, models = 0, OLD_MODELS if old else MODELS
+    late, models = 0, OLD_MODELS if old else P_MODELS if p_series else MODELS
     for model in models:
         for fault in FAULTS:
             found = run(model, fault, in_place, models)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from hardware.control_table.table import ControlTable
 
-BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
+BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000, 6_000_000, 10_500_000)
 """Bits/s, by what stands in the baud rate register of a Protocol 2.0 servo."""
 
 _OLD = {207: 9600, 34: 57600, 16: 115200, 1: 1_000_000, 0: 2_000_000}

@@ -2,7 +2,8 @@
 
 The `.model` files of the installed dynamixel-sdk give address and length of each register. Sign, access, memory, range,
 default and unit come from the XM430-W350's manual, whose words the others share, with the figures of `servo_traits` in
-place of its own. For a model outside the X and MX series the range is what the bytes can hold.
+place of its own. The P series and the old models have tables of their own. For any other model outside the X and MX
+series the range is what the bytes can hold.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from dataclasses import replace
 from functools import cache
 
 from hardware.control_table.old_models import OLD_MODELS
+from hardware.control_table.p_series import P_SERIES
 from hardware.control_table.register import Register
 from hardware.control_table.sdk_models import Row, model_file, model_numbers
 from hardware.control_table.servo_traits import TRAITS, Traits
@@ -73,8 +75,8 @@ def _names() -> dict[int, str]:
 def _table(model: str) -> ControlTable:
     if model == XM430_W350.model:
         return XM430_W350
-    if model in OLD_MODELS:
-        return OLD_MODELS[model]
+    if (own := OLD_MODELS.get(model) or P_SERIES.get(model)) is not None:
+        return own
     file = model_file(model)
     traits = TRAITS.get(model)
     rows = list(_with_cells(file.rows, traits is not None))
@@ -126,7 +128,7 @@ def _plain_register(row: Row, torque: int, rad_per_s: float) -> Register:
         if like is not None
         else row.name == "present_load" or row.name.endswith("_offset")
     )
-    # Only the P and Y series count positions from -half a turn to +half a turn.
+    # Only the Y series and PRO count positions from -half a turn to +half a turn.
     signed = signed or (row.name.endswith("position_limit") and row.length == 4)
     bits = 8 * row.length
     unit, scale = ("", 1.0) if like is None else (like.unit, like.scale)

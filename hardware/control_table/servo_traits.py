@@ -1,4 +1,4 @@
-"""What the maker's `.model` files lack about the X and MX servos: their motors, units, limits and operating modes.
+"""What the maker's `.model` files lack about the servos: their motors, units, limits and operating modes.
 
 Speeds and currents are rounded figures of the data sheets at the voltage named; they serve the emulator and the checks
 of a rig file, not a thesis. Where a figure differs from a servo's own register, the register counts.
@@ -7,15 +7,16 @@ of a rig file, not a thesis. Where a figure differs from a servo's own register,
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 CURRENT_MODES = (0, 1, 3, 4, 5, 16)
 VOLTAGE_MODES = (1, 3, 4, 16)
+P_MODES = (0, 1, 3, 4, 16)
 
 
 @dataclass(frozen=True, slots=True)
 class Traits:
-    """A model of the X, MX, AX or RX series, or the XL-320.
+    """A model of the X, MX, AX, RX or P series, or the XL-320.
 
     Attributes:
         no_load_speed: of the horn at `voltage`, rev/min.
@@ -27,6 +28,9 @@ class Traits:
         temperature_limit: its default, degC.
         position_p: default of the position P gain, or what would be as stiff in the unit of the X series.
         fast_read: the firmware from which it answers fast sync and fast bulk reads; None for never.
+        modes: the operating modes it has.
+        full_pwm: the count of PWM that means full voltage.
+        gain_unit: the position P gain with which a pulse of error is one count of PWM.
     """
 
     no_load_speed: float
@@ -38,11 +42,13 @@ class Traits:
     temperature_limit: int
     position_p: int
     fast_read: int | None
+    modes: tuple[int, ...]
+    full_pwm: float = 885.0
+    gain_unit: float = 128.0
 
-    @property
-    def modes(self) -> tuple[int, ...]:
-        """The operating modes it has."""
-        return CURRENT_MODES if self.current_unit else VOLTAGE_MODES
+    def error_for(self, part: float) -> float:
+        """How far from its goal a servo with its gain from the box drives with this part of its voltage, pulses."""
+        return part * self.full_pwm * self.gain_unit / self.position_p
 
 
 _ROWS = """
@@ -93,12 +99,20 @@ RX-24F         126   2.4      12    0           0       0       80   2835  -
 RX-28           79   1.9      14.8  0           0       0       80   2835  -
 RX-64           64   2.6      14.8  0           0       0       80   2835  -
 XL-320         114   1.1      7.4   0           0       0       65   2835  -
+PH54-200-S500   33.1  22.7     24   1.0      22740     2900     80    314  -
+PH54-100-S500   33.3  15.9     24   1.0      15900     2920     80    314  -
+PH42-020-S300   32.7   4.5     24   1.0       4500     2920     80    314  -
+PM54-060-S250   33.1   8.0     24   1.0       7980     2830     80    314  -
+PM54-040-S250   28.4   4.5     24   1.0       4470     2840     80    314  -
+PM42-010-S260   28.0   1.5     24   1.0       1461     2600     80    314  -
 """
+_P_FULL_PWM = 2009.0
+_P_GAIN_UNIT = 2048.0  # no manual tells it; an estimate that makes them about as stiff as the X series
 
 
 def _traits(row: Sequence[str]) -> Traits:
-    rpm, stall, volt, unit, current, velocity, temperature, gain, fast = row
-    return Traits(
+    model, rpm, stall, volt, unit, current, velocity, temperature, gain, fast = row
+    traits = Traits(
         float(rpm),
         float(stall),
         float(volt),
@@ -108,10 +122,13 @@ def _traits(row: Sequence[str]) -> Traits:
         int(temperature),
         int(gain),
         None if fast == "-" else int(fast),
+        CURRENT_MODES if float(unit) else VOLTAGE_MODES,
     )
+    is_p = model.startswith("P")
+    return replace(traits, modes=P_MODES, full_pwm=_P_FULL_PWM, gain_unit=_P_GAIN_UNIT) if is_p else traits
 
 
 TRAITS: dict[str, Traits] = {
-    row[0]: _traits(row[1:]) for line in _ROWS.splitlines() if (row := line.partition("#")[0].split())
+    row[0]: _traits(row) for line in _ROWS.splitlines() if (row := line.partition("#")[0].split())
 }
 """By model name."""

@@ -14,7 +14,8 @@ puts its zero elsewhere, a second ID lets another servo's goals move it.
     startup_configuration    0: torque stays off at power-up                   on request, refused until then
     shutdown                 at least heat, shock and overload                 on request, refused until then
     temperature_limit        at most the model's own                           on request, refused until then
-    velocity_limit           at least the joint's velocity                     on request, advised
+    velocity_limit           at least the joint's velocity                     on request, advised (P series: refused)
+    acceleration_limit       P series: at least the joint's acceleration       on request, refused until then
     pwm_limit, max_torque    the model's own                                   on request, advised
     return_delay_time        20 us at most                                     on request, advised
 
@@ -31,6 +32,7 @@ import numpy as np
 
 from hardware.bus.servo_bus import Bus
 from hardware.control_table.old_models import OLD_MODELS
+from hardware.control_table.p_series import P_SERIES
 from hardware.control_table.servo_traits import TRAITS
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array, RigScale
@@ -46,7 +48,8 @@ _LAST_ID, _NO_SECOND_ID = 252, 255
 _SLOW_ANSWER = 10  # counts of 2 us that do no harm
 _COMPARED = frozenset({
     "drive_mode", "homing_offset", "secondary_id", "startup_configuration", "shutdown", "temperature_limit",
-    "velocity_limit", "pwm_limit", "current_limit", "operating_mode", "min_position_limit", "max_position_limit",
+    "velocity_limit", "acceleration_limit", "pwm_limit", "current_limit", "operating_mode", "min_position_limit",
+    "max_position_limit",
     "return_delay_time", "position_p_gain", "position_i_gain", "feedforward_1st_gain", "feedforward_2nd_gain",
     "goal_pwm", "control_mode", "multi_turn_offset", "resolution_divider", "torque_control_mode", "torque_limit",
     "max_torque", "cw_compliance_margin", "ccw_compliance_margin", "cw_compliance_slope", "ccw_compliance_slope",
@@ -59,6 +62,7 @@ _WHY = {
     "shutdown": "it does not protect itself",
     "temperature_limit": "it may get too hot",
     "velocity_limit": "it is slower than the rig file asks",
+    "acceleration_limit": "it takes no profile as quick as the rig file asks",
     "pwm_limit": "it is weaker than its model",
     "max_torque": "it is weaker than its model",
     "multi_turn_offset": "its zero is elsewhere",
@@ -178,7 +182,12 @@ def _needs(joint: RigJoint, low: int, high: int, held: dict[str, int]) -> Iterat
     yield "temperature_limit", min(held["temperature_limit"], round(joint.hottest)), "refused"
     if "velocity_limit" in held:
         fast_enough = in_counts(joint, "velocity_limit", joint.velocity * joint.gear, 1)
-        yield "velocity_limit", max(held["velocity_limit"], fast_enough), "advised"
+        # The P series would refuse the profile, with which a joint keeps its limits.
+        when: When = "refused" if joint.model in P_SERIES else "advised"
+        yield "velocity_limit", max(held["velocity_limit"], fast_enough), when
+        if joint.model in P_SERIES:
+            quick_enough = in_counts(joint, "acceleration_limit", joint.acceleration * joint.gear, 0)
+            yield "acceleration_limit", max(held["acceleration_limit"], quick_enough), when
     for name in ("pwm_limit", "max_torque"):
         default = joint.table.registers[name].default if name in held else None
         if default is not None:

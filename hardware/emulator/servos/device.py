@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 from hardware.control_table.baud_rates import BAUD_RATES, baud_of
+from hardware.control_table.p_series import P_SERIES
 from hardware.control_table.register import Register
 from hardware.control_table.servo_traits import TRAITS
 from hardware.emulator.servos.old_servos import is_old
@@ -37,6 +38,7 @@ _MATTERS = frozenset({"torque_enable", "operating_mode", "drive_mode", "homing_o
                       "feedforward_1st_gain"})  # fmt: skip
 _GOALS = frozenset({"goal_pwm", "goal_current", "goal_velocity", "goal_position"})
 _LIMITED_BY = {"goal_pwm": "pwm_limit", "goal_current": "current_limit", "goal_velocity": "velocity_limit"}
+_P_LIMITED_BY = {"profile_velocity": "velocity_limit", "profile_acceleration": "acceleration_limit"}
 
 
 class Device:
@@ -57,6 +59,7 @@ class Device:
         self._table = bank.table
         self._modes = TRAITS[self.model].modes
         self._has_follower = "540" in self.model
+        self._limited_by = _LIMITED_BY | (_P_LIMITED_BY if self.model in P_SERIES else {})
         self._backup: bytes | None = None
         size = bank.table.size
         self._memory = memoryview(bank.memory)[row * size : (row + 1) * size]
@@ -327,8 +330,8 @@ class Device:
             return RANGE
         if name == "goal_position" and self._get("operating_mode") == 3:
             return 0 if self._get("min_position_limit") <= value <= self._get("max_position_limit") else LIMIT
-        if name in _LIMITED_BY:
-            return 0 if abs(value) <= self._get(_LIMITED_BY[name]) else LIMIT
+        if name in self._limited_by:
+            return 0 if abs(value) <= self._get(self._limited_by[name]) else LIMIT
         if name == "bus_watchdog":
             return RANGE if value < 0 or (value and self._get(name) == TRIPPED) else 0
         if name == "operating_mode":

@@ -52,4 +52,4 @@ def motor_of(model: str) -> Motor:
     traits = TRAITS.get(model)
     if traits is None:
         raise RigError(f"{model} cannot be emulated, only {', '.join(TRAITS)}.")
-    return Motor(traits.no_load_speed, traits.stall_current * 1e3, traits.voltage)
+    return Motor(traits.no_load_speed, traits.stall_current * 1e3, traits.voltage, traits.full_pwm)

@@ -13,6 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from hardware.control_table.register import Register
+from hardware.control_table.servo_traits import TRAITS
 from hardware.control_table.table import ControlTable
 from hardware.emulator.servos.drive import CURRENT, POSITION_MODES, PWM, VELOCITY, MotorDrive
 from hardware.emulator.servos.motor import motor_of
@@ -27,10 +29,10 @@ _SHORTEST_STEP = 0.001
 _IN_POSITION = 0x01
 _PROFILE_ONGOING = 0x02
 _NOT_FOLLOWING = 0x08
-_FOLLOWING_WINDOW = 200  # pulses, more than a free servo lags at full speed; the manual gives no figure
-_IN_POSITION_WINDOW = 20  # pulses; the manual gives no figure
+_FOLLOWING_WINDOW = 200 / 4096  # of a turn, more than a free servo lags at full speed; the manual gives no figure
+_IN_POSITION_WINDOW = 20 / 4096  # of a turn; the manual gives no figure
 _RECTANGLE, _TRIANGLE, _TRAPEZOID = 0x10, 0x20, 0x30
-_OFFSET_IN_ONE_TURN = 1024  # pulses: position mode ignores homing offsets beyond
+_OFFSET_IN_ONE_TURN = 0.25  # of a turn: position mode ignores homing offsets beyond
 _OVERLOADED = 0.8  # of the stall current ...
 _OVERLOAD_TIME = 1.0  # s ... for so long; estimates, the manual gives no figure
 _LOWEST_VOLTAGE = 0.45  # of the nominal voltage: below, the servo restarts; an estimate
@@ -56,8 +58,9 @@ class ServoBank:
         self.table = table = whole_table(table)
         self.memory = bytearray(count * table.size)
         self.registers = np.frombuffer(self.memory, dtype=table.dtype())
+        self._traits = TRAITS[table.model]
         for register in table.registers.values():
-            self.registers[register.name] = register.default or 0
+            self.registers[register.name] = self._at_first(register)
         self.registers["id"] = ids
         self.browned_out: set[int] = set()
         self.drive = MotorDrive(motor_of(table.model), table.pulses_per_turn, np.array(shaft, dtype=np.float64))
@@ -87,7 +90,7 @@ class ServoBank:
         """
         for register in self.table.registers.values():
             if register.memory == "RAM":
-                self.registers[register.name][row] = register.default or 0
+                self.registers[register.name][row] = self._at_first(register)
         self.restore_control(row)
         if self._old:
             self.registers["torque_limit"][row] = self.registers["max_torque"][row]
@@ -100,10 +103,15 @@ class ServoBank:
         self.show()
         self.registers["goal_position"][row] = self.registers["present_position"][row]
 
+    def _at_first(self, register: Register) -> int:
+        """What a register holds in a servo from the box; 0 where it is not told, but a motor needs a gain."""
+        told = self._traits.position_p if register.name == "position_p_gain" else 0
+        return told if register.default is None else register.default
+
     def restore_control(self, row: int) -> None:
         """Puts gains, profile, goal PWM and goal current of a servo back, as power-up and a change of mode do."""
         for name in _CONTROL:
-            self.registers[name][row] = self.table[name].default or 0
+            self.registers[name][row] = self._at_first(self.table[name])
         self.registers["goal_pwm"][row] = self.registers["pwm_limit"][row]
         if self._measures_current:
             self.registers["goal_current"][row] = self.registers["current_limit"][row]
@@ -117,7 +125,8 @@ class ServoBank:
 
     def to_one_turn(self, row: int) -> None:
         """Forgets whole turns: position mode starts from within one."""
-        self.drive.shaft[row] %= self.table.pulses_per_turn
+        start, turn = self.table.one_turn[0], self.table.pulses_per_turn
+        self.drive.shaft[row] = start + (self.drive.shaft[row] - start) % turn
         self.halt(row)
 
     def cut_off(self, row: int, cut: bool) -> None:
@@ -137,14 +146,17 @@ class ServoBank:
         sign = np.where(registers["drive_mode"] & 1, -1.0, 1.0).astype(np.float64)
         drive.mode = registers["operating_mode"].astype(np.int64)
         drive.sign = sign
-        one_turn = (drive.mode == 3) & (np.abs(registers["homing_offset"]) > _OFFSET_IN_ONE_TURN)
+        one_turn = (drive.mode == 3) & (
+            np.abs(registers["homing_offset"]) > _OFFSET_IN_ONE_TURN * self.table.pulses_per_turn
+        )
         drive.offset = np.where(one_turn, 0.0, registers["homing_offset"].astype(np.float64))
         drive.on = registers["torque_enable"] != 0
+        gain = self._traits.gain_unit
         if not self._old:
-            drive.p_gain = registers["position_p_gain"] / 128.0
-            drive.i_gain = registers["position_i_gain"] / 65.536  # a 1 kHz loop sums 65536ths
-            drive.d_gain = registers["position_d_gain"] / 16e3  # and takes differences from one ms to the next
-        drive.ff_gain = registers["feedforward_1st_gain"] / 4e3
+            drive.p_gain = registers["position_p_gain"] / gain
+            drive.i_gain = registers["position_i_gain"] / (gain * 0.512)  # a 1 kHz loop sums 512ths of it
+            drive.d_gain = registers["position_d_gain"] / (gain * 125.0)  # and takes differences over 1 ms
+        drive.ff_gain = registers["feedforward_1st_gain"] / (gain * 31.25)
         drive.most_pwm = np.abs(registers["goal_pwm"].astype(np.float64))
         drive.goal_pwm = sign * registers["goal_pwm"].astype(np.float64)
         unit = self.table["goal_velocity"].si * self._pulses_per_radian
@@ -275,9 +287,9 @@ class ServoBank:
             load = np.clip(np.rint(drive.sign * drive.current * 1e3), -1000, 1000)
             registers["present_load"] = with_sign(load) if self._old else load
         registers["moving"] = np.abs(velocity) > registers["moving_threshold"]
-        arrived = np.abs(drive.target - drive.shaft) <= _IN_POSITION_WINDOW
+        arrived = np.abs(drive.target - drive.shaft) <= _IN_POSITION_WINDOW * table.pulses_per_turn
         ongoing = (np.abs(drive.target - drive.path) > 0.5) & drive.on
-        behind = (np.abs(drive.path - drive.shaft) > _FOLLOWING_WINDOW) & drive.on
+        behind = (np.abs(drive.path - drive.shaft) > _FOLLOWING_WINDOW * table.pulses_per_turn) & drive.on
         registers["moving_status"] = (
             _IN_POSITION * arrived + (_PROFILE_ONGOING | self._shape) * ongoing + _NOT_FOLLOWING * behind
         )

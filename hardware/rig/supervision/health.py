@@ -41,7 +41,6 @@ _IDLE_CURRENT = 0.2  # of the stall current: a motor that drives towards a goal 
 _SERIOUS = 4 | 8 | 16 | 32  # heat, encoder, shock, overload
 _LOW_VOLTAGE = 0.8  # of the model's nominal one
 _RESTLESS, _RESTLESS_WITHIN = 5, 10.0  # times, s
-_FULL_PWM = 885.0
 _KEPT = 200
 
 _KINDS = (
@@ -257,4 +256,4 @@ def _far(joint: RigJoint) -> float:
     traits = TRAITS.get(joint.model)
     if traits is None:
         return 0.1
-    return float(np.clip(0.5 * _FULL_PWM * 128.0 / traits.position_p / abs(joint.pulses_per_radian), 0.05, 0.5))
+    return float(np.clip(traits.error_for(0.5) / abs(joint.pulses_per_radian), 0.05, 0.5))

@@ -19,7 +19,6 @@ _OVER = 0.25  # s
 _STRAINED, _RELIEVED = 0.75, 0.6
 _GENTLE = 0.5  # of the current it may take
 _MOST = 0.8  # of the stall current, where the rig file has no limit: about where servos report an overload
-_FULL_PWM = 885.0
 
 
 class Strain:
@@ -58,4 +57,4 @@ def _reach(joint: RigJoint) -> float:
     if traits is None:
         return math.inf
     part = _GENTLE * _allowed(joint) / traits.stall_current
-    return part * _FULL_PWM * 128.0 / traits.position_p / abs(joint.pulses_per_radian)
+    return traits.error_for(part) / abs(joint.pulses_per_radian)
