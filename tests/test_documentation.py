@@ -68,9 +68,14 @@ def command_lines(page):
     return [line for line in written if not re.search(r"[|{\[]|\.\.\.|\b[A-Z]{2,}\b", line)]
 
 
-def misunderstood(words):
+@pytest.fixture(scope="module")
+def program():
+    return typer.main.get_command(app)
+
+
+def misunderstood(program, words):
     """What the program finds wrong with the words of a command line, which is not run; nothing if it is right."""
-    command, words = typer.main.get_command(app), [word for word in words if word != "--debug"]
+    command, words = program, [word for word in words if word != "--debug"]
     while hasattr(command, "commands"):
         if not words:
             return ""
@@ -86,8 +91,8 @@ def misunderstood(words):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_every_command_line_is_one_that_the_program_understands(page):
-    wrong = {line: misunderstood(shlex.split(line)) for line in command_lines(page)}
+def test_every_command_line_is_one_that_the_program_understands(program, page):
+    wrong = {line: misunderstood(program, shlex.split(line)) for line in command_lines(page)}
     assert {line: problem for line, problem in wrong.items() if problem} == {}
 
 

@@ -7,6 +7,8 @@ import ast
 from collections import defaultdict
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("motiondeck", "motiondeck_base", "controller", "sim", "hardware")
 FILES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
@@ -66,8 +68,15 @@ def folder_graph(graph, folder_of):
     return folders
 
 
-TREES = {path: ast.parse(path.read_text()) for path in FILES}
-GRAPH = import_graph(TREES)
+@pytest.fixture(scope="module")
+def trees():
+    """Not read when tests are collected, which every worker does."""
+    return {path: ast.parse(path.read_text()) for path in FILES}
+
+
+@pytest.fixture(scope="module")
+def graph(trees):
+    return import_graph(trees)
 
 
 def test_circles_are_found():
@@ -79,26 +88,26 @@ def test_circles_are_found():
     assert circles(import_graph(trees)) == [("sim.a", "sim.b")]
 
 
-def test_no_files_import_each_other_in_a_circle():
-    assert circles(GRAPH) == []
+def test_no_files_import_each_other_in_a_circle(graph):
+    assert circles(graph) == []
 
 
-def test_no_folders_import_each_other_in_a_circle():
+def test_no_folders_import_each_other_in_a_circle(graph):
     folder_of = {module_of(path): str(path.parent.relative_to(ROOT)) for path in FILES}
-    assert circles(folder_graph(GRAPH, folder_of)) == []
+    assert circles(folder_graph(graph, folder_of)) == []
 
 
-def test_no_product_file_imports_the_benchmarks():
-    for path, tree in TREES.items():
+def test_no_product_file_imports_the_benchmarks(trees):
+    for path, tree in trees.items():
         names = imported_names(tree, module_of(path), path.stem == "__init__")
         found = [name for name in names if name.partition(".")[0] in ("benchmarks", "tests")]
         assert not found, f"{path.relative_to(ROOT)} imports {found}"
 
 
-def test_no_class_name_stands_twice_below_the_front_door():
+def test_no_class_name_stands_twice_below_the_front_door(trees):
     """What `motiondeck` makes public may bear the name of what it wraps."""
     places = defaultdict(list)
-    for path, tree in TREES.items():
+    for path, tree in trees.items():
         if path.is_relative_to(ROOT / "motiondeck"):
             continue
         for node in tree.body:

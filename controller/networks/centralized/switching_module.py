@@ -269,15 +269,19 @@ def excite(design: ModuleDesign, target: int, haste: float = 5.0) -> Command:
 
 def collapse_and_kick(design: ModuleDesign, target: int) -> Command:
     """Raises xi until one state is left, then kicks the center from there to the target; it forgets where it was."""
-    collapse = CommandInput(np.zeros(len(design)), xi=5.0 / design.decay)
-    kick = CommandInput(np.zeros(len(design)), kick=float(_kicks(design, collapse)[target]))
-    return Command(((2.0, collapse), (1.0, kick)))
+    kick = CommandInput(np.zeros(len(design)), kick=float(_kicks(design)[target]))
+    return Command(((2.0, _collapse(design)), (1.0, kick)))
 
 
-def _kicks(design: ModuleDesign, collapse: CommandInput) -> Array:
+def _collapse(design: ModuleDesign) -> CommandInput:
+    return CommandInput(np.zeros(len(design)), xi=5.0 / design.decay)
+
+
+@lru_cache(maxsize=32)
+def _kicks(design: ModuleDesign) -> Array:
     """The currents that carry the center from the collapsed state to each target in 1 unit of time, by bisection."""
     module = SwitchingModule(design)
-    module.relax(collapse, 2.0, 0.005)
+    module.relax(_collapse(design), 2.0, 0.005)
     low, high = np.full(len(design), -2.0), design.targets + 2.0
     for _ in range(40):
         kick = 0.5 * (low + high)

@@ -44,18 +44,18 @@ def integrated_frequency(spring, control, momentum):
 @given(frequencies, st.floats(1e-4, 0.1))
 def test_amplitude_does_not_drift(frequency, dt):
     centers = HarmonicCenters.at_phase(frequency)
-    for _ in range(3000):
+    for _ in range(1000):
         centers.advance(dt)
-    assert np.allclose(np.abs(centers.state), 1.0, atol=1e-11)
+    assert np.allclose(np.abs(centers.state), 1.0, atol=3e-12)
 
 
-def test_a_million_steps_keep_amplitude_and_phase():
+def test_a_hundred_thousand_steps_keep_amplitude_and_phase():
     centers = HarmonicCenters.at_phase(np.array([1.9, 12.0]), phase=0.3)
-    for _ in range(1_000_000):
+    for _ in range(100_000):
         centers.advance(0.005)
-    assert np.abs(np.abs(centers.state) - 1.0).max() < 1e-9
-    meant = np.exp(1j * (np.array([1.9, 12.0]) * 5000.0 + 0.3))
-    assert np.abs(centers.state - meant).max() < 1e-6
+    assert np.abs(np.abs(centers.state) - 1.0).max() < 1e-10
+    meant = np.exp(1j * (np.array([1.9, 12.0]) * 500.0 + 0.3))
+    assert np.abs(centers.state - meant).max() < 1e-7
 
 
 @given(frequencies, st.floats(-0.5, 0.5))
@@ -129,15 +129,22 @@ def test_a_nonlinear_center_follows_the_integrated_orbit(spring):
 
 
 @pytest.mark.parametrize("spring", SPRINGS)
-@pytest.mark.parametrize("wait", [0.0, 0.21, 0.4, 0.77])
-def test_a_change_of_control_settles_on_the_new_orbit(spring, wait):
-    centers = NonlinearCenters.at_rest(spring, np.array([4.0]), 1.0)
-    centers.advance(wait)
-    centers.set_control(np.array([30.0]))
+def test_a_change_of_control_settles_on_the_new_orbit(spring):
+    centers = NonlinearCenters.at_rest(spring, np.full(4, 4.0), 1.0)
+    places = []
+    for wait in (0.0, 0.21, 0.19, 0.37):  # four moments of a swing, one after the other
+        centers.advance(wait)
+        places.append((centers.q[0], centers.p[0]))
+    centers.q, centers.p = np.transpose(places)
+    centers.set_control(np.full(4, 30.0))
     for _ in range(6000):
         centers.advance(0.005)
-    assert float(centers.energy[0]) == pytest.approx(0.5, rel=1e-3)
+    assert centers.energy == pytest.approx(0.5, rel=1e-3)
     assert np.abs(centers.coordinates).max() <= 1.01
+
+
+@pytest.mark.parametrize("spring", SPRINGS)
+def test_without_damping_it_stays_on_another_orbit(spring):
     undamped = NonlinearCenters.at_rest(spring, np.array([4.0]), 1.0, damping=0.0)
     undamped.advance(0.4)
     undamped.set_control(np.array([30.0]))
@@ -148,6 +155,6 @@ def test_a_change_of_control_settles_on_the_new_orbit(spring, wait):
 @given(st.sampled_from(SPRINGS), st.floats(0.001, 2.0), st.floats(3.0, 200.0))
 def test_no_step_is_so_long_that_it_blows_up(spring, dt, control):
     centers = NonlinearCenters.at_rest(spring, np.array([control]), 1.0)
-    for _ in range(20):
+    for _ in range(6):
         centers.advance(dt)
     assert np.abs(centers.coordinates).max() < 1.1
