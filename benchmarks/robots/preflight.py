@@ -14,6 +14,7 @@ import sys
 from controller.library.motion_library import load_library
 from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.loads import loads_of
+from sim.physics.physics_model import feet_of
 from sim.physics.played_motions import load_sampled_robot, play_motions
 from sim.physics.preflight import Preflight
 from sim.robots.self_collision import SelfCollision
@@ -33,9 +34,9 @@ def main() -> None:
     for name in ROBOTS:
         robot = load_sampled_robot(find_robot(name), library.skeleton)
         free = Preflight(robot, robot.limits, "free")
-        collisions = SelfCollision(robot)
+        collisions, feet = SelfCollision(robot), feet_of(robot)
         for played in play_motions(library, robot):
-            hanging = loads_of(robot, played, free=False, collisions=collisions)
+            hanging = loads_of(robot, played, free=False, collisions=collisions, feet=feet)
             for tempo in TEMPOS:
                 gantry = Preflight(robot, robot.limits, "gantry")
                 said = {f.check: f.ok for f in gantry.findings(played, hanging, tempo, simulate=False)}

@@ -88,7 +88,7 @@ def measured(path: Path, clips: list[Clip], solver) -> dict[str, object]:
         joints = len(robot.joints)
         carried = carry(clip, robot)
         limbs = RobotLimbs(path, robot.model, file.parts, np.array(file.root_rotation), robot.joints)
-        errors.append(limb_errors(clip, robot, limbs, carried))
+        errors.append(limb_errors(limbs, carried))
         counts = joint_measures(clip, robot, carried)
         zeros += [counts["beyond"], counts["too_fast"], counts["jumps"]]
         feet = {side: robot.model.body(file.parts[f"{side}_foot"]).id for side in SIDES}

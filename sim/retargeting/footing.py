@@ -21,7 +21,7 @@ import numpy as np
 
 from controller.mocap.posture import Pose
 from controller.rotations import Array
-from sim.models.kinematic_tree import below
+from sim.models.kinematic_tree import Scratch, below
 from sim.models.surface import LowestPoint, Surface
 from sim.retargeting.flat_feet import FlatFeet
 from sim.retargeting.human_stance import HumanStance
@@ -51,8 +51,7 @@ class Footing:
             scale: the robot's size over the human's.
         """
         self.stance = stance
-        self._model, self._data = model, mujoco.MjData(model)
-        self._xmat = self._data.xmat.reshape(-1, 3, 3)
+        self._model, self._data = model, Scratch(model)
         self._turned, self._scale = root_rotation.tolist(), scale
         self._touches = TOUCHES * stance.leg * scale
         self._surface, self._lowest = Surface.of(model), LowestPoint(model)
@@ -86,7 +85,7 @@ class Footing:
         return self.stance.flat
 
     def reset(self, dt: float | None = None) -> None:
-        """Forgets where it was: the next pose stands where the human stands.
+        """Forgets where it was, and the human's feet: the next pose stands where the human stands.
 
         Args:
             dt: seconds from one pose to the next from now on; by default as before.
@@ -107,7 +106,7 @@ class Footing:
         data.qpos[:] = qpos
         data.qpos[:3] = 0.0
         mujoco.mj_kinematics(self._model, data)
-        points = np.matmul(self._xmat.take(self._bodies, axis=0), self._points)
+        points = np.matmul(data.xmat.take(self._bodies, axis=0).reshape(-1, 3, 3), self._points)
         points += data.xpos.take(self._bodies, axis=0)[:, :, None]
         x, y = pose.root_position[:2].tolist()
         if self._human is None or stance.begun:

@@ -1,7 +1,7 @@
 """Inverse kinematics: joint angles at which a robot's limbs lie as a human's do, by a small quadratic programme a tick.
 
-Each limb is a vector v_k(q) between two points of the robot, and has a goal g_k: the human's direction at the robot's
-own length, so that what a human can do is in reach of a robot with as many joints. One step solves
+Each limb is a vector v_k(q) between two points of the robot, and has a goal g_k: the human's directions at the lengths
+of the robot's own segments, so that what a human can do is in reach of a robot with as many joints. One step solves
 
     min over dq   sum_k w_k^2 |g_k - v_k - J_k dq|^2 + p |q + dq - rest|^2 + d |dq|^2
     such that     lower <= q + dq <= upper,   |q + dq - q_before| <= velocity * dt
@@ -65,7 +65,7 @@ class InverseKinematics:
     ) -> None:
         """As for the solver, for a skeleton whose feet stand as `stance` says; FileFormatError if it lacks a limb."""
         self._view, self._stance = LimbView(skeleton), stance
-        self.solver = LimbSolver(limbs, self._view.length, limits, rest, dt)
+        self.solver = LimbSolver(limbs, limits, rest, dt)
         self._planted = None
         if stance is not None and stance.feet == 2 and FEET in limbs.vectors.names:
             leg = float(self._view.length[[LIMBS.index("r_thigh"), LIMBS.index("r_shank")]].sum())
@@ -95,17 +95,16 @@ class LimbSolver:
         names: the goals, length K.
     """
 
-    def __init__(self, limbs: RobotLimbs, human: Array, limits: JointLimits, rest: Array, dt: float) -> None:
+    def __init__(self, limbs: RobotLimbs, limits: JointLimits, rest: Array, dt: float) -> None:
         """Prepares the goals.
 
         Args:
             limbs: those of the robot.
-            human: lengths of the human's, shape (14,), m.
             limits: of the robot's N joints.
             rest: where the joints go that no goal needs, shape (N,), rad.
             dt: seconds from one pose to the next; bounds how far a joint may go meanwhile.
         """
-        self._goals = Goals(limbs, human)
+        self._goals = Goals(limbs)
         self._limbs, self._limits, self._rest = limbs, limits, rest
         self._step = limits.velocity * dt
         self.names = limbs.vectors.names
@@ -224,17 +223,17 @@ class Goals:
         with_chest: which of them turn with the chest, shape (K,).
     """
 
-    def __init__(self, limbs: RobotLimbs, human: Array) -> None:
-        """Args: the robot's limbs, and the lengths of the human's (14,), m."""
+    def __init__(self, limbs: RobotLimbs) -> None:
+        """Args: the robot's limbs."""
         vectors = limbs.vectors
         names = vectors.names
         self._mix = np.zeros((len(names), len(LIMBS)))
         for k, name in enumerate(names):
             side, part = name[0], name[2:]
             if part in ("leg", "arm"):
-                pair = ("thigh", "shank") if part == "leg" else ("upper_arm", "forearm")
-                rows = [LIMBS.index(f"{side}_{bone}") for bone in pair]
-                self._mix[k, rows] = limbs.reach[name] * human[rows] / human[rows].sum()
+                for bone in ("thigh", "shank") if part == "leg" else ("upper_arm", "forearm"):
+                    segment = f"{side}_{bone}"
+                    self._mix[k, LIMBS.index(segment)] = limbs.segments[segment].length
             elif name in LIMBS:
                 self._mix[k, LIMBS.index(name)] = vectors.length[k]
         self.with_chest = np.array(["arm" in name or name.startswith("head") for name in names])

@@ -21,6 +21,8 @@ from sim.retargeting.robot_limbs import FEET, SIDES, RobotLimbs
 SETTLES, GOES_ALONG = 0.06, 0.01
 # A foot that stands by more than this is held in full; by less than this, not at all.
 SURE, DOUBTFUL = 0.6, 0.2
+# A foot is to be as high above the other one as the human's while it is near the floor: in lengths of the leg.
+LOW = 0.1
 
 
 class PlantedFeet:
@@ -67,7 +69,8 @@ class PlantedFeet:
             self._held[0] += self.root @ (vectors[0] - before)
             shares = _certain(np.array([min(stance.standing), *stance.planted]))
             self._shares += self._settles * (shares - self._shares)
-            self.higher += self._settles * (max(stance.standing) - self.higher)
+            raised = abs(stance.heights[1] - stance.heights[0]) / (LOW * stance.leg)
+            self.higher += self._settles * (max(stance.standing) * exp(-raised * raised) - self.higher)
             self._held += (1.0 - np.exp((self._shares - 1.0) * self._ticks))[:, None] * (now - self._held)
         self._begun = not stance.begun
         self._held[0, 2] = self._scale * (stance.heights[1] - stance.heights[0])

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from controller.rotations import Array, conjugate, rotate
 from motiondeck_base.errors import FileFormatError, UnknownNameError
-from sim.models.kinematic_tree import below, hinges_between
+from sim.models.kinematic_tree import Scratch, below, hinges_between
 from sim.models.limb_geometry import ACROSS, centre_of, end_hinge, level_with, sine
 from sim.models.model_file import followers
 from sim.models.surface import Surface
@@ -96,7 +96,7 @@ class RobotLimbs:
             FileFormatError: if a limb has no joint where it needs one.
         """
         self._path, self._model = path, model
-        self._data = mujoco.MjData(model)
+        self._data = Scratch(model)
         self._parts = {part: self._body(part, body) for part, body in parts.items()}
         for part in ("pelvis", "r_thigh", "r_shank", "l_thigh", "l_shank"):
             if part not in self._parts:

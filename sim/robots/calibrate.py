@@ -174,7 +174,7 @@ def calibrate(path: Path, packages: Mapping[str, Path] | None = None) -> Calibra
     limits = JointLimits(lower, upper, velocity, np.full(count, ACCELERATION), np.full(count, JERK))
 
     stand = standing()
-    solve = LimbSolver(limbs, np.ones(len(LIMBS)), limits, np.clip(np.zeros(count), lower, upper), 1.0)
+    solve = LimbSolver(limbs, limits, np.clip(np.zeros(count), lower, upper), 1.0)
     up = np.array([0.0, 0.0, 1.0])
     rest = np.round(solve(stand, up), 3)
     rest = np.clip(rest, lower, upper)

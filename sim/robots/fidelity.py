@@ -133,15 +133,15 @@ def shortfall(robot: Robot) -> dict[str, float]:
     }
 
 
-def limb_errors(clip: Clip, robot: Robot, limbs: RobotLimbs, carried: Carried) -> dict[str, float]:
-    """How far knees, ankles, elbows and wrists are from where the human's would be on the robot's own limbs.
+def limb_errors(limbs: RobotLimbs, carried: Carried) -> dict[str, float]:
+    """How far knees, ankles, elbows and wrists are from where they would be on limbs that point as the human's.
 
     Seen from hip and shoulder, so that it is the posture that counts, on what the retargeter wanted.
 
     Returns:
         Root mean square over frames and both sides, m: `knee`, `ankle`, `elbow`, `wrist`.
     """
-    names, length = limbs.vectors.names, LimbView(clip.skeleton).length
+    names = limbs.vectors.names
     square: dict[str, list[Array]] = {"knee": [], "ankle": [], "elbow": [], "wrist": []}
     for q, directions in zip(carried.wanted, carried.limbs, strict=True):
         limbs.place(q)
@@ -156,8 +156,8 @@ def limb_errors(clip: Clip, robot: Robot, limbs: RobotLimbs, carried: Carried) -
                 middle, far = names.index(f"{side}_{first}"), names.index(f"{side}_{whole}")
                 goal = limbs.vectors.length[middle] * directions[rows[0]]
                 square["knee" if whole == "leg" else "elbow"].append(vector[middle] - frame @ goal)
-                share = length[rows] / length[rows].sum()
-                goal = limbs.reach[f"{side}_{whole}"] * (share @ directions[rows])
+                length = np.array([limbs.segments[f"{side}_{part}"].length for part in (first, second)])
+                goal = length @ directions[rows]
                 square["ankle" if whole == "leg" else "wrist"].append(vector[far] - frame @ goal)
     return {
         name: float(np.sqrt(np.mean(np.sum(np.square(miss), axis=1)))) for name, miss in square.items() if len(miss)

@@ -79,7 +79,7 @@ def _measured(robot: Path, load: RobotLoader, clip: Clip, solver: Solver | None)
     measures: dict[str, Any] = joint_measures(clip, loaded, carried) | shortfall(loaded)
     if file.parts:
         limbs = RobotLimbs(robot, loaded.model, file.parts, np.array(file.root_rotation), loaded.joints)
-        measures |= limb_errors(clip, loaded, limbs, carried)
+        measures |= limb_errors(limbs, carried)
         directions = LimbDirections(loaded.model, file.parts, np.array(file.root_rotation))
         off = directions.errors(carried.qpos, carried.limbs)
         measures["limbs_deg"] = {name: {"mean": mean, "worst": worst} for name, (mean, worst) in off.items()}

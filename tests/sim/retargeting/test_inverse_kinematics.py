@@ -21,8 +21,6 @@ from sim.robots.body_matching import match
 from small_robots import SERVOS, full_humanoid, humanoid
 
 UP = np.array([0.0, 0.0, 1.0])
-# Upper arm, forearm, thigh and shank, as long as a human's, m; the robot's are shorter and of other proportions.
-HUMAN = np.array([0.32, 0.26, 0.32, 0.26, 0.45, 0.43, 0.16, 0.45, 0.43, 0.16, 1.0, 1.0, 1.0, 1.0])
 DT = 0.01
 SIDES = {"r": "right", "l": "left"}
 
@@ -36,10 +34,10 @@ def limbs(tmp_path_factory):
     return RobotLimbs(path, model, found.parts, found.root_rotation, tuple(SERVOS))
 
 
-def solver_of(limbs, human=HUMAN):
+def solver_of(limbs):
     lower, upper = limbs._model.jnt_range[[limbs._model.joint(name).id for name in SERVOS]].T.copy()
     limits = JointLimits(lower, upper, *(np.full(len(SERVOS), rate) for rate in (4.0, 100.0, 1e4)))
-    return LimbSolver(limbs, human, limits, np.clip(np.full(len(SERVOS), 0.1), lower, upper), DT), limits
+    return LimbSolver(limbs, limits, np.clip(np.full(len(SERVOS), 0.1), lower, upper), DT), limits
 
 
 def standing():
@@ -77,8 +75,7 @@ def degrees_between(a, b):
 @given(st.integers(0, 2**32 - 1))
 def test_a_pose_of_its_own_is_found_again(limbs, seed):
     random = np.random.default_rng(seed)
-    own = np.array([limbs.segments[name].length if name in limbs.segments else 1.0 for name in LIMBS])
-    solver, limits = solver_of(limbs, own)
+    solver, limits = solver_of(limbs)
     q = limits.lower + random.uniform(0.2, 0.8, len(SERVOS)) * (limits.upper - limits.lower)
     for side in ("left", "right"):
         q[SERVOS.index(f"{side}_arm_pitch")] = random.uniform(
@@ -232,7 +229,7 @@ def test_a_trunk_does_not_bend_for_what_an_arm_cannot_reach(tmp_path):
     reach = np.array([0.3 if "elbow" in name or "shoulder" in name else 2.0 for name in joints])
     assert (reach < 1.0).sum() == 8
     limits = JointLimits(-reach, reach, *(np.full(count, rate) for rate in (8.0, 300.0, 1e4)))
-    solve = LimbSolver(limbs, HUMAN, limits, np.zeros(count), DT)
+    solve = LimbSolver(limbs, limits, np.zeros(count), DT)
     boxing = standing()
     for side in SIDES:
         for part in ("upper_arm", "forearm"):

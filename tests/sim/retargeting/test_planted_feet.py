@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_inverse_kinematics import DT, HUMAN, UP, solver_of, standing
+from test_inverse_kinematics import DT, UP, solver_of, standing
 
 from controller.mocap.posture import Pose
 from sim.models.model_file import read_model
@@ -41,7 +41,7 @@ def spread(limbs, standing, planted=None):
     """How far the soles are apart (T,), m, while the human spreads its legs with feet that stand so much."""
     solver: LimbSolver = solver_of(limbs)[0]
     stance: Any = SimpleNamespace(
-        begun=True, standing=standing, planted=planted or standing, rolled=[0.5, 0.5], heights=[0, 0]
+        begun=True, standing=standing, planted=planted or standing, rolled=[0.5, 0.5], heights=[0, 0], leg=1.0
     )
     feet = PlantedFeet(stance, limbs, 0.5, DT)
     apart, q = [], solver.q
@@ -75,7 +75,7 @@ def test_a_sole_that_rolls_from_heel_to_ball_stays_where_it_is(limbs):
     """The vector between the feet changes its ends, and what is held goes along with them."""
     solver = solver_of(limbs)[0]
     stance: Any = SimpleNamespace(
-        begun=True, standing=[1.0, 1.0], planted=[1.0, 1.0], rolled=[0.0, 0.0], heights=[0, 0]
+        begun=True, standing=[1.0, 1.0], planted=[1.0, 1.0], rolled=[0.0, 0.0], heights=[0, 0], leg=1.0
     )
     feet, places = PlantedFeet(stance, limbs, 0.5, DT), []
     for k in range(60):
@@ -88,8 +88,26 @@ def test_a_sole_that_rolls_from_heel_to_ball_stays_where_it_is(limbs):
     assert np.ptp(np.array(places)[10:], axis=0).max() < 0.004
 
 
+@pytest.mark.parametrize(("lifted", "bends"), [(0.1, True), (0.4, False)])
+def test_only_for_a_foot_near_the_floor_the_leg_that_stands_bends(limbs, lifted, bends):
+    """The human's right foot is higher than that of a robot whose limbs point as the human's do."""
+    solver = solver_of(limbs)[0]
+    stance: Any = SimpleNamespace(
+        begun=True, standing=[0.0, 1.0], planted=[0.0, 1.0], rolled=[0.5, 0.5], heights=[lifted, 0.0], leg=1.0
+    )
+    feet, stands = PlantedFeet(stance, limbs, 0.5, DT), standing()
+    for side in "rl":
+        for part, ahead in (("thigh", 0.3), ("shank", -0.3)):
+            stands[LIMBS.index(f"{side}_{part}")] = [np.sin(ahead), 0.0, -np.cos(ahead)]
+    for k in range(80):
+        stance.begun = k == 0
+        feet(UPRIGHT, solver.q)
+        q = solver(stands, UP, feet)
+    assert (abs(q[SERVOS.index("left_knee")] - 0.6) > 0.03) == bends
+
+
 def test_the_vector_between_the_feet_is_no_limb(limbs):
-    solver = solver_of(limbs, HUMAN)[0]
+    solver = solver_of(limbs)[0]
     solver(standing(), UP)
     assert FEET in solver.names
     assert FEET not in solver.shortfall()
