@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,9 +15,7 @@ from controller.cli.common.options import RootOption
 from controller.cli.common.progress import progress
 
 if TYPE_CHECKING:
-    from controller.deck.interfaces import JointLimits
     from sim.physics.preflight import PreflightVerdict
-    from sim.robots.robot import Robot
 
 SLOWEST = 0.1
 """The least tempo to judge at."""
@@ -55,50 +53,41 @@ def preflight(
       motiondeck preflight thesis15 --robot servo20 --tempo 0.46 --motions-only
       motiondeck preflight cmu86 --robot mannequin --root free --balance --json
     """
-    from controller.library.motion_library import load_library
+    from controller.cli.preflight_run import PreflightRun, loaded
     from controller.wire.command_table import TEMPO
     from motiondeck_base.errors import MotiondeckError
-    from motiondeck_base.shipped import find_library, find_robot
-    from sim.physics.physics_model import physics_model
-    from sim.physics.played_motions import (
-        count_switches,
-        load_sampled_robot,
-        play_motions,
-        play_switches,
-        switches_by_way_of,
-    )
-    from sim.physics.preflight import Preflight
+    from sim.physics.physics_model import check_root
+    from sim.physics.played_motions import count_switches, switches_by_way_of
 
     if not SLOWEST <= tempo <= TEMPO.highest:
         raise MotiondeckError(f"--tempo {tempo:g} is not between {SLOWEST:g} and {TEMPO.highest:g}")
+    check_root(root)
     if balance and root != "free":
         raise MotiondeckError(f"a robot whose root is {root} need not balance: give --root free with --balance")
     if plot is not None:
         from controller.cli.pictures.figures import check_picture
 
         check_picture(plot)
-    loaded = load_library(find_library(library))
-    body = load_sampled_robot(find_robot(robot), loaded.skeleton)
-    physics_model(body, root)  # an unknown root is better refused now
-    body, limits = _on_rig(body, rig)
-    judge = Preflight(body, limits, root, balance)
+    run = PreflightRun(library, robot, rig, root, balance, tempo)
+    played, judge = loaded(run)
+    names = list(played.network.motions)
     verdicts: list[PreflightVerdict] = []
-    with progress("motions", len(loaded.network.motions)) as tick:
-        for played in play_motions(loaded, body):
-            verdicts.append(judge.judge(played, simulate=True, tempo=tempo))
+    with progress("motions", len(names)) as tick:
+        for verdict in run.motions(names):
+            verdicts.append(verdict)
             if not as_json:
-                _print_motion(verdicts[-1])
+                _print_motion(verdict)
             tick()
     motions = len(verdicts)
     if not motions_only:
-        with progress("switches", count_switches(loaded)) as tick:
-            for played in play_switches(loaded, body):
-                verdicts.append(judge.judge(played, simulate=False, tempo=tempo))
+        with progress("switches", count_switches(played)) as tick:
+            for verdict in run.switches(names):
+                verdicts.append(verdict)
                 if not as_json:
-                    _print_switch(verdicts[-1])
+                    _print_switch(verdict)
                 tick()
-        verdicts += _by_their_parts({v.name: v for v in verdicts}, switches_by_way_of(loaded))
-    report = _report(verdicts, motions, loaded.info.name, body.name, root, balance, tempo)
+        verdicts += _by_their_parts({v.name: v for v in verdicts}, switches_by_way_of(played))
+    report = _report(verdicts, motions, played.info.name, judge.robot.name, root, balance, tempo)
     if as_json:
         print(json.dumps(report, allow_nan=False))
     else:
@@ -109,34 +98,6 @@ def preflight(
         draw(verdicts[:motions], plot)
     if not report["ok"]:
         raise typer.Exit(1)
-
-
-def _on_rig(body: Robot, rig: str | None) -> tuple[Robot, JointLimits]:
-    """The robot with the servos of a rig, and the limits that both allow."""
-    if rig is None:
-        return body, body.limits
-    import msgspec
-
-    from controller.cli.session.rig_output import narrowed
-    from hardware.rig.rig_file import load_rig
-    from motiondeck_base.shipped import find_rig
-
-    config = load_rig(find_rig(rig))
-    servo = body.servo
-    if servo is not None:
-        currents = [joint.current for joint in config.joints if joint.current > 0.0]
-        servo = msgspec.structs.replace(
-            servo,
-            current_limit=min([*currents, servo.current_limit or servo.current]),
-            hottest=min(servo.hottest, *(joint.hottest for joint in config.joints)),
-        )
-    elif any(joint.current > 0.0 for joint in config.joints):
-        print(
-            f"the rig's current limits are not looked at: the file of {body.name} has no table [servo] that "
-            "says what torque a current gives",
-            file=sys.stderr,
-        )
-    return replace(body, servo=servo), narrowed(body.limits, body, config)
 
 
 def _by_their_parts(

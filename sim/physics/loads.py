@@ -25,7 +25,6 @@ from controller.rotations import Array
 from sim.models.feet import Foot
 from sim.models.kinematic_tree import below
 from sim.models.surface import LowestPoint, Surface
-from sim.physics.physics_model import feet_of
 from sim.physics.played_motions import DT, PlayedMotion
 from sim.physics.support_polygon import convex_hull, margin
 from sim.robots.robot import Robot
@@ -85,7 +84,9 @@ class Loads:
         return np.array([margin(hull, point) for hull, point in zip(self.support, capture, strict=True)])
 
 
-def loads_of(robot: Robot, played: PlayedMotion, *, free: bool, collisions: SelfCollision) -> Loads:
+def loads_of(
+    robot: Robot, played: PlayedMotion, *, free: bool, collisions: SelfCollision, feet: tuple[Foot, ...]
+) -> Loads:
     """The loads of a played motion.
 
     Args:
@@ -93,10 +94,11 @@ def loads_of(robot: Robot, played: PlayedMotion, *, free: bool, collisions: Self
         played: the motion or switch.
         free: whether the floor carries the robot, or a gantry.
         collisions: finds bodies that overlap.
+        feet: those of the robot.
     """
     model, data = robot.model, mujoco.MjData(robot.model)
     qpos, qvel, qacc = _motion(robot, played)
-    count, feet = len(qpos), feet_of(robot)
+    count = len(qpos)
     dof, lowest_point, surface = _actuated(robot), LowestPoint(model), Surface.of(model)
     soles = [body for foot in feet for body in below(model, model.body(foot.body).id)]
     rest = surface.part(np.setdiff1d(surface.body, soles))
@@ -158,7 +160,7 @@ def loads_of(robot: Robot, played: PlayedMotion, *, free: bool, collisions: Self
 def _motion(robot: Robot, played: PlayedMotion) -> tuple[Array, Array, Array]:
     """Positions (T, nq), velocities and accelerations (T, nv) of a motion, clipped to the joints' ranges."""
     model, count = robot.model, len(played.targets)
-    qpos = np.empty((count, model.nq))
+    qpos = np.tile(model.qpos0, (count, 1))  # joints that are not played stay there
     if robot.footing is not None:
         robot.footing.reset(DT)
     for k, pose in enumerate(played.poses):

@@ -33,6 +33,12 @@ def feet_of(robot: Robot) -> tuple[Foot, ...]:
     return find_feet(robot.model, data.qpos)
 
 
+def check_root(root: str) -> None:
+    """Refuses what is none of ROOTS with a MotiondeckError."""
+    if root not in ROOTS:
+        raise MotiondeckError(f"root '{root}': choose gantry (carried along), fixed (held in place) or free")
+
+
 def physics_model(robot: Robot, root: str = "gantry") -> mujoco.MjModel:
     """A model of its own to simulate a robot on.
 
@@ -46,8 +52,7 @@ def physics_model(robot: Robot, root: str = "gantry") -> mujoco.MjModel:
     Raises:
         MotiondeckError: for another root.
     """
-    if root not in ROOTS:
-        raise MotiondeckError(f"root '{root}': choose gantry (carried along), fixed (held in place) or free")
+    check_root(root)
     spec = robot.spec.copy()
     spec.equality(GANTRY).active = root != "free"
     if root == "free":

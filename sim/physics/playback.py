@@ -86,7 +86,7 @@ class PhysicsPlayback:
     Attributes:
         name: "physics".
         data: MuJoCo's state.
-        model: the model of that state; the playback's own.
+        model: the model of that state, apart from the robot's own.
         placed: the commanded root of the last write, position (m) and quaternion, shape (7,).
         incidents: that a robot that walks is about to fall, and when.
         fell_s: when a free robot fell, s since the first write; None as long as it stands.
@@ -95,7 +95,13 @@ class PhysicsPlayback:
     name = "physics"
 
     def __init__(
-        self, robot: Robot, dt: float, root: str = "gantry", balance: bool = False, walk: bool = False
+        self,
+        robot: Robot,
+        dt: float,
+        root: str = "gantry",
+        balance: bool = False,
+        walk: bool = False,
+        compiled: mujoco.MjModel | None = None,
     ) -> None:
         """Rests the robot.
 
@@ -105,13 +111,14 @@ class PhysicsPlayback:
             root: "gantry" carries the root along, "fixed" holds it in place, "free" lets it go.
             balance: whether a free robot keeps its feet where they are and its centre of mass above them.
             walk: whether a free robot goes where the motion goes, on its own feet.
+            compiled: the model of an earlier playback of this robot with this root, to compile none.
 
         Raises:
             MotiondeckError: if root is another word, or balance or walking is asked of a robot that is not free or
                 lacks two feet, or both are asked.
         """
         self._robot, self._root = robot, root
-        self.model = model = physics_model(robot, root)
+        self.model = model = physics_model(robot, root) if compiled is None else compiled
         self.data = mujoco.MjData(model)
         self._warnings = [self.data.warning[kind] for kind in _BROKEN]
         self._steps = max(1, round(dt / model.opt.timestep))
@@ -133,8 +140,7 @@ class PhysicsPlayback:
         # Which degree of freedom an actuator drives: of a ball joint each of the three in a row has its own.
         self._dof = model.jnt_dofadr[model.actuator_trnid[:, 0]].astype(np.int64)
         self._dof[robot.layout.ball] += np.arange(3)
-        self._goal = np.empty(model.nq)
-        self._goal_before = np.empty(model.nq)
+        self._goal, self._goal_before = model.qpos0.copy(), model.qpos0.copy()
         self.placed = np.empty(7)
         self._straight = model.qpos0.copy()
         robot.layout.place(np.zeros(model.nu), self._straight)

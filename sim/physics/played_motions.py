@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +11,7 @@ from typing import TypeVar
 import numpy as np
 
 from controller.deck.deck import Deck
-from controller.deck.joins.deck_motions import read_motions
+from controller.deck.joins.deck_motions import Motion, read_motions
 from controller.deck.routes import Routes
 from controller.library.motion_library import MotionLibrary
 from controller.mocap.clip import Clip
@@ -57,9 +57,9 @@ def load_sampled_robot(path: Path, skeleton: Skeleton) -> Robot:
     return load_robot(path, skeleton, dt=DT)
 
 
-def play_motions(library: MotionLibrary, robot: Robot) -> Iterator[PlayedMotion]:
-    """Each motion: one round of a loop, or a whole one-shot."""
-    for motion in read_motions(library).values():
+def play_motions(library: MotionLibrary, robot: Robot, names: Sequence[str] | None = None) -> Iterator[PlayedMotion]:
+    """Each motion, or those named: one round of a loop, or a whole one-shot."""
+    for motion in _named(library, names):
         deck = Deck(library, _copied(robot.retarget, robot), motion.name)
         if motion.loop:
             for _ in range(round(SETTLED / DT)):
@@ -67,11 +67,11 @@ def play_motions(library: MotionLibrary, robot: Robot) -> Iterator[PlayedMotion]
         yield _played(motion.name, deck, max(2, round(motion.seconds / DT)), loop=motion.loop)
 
 
-def play_switches(library: MotionLibrary, robot: Robot) -> Iterator[PlayedMotion]:
-    """Each direct switch between two motions; one-shots are left at their end."""
+def play_switches(library: MotionLibrary, robot: Robot, names: Sequence[str] | None = None) -> Iterator[PlayedMotion]:
+    """Each direct switch from a motion, or from those named, to another; one-shots are left at their end."""
     repertoire = read_motions(library)
     routes = Routes.of(library)
-    for source in repertoire.values():
+    for source in _named(library, names):
         deck = Deck(library, _copied(robot.retarget, robot), source.name)
         for _ in range(round((SETTLED if source.loop else source.seconds) / DT)):
             deck.update(DT)
@@ -90,6 +90,10 @@ def play_switches(library: MotionLibrary, robot: Robot) -> Iterator[PlayedMotion
                 targets.append(joints.copy())
                 poses.append(pose)
             yield PlayedMotion(f"{source.name} > {target}", False, np.array(targets), tuple(poses))
+
+
+def _named(library: MotionLibrary, names: Sequence[str] | None) -> list[Motion]:
+    return [motion for name, motion in read_motions(library).items() if names is None or name in names]
 
 
 def switches_by_way_of(library: MotionLibrary) -> dict[tuple[str, str], tuple[str, ...]]:

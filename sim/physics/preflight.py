@@ -4,11 +4,16 @@ Each finding is a number with its limit; beyond the limit the robot would be dam
 Findings about standing are judged if the root is free, and only reported otherwise.
 """
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from copy import deepcopy
+from dataclasses import dataclass, replace
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,6 +23,7 @@ from controller.mocap.posture import Pose
 from controller.rotations import Array, continuous, normalise
 from sim.models.servo_motor import ROOM
 from sim.physics.loads import Loads, loads_of
+from sim.physics.physics_model import feet_of
 from sim.physics.playback import PhysicsPlayback
 from sim.physics.played_motions import DT, PlayedMotion
 from sim.robots.robot import Robot
@@ -25,9 +31,11 @@ from sim.robots.self_collision import OVERLAP, SelfCollision
 
 TICK = 0.005
 TEN_MINUTES = 600.0
-# A motion is not played any more if a joint is farther than this from its target, rad, for longer than BRIEFLY, s.
+# A motion is not played any more if a joint is farther than this from its target, rad, for longer than BRIEFLY, s;
+# STARTING, s, is not counted.
 ASTRAY = 0.17
 BRIEFLY = 0.05
+STARTING = 0.2
 # A body that is off balance for longer than this, s, falls.
 OFF_BALANCE = 0.25
 # A robot that touches the floor with more than its soles, its centre of mass below this share of the height of a
@@ -104,10 +112,12 @@ class Preflight:
     limits: JointLimits
     root: str = "gantry"
     balance: bool = False
-    _collisions: SelfCollision = field(init=False)
 
     def __post_init__(self) -> None:
-        self._collisions = SelfCollision(self.robot)
+        # A footing of its own: what was judged before changes neither what comes next nor how motions are sampled.
+        self.robot = replace(self.robot, footing=deepcopy(self.robot.footing, {id(self.robot.model): self.robot.model}))
+        self._collisions, self._feet = SelfCollision(self.robot), feet_of(self.robot)
+        self._models: dict[str, mujoco.MjModel] = {}
 
     def judge(self, played: PlayedMotion, *, simulate: bool, tempo: float = 1.0) -> PreflightVerdict:
         """Judges what playing a motion does to the robot.
@@ -117,7 +127,7 @@ class Preflight:
             simulate: whether to play it in physics too: once with its servos and, with a free root, for FALL_SECONDS.
             tempo: at which it is played.
         """
-        loads = loads_of(self.robot, played, free=self.root == "free", collisions=self._collisions)
+        loads = loads_of(self.robot, played, free=self.root == "free", collisions=self._collisions, feet=self._feet)
         findings = self.findings(played, loads, tempo, simulate=simulate)
         if all(finding.ok for finding in findings):
             return PreflightVerdict(played.name, findings, tempo)
@@ -125,10 +135,10 @@ class Preflight:
             return PreflightVerdict(played.name, findings, None)
 
         def by_numbers(slow: float) -> bool:
-            return all(finding.ok for finding in self.findings(played, loads, slow, simulate=False))
+            return self._passes(played, loads, slow)
 
         def in_physics(slow: float) -> bool:
-            return by_numbers(slow) and self._follows(played, slow)
+            return self._follows(played, slow) and by_numbers(slow)
 
         passes = fastest_passing(by_numbers, tempo, _WITHIN)
         if simulate and passes is not None and not in_physics(passes):
@@ -142,6 +152,11 @@ class Preflight:
         if simulate:
             found += self.simulated(played, tempo)
         return tuple(found)
+
+    def _passes(self, played: PlayedMotion, loads: Loads, tempo: float) -> bool:
+        """Whether all findings that a tempo can mend are within their limits; it stops at the first that is not."""
+        found = [*self._servos(loads, tempo), *self.standing(loads, tempo)]
+        return all(one.ok for one in found) and self._held_back(played, tempo, until=ASTRAY).max() <= ASTRAY
 
     def simulated(self, played: PlayedMotion, tempo: float) -> list[Finding]:
         """Findings of playing it in physics: whether the servos follow, and whether a free robot stands."""
@@ -178,7 +193,10 @@ class Preflight:
         envelope.start(np.clip(targets[0], self.limits.lower, self.limits.upper))
         if self.robot.footing is not None:
             self.robot.footing.reset(TICK)
-        stage = PhysicsPlayback(self.robot, TICK, root, self.balance and root == "free")
+        stage = PhysicsPlayback(
+            self.robot, TICK, root, self.balance and root == "free", compiled=self._models.get(root)
+        )
+        self._models[root] = stage.model
         ticks = len(targets) if rounds is not None else round(FALL_SECONDS / TICK)
         off = np.zeros((ticks, targets.shape[1]))
         lost = np.zeros(targets.shape[1], dtype=np.int64)
@@ -207,15 +225,26 @@ class Preflight:
             _finding("held back", float(held.max()), ASTRAY, "rad", _of(joints, held)),
         ]
 
-    def _held_back(self, played: PlayedMotion, tempo: float) -> Array:
-        """How far the safety envelope keeps each joint from its target for longer than BRIEFLY, shape (J,), rad."""
+    def _held_back(self, played: PlayedMotion, tempo: float, until: float = np.inf) -> Array:
+        """How far the safety envelope keeps each joint from its target for longer than BRIEFLY, shape (J,), rad.
+
+        It ends when a joint has been kept farther than `until`, rad, for so long.
+        """
         targets = _targets(played, tempo)
         inside = np.clip(targets, self.limits.lower, self.limits.upper)
         envelope = SafetyEnvelope(self.limits, TICK)
         envelope.start(inside[0])
-        off = np.array([np.abs(envelope(target) - goal) for target, goal in zip(targets, inside, strict=True)])
         # The envelope starts at rest, and so lags at first.
-        return _lasting(off[min(len(off) - 1, round(0.2 / TICK)) :])
+        first = min(len(targets) - 1, round(STARTING / TICK))
+        for target in targets[:first]:
+            envelope(target)
+        off, lost = np.zeros((len(targets) - first, targets.shape[1])), np.zeros(targets.shape[1], dtype=np.int64)
+        for k in range(len(off)):
+            off[k] = np.abs(envelope(targets[first + k]) - inside[first + k])
+            lost = np.where(off[k] > until, lost + 1, 0)
+            if lost.max() >= _window(len(off), TICK):
+                break
+        return _lasting(off)
 
     def _servos(self, loads: Loads, tempo: float) -> list[Finding]:
         servo, joints = self.robot.servo, self.robot.joints

@@ -38,10 +38,11 @@ class FlatFeet:
     def __init__(self, dt: float) -> None:
         """Args: seconds from one pose to the next."""
         self.slope = [FOOT_SLOPE, FOOT_SLOPE]
-        self.tick(dt)
+        self.reset(dt)
 
-    def tick(self, dt: float) -> None:
-        """From now on poses are dt seconds apart."""
+    def reset(self, dt: float) -> None:
+        """Forgets the slopes; from now on poses are dt seconds apart."""
+        self.slope[:] = FOOT_SLOPE, FOOT_SLOPE
         self._rises, self._sinks = 1.0 - exp(-dt / RISES), 1.0 - exp(-dt / SINKS)
 
     def stood(self, foot: int, slope: float) -> None:

@@ -47,9 +47,9 @@ class HumanStance:
         self.reset()
 
     def reset(self, dt: float | None = None) -> None:
-        """Forgets where the human was; from now on poses are dt seconds apart, by default as before."""
+        """Forgets the human; from now on poses are dt seconds apart, by default as before."""
         self._dt = dt or self._dt
-        self.flat.tick(self._dt)
+        self.flat.reset(self._dt)
         self._pose: Pose | None = None
         self._askers: list[str] = []
         self._before: list[Sole] | None = None

@@ -95,7 +95,7 @@ def test_what_has_no_feet_has_no_margin():
 
     body = load_robot(find_robot("servo20"), human())
     motion = PlayedMotion("still", True, np.tile(body.rest, (3, 1)), (bent_pose(human()),) * 3)
-    loads = loads_of(body, motion, free=False, collisions=SelfCollision(body))
+    loads = loads_of(body, motion, free=False, collisions=SelfCollision(body), feet=())
     loads = replace(loads, support=(np.zeros((0, 2)),) * 3)
     found = Preflight(body, body.limits).standing(loads, 1.0)
     assert np.isfinite([finding.value for finding in found]).all()
@@ -103,24 +103,24 @@ def test_what_has_no_feet_has_no_margin():
 
 
 def test_currents_that_cannot_be_judged_are_mentioned(tmp_path, capsys):
-    from controller.cli.preflight import _on_rig
+    from controller.cli.preflight_run import on_rig
     from motiondeck_base.shipped import find_rig, find_robot
     from sim.robots.robot import load_robot
 
     body = load_robot(find_robot("servo20"), human())
     rig = tmp_path / "rig.toml"
     rig.write_text(find_rig("servo20").read_text().replace("id = 1, ", "id = 1, current = 1.0,"))
-    _on_rig(replace(body, servo=None), str(rig))
+    on_rig(replace(body, servo=None), str(rig))
     assert "current limits" in capsys.readouterr().err
 
 
 def test_a_rig_narrows_what_is_allowed():
-    from controller.cli.preflight import _on_rig
+    from controller.cli.preflight_run import on_rig
     from motiondeck_base.shipped import find_robot
     from sim.robots.robot import load_robot
 
     body = load_robot(find_robot("servo20"), human())
-    on_rig, limits = _on_rig(body, "servo20")
+    on_rig, limits = on_rig(body, "servo20")
     assert (limits.velocity <= body.limits.velocity).all()
     assert limits.velocity.max() == 4.7
     assert on_rig.servo is not None

@@ -1,3 +1,4 @@
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +9,7 @@ from hypothesis import strategies as st
 from controller.mocap.posture import Pose
 from controller.rotations import multiply, yaw
 from sim.physics.loads import loads_of
+from sim.physics.physics_model import feet_of
 from sim.physics.played_motions import DT, PlayedMotion
 from sim.physics.preflight import ASTRAY, SLOWEST, Preflight, fastest_passing, servo_lag
 from sim.robots.robot import load_robot
@@ -99,8 +101,8 @@ def test_poses_go_evenly_from_tick_to_tick():
 def test_on_the_floor_the_legs_carry_what_a_gantry_would(robot):
     played = PlayedMotion("stand", True, np.tile(robot.rest, (4, 1)), (bent_pose(human()),) * 4)
     collisions = SelfCollision(robot)
-    hanging = loads_of(robot, played, free=False, collisions=collisions)
-    standing = loads_of(robot, played, free=True, collisions=collisions)
+    hanging = loads_of(robot, played, free=False, collisions=collisions, feet=feet_of(robot))
+    standing = loads_of(robot, played, free=True, collisions=collisions, feet=feet_of(robot))
     assert np.allclose(hanging.inertia, 0.0, atol=1e-9)
     knees = [j for j, name in enumerate(robot.joints) if "kne" in name or "ank" in name]
     assert np.abs(standing.gravity[:, knees]).max() > 2.0 * np.abs(hanging.gravity[:, knees]).max()
@@ -109,7 +111,7 @@ def test_on_the_floor_the_legs_carry_what_a_gantry_would(robot):
 
 
 def test_torque_grows_with_the_square_of_the_tempo():
-    loads = loads_of(SERVO20, swinging(4.0), free=False, collisions=COLLISIONS)
+    loads = loads_of(SERVO20, swinging(4.0), free=False, collisions=COLLISIONS, feet=feet_of(SERVO20))
     moved = [loads.torque(tempo) - loads.torque(0.0) - tempo * loads.damping for tempo in (1.0, 2.0)]
     assert np.allclose(moved[1], 4.0 * moved[0])
 
@@ -131,7 +133,7 @@ def test_who_stands_still_or_is_down_already_cannot_fall(rotation):
     pose = Pose(upright.root_position, upright.heading, multiply(np.array(rotation), upright.rotation))
     played = PlayedMotion("still", True, np.tile(SERVO20.rest, (40, 1)), (pose,) * 40)
     judge = Preflight(SERVO20, SERVO20.limits, "free")
-    loads = loads_of(SERVO20, played, free=False, collisions=COLLISIONS)
+    loads = loads_of(SERVO20, played, free=False, collisions=COLLISIONS, feet=feet_of(SERVO20))
     assert {f.check: f.ok for f in judge.standing(loads, 1.0)}["off balance"]
     assert {f.check: f.ok for f in judge.simulated(played, 1.0)}["physics: stands"]
 
@@ -192,3 +194,23 @@ def test_the_rest_pose_collides_with_nothing():
     qpos = np.zeros(SERVO20.model.nq)
     SERVO20.place(SERVO20.rest, bent_pose(human()), qpos)
     assert COLLISIONS(qpos) == (0.0, "")
+
+
+def test_what_was_judged_before_changes_neither_verdicts_nor_how_motions_are_sampled():
+    """Feet that stand tell how they slope; what one motion told must not be taken for another."""
+
+    def judged(first):
+        robot = load_robot(ROBOTS / "servo20.toml", human())
+        judge = Preflight(robot, robot.limits)
+        for played in first:
+            judge.judge(played, simulate=False)
+        retarget = deepcopy(robot.retarget, {id(robot.model): robot.model})
+        stands = (bent_pose(human()),) * 20
+        targets = np.array([np.clip(retarget(pose), robot.limits.lower, robot.limits.upper) for pose in stands])
+        return targets, judge.judge(PlayedMotion("stand", True, targets, stands), simulate=True)
+
+    tiptoe = bent_pose(human(), lfoo=(0.0, 0.6, 0.0), rfoo=(0.0, 0.6, 0.0))
+    targets, verdict = judged([])
+    same, again = judged([PlayedMotion("tiptoe", True, np.tile(SERVO20.rest, (100, 1)), (tiptoe,) * 100)])
+    assert np.array_equal(targets, same)
+    assert verdict == again
