@@ -1,5 +1,6 @@
 """What tests of pages share: a free port, and waiting for something that a browser does."""
 
+import base64
 import socket
 import time
 
@@ -18,3 +19,18 @@ def until(condition, what, seconds=60.0):
         assert time.monotonic() < deadline, f"waited in vain for {what}"
         time.sleep(0.02)
     return found
+
+
+def drop(page, *files):
+    """Drops files on a page, as from a file manager."""
+    given = [(file.name, base64.b64encode(file.read_bytes()).decode()) for file in files]
+    page.evaluate(
+        """(files) => {
+            const carried = new DataTransfer();
+            for (const [name, text] of files)
+              carried.items.add(new File([Uint8Array.from(atob(text), (c) => c.charCodeAt(0))], name));
+            const event = new DragEvent("drop", { dataTransfer: carried, bubbles: true, cancelable: true });
+            document.body.dispatchEvent(event);
+        }""",
+        given,
+    )

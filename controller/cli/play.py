@@ -33,6 +33,7 @@ class OnMismatch(StrEnum):
 
 
 def play(
+    context: typer.Context,
     motion: Annotated[
         str | None,
         typer.Argument(metavar="MOTION", help="The motion to play first; default: `walk`, or the library's first."),
@@ -359,6 +360,7 @@ def play(
             stop_input=_wired_stop(stop_input) if stop_input is not None else None,
             lock_to=lock_to,
             library=library_file,
+            restarts=not (headless or as_json),
         )
         with Session(
             loaded,
@@ -370,8 +372,13 @@ def play(
             report = session.run()
         _print(report, as_json, summary(report))
         incomplete = not report.get("recording", {"complete": True})["complete"]
+        then = session.then
         if incomplete or any(o["parked"] for o in report["outputs"]) or report.get("recognition", {}).get("stopped"):
             raise typer.Exit(1)
+    if then is not None:
+        from controller.cli.session.play_again import play_again
+
+        play_again(context, *then, page_port=session.page_port, command_port=session.command_port)
 
 
 def _wired_stop(device: Path) -> WiredStop:

@@ -7,6 +7,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 import msgspec
@@ -27,6 +28,7 @@ from controller.wire.messages import (
     Heartbeat,
     Home,
     Jump,
+    LoadLibrary,
     LockPhase,
     Message,
     Mode,
@@ -98,6 +100,7 @@ class CommandDesk:
         seen: the motion that the measured joints are recognised as and the confidence, or None.
         now: a steady clock, s.
         servos: of the rig, if there is one.
+        restarts: whether the run can be started again with another library.
     """
 
     def __init__(
@@ -108,8 +111,10 @@ class CommandDesk:
         seen: Callable[[], tuple[str, float] | None] | None = None,
         now: Callable[[], float] = time.monotonic,
         servos: RigServos | None = None,
+        restarts: bool = False,
     ) -> None:
         self._deck = deck
+        self._restarts = restarts
         self._servos = servos
         self._servers = servers
         self._note = note
@@ -250,6 +255,8 @@ class CommandDesk:
                     if to == "on":
                         stop.check_released()
                     self._rig.switch(joint, on=to == "on")
+                case LoadLibrary():
+                    self._load(message, stop, remote)
                 case RestartServo(joint=joint):
                     self._rig.restart(joint)
                 case _:
@@ -259,6 +266,17 @@ class CommandDesk:
         if progress is None:
             return Accepted(message.id), None
         return Accepted(message.id, progress.after, list(progress.via)), progress
+
+    def _load(self, message: LoadLibrary, stop: StopRequest, remote: bool) -> None:
+        """Asks for a controlled end, after which another library is started."""
+        if remote:
+            raise MotiondeckError("a library is loaded from this machine only")
+        if not self._restarts:
+            raise MotiondeckError("this deck takes no other library: start it with motiondeck play, with a page")
+        if not Path(message.library).is_file():
+            raise MotiondeckError(f"{message.library}: there is no such file; give the whole path")
+        stop.ask(f"starts again with {message.to} of {Path(message.library).name}")
+        stop.then = message.library, message.to
 
     @property
     def _rig(self) -> RigServos:

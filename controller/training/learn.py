@@ -176,6 +176,24 @@ def learn(
     return LearnedLibrary(library, recipe, [*rows, *left_out])
 
 
+def examine(
+    file: Path, name: str, options: ReadingOptions = AS_FOUND, within: tuple[float, float] | None = None
+) -> tuple[MotionRecipe, Clip]:
+    """What `learn` finds out about one recording: how to learn it, and its clip with all frames.
+
+    Args:
+        file: the recording.
+        name: of the motion.
+        options: what overrules the file.
+        within: the only part to take, from and to, s; all of it by default.
+
+    Raises:
+        MotiondeckError: if it cannot be read or learned, and why.
+    """
+    one = _prepare(file, name, options, [], within)
+    return one.motion, one.clip
+
+
 def _row(one: _Prepared, training_set: TrainingSet, library: MotionLibrary) -> LearnedMotion:
     info = next(info for info in library.info.motions if info.name == one.motion.name)
     part = training_set.parts[info.name]
@@ -209,7 +227,13 @@ def _takes(files: list[Path]) -> dict[Path, list[Path]]:
     return {file: further.get(file, []) for file in files if file not in taken}
 
 
-def _prepare(file: Path, name: str, options: ReadingOptions, takes: list[Path]) -> _Prepared:
+def _prepare(
+    file: Path,
+    name: str,
+    options: ReadingOptions,
+    takes: list[Path],
+    within: tuple[float, float] | None = None,
+) -> _Prepared:
     """Reads a recording and finds out which of its frames to learn, and how they play.
 
     Raises:
@@ -220,6 +244,8 @@ def _prepare(file: Path, name: str, options: ReadingOptions, takes: list[Path]) 
     if isinstance(clip.skeleton, JointBody):
         clip, taught = read_takes([file, *takes])
     first, end = moving_part(clip)
+    if within is not None and end:
+        first, end = max(first, round(within[0] * clip.rate)), min(end, round(within[1] * clip.rate))
     seconds = (end - first) / clip.rate
     if end == 0:
         raise FileFormatError(f"{file}: nothing moves in it. Give a recording with a motion.")

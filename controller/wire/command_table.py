@@ -24,6 +24,7 @@ from controller.wire.messages import (
     Heartbeat,
     Home,
     Jump,
+    LoadLibrary,
     LockPhase,
     Message,
     Mode,
@@ -42,6 +43,7 @@ from controller.wire.messages import (
 )
 
 LONGEST_NAME = 100
+LONGEST_PATH = 1500
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,24 @@ class MotionName:
         """Raises a CommandError where a name is empty or too long to be a motion's."""
         if not 0 < len(value) <= LONGEST_NAME:
             raise CommandError(f"the name of a {self.kind} has 1 to {LONGEST_NAME} characters")
+
+
+@dataclass(frozen=True)
+class FilePath:
+    """An argument that is a file."""
+
+    field: str
+    name: str
+    optional: bool = False
+
+    def parse(self, word: str) -> str:
+        """The path itself."""
+        return word
+
+    def check(self, value: str) -> None:
+        """Raises a CommandError where a path is empty or too long for a message."""
+        if not 0 < len(value) <= LONGEST_PATH:
+            raise CommandError(f"a path has 1 to {LONGEST_PATH} characters here")
 
 
 @dataclass(frozen=True)
@@ -129,7 +149,7 @@ class Choice:
             raise CommandError(f"{self.name} must be one of {', '.join(self.words)}, not '{value}'")
 
 
-Argument = MotionName | Number | Flag | Choice
+Argument = MotionName | FilePath | Number | Flag | Choice
 
 TEMPO = Number("factor", "TEMPO", -3.0, 3.0)
 TEMPO_SECONDS = Number("over", "SECONDS", 0.0, 60.0, optional=True)
@@ -259,6 +279,12 @@ COMMANDS = (
         RestartServo,
         (MotionName("joint", "JOINT", kind="joint"),),
         "restart a servo of the rig and set it up again; the others hold meanwhile",
+    ),
+    DeckCommand(
+        "load",
+        LoadLibrary,
+        (FilePath("library", "LIBRARY"), MotionName("to")),
+        "come to rest, and start again with another library file, as seen from the deck's folder",
     ),
     DeckCommand("stop", Stop, (), "bring the joints to rest and end the run", ALWAYS, ("quit",)),
 )

@@ -226,6 +226,19 @@ class RestartServo(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag=
     id: Number = 0
 
 
+class LoadLibrary(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="load"):
+    """Come to rest, and start again with another library.
+
+    Attributes:
+        library: its file, seen from the folder in which the deck was started.
+        to: the motion that is played first.
+    """
+
+    library: str
+    to: str
+    id: Number = 0
+
+
 class Accepted(msgspec.Struct, frozen=True, tag="accepted"):
     """The command is being carried out.
 
@@ -407,6 +420,7 @@ Message = (
     | GetPhase
     | ServoTorque
     | RestartServo
+    | LoadLibrary
 )
 Reply = Accepted | Refused | Settled | State | PhaseNow | Event
 

@@ -22,6 +22,7 @@ os.environ.setdefault("MUJOCO_GL", "disable")
 
 import mujoco
 import numpy as np
+import viser
 
 from controller.wire.command_socket import CommandClient
 from controller.wire.messages import Event, Subscribe
@@ -30,6 +31,7 @@ from controller.wire.telemetry import StateReader
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 from sim.view.drawn_model import DrawnModel
 from sim.view.ghost import Ghost
+from sim.view.learning.learn_panel import LearnPanel
 from sim.view.live_footprints import LiveSteps
 from sim.view.network_view import NetworkView
 from sim.view.panel import Panel
@@ -42,6 +44,7 @@ PICTURES_PER_SECOND = 30.0
 HEALTH_PER_SECOND = 4.0
 BESIDE = 0.75  # of the robot's height: so far aside a follower, or the human, is drawn
 LAST_WORD = 1.2  # s for a browser to get the reason of the end
+SIDE_WIDTH = 330  # pixels
 LONGEST_WAIT = 60.0  # s for a deck that is starting
 
 
@@ -90,9 +93,18 @@ def view(state: Path, command_port: int | None, port: int) -> None:
         has_network=inside is not None,
     )
     rig = glow = None
-    if servos := description.get("rig"):
-        rig = RigPanel(page, panel.parts, servos, panel.ask)
+    servos, learn = description.get("rig"), description.get("learn")
+    side = page.gui.add_panel() if servos or learn else None
+    if side is not None and servos:
+        with side.add_tab("Rig", viser.Icon.ENGINE):
+            rig = RigPanel(page, panel.parts, servos, panel.ask)
         glow = JointGlow(page, model, [servo["joint"] for servo in servos["servos"]], scene.height)
+    if side is not None and learn:
+        with side.add_tab("Learn", viser.Icon.SCHOOL):
+            LearnPanel(page, panel.parts, learn, Path(description["library_file"]), state.parent / "dropped", panel.ask)
+    if side is not None:
+        side.dock_left()
+        side.set_width(SIDE_WIDTH)
     events = CommandClient(command_port)
     with contextlib.suppress(MotiondeckError):
         events.post(Subscribe())

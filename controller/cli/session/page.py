@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -169,10 +170,12 @@ class Page:
         command_port: int = 0,
         library: Path | None = None,
         servos: RigOutput | None = None,
+        learns: bool = False,
     ) -> Iterator[Page]:
         """Puts the robots' models, the human's and the state beside each other, where the view waits for them.
 
-        The library's file is where the view finds the network that plays; servos are those of the first robot.
+        The library's file is where the view finds the network that plays; servos are those of the first robot. With
+        `learns` recordings can be learned on the page, in a process of their own.
         """
         from sim.view.ghost import draw_ghost
 
@@ -202,6 +205,9 @@ class Page:
         if human is not None:
             description["human"] = draw_ghost(human, robot.path_scale, state.with_name("human.xml"))
             numbers |= {"human_root": 3, "human_turn": 4 * (1 + len(human))}
+        if learns and library is not None:
+            description["library_file"] = str(library.resolve())
+            description["learn"] = [sys.executable, "-P", "-m", "controller.cli.session.page_learning"]
         if servos is not None:
             description["rig"] = servos.description
             numbers |= dict.fromkeys(_OF_SERVOS, len(servos.description["servos"]))

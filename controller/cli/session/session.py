@@ -85,6 +85,7 @@ class RunSettings:
         token: who has it may command.
         stop_input: a wired emergency stop, if there is one; the session closes it.
         library: the file of what is played, if it is a library.
+        restarts: whether the caller starts the run again when another library is asked for.
         lock_to: what the phase is locked to from the start: "beat", "body", the command port of another deck of
             this machine, or None.
     """
@@ -105,6 +106,7 @@ class RunSettings:
     stop_input: WiredStop | None = None
     lock_to: str | None = None
     library: Path | None = None
+    restarts: bool = False
 
 
 class PlayableDeck(Player, Commandable, Showable, Protocol):
@@ -187,8 +189,8 @@ class Session:
         self._watch = self._open_watch()
         if page_state is not None:
             human, port = self._shown_human(), self.command_port
-            library = self._settings.library
-            page = Page.open(page_state, self._deck, self.robots, human, self._watch, port, library, servos)
+            library, learns = self._settings.library, self._settings.restarts
+            page = Page.open(page_state, self._deck, self.robots, human, self._watch, port, library, servos, learns)
             self._page = opening.enter_context(page)
         self._recorder = self._open_recorder(opening)
         self._desk = CommandDesk(
@@ -197,6 +199,7 @@ class Session:
             self._recorder.note if self._recorder else None,
             seen := (lambda watch=self._watch: watch.seen) if self._watch else None,
             servos=servos,
+            restarts=self._settings.restarts,
         )
         self._news = RunNews(self._desk, self._clock, self._channels, servers, seen)
         self._start_terminal(opening)
@@ -287,6 +290,11 @@ class Session:
         skeleton = self._source.skeleton
         unknown = isinstance(self._deck, RecordedDeck) or isinstance(skeleton, JointBody)
         return None if unknown else skeleton
+
+    @property
+    def then(self) -> tuple[str, str] | None:
+        """The library file and the motion to start again with, if that was asked for."""
+        return self._stop.then
 
     def run(self) -> dict[str, Any]:
         """Plays until the time is over or somebody stops it; the report of the run."""

@@ -1,4 +1,4 @@
-"""The rig beside the scene: a card for each servo, the last minute of one, and what can be done with it."""
+"""The rig on the page: a card for each servo, the last minute of one, and what can be done with it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from sim.view.rig.servo_plot import ServoPlot
 from sim.view.web.parts import PageParts
 from sim.view.web.private_page import PrivatePage
 
-WIDTH = 330  # pixels
 FALLS = "The joint goes limp: hold what would fall. The others play on."
 SETS_UP = "The servo is checked and switched on where it stands; then it comes slowly to where it should be."
 RESTARTS = "All servos hold for half a second; this one is limp for as long, then it is set up again."
@@ -24,7 +23,7 @@ Ask = Callable[[viser.GuiEvent, str, str, str, Message], None]
 
 
 class RigPanel:
-    """A panel of its own, left of the scene.
+    """The widgets of the rig, where the page's widgets are being added.
 
     Args:
         page: where it stands.
@@ -37,16 +36,12 @@ class RigPanel:
         self._servos: Sequence[Mapping[str, Any]] = rig["servos"]
         self._looks = ServoLooks(rig)
         self._chosen = 0
-        panel = page.gui.add_panel()
-        panel.dock_left()
-        panel.set_width(WIDTH)
         gui = page.gui
-        with panel.add_tab("Rig", viser.Icon.ENGINE):
-            self._summary = gui.add_html("")
-            self._cards = parts.add("servo-cards", "servos", {"servos": [*self._servos]}, self._choose)
-            self._title = gui.add_html("")
-            self._deeds = parts.add("button-row", "servo-deeds", heard=self._do)
-            self._plot = ServoPlot(page)
+        self._summary = gui.add_html("")
+        self._cards = parts.add("servo-cards", "servos", {"servos": [*self._servos]}, self._choose)
+        self._title = gui.add_html("")
+        self._deeds = parts.add("button-row", "servo-deeds", heard=self._do)
+        self._plot = ServoPlot(page)
         self._ask = ask
 
     @property

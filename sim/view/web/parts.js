@@ -1,6 +1,6 @@
 // Draws the page's own parts from JSON that the server keeps up to date, and sends back what is done with them.
 //
-// A part is an element with data-part="KIND"; its state is the text of the element with data-state-of="ID".
+// A part is an element with data-part="KIND"; its state is in data-state of the element with data-state-of="ID".
 // A kind registers how it is drawn: motiondeck.part(KIND, draw), draw(element, state, send). send(value) reaches the
 // server through a text field that viser keeps in step; the field is hidden.
 window.motiondeck ??= (() => {
@@ -23,7 +23,7 @@ window.motiondeck ??= (() => {
   function draw() {
     for (const element of document.querySelectorAll("[data-part]")) {
       const kind = kinds[element.dataset.part];
-      const text = document.querySelector(`[data-state-of="${element.id}"]`)?.textContent;
+      const text = document.querySelector(`[data-state-of="${element.id}"]`)?.dataset.state;
       if (!kind || text === undefined || drawn.get(element) === text) continue;
       drawn.set(element, text);
       kind(element, JSON.parse(text), sender(element.id));

@@ -1,7 +1,7 @@
 """The page's own parts: each is drawn by a script in the browser from a little JSON, and sends back what is done.
 
-viser carries both ways: a state is the text of a hidden element, an event is the value of a hidden text field. So parts
-need no connection of their own, and a page that is reloaded has the latest state at once.
+viser carries both ways: a state is in an attribute of a hidden element, an event is the value of a hidden text field.
+So parts need no connection of their own, and a page that is reloaded has the latest state at once.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Part:
         text = json.dumps(state, separators=(",", ":"))
         if text != self._text:
             self._text = text
-            self._state.content = f'<div hidden data-state-of="{self._name}">{html.escape(text, quote=False)}</div>'
+            self._state.content = f'<div hidden data-state-of="{self._name}" data-state="{html.escape(text)}"></div>'
 
 
 class PageParts:

@@ -8,18 +8,23 @@ import pytest
 from controller.cli.session.session import RunSettings, Session
 from controller.loop.command_desk import CommandDesk
 from controller.loop.stop_requests import StopRequest
+from controller.wire.command_table import COMMANDS
 from controller.wire.messages import (
     Accepted,
     EmergencyStop,
     Event,
     Heartbeat,
+    LoadLibrary,
     Pause,
     Refused,
     Reset,
+    RestartServo,
     Resume,
+    ServoTorque,
     Subscribe,
     Switch,
 )
+from controller.wire.run_recording import COMMANDS as RECORDED
 
 
 class Deck:
@@ -55,9 +60,9 @@ class Server:
 class Desk:
     """A desk with a clock that stands still until it is told otherwise."""
 
-    def __init__(self, remote=False):
+    def __init__(self, remote=False, **more):
         self.deck, self.server, self.stop, self.now = Deck(), Server(remote), StopRequest(), 100.0
-        self.desk = CommandDesk(self.deck, [self.server], now=lambda: self.now)
+        self.desk = CommandDesk(self.deck, [self.server], now=lambda: self.now, **more)
 
     def ask(self, message, sender="somebody"):
         """The first reply to a command."""
@@ -196,3 +201,46 @@ def test_a_wired_stop_stops_and_while_it_is_pulled_a_reset_is_in_vain(desk, caps
     wired.pulls = 2  # a key that was let go again before anybody looked
     session._look_at_wired_stop(wired, desk.stop)
     assert desk.stop.emergency
+
+
+class NotedServos:
+    """Servos that note what is done to them."""
+
+    def __init__(self):
+        self.done = []
+
+    def switch(self, joint, *, on):
+        self.done.append((joint, on))
+
+    def restart(self, joint):
+        self.done.append((joint, "restarted"))
+
+
+def test_a_servo_can_be_switched_off_in_an_emergency_stop_but_not_on(desk):
+    assert isinstance(desk.ask(ServoTorque("knee", "off")), Refused)  # there is no rig
+    servos = NotedServos()
+    desk = Desk(servos=servos)
+    desk.ask(EmergencyStop())
+    for message in (ServoTorque("knee", "on"), RestartServo("knee")):
+        assert isinstance(desk.ask(message), Refused)
+    assert desk.ask(ServoTorque("knee", "off")) == Accepted(0)
+    desk.stop.mode = "playing"
+    desk.ask(RestartServo("knee"))
+    assert servos.done == [("knee", False), ("knee", "restarted")]
+
+
+def test_another_library_ends_the_run_where_it_can_be_started_again(desk, tmp_path):
+    (tmp_path / "mine.safetensors").write_bytes(b"")
+    mine = LoadLibrary(str(tmp_path / "mine.safetensors"), "swing")
+    assert "takes no other library" in desk.ask(mine).reason
+    assert "this machine only" in Desk(remote=True, restarts=True).ask(mine).reason
+    desk = Desk(restarts=True)
+    assert "no such file" in desk.ask(LoadLibrary("gone.safetensors", "swing")).reason
+    assert not desk.stop
+    assert desk.ask(mine) == Accepted(0)
+    assert (bool(desk.stop), desk.stop.then) == (True, (mine.library, "swing"))
+
+
+def test_every_command_that_changes_something_can_be_recorded():
+    looks = {"status", "phase", "heartbeat", "subscribe"}
+    assert {command.word for command in COMMANDS} - looks == set(RECORDED)

@@ -13,6 +13,7 @@ from controller.wire.command_table import (
     BY_WORD,
     COMMANDS,
     Choice,
+    FilePath,
     Flag,
     MotionName,
     Number,
@@ -37,7 +38,7 @@ def test_the_help_has_a_line_for_each_command():
 
 
 def typed(argument):
-    if isinstance(argument, MotionName):
+    if isinstance(argument, MotionName | FilePath):
         return NAMES
     if isinstance(argument, Flag):
         return st.just(argument.name)
@@ -91,4 +92,4 @@ def test_the_emergency_stop_is_always_allowed_and_its_reset_only_while_it_is_on(
     assert command_of(Reset()).modes == {"emergency stop"}
     moving = [c.word for c in COMMANDS if "emergency stop" not in c.modes]
     plays = ["switch", "queue", "blend", "tempo", "input", "jump", "beat", "lock", "unlock"]
-    assert moving == [*plays, "pause", "resume", "home", "restart"]
+    assert moving == [*plays, "pause", "resume", "home", "restart", "load"]

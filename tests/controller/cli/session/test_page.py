@@ -5,6 +5,7 @@ import re
 import socket
 import subprocess
 import sys
+import time
 from contextlib import closing
 
 import msgspec
@@ -13,9 +14,12 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Error
 
+from bodies import waving
+from controller.mocap.formats.writing import bvh_text
 from controller.wire.command_socket import CommandClient
 from controller.wire.messages import GetStatus
 from motiondeck_base.shipped import find_rig
+from web_pages import drop
 
 
 def free_port():
@@ -53,6 +57,7 @@ def address(emulator):
     robot = ["--robot", "servo20", "--rig", str(rig)]
     deck = subprocess.Popen(
         [*COMMAND, "play", "walk", *robot, "--port", "0", "--command-port", COMMAND_PORT],
+        cwd=rig.parent,
         stdin=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
@@ -133,9 +138,28 @@ def test_nobody_can_publish_the_page(page):
     assert page.get_by_role("button", name="Share").count() == 0
 
 
+def test_a_dropped_recording_is_played_within_a_minute(page, emulator):
+    """The deck starts again with its rig and on its ports; the page comes back by itself."""
+    _, rig = emulator
+    swing = rig.parent / "swing.bvh"
+    swing.write_text(bvh_text(waving(30.0, 4.0, still=1.0)))
+    began = time.monotonic()
+    page.get_by_role("tab", name="Learn").click()
+    drop(page, swing)
+    page.get_by_role("button", name="Learn it").click()
+    page.get_by_role("button", name="Play it").click()
+    page.get_by_role("button", name="Start again with it").click()
+    page.locator("#state-line").get_by_text("swing", exact=True).wait_for()
+    assert time.monotonic() - began < 60.0
+    assert state()["motion"] == "swing"
+    assert len(state()["motions"]) == 16
+    page.get_by_role("tab", name="Rig").click()
+
+
 def test_a_servo_that_is_pulled_is_red_within_two_seconds(page, emulator):
     servos, _ = emulator
     card = page.get_by_role("button", name=re.compile("^l_knee:"))
+    card.wait_for()
     assert "bad" not in card.get_attribute("class")
     servos.stdin.write("pull l_knee\n")
     servos.stdin.flush()

@@ -1,0 +1,1 @@
+"""Learning a recording on the page: dropped, trimmed, named, learned, played."""

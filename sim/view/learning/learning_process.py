@@ -1,0 +1,83 @@
+"""The process that learns, seen from the page: one request, then what it says, line by line.
+
+Which program it is, whoever starts the page decides; here is the form of what passes between the two.
+"""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Iterator, Sequence
+
+import msgspec
+
+
+class LearnRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What is to be done.
+
+    Attributes:
+        file: the recording; what belongs to it, such as a skeleton, lies beside it.
+        name: of the motion; "" to look at the recording only.
+        within: the part to take, from and to, s.
+        library: the file to add the motion to.
+    """
+
+    file: str
+    name: str = ""
+    within: tuple[float, float] | None = None
+    library: str = ""
+
+
+class LearningStep(msgspec.Struct, frozen=True, tag="step"):
+    """What is being done, in words."""
+
+    text: str
+
+
+class Seen(msgspec.Struct, frozen=True, tag="seen"):
+    """A recording: how long it is, which part moves, s, and some of its poses.
+
+    Attributes:
+        figures: positions of the joints, shape (poses, 1 + B, 3), m, each about its own root.
+        parents: of the bones, -1 for the root.
+    """
+
+    seconds: float
+    moving: tuple[float, float]
+    figures: list[list[list[float]]]
+    parents: list[int]
+
+
+class Learned(msgspec.Struct, frozen=True, tag="learned"):
+    """The library that has the motion, and how it plays."""
+
+    library: str
+    motion: str
+    text: str
+
+
+class NotLearned(msgspec.Struct, frozen=True, tag="failed"):
+    """Why not, and what to do."""
+
+    reason: str
+
+
+News = LearningStep | Seen | Learned | NotLearned
+
+_news = msgspec.json.Decoder(News)
+_ENDED = "the process that learns has ended without an answer; its message stands in the deck's terminal"
+
+
+def work(command: Sequence[str], request: LearnRequest) -> Iterator[News]:
+    """What the process says while it carries out a request; the last is what came of it."""
+    with subprocess.Popen([*command, msgspec.json.encode(request).decode()], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        last: News | None = None
+        try:
+            for line in process.stdout:
+                last = news = _news.decode(line)
+                yield news
+        except msgspec.MsgspecError:
+            process.kill()
+            last = None
+        if last is None or isinstance(last, LearningStep):
+            yield NotLearned(_ENDED)
