@@ -89,7 +89,7 @@ def teach(
         elif folder:
             session.record_motions(parts, out)
         else:
-            session.record_takes(parts, out)
+            session.record_takes(parts, out, out)
     session.report()
 
 
@@ -150,10 +150,10 @@ class _Session:
 
     def record_once(self, parts: list[tuple[RigConfig, Bus]], out: Path, seconds: float) -> None:
         """Records for some seconds and saves it, whatever cuts it short."""
-        self._save(self._recorded(parts, seconds), out)
+        self._save(self._recorded(parts, seconds), out, asked=False)
 
     def record_motions(self, parts: list[tuple[RigConfig, Bus]], folder: Path) -> None:
-        """Asks for names and records a motion for each, until there is none."""
+        """Asks for names and records a motion for each, until there is none; one that is there gets another take."""
         from controller.training.recipe import check_name
         from motiondeck_base.errors import FileFormatError
 
@@ -163,13 +163,15 @@ class _Session:
             except FileFormatError as error:
                 self._say(str(error))
                 continue
-            self.record_takes(parts, folder / f"{name}.clip")
+            out = folder / f"{name}.clip"
+            if out.exists():
+                self._say(f"{out.name} is there already: this will be another take of it, {_next_take(out).name}")
+            self.record_takes(parts, out, _next_take(out) if out.exists() else out)
 
-    def record_takes(self, parts: list[tuple[RigConfig, Bus]], out: Path) -> None:
-        """Records a motion until a take is saved that is to be the last."""
+    def record_takes(self, parts: list[tuple[RigConfig, Bus]], out: Path, file: Path) -> None:
+        """Records takes of the motion `out`, the first into `file`, until one is saved that is to be the last."""
         from hardware.errors import RigError
 
-        file = out
         while True:
             self.typed.ask(f"{file.stem}: torque is off. Press Enter to begin ")
             try:
@@ -184,7 +186,7 @@ class _Session:
                 return
             if choice == "again":
                 continue
-            self._save(recording, file)
+            self._save(recording, file, asked=not recording.cut_short)
             if choice != "take":
                 return
             file = _next_take(out)
@@ -279,8 +281,8 @@ class _Session:
         plays = self.plays or ("loop" if returns(found.moving, rate, at_least=0.5) else "once")
         return _Recording(found, plays, self.trim, self.cut_short)
 
-    def _save(self, recording: _Recording, out: Path) -> None:
-        """Writes a recording, and takes note of it for the report."""
+    def _save(self, recording: _Recording, out: Path, asked: bool) -> None:
+        """Writes a recording, and takes note of it for the report; its limits are told if nobody was asked before."""
         from controller.mocap.encodings.joint_angles import save_taught_clip, taught_clip
         from hardware.tools.teaching import beyond_limits
 
@@ -302,7 +304,7 @@ class _Session:
         )
         if self.as_json:
             return
-        for warning in warnings:
+        for warning in [] if asked else warnings:
             print(f"note: {warning}; played, it will be held back")
         print(f"wrote {out}: {recording.describe(rate)}, {len(config.names)} joints at {rate:g} Hz", flush=True)
 

@@ -208,6 +208,15 @@ def test_takes_are_numbered_and_another_motion_among_them_is_named(session, tmp_
     assert "is not the motion of" in result.stderr
 
 
+def test_a_name_that_was_used_before_gets_another_take_and_loses_nothing(session, tmp_path):
+    session(tmp_path, ["", "wave", "", "", ""], [wave()])
+    before = (tmp_path / "wave.clip").read_bytes()
+    result = session(tmp_path, ["", "wave", "", "", ""], [wave(0.55)])
+    assert "wave.clip is there already: this will be another take of it, wave.2.clip" in result.stderr
+    assert (tmp_path / "wave.clip").read_bytes() == before
+    assert (tmp_path / "wave.2.clip").exists()
+
+
 @pytest.mark.parametrize(("option", "seconds", "left"), [("--trim", 4.2, True), ("--no-trim", 5.0, False)])
 def test_what_is_trimmed_is_told_and_can_be_kept(session, tmp_path, option, seconds, left):
     result = session(tmp_path / "wave.clip", ["", "", ""], [wave(still=1.0)], option)
