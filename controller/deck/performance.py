@@ -36,7 +36,10 @@ MORPH_SECONDS = 1.0
 MOST_CORRECTIONS = 6
 
 # From which share of the limits of a join on it is replaced: a body that is slowed down gets a little faster at first.
-CORRECTED_FROM = 0.9
+CORRECTED_FROM = 0.8
+
+# From which share of the limits on a blend weight changes more slowly, how slowly at least, and how soon it does, s.
+EASED_FROM, SLOWEST, EASING_SECONDS = 0.7, 0.2, 0.1
 
 # While the weight of a blend changes, it is given up beyond so many times the limits of a join.
 BLEND_TURNS_OVER = 2.0
@@ -68,6 +71,7 @@ class Performance:
         self._first, self._second = Track(library, self.motions), Track(library, self.motions)
         self._blend: PostureBlend | None = None
         self._weight: Weight = Ramp(0.0, 0.0, 0.0)
+        self._weight_pace = 1.0  # of the weight, which changes more slowly where joints become too fast
         self._switching = False  # whether a switch is under way that mixes or morphs
         self._check: BlendCheck | None = None
         self.blend_problem = ""
@@ -168,6 +172,9 @@ class Performance:
         self._take(shown)
         # Played faster, the motions themselves go beyond what they need at their own tempo.
         use = self._limits.use(self._next, dt) / max(1.0, abs(tempo)) if self._limits is not None else 0.0
+        if self.crossing:
+            wanted = 1.0 - (use - EASED_FROM) / (CORRECTED_FROM - EASED_FROM)
+            self._weight_pace += (min(max(wanted, SLOWEST), 1.0) - self._weight_pace) * min(1.0, dt / EASING_SECONDS)
         if blending and use > BLEND_TURNS_OVER:
             self.blend_problem = "turns over"
         elif not blending and use > CORRECTED_FROM and self._corrections < MOST_CORRECTIONS:
@@ -251,7 +258,7 @@ class Performance:
             starting = self._fade is not None and not self.here.loop
             onset = self._fade.onset(self._fade_elapsed) if self._fade is not None and starting else 1.0
             return self._first.step(dt, tempo * onset)
-        weight = self._weight.advance(dt)
+        weight = self._weight.advance(dt * self._weight_pace)
         tempos = (1.0, 1.0)
         if not self._switching:
             tempos = tempos_in_step(self._first.motion, self._second.motion, weight)
@@ -283,9 +290,9 @@ class Performance:
         """Limits the join that begins, by these motions and by those of a join still under way."""
         if self._limits is None:
             self._limits = JoinLimits(self._skeleton, self._pose_before, self.pose)
-            self._corrections = 0
-        for motion in motions:
-            self._limits.allow(motion)
+            self._weight_pace = 1.0
+        self._limits.begin(*motions)
+        self._corrections = 0
 
     def _mix_to(self, motion: str, anchor: int) -> None:
         """Enters a motion on the second track, and mixes both until it is left alone."""

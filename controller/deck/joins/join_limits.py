@@ -26,12 +26,15 @@ class JoinLimits:
         self._skeleton = skeleton
         self._now = self._joints(now)
         self._before = self._joints(before) if before is not None else None
+        self._motions: tuple[Motion, ...] = ()
         self._speed = self._acceleration = 0.0
 
-    def allow(self, motion: Motion) -> None:
-        """Raises the limits to what one more motion allows."""
-        self._speed = max(self._speed, FASTEST * motion.speed)
-        self._acceleration = max(self._acceleration, HARDEST * motion.acceleration)
+    def begin(self, *motions: Motion) -> None:
+        """Sets the limits to those of a join of these motions; the motions of the join that it interrupts count too."""
+        allowed = (*self._motions, *motions)
+        self._motions = motions
+        self._speed = FASTEST * max(motion.speed for motion in allowed)
+        self._acceleration = HARDEST * max(motion.acceleration for motion in allowed)
 
     def use(self, pose: Pose, dt: float) -> float:
         """How much of the limits the joints need if this pose comes dt seconds after the last; 1 is the limit."""

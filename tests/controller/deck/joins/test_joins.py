@@ -23,6 +23,11 @@ def cmu86():
     return load_library(shipped_configs() / "libraries" / "cmu86.safetensors")
 
 
+@pytest.fixture(scope="module")
+def thesis15():
+    return load_library(shipped_configs() / "libraries" / "thesis15.safetensors")
+
+
 @pytest.mark.parametrize("joining", [joining for joining in JOININGS if joining != "cut"])
 @pytest.mark.parametrize("frame", [100, 109])
 def test_from_kick_to_run_at_frame_109_no_shin_turns_over(cmu86, joining, frame):
@@ -85,16 +90,36 @@ def test_the_limits_of_a_join_are_one_and_a_half_speeds_and_two_accelerations(wa
     dt = 0.005
     fast = 1.5 * walk.speed * dt
     steady = JoinLimits(cast(Skeleton, Rod()), at(-0.99 * fast), at(0.0))
-    steady.allow(walk)
+    steady.begin(walk)
     assert steady.use(at(0.99 * fast), dt) == pytest.approx(0.99)
     assert steady.use(at(1.01 * fast), dt) == pytest.approx(1.01)
     hard = 2.0 * walk.acceleration * dt**2
     resting = JoinLimits(cast(Skeleton, Rod()), at(0.0), at(0.0))
-    resting.allow(walk)
+    resting.begin(walk)
     assert resting.use(at(0.99 * hard), dt) == pytest.approx(0.99)
     assert resting.use(at(-1.01 * hard), dt) == pytest.approx(1.01)
     resting.accept(at(0.5 * hard))
     assert resting.use(at(2.0 * hard), dt) == pytest.approx(1.0)
+
+
+def test_a_join_is_limited_by_its_motions_and_by_those_of_the_join_it_interrupts(cmu86):
+    """Kept for as long as joins overlapped, the limits of a box were those of a crawl four joins later."""
+    motions = read_motions(cmu86)
+    fast, slow = (choose(motions.values(), key=lambda motion: motion.speed) for choose in (max, min))
+    limits = JoinLimits(cast(Skeleton, Rod()), at(0.0), at(0.0))
+    limits.begin(fast, slow)
+    fast_use = limits.use(at(0.01), 0.005)
+    limits.begin(slow, slow)
+    assert limits.use(at(0.01), 0.005) == fast_use
+    limits.begin(slow, slow)
+    assert limits.use(at(0.01), 0.005) > fast_use
+
+
+def test_a_blend_that_becomes_too_fast_is_slowed_down(thesis15):
+    """At an even pace of the weight it reached 1.74 times the speed of the faster motion."""
+    join = blend_over(thesis15, "crawl", "sitting", 17 / 24, direct=True)
+    assert join.passes, join
+    assert 1.0 < join.seconds < 1.5
 
 
 def test_what_turns_and_moves_steadily_is_extrapolated_exactly():
