@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 from threading import Lock
 
 import numpy as np
@@ -10,20 +11,17 @@ import viser
 
 from controller.rotations import Array
 from controller.wire.command_socket import CommandClient
-from controller.wire.command_table import BY_WORD, TEMPO, WEIGHT
+from controller.wire.command_table import BY_WORD, TEMPO
 from controller.wire.messages import (
     LOCK_SOURCES,
     LOCK_STAGES,
-    Blend,
     EmergencyStop,
     Event,
     GiveBeat,
     Home,
-    Jump,
     LockState,
     Message,
     Pause,
-    Queue,
     Refused,
     Reset,
     Resume,
@@ -34,11 +32,12 @@ from controller.wire.messages import (
 )
 from motiondeck_base.errors import MotiondeckError
 from sim.view.ghost import WAYS
-from sim.view.page_style import MARK_OF_MOTIONS, STYLE
+from sim.view.motions.motion_controls import MotionControls
 from sim.view.recognition_text import what_is_seen
-from sim.view.state_line import RunState, button_labels, ended_line, number_in, state_line
+from sim.view.web.page_style import STYLE
 from sim.view.web.parts import PageParts
 from sim.view.web.private_page import PrivatePage
+from sim.view.web.state_line import RunState, ended_line, number_in, state_line
 
 ANSWER_WITHIN = 1.0
 # A hand on a slider keeps it for so long before the deck's own value is shown again, s.
@@ -47,12 +46,9 @@ HAND_ON = 1.0
 _TOLD = ("via", "gave up", "fault", "lost", "replayed")
 
 CURRENT = (38, 110, 200)
-UPCOMING = (112, 72, 232)
-OTHERS = (120, 130, 145)
 STOPS = (201, 42, 42)
-# Keys for the first motions, and from how many motions on one can be searched for.
+# Keys for the first motions.
 DIGITS = ("1", "2", "3", "4", "5", "6", "7", "8", "9")
-SEARCHED = 12
 NOTICE_SECONDS = 8.0
 
 
@@ -72,12 +68,13 @@ class Panel:
         has_human: bool = False,
         has_phase: bool = False,
         has_network: bool = False,
+        library: Path | None = None,
     ) -> None:
         self._page, self._commands = page, commands
         self._motions, self._joints = motions, joints
         self._lock = Lock()
         self._state = RunState()
-        self._moved = self._jumped = 0.0  # when a hand was on the tempo, and on the phase, s
+        self._moved = 0.0  # when a hand was on the tempo, s
         gui = page.gui
         gui.configure_theme(show_share_button=False, show_logo=False, brand_color=CURRENT)
         gui.add_html(STYLE)
@@ -94,28 +91,11 @@ class Panel:
         self._pause.on_click(lambda _: self._pause_or_resume())
         self._home = gui.add_button("Home", icon=viser.Icon.HOME, color="gray", hint=BY_WORD["home"].help)
         self._home.on_click(lambda _: self._send(Home()))
-        if len(motions) > SEARCHED:
-            search = gui.add_text("search", "", hint="Only motions whose names hold this")
-            search.on_update(lambda _: self._show_only(str(search.value)))
-        with gui.add_folder("motions"):
-            gui.add_html(MARK_OF_MOTIONS)
-            self._buttons = [gui.add_button(motion, color=OTHERS) for motion in motions]
-        for motion, button in zip(motions, self._buttons, strict=True):
-            button.on_click(lambda _, motion=motion: self._play(motion))
-        self._queue = gui.add_checkbox("after the present one", False, hint="Queue a motion instead of switching now")
-        with gui.add_folder("blend", expand_by_default=False):
-            self._second = gui.add_dropdown("with", motions, hint="Blended into the motion that is playing")
-            self._weight = gui.add_slider(
-                "blend weight", min=WEIGHT.lowest, max=WEIGHT.highest, step=0.05, initial_value=0.0
-            )
-            self._weight.on_update(self._weight_moved)
-        self._motions = motions
-        gui.add_divider()
+        self._controls_of_motions = MotionControls(self.parts, motions, library, has_phase=has_phase, send=self._send)
         self._tempo = gui.add_slider(
             "tempo", min=TEMPO.lowest if has_phase else 0.0, max=TEMPO.highest, step=0.05, initial_value=1.0
         )
         self._tempo.on_update(self._tempo_moved)
-        self._phase = self._add_phase() if has_phase else None
         self._tap = self._add_tap() if has_phase else None
         with gui.add_folder("view", expand_by_default=False):
             self._human = gui.add_dropdown("human", WAYS, hint="The pose that the network plays") if has_human else None
@@ -135,14 +115,10 @@ class Panel:
         self._end.on_click(self._ask_to_end)
         self._add_keys()
         self._controls = [
-            *((button, BY_WORD["switch"]) for button in self._buttons),
-            (self._weight, BY_WORD["blend"]),
             (self._tempo, BY_WORD["tempo"]),
             (self._pause, BY_WORD["pause"]),
             (self._home, BY_WORD["home"]),
         ]
-        if self._phase is not None:
-            self._controls.append((self._phase, BY_WORD["jump"]))
         if self._tap is not None:
             self._controls.append((self._tap, BY_WORD["beat"]))
 
@@ -152,14 +128,7 @@ class Panel:
         gui.add_command("Emergency stop", hotkey="escape").on_trigger(lambda _: self._send(EmergencyStop()))
         gui.add_command("Pause or resume", hotkey="space").on_trigger(lambda _: self._pause_or_resume())
         for digit, motion in zip(DIGITS, self._motions, strict=False):
-            gui.add_command(motion, hotkey=digit).on_trigger(lambda _, motion=motion: self._play(motion))
-
-    def _add_phase(self) -> viser.GuiInputHandle[float]:
-        phase = self._page.gui.add_slider(
-            "phase", min=0.0, max=1.0, step=0.01, initial_value=0.0, hint=BY_WORD["jump"].help
-        )
-        phase.on_update(self._phase_moved)
-        return phase
+            gui.add_command(motion, hotkey=digit).on_trigger(lambda _, motion=motion: self._send(Switch(motion)))
 
     def _add_tap(self) -> viser.GuiButtonHandle:
         """A button to tap a beat, and one to end the lock."""
@@ -200,14 +169,7 @@ class Panel:
         now, before = RunState.of(state, self._motions), self._state
         self._state = now
         self._line.content = state_line(now).as_html()
-        for button, label, motion in zip(self._buttons, button_labels(now, self._motions), self._motions, strict=True):
-            colour = CURRENT if motion == now.playing else UPCOMING if motion == now.motion else OTHERS
-            if button.color != colour:
-                button.color = colour
-            if button.label != label:
-                button.label = label
-        if now.motion != before.motion:
-            self._weight.value = 0.0  # nothing is blended into a motion that was switched to
+        self._controls_of_motions.show(now, state)
         if now.paused != before.paused:
             self._pause.label = "Resume" if now.paused else "Pause"
             self._pause.icon = viser.Icon.PLAYER_PLAY if now.paused else viser.Icon.PLAYER_PAUSE
@@ -218,8 +180,6 @@ class Panel:
         tempo = round(number_in(state, "tempo", 1.0), 2)
         if abs(tempo - self._tempo.value) > 0.024 and time.monotonic() - self._moved > HAND_ON:
             self._tempo.value = min(max(tempo, self._tempo.min), self._tempo.max)
-        if self._phase is not None and time.monotonic() - self._jumped > HAND_ON:
-            self._phase.value = round(number_in(state, "phase", 0.0), 2)
         self._health.content = _health(state)
         if "seen" in state:
             self._seen.content = what_is_seen(state, self._motions, self._joints)
@@ -240,19 +200,13 @@ class Panel:
     def end(self, reason: str) -> None:
         """Shows that the run has ended, and why; nothing can be commanded any more."""
         self._line.content = ended_line(reason).as_html()
+        self._controls_of_motions.end()
         for control, _ in self._controls:
             control.disabled = True
         self._estop.disabled = self._end.disabled = True
 
-    def _play(self, motion: str) -> None:
-        self._send(Queue(motion) if self._queue.value else Switch(motion))
-
     def _pause_or_resume(self) -> None:
         self._send(Resume() if self._state.paused else Pause())
-
-    def _show_only(self, text: str) -> None:
-        for motion, button in zip(self._motions, self._buttons, strict=True):
-            button.visible = text.strip().lower() in motion.lower()
 
     def _ask_to_end(self, event: viser.GuiEvent) -> None:
         text = "The robot comes to rest, and the deck ends. This page then shows nothing any more."
@@ -282,15 +236,6 @@ class Panel:
         if event.client is not None:
             self._moved = time.monotonic()
             self._send(SetTempo(factor=float(self._tempo.value)))
-
-    def _phase_moved(self, event: viser.GuiEvent) -> None:
-        if event.client is not None:
-            self._jumped = time.monotonic()
-            self._send(Jump(phase=float(event.target.value)))
-
-    def _weight_moved(self, event: viser.GuiEvent) -> None:
-        if event.client is not None and self._state.motion:
-            self._send(Blend(self._state.motion, str(self._second.value), float(self._weight.value)))
 
     def _send(self, message: Message) -> None:
         """Sends a command and shows a refusal on the page; page callbacks come from many threads, the socket is one."""

@@ -205,8 +205,9 @@ class Page:
         if human is not None:
             description["human"] = draw_ghost(human, robot.path_scale, state.with_name("human.xml"))
             numbers |= {"human_root": 3, "human_turn": 4 * (1 + len(human))}
-        if learns and library is not None:
+        if library is not None:
             description["library_file"] = str(library.resolve())
+        if learns and library is not None:
             description["learn"] = [sys.executable, "-P", "-m", "controller.cli.session.page_learning"]
         if servos is not None:
             description["rig"] = servos.description

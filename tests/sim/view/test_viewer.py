@@ -1,5 +1,6 @@
 import io
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -158,7 +159,7 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
         page.get_by_text("locked to the beat of 117.0 a minute (+4 ms)").wait_for()
 
         # Button and highlight: the colour that "walk" had goes to "jog".
-        walk, jog = (page.get_by_role("button", name=name) for name in ("walk", "jog"))
+        walk, jog = (page.get_by_role("button", name=re.compile(f"^{name}")) for name in ("walk", "jog"))
         page.get_by_role("button", name="walk · playing", exact=True).wait_for()
         colour = "button => getComputedStyle(button).backgroundColor"
         until(lambda: walk.evaluate(colour) != jog.evaluate(colour), "the highlight")
@@ -196,7 +197,8 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
             assert 0.0 < box["y"] < 250.0
 
         # The phase is shown; tempo by keyboard, a step up, and a jump.
-        tempo_slider, phase_slider = page.get_by_role("slider").all()
+        phase_slider = page.get_by_role("slider", name="phase")
+        tempo_slider = page.locator('[role="slider"]:not([aria-label="phase"])')
         until(lambda: phase_slider.get_attribute("aria-valuenow") == "0.4", "the phase")
         phase_slider.focus()
         page.keyboard.press("ArrowRight")

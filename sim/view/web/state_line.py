@@ -10,7 +10,7 @@ import numpy as np
 
 from controller.rotations import Array
 from controller.wire.run_recording import MODES
-from sim.view.page_style import STATE_LINE
+from sim.view.web.page_style import STATE_LINE
 
 LONG = 26  # characters; longer text is set smaller
 GREEN, BLUE, VIOLET, AMBER, RED, GREY = "#2b8a3e", "#1c7ed6", "#7048e8", "#e67700", "#c92a2a", "#495057"

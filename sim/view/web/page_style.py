@@ -1,4 +1,4 @@
-"""The style of the panel: the state line and the emergency stop stay in sight, and motions stand in two columns.
+"""The style of the panel: the state line and the emergency stop stay in sight, and two buttons share a line.
 
 viser lays a panel out in one column that scrolls as a whole. These rules go by marks of our own in that column; where
 a browser or another version of viser does not match them, the panel is as viser makes it.
@@ -7,7 +7,6 @@ a browser or another version of viser does not match them, the panel is as viser
 from __future__ import annotations
 
 STATE_LINE = "state-line"
-MOTIONS = "motion-grid"
 
 STYLE = f"""<style>
 #{STATE_LINE} {{
@@ -22,10 +21,6 @@ div:has(> #{STATE_LINE}) + div button {{ min-height: 2.6em; font-size: 1.05em; f
 div[style*="pointer-events: none"] #{STATE_LINE}::before {{
   content: "NO CONNECTION"; display: block; margin: -8px -12px 4px; padding: 2px 12px; background: black;
   font-weight: 800; font-size: 17px; }}
-div:has(> div > #{MOTIONS}) {{ display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); }}
-div:has(> div > #{MOTIONS}) button {{ padding: 0 0.2em; }}
-div:has(> #{MOTIONS}) {{ display: none; }}
+div:has(> #{STATE_LINE}) + div + div {{ margin-right: 50%; padding-right: 2px; }}
+div:has(> #{STATE_LINE}) + div + div + div {{ margin-left: 50%; padding-left: 2px; margin-top: -33px; }}
 </style>"""
-
-MARK_OF_MOTIONS = f'<div id="{MOTIONS}"></div>'
-"""Goes into the folder whose buttons stand in two columns."""

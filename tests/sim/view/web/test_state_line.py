@@ -3,7 +3,7 @@ import pytest
 
 from controller.wire.run_recording import MODES
 from controller.wire.telemetry import StateReader, StateWriter
-from sim.view.state_line import RunState, button_labels, ended_line, state_line
+from sim.view.web.state_line import RunState, button_labels, ended_line, state_line
 
 MOTIONS = ["walk", "jog", "crawl", "standup", "waltz"]
 
