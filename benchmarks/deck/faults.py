@@ -4,19 +4,24 @@ Each row is a run of `play` on a simulated robot in a temporary folder of its ow
 processes share, a full disk of the recording, a home that cannot be written, a process killed or stopped for a while, a
 signal at some moment from launch on, a second deck, the socket of a killed one, a closed terminal. `left` are processes
 that outlived the deck by five seconds and folders that are still there after the next start. While Python is starting,
-before our first line, the system itself ends the program without a word; /proc tells whether it has come so far. The
-exit code of this program is 1 if a row is not as it must be.
+before our first line, the system itself ends the program without a word; /proc tells whether it has come so far. Full
+folders are small tmpfs, and a home that cannot be written is a tmpfs mounted for reading only; where mounting is not
+permitted the row says so, and stand-ins for them (a limit for the size of files, /dev/full) remain. The exit code of
+this program is 1 if a row is not as it must be.
 """
 
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import os
+import pty
 import resource
 import signal
 import subprocess
 import sys
 import tempfile
+import termios
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -46,24 +51,25 @@ class Outcome:
 class Run:
     """A deck with a folder of its own for all that it leaves; `{folder}` in an option stands for it."""
 
-    def __init__(self, folder: Path, *options: str, **environment: str) -> None:
+    def __init__(self, folder: Path, *options: str, terminal: int | None = None, **environment: str) -> None:
+        """Starts it; `terminal` is the one that it runs in."""
         self.folder = folder
         self.environment = os.environ | {"TMPDIR": str(folder), "XDG_RUNTIME_DIR": str(folder)} | environment
-        self.process = self._start(*options)
+        self.process = self._start(*options, terminal=terminal)
 
-    def _start(self, *options: str) -> subprocess.Popen[str]:
+    def _start(self, *options: str, terminal: int | None = None) -> subprocess.Popen[str]:
         words = ("play", "--kinematic", "--seconds", "3", "--command-port", "7000", *options)
         words = tuple(word.replace("{folder}", str(self.folder)) for word in words)
         limited = "no room" in options
         return subprocess.Popen(
             [sys.executable, "-m", "controller.cli.main", *(word for word in words if word != "no room")],
             env=self.environment,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
+            stdin=subprocess.DEVNULL if terminal is None else terminal,
+            stdout=subprocess.PIPE if terminal is None else terminal,
+            stderr=subprocess.STDOUT if terminal is None else subprocess.PIPE,
             text=True,
             start_new_session=True,
-            preexec_fn=_small_files if limited else None,
+            preexec_fn=_small_files if limited else _take_terminal if terminal is not None else None,
         )
 
     def second(self, *options: str) -> tuple[str, int]:
@@ -104,7 +110,7 @@ class Run:
     def end(self, fault: str, codes: tuple[int, ...], words: str) -> Outcome:
         """Waits for the end; whether the exit code is one of these, and the words were said."""
         try:
-            said = self.process.communicate(timeout=PATIENCE)[0]
+            said = "".join(text for text in self.process.communicate(timeout=PATIENCE) if text)
         except subprocess.TimeoutExpired:
             self.send("", signal.SIGKILL)
             self.process.wait()
@@ -129,15 +135,30 @@ def _small_files() -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
 
 
+def _take_terminal() -> None:
+    fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+
+
+@contextlib.contextmanager
+def mounted(folder: Path, options: str) -> Iterator[bool]:
+    """A small tmpfs in a folder; whether it may be mounted."""
+    made = subprocess.run(["mount", "-t", "tmpfs", "-o", options, "motiondeck-fault", folder], capture_output=True)
+    try:
+        yield made.returncode == 0
+    finally:
+        if made.returncode == 0:
+            subprocess.run(["umount", "-l", folder], check=True)
+
+
 def _last_line(said: str) -> str:
     return next(reversed([line for line in said.splitlines() if line.strip()]), "")
 
 
 @contextlib.contextmanager
-def started(*options: str, **environment: str) -> Iterator[Run]:
+def started(*options: str, terminal: int | None = None, **environment: str) -> Iterator[Run]:
     """A run that is over after the block, whatever happened."""
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        one = Run(Path(folder), *options, **environment)
+        one = Run(Path(folder), *options, terminal=terminal, **environment)
         try:
             yield one
         finally:
@@ -155,9 +176,62 @@ def full_disk() -> Outcome:
         return one.end("disk of the recording full", (1,), "/dev/full: cannot be written")
 
 
+def on_tmpfs(fault: str, options: str, start: Callable[[Path], Outcome]) -> Outcome:
+    """A row for which a tmpfs is mounted, or says that it may not be."""
+    with tempfile.TemporaryDirectory() as folder, mounted(Path(folder), options) as may:
+        return start(Path(folder)) if may else Outcome(fault, "skipped: mounting is not permitted here", 0, [], True)
+
+
+def full_tmpfs() -> Outcome:
+    fault = "TMPDIR on a full tmpfs"
+
+    def start(folder: Path) -> Outcome:
+        (folder / "full").write_bytes(b" " * 60_000)
+        with started("--port", "0", TMPDIR=str(folder)) as one:
+            found = one.end(fault, (1,), "no room")
+        found.left += [file.name for file in folder.glob("motiondeck*")]
+        found.good &= not found.left
+        return found
+
+    return on_tmpfs(fault, "size=64k", start)
+
+
+def full_recording() -> Outcome:
+    fault = "tmpfs of the recording fills up in the run"
+
+    def start(folder: Path) -> Outcome:
+        with started("--headless", "--record", str(folder / "run.rec")) as one:
+            found = one.end(fault, (1,), "run.rec: cannot be written (No space left on device)")
+        # What was written before is readable.
+        shown = subprocess.run(
+            [sys.executable, "-m", "controller.cli.main", "replay", str(folder / "run.rec"), "--headless"],
+            capture_output=True,
+            text=True,
+        )
+        found.good &= shown.returncode == 0
+        return found
+
+    return on_tmpfs(fault, "size=256k", start)
+
+
 def read_only_home() -> Outcome:
-    with started("--headless", HOME="/proc") as one:
-        return one.end("home cannot be written", (0,), "played to the end")
+    fault = "home mounted for reading only"
+
+    def start(folder: Path) -> Outcome:
+        with started("--headless", HOME=str(folder)) as one:
+            return one.end(fault, (0,), "played to the end")
+
+    return on_tmpfs(fault, "size=64k,ro", start)
+
+
+def closed_terminal() -> Outcome:
+    """The window of the terminal in which a deck with its prompt runs is closed."""
+    ours, theirs = pty.openpty()
+    with started("--port", "0", "--seconds", "60", terminal=theirs) as one:
+        os.close(theirs)
+        one.plays()
+        os.close(ours)
+        return one.end("the terminal is closed", (128 + signal.SIGHUP,), "")
 
 
 def struck(who: str, module: str, number: signal.Signals, codes: tuple[int, ...], words: str) -> Outcome:
@@ -205,7 +279,7 @@ def stale_socket() -> Outcome:
 
 def rows(moments: int) -> Iterator[Callable[[], Outcome]]:
     """All faults."""
-    yield from (no_room, full_disk, read_only_home)
+    yield from (no_room, full_disk, full_tmpfs, full_recording, read_only_home, closed_terminal)
     deck, page, recorder = "controller.cli.main", "sim.view.viewer", "controller.wire.recorder"
     kill, pause = signal.SIGKILL, signal.SIGSTOP
     yield lambda: struck("the deck", deck, kill, (-9,), "")

@@ -198,7 +198,7 @@ def soak(
             tick += 1
             if tick % every == 0:
                 commands += 1
-                client.send(encode(_command(rng, deck.motions, commands)))
+                client.send(encode(random_command(rng, deck.motions, commands)))
                 for _ in range(int(rng.integers(0, 60))):
                     flood += 1
                     with suppress(OSError):
@@ -246,7 +246,7 @@ def soak(
 _NONSENSE = (b" ", b"nonsense", b"[" * 2000, b"x" * 3000, b'{"type":"switch","to":"nothing"}', encode(GetStatus(7)))
 
 
-def _command(rng: np.random.Generator, motions: tuple[str, ...], number: int) -> Message:
+def random_command(rng: np.random.Generator, motions: tuple[str, ...], number: int) -> Message:
     """Some command; after an emergency stop the next ones release it soon."""
     motion = str(rng.choice(motions))
     kinds: list[Message] = [

@@ -6,9 +6,9 @@ import errno
 import os
 import signal
 import sys
+import termios
 from collections.abc import Sequence
 from importlib import import_module
-from importlib.metadata import version
 from typing import Annotated, Any
 
 from motiondeck_base.early_end import take_signals
@@ -98,6 +98,8 @@ def __getattr__(name: str) -> typer.Typer:
 
 def _print_version(asked: bool) -> None:
     if asked:
+        from importlib.metadata import version  # slow to import
+
         print(f"motiondeck {version('motiondeck')}")
         raise typer.Exit
 
@@ -123,6 +125,15 @@ def _refuse(error: Any) -> None:
     sys.exit(error.exit_code)
 
 
+def _terminal_is_closed() -> bool:
+    """Whether standard output was a terminal whose window is gone."""
+    try:
+        termios.tcgetattr(1)
+    except termios.error as error:
+        return error.args[0] == errno.EIO
+    return False
+
+
 def main() -> None:
     """Runs the command line; a user's mistake ends in one clear line and exit code 1."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -135,6 +146,9 @@ def main() -> None:
         sys.stdout = None
         sys.exit(141)
     except OSError as error:
+        if _terminal_is_closed():
+            sys.stdout = None
+            sys.exit(128 + signal.SIGHUP)
         if "MOTIONDECK_DEBUG" in os.environ or error.errno != errno.ENOSPC:
             raise
         print("motiondeck: no space is left where the output goes", file=sys.stderr)

@@ -55,10 +55,26 @@ def allocate(file: int, size: int, path: Path) -> None:
     try:
         os.posix_fallocate(file, 0, size)
     except OSError as error:
-        raise MotiondeckError(
-            f"{path.parent}: no room for {size / 1e6:.1f} MB that the processes of a run share "
-            f"({error.strerror or error}). Free some, or set TMPDIR to a folder with room"
-        ) from error
+        raise _no_room(path, size, error) from error
+
+
+def write_shared(path: Path, text: str) -> None:
+    """Writes a text into the folder of a run.
+
+    Raises:
+        MotiondeckError: if there is no room for it.
+    """
+    try:
+        path.write_text(text)
+    except OSError as error:
+        raise _no_room(path, len(text), error) from error
+
+
+def _no_room(path: Path, size: int, error: OSError) -> MotiondeckError:
+    return MotiondeckError(
+        f"{path.parent}: no room for {max(size // 1000, 1)} kB that the processes of a run share "
+        f"({error.strerror or error}). Free some, or set TMPDIR to a folder with room"
+    )
 
 
 def _remove_abandoned(root: Path) -> None:

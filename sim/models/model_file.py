@@ -14,7 +14,6 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from numpy.polynomial import Polynomial
 
 from motiondeck_base.errors import FileFormatError
 from sim.models.kinematic_tree import path_to
@@ -92,6 +91,8 @@ def followers(model: mujoco.MjModel) -> dict[int, tuple[int, np.ndarray]]:
         if leader < 0:
             leader, polynomial[0] = follower, start + curve[0]
         else:
+            from numpy.polynomial import Polynomial  # few models need it, and it is slow to import
+
             moved = Polynomial(curve)(Polynomial([-model.qpos0[model.jnt_qposadr[leader]], 1.0])).coef
             polynomial[: len(moved)] = moved
             polynomial[0] += start

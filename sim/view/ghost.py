@@ -15,6 +15,7 @@ import numpy as np
 
 from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array, conjugate, multiply
+from controller.wire.run_folder import write_shared
 from sim.models.mannequin.mannequin import ROOT_BODY, build_mannequin
 from sim.view.drawn_model import DrawnModel
 
@@ -28,7 +29,7 @@ def draw_ghost(skeleton: Skeleton, scale: float, file: Path) -> dict[str, Any]:
     for material in spec.materials:
         material.rgba[3] = OPACITY
     spec.compile()
-    spec.to_file(str(file))
+    write_shared(file, spec.to_xml())
     return {"file": str(file), "bones": list(skeleton.bones), "parent": skeleton.parent.tolist(), "scale": scale}
 
 

@@ -19,7 +19,7 @@ from controller.mocap.skeleton import Skeleton
 from controller.networks.base import Activation
 from controller.rotations import Array
 from controller.wire.messages import LockState, lock_numbers
-from controller.wire.run_folder import REASON_FILE
+from controller.wire.run_folder import REASON_FILE, write_shared
 from controller.wire.run_recording import MODES
 from controller.wire.telemetry import StateWriter
 
@@ -183,7 +183,7 @@ class Page:
         robot = shown[0]
         models = [state.with_name(f"robot{index}.xml") for index in range(len(shown))]
         for one, model in zip(shown, models, strict=True):
-            one.spec.to_file(str(model))
+            write_shared(model, one.spec.to_xml())
         rest = robot.model.qpos0.copy()
         robot.layout.place(robot.rest, rest)
         description = {

@@ -1,6 +1,8 @@
 """The program as its users run it: its output and its exit code; what plays, in a process of its own."""
 
 import json
+import os
+import pty
 import shutil
 import subprocess
 import sys
@@ -249,3 +251,17 @@ def test_a_fit_that_fails_leaves_nothing(tmp_path):
     assert run.returncode == 1
     assert "unknown key 'netwrok'" in run.stderr
     assert list(tmp_path.iterdir()) == [recipe]
+
+
+def test_words_for_a_terminal_that_is_closed_end_without_a_traceback():
+    ours, theirs = pty.openpty()
+    code = (
+        "import sys; from controller.cli.main import main; sys.stdin.readline(); sys.argv[1:] = ['--version']; main()"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=theirs, stderr=subprocess.PIPE, text=True
+    ) as run:
+        os.close(theirs)
+        os.close(ours)
+        _, said = run.communicate("\n", timeout=110)
+    assert (run.returncode, said) == (129, "")

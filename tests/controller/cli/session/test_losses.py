@@ -16,11 +16,11 @@ import synthetic
 from controller.cli.main import app
 from controller.cli.session.tick_recorder import TickRecorder
 from controller.library.motion_library import save_library
-from controller.wire.run_folder import run_folder
+from controller.wire.run_folder import run_folder, write_shared
 from motiondeck_base.errors import MotiondeckError
 
 HOLD = """
-from controller.wire.run_folder import run_folder
+from controller.wire.run_folder import run_folder, write_shared
 with run_folder() as folder:
     print(folder, flush=True)
     input()
@@ -74,6 +74,11 @@ def test_no_room_to_share_is_refused_before_anything_moves(play, tmp_path):
     assert "Free some, or set TMPDIR" in done.stderr
     assert done.stdout == ""
     assert list(tmp_path.glob("motiondeck-*")) == []
+
+
+def test_no_room_for_a_model_that_the_page_draws_is_refused():
+    with pytest.raises(MotiondeckError, match="/dev: no room for 1 kB that the processes of a run share"):
+        write_shared(Path("/dev/full"), "<mujoco/>")
 
 
 def test_a_folder_of_a_run_that_was_killed_is_removed_by_the_next(tmp_path, monkeypatch):
