@@ -30,7 +30,7 @@ from sim.retargeting.robot_limbs import FEET, SIDES, RobotLimbs
 from sim.retargeting.stuck_limbs import StuckLimbs
 
 # How much a vector counts that is as long as a leg.
-WEIGHT = {"leg": 4.0, "thigh": 1.0, "arm": 3.0, "upper_arm": 1.5, "head": 1.5, "chest": 3.0}
+WEIGHT = {"leg": 2.0, "thigh": 1.0, "arm": 3.0, "upper_arm": 1.5, "head": 1.5, "chest": 3.0}
 # A sole must be level where the human's is. Where its toes point is shared with the plane of the knee: few robots can
 # turn a foot in its ankle.
 WEIGHT |= {"foot_up": 2.5, "foot_ahead": 0.4}

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.rotations import Array
 from sim.models.kinematic_tree import below, hinges_at, hinges_between
@@ -57,7 +56,13 @@ class LimbSegment:
 
 
 class LimbDirections:
-    """Measures where the limbs of one robot point."""
+    """Measures where the limbs of one robot point.
+
+    Attributes:
+        segments: of all its limbs, length K.
+        limbs: the same, those of a limb together.
+        standing: the robot as it stands, joints at zero, facing x.
+    """
 
     def __init__(self, model: mujoco.MjModel, parts: Mapping[str, str], root_rotation: Array) -> None:
         """Finds the landmarks.
@@ -67,27 +72,31 @@ class LimbDirections:
             parts: part to body; looked at are "pelvis", "chest" and one body of each limb.
             root_rotation: of the root body while the robot stands upright and faces x, shape (4,).
         """
-        self._model, self._data = model, mujoco.MjData(model)
+        self._model, self._data, self.standing = model, mujoco.MjData(model), mujoco.MjData(model)
         self._surface = Surface.of(model)
-        self._data.qpos[3:7] = root_rotation
-        mujoco.mj_kinematics(model, self._data)
-        self._at_rest = self._data.xmat.reshape(-1, 3, 3).copy()
+        self.standing.qpos[3:7] = root_rotation
+        mujoco.mj_kinematics(model, self.standing)
         pelvis = model.body(parts["pelvis"]).id
+        self._trunk = model.body(parts["chest"]).id if "chest" in parts else pelvis, pelvis
         trunks = {"leg": pelvis, "arm": model.body(parts["chest"]).id if "chest" in parts else pelvis}
-        self.segments: list[LimbSegment] = []
+        self.limbs: list[list[LimbSegment]] = []
         for side in "rl":
             for limb, names in SEGMENTS.items():
                 if f"{side}_{names[0]}" in parts:
-                    self.segments += self._found(side, names, model.body(parts[f"{side}_{names[0]}"]).id, trunks[limb])
+                    self.limbs.append(
+                        self._found(side, names, model.body(parts[f"{side}_{names[0]}"]).id, trunks[limb])
+                    )
+        self.limbs = [limb for limb in self.limbs if limb]
+        self.segments = [segment for limb in self.limbs for segment in limb]
 
     def __call__(self, qpos: Array) -> Array:
         """The directions of the K segments seen from the trunk, shape (K, 3), for a robot at qpos (nq,)."""
         self._data.qpos[:] = qpos
         mujoco.mj_kinematics(self._model, self._data)
-        now = self._data.xmat.reshape(-1, 3, 3)
-        return np.array(
-            [self._at_rest[s.trunk] @ now[s.trunk].T @ now[s.body] @ s.direction for s in self.segments]
-        ).reshape(-1, 3)
+        now, stood = self._data.xmat.reshape(-1, 3, 3), self.standing.xmat.reshape(-1, 3, 3)
+        return np.array([stood[s.trunk] @ now[s.trunk].T @ now[s.body] @ s.direction for s in self.segments]).reshape(
+            -1, 3
+        )
 
     def errors(self, qpos: Array, limbs: Array) -> dict[str, tuple[float, float]]:
         """How far the robot's limbs point from the human's.
@@ -99,17 +108,38 @@ class LimbDirections:
         Returns:
             LimbSegment, such as "r_thigh", to the mean and the worst angle over the frames, degrees.
         """
-        there = np.array([self(q) for q in qpos])
-        rows = [LIMBS.index(segment.name) for segment in self.segments]
-        cosine = np.einsum("tki,tki->tk", there, limbs[:, rows])
-        degrees: NDArray[np.float64] = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+        degrees = degrees_between(np.array([self(q) for q in qpos]), self.goals(limbs))
         return {
             segment.name: (float(degrees[:, k].mean()), float(degrees[:, k].max()))
             for k, segment in enumerate(self.segments)
         }
 
+    def trunk_errors(self, qpos: Array, limbs: Array) -> Array:
+        """By how much the chest is turned from the human's, both seen from the pelvis, shape (T,), degrees.
+
+        Args:
+            qpos: the robot in T frames, shape (T, nq).
+            limbs: the human's limbs in the same frames, shape (T, 14, 3).
+        """
+        ahead, left = (limbs[:, LIMBS.index(f"chest_{axis}")] for axis in ("ahead", "left"))
+        human = np.stack([ahead, left, np.cross(ahead, left)], axis=-1)
+        stood, (chest, pelvis) = self.standing.xmat.reshape(-1, 3, 3), self._trunk
+        traces = np.empty(len(qpos))
+        for frame, q in enumerate(qpos):
+            self._data.qpos[:] = q
+            mujoco.mj_kinematics(self._model, self._data)
+            now = self._data.xmat.reshape(-1, 3, 3)
+            turned = stood[pelvis] @ now[pelvis].T @ now[chest] @ stood[chest].T
+            traces[frame] = np.sum(turned * human[frame])
+        angles: Array = np.degrees(np.arccos(np.clip(0.5 * (traces - 1.0), -1.0, 1.0)))
+        return angles
+
+    def goals(self, limbs: Array) -> Array:
+        """Where a human's limbs (T, 14, 3) want the segments to point, shape (T, K, 3)."""
+        return limbs[:, [LIMBS.index(segment.name) for segment in self.segments]]
+
     def _found(self, side: str, names: tuple[str, str], body: int, trunk: int) -> list[LimbSegment]:
-        model, data = self._model, self._data
+        model, data = self._model, self.standing
         ends = [b for b in below(model, body) if hinges_at(model, b)] or [body]
         end = max(ends, key=lambda b: len(hinges_between(model, trunk, b)))
         hinges = hinges_between(model, trunk, end)
@@ -141,11 +171,11 @@ class LimbDirections:
         model, data = self._model, mujoco.MjData(self._model)
         lower, upper = np.clip(model.jnt_range[joint], -TURN, TURN) if model.jnt_limited[joint] else (-TURN, TURN)
         # Half of a hand or foot counts, so that one that is long does not pass for a shank.
-        middle = 0.5 * (tip + self._data.xanchor[hinges_at(model, end)[-1]])
-        local = self._data.xmat[end].reshape(3, 3).T @ (middle - self._data.xpos[end])
+        middle = 0.5 * (tip + self.standing.xanchor[hinges_at(model, end)[-1]])
+        local = self.standing.xmat[end].reshape(3, 3).T @ (middle - self.standing.xpos[end])
         reach = []
         for q in np.linspace(lower, upper, STEPS):
-            data.qpos[:] = self._data.qpos
+            data.qpos[:] = self.standing.qpos
             data.qpos[model.jnt_qposadr[joint]] = q
             mujoco.mj_kinematics(model, data)
             at = data.xpos[end] + data.xmat[end].reshape(3, 3) @ local
@@ -153,8 +183,14 @@ class LimbDirections:
         return float(np.ptp(reach))
 
     def _tip(self, end: int, start: Array) -> Array:
-        points = self._surface.part(np.array(below(self._model, end))).positions(self._data)
-        return farthest(list(points), start) if len(points) else self._data.xpos[end].copy()
+        points = self._surface.part(np.array(below(self._model, end))).positions(self.standing)
+        return farthest(list(points), start) if len(points) else self.standing.xpos[end].copy()
+
+
+def degrees_between(a: Array, b: Array) -> Array:
+    """The angles between unit vectors (..., 3), shape (...), degrees."""
+    angles: Array = np.degrees(np.arccos(np.clip(np.einsum("...i,...i->...", a, b), -1.0, 1.0)))
+    return angles
 
 
 def beyond_limits(errors: Mapping[str, tuple[float, float]]) -> list[str]:

@@ -16,10 +16,12 @@ from motiondeck_base.errors import MotiondeckError
 from sim.models.robot_file import Solver
 from sim.retargeting.robot_limbs import SIDES, RobotLimbs
 from sim.robots.fidelity import carry, floor_measures, joint_measures, limb_errors, shortfall
+from sim.robots.limb_causes import Cause, limb_causes
 from sim.robots.limb_directions import LimbDirections, beyond_limits
 from sim.robots.robot import RobotLoader
 
 MUST_BE_ZERO = ("bad", "beyond", "too_fast", "jumps")
+OUT_OF_REACH: Cause = "out of reach"
 
 
 def recordings(paths: Sequence[Path]) -> list[Path]:
@@ -61,15 +63,20 @@ def check(robot: Path, files: Sequence[Path], solver: Solver | None, seconds: fl
 
 
 def passes(row: dict[str, Any]) -> bool:
-    """Whether it was read, all is zero that must be zero, and no limb points further off than it may."""
+    """Whether it was read, all is zero that must be zero, and no limb points further off than it may and must."""
     if "unread" in row or "error" in row:
         return False
-    return not any(row[name] for name in MUST_BE_ZERO) and not off_limits(row)
+    return not any(row[name] for name in MUST_BE_ZERO) and not off_limits(row).keys() - {OUT_OF_REACH}
 
 
-def off_limits(row: dict[str, Any]) -> list[str]:
-    """The limbs of a row that point further off than they may, a phrase each."""
-    return beyond_limits({name: (off["mean"], off["worst"]) for name, off in row.get("limbs_deg", {}).items()})
+def off_limits(row: dict[str, Any]) -> dict[str, list[str]]:
+    """The segments of a row that point further off than they may, by why they do, a phrase each."""
+    found: dict[str, list[str]] = {}
+    for name, off in row.get("limbs_deg", {}).items():
+        for phrase in beyond_limits({name: (off["mean"], off["worst"])}):
+            best = f" (in reach: {off['best_mean']:.0f}, {off['best_worst']:.0f})"
+            found.setdefault(off["cause"], []).append(phrase + best)
+    return found
 
 
 def _measured(robot: Path, load: RobotLoader, clip: Clip, solver: Solver | None) -> dict[str, Any]:
@@ -82,7 +89,12 @@ def _measured(robot: Path, load: RobotLoader, clip: Clip, solver: Solver | None)
         measures |= limb_errors(limbs, carried)
         directions = LimbDirections(loaded.model, file.parts, np.array(file.root_rotation))
         off = directions.errors(carried.qpos, carried.limbs)
-        measures["limbs_deg"] = {name: {"mean": mean, "worst": worst} for name, (mean, worst) in off.items()}
+        said: dict[str, dict[str, Any]] = {name: {"mean": mean, "worst": worst} for name, (mean, worst) in off.items()}
+        for limb in limb_causes(loaded, directions, carried.wanted, carried.played, carried.limbs, clip.rate):
+            for name, (mean, worst) in limb.best.items():
+                said[name] |= {"cause": limb.cause, "best_mean": mean, "best_worst": worst}
+        trunk = directions.trunk_errors(carried.qpos, carried.limbs)
+        measures |= {"limbs_deg": said, "trunk_deg": {"mean": float(trunk.mean()), "worst": float(trunk.max())}}
         feet = {
             side: loaded.model.body(file.parts[f"{side}_foot"]).id for side in SIDES if f"{side}_foot" in file.parts
         }

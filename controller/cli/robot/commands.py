@@ -224,13 +224,15 @@ def check(
     """Retarget recordings onto a robot and measure how well it follows: one row each.
 
     The exit code is 1 if a recording could not be read, if one of these counts is not zero, or if a limb points
-    further off than 15 degrees on average or 45 at worst: bad (NaN or infinite), beyond (targets outside a joint's
-    range), fast (steps faster than a joint may go), jumps (a joint goes far in one frame though the human does not).
+    further off than 15 degrees on average or 45 at worst though its joints' ranges would let it come closer: bad (NaN
+    or infinite), beyond (targets outside a joint's range), fast (steps faster than a joint may go), jumps (a joint
+    goes far in one frame though the human does not).
 
     changed is the share of targets that the safety envelope had to slow down. short and worst are how far inverse
     kinematics missed the ends of the limbs (rms and worst, mm); past is how many goals of the angle solver lay outside
     a joint's range. The angles between the robot's limbs and the human's follow, mean and worst in degrees, of the
-    worse side; then how fast standing soles slide (mm/s) and how deep anything sinks into the floor (mm).
+    worse side, and the trunk's, for which there is no limit; then how fast standing soles slide (mm/s) and how deep
+    anything sinks into the floor (mm).
 
     [bold]Examples[/]
 
@@ -269,7 +271,7 @@ def _print_rows(rows: list[dict[str, Any]]) -> None:
     reach = {"past_range": "past"} if any("past_range" in row for row in rows) else {}
     if any("short_worst" in row for row in rows):
         reach = {"short_rms": "short", "short_worst": "worst"}
-    degrees = [f"{name.replace('_', ' ')} deg" for name in segments]
+    degrees = [f"{name.replace('_', ' ')} deg" for name in (*segments, "trunk")]
     headings = ("recording", "frames", "bad", "beyond", "fast", "jumps", "changed", *reach.values(), *degrees)
     lines = []
     for row in rows:
@@ -277,6 +279,7 @@ def _print_rows(rows: list[dict[str, Any]]) -> None:
             cells = [str(row["frames"]), *(f"{row[name]:.0f}" for name in counts), f"{100.0 * row['altered']:.1f} %"]
             cells += [f"{row[name]:.0f}" if name == "past_range" else f"{1000.0 * row[name]:.1f}" for name in reach]
             cells += [_degrees(row.get("limbs_deg", {}), name) for name in segments]
+            cells += [f"{row['trunk_deg']['mean']:.0f}/{row['trunk_deg']['worst']:.0f}" if "trunk_deg" in row else ""]
             cells += [f"{1000.0 * row[name]:.1f}" if name in row else "" for name in ("slide", "sunk")]
             lines.append((Path(row["clip"]).name, *cells))
         elif "error" in row:
@@ -293,8 +296,8 @@ def _print_rows(rows: list[dict[str, Any]]) -> None:
             continue
         if row["left_out"]:
             print(f"a pose before the motion is left out: {row['clip']}, frames: {row['left_out']}")
-        if off_limits(row):
-            print(f"limbs point elsewhere: {row['clip']}: {'; '.join(off_limits(row))}")
+        for cause, phrases in off_limits(row).items():
+            print(f"limbs point elsewhere, {cause}: {row['clip']}: {'; '.join(phrases)}")
 
 
 def _degrees(limbs: dict[str, dict[str, float]], segment: str) -> str:

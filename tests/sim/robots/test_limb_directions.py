@@ -79,6 +79,18 @@ def test_errors_are_the_angles_between_the_two(robot):
     assert errors["l_shank"] == pytest.approx((0.0, 0.0), abs=1e-4)
 
 
+def test_a_trunk_is_as_far_off_as_it_is_turned_from_the_humans(robot):
+    model, directions = robot
+    data = mujoco.MjData(model)
+    data.joint("waist_pitch_joint").qpos[0] = 0.4
+    limbs = np.zeros((2, len(LIMBS), 3))
+    for frame, angle in enumerate((0.4, 0.1)):
+        limbs[frame, LIMBS.index("chest_ahead")] = [np.cos(angle), 0.0, -np.sin(angle)]
+    limbs[:, LIMBS.index("chest_left")] = [0.0, 1.0, 0.0]
+    off = directions.trunk_errors(np.tile(data.qpos, (2, 1)), limbs)
+    assert off == pytest.approx([0.0, np.degrees(0.3)], abs=1e-4)
+
+
 def test_beyond_the_limits_is_more_than_15_on_average_or_45_at_worst():
     assert beyond_limits({"a": (15.0, 45.0)}) == []
     assert beyond_limits({"a": (15.1, 20.0), "b": (3.0, 45.1)}) == [

@@ -79,8 +79,11 @@ def test_calibrate_says_what_it_does_not_play(tmp_path):
 def test_check_measures_each_recording(files, solver):
     result = run("check", files / "small.toml", files / "swing.bvh", "--solver", solver, "--json")
     (row,) = json.loads(result.stdout)["recordings"]
-    # Two servos a shoulder cannot follow every arm; the exit code says whether they did well enough.
-    within = all(off["mean"] <= 15.0 and off["worst"] <= 45.0 for off in row["limbs_deg"].values())
+    # Two servos a shoulder cannot follow every arm; the exit code says whether they did as well as they could.
+    within = all(
+        (off["mean"] <= 15.0 and off["worst"] <= 45.0) or off["cause"] == "out of reach"
+        for off in row["limbs_deg"].values()
+    )
     assert result.exit_code == (0 if within else 1)
     assert set(row["limbs_deg"]) == {f"{s}_{p}" for s in "rl" for p in ("thigh", "shank", "upper_arm", "forearm")}
     assert row["frames"] == 40

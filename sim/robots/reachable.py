@@ -1,0 +1,159 @@
+"""Reachable limbs: how close to a human's limbs any joint angles within a robot's ranges could bring its own.
+
+The angle between two limbs does not tell a solver's mistake from a joint's end. So the best angles of each limb are
+searched for, frame by frame, from the robot alone: seen from the trunk, its segments k point to
+
+    d_k(q) = R(a_1, q_1) R(a_2, q_2) ... R(a_n, q_n) d_k(0),
+
+a the axes of the hinges as the robot stands. Of angles spread over the ranges the best few are bettered one hinge at a
+time: with the others held, sum_k d_k(q) . g_k = A + B cos q_i + C sin q_i has its greatest value in closed form (cyclic
+coordinate descent, Wang and Chen 1991). What is found is attained; how fast joints are plays no part.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+from scipy.stats import qmc
+
+from controller.deck.interfaces import JointLimits
+from controller.rotations import Array
+from sim.models.kinematic_tree import path_to
+from sim.models.model_file import followers
+from sim.robots.limb_directions import LimbDirections, LimbSegment
+
+# Two to this power angles are spread over the ranges; the best few of them are bettered, in at most so many rounds.
+SPREAD, FEW, ROUNDS, SETTLED = 12, 4, 30, 1e-3
+# Where a hinge takes others along there is no closed form: it takes the best of so many angles.
+GRID = 121
+
+
+class ReachableLimb:
+    """Finds the best that one limb of s segments can do; n hinges turn it, m of them freely."""
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        directions: LimbDirections,
+        segments: Sequence[LimbSegment],
+        joints: tuple[str, ...],
+        limits: JointLimits,
+    ) -> None:
+        """Looks at a limb.
+
+        Args:
+            model: the robot.
+            directions: its segments.
+            segments: those of the limb.
+            joints: that are played, length J.
+            limits: of these.
+        """
+        at = directions.standing
+        trunk, body = path_to(model, segments[0].trunk), path_to(model, segments[-1].body)
+        common = len([one for one in trunk if one in body])
+        way = [(b, -1.0) for b in reversed(trunk[common:])] + [(b, 1.0) for b in body[common:]]
+        hinges = [
+            (joint, sign)
+            for b, sign in way
+            for joint in np.flatnonzero(model.jnt_bodyid == b).tolist()[:: int(sign)]
+            if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE
+        ]
+        self._axis = np.array([sign * at.xaxis[joint] for joint, sign in hinges])
+        self._direction = np.array([at.xmat[one.body].reshape(3, 3) @ one.direction for one in segments])
+        ends = [path_to(model, one.body) for one in segments]
+        self._turns = np.array([[sign < 0.0 or model.jnt_bodyid[j] in end for end in ends] for j, sign in hinges])
+        led = followers(model)
+        leaders = [led[joint][0] if joint in led else joint for joint, _ in hinges]
+        names = [model.joint(leader).name for leader in leaders]
+        free = sorted({name for name in names if name in joints}, key=names.index)
+        self._leader = [free.index(name) if name in free else None for name in names]
+        self._stand = [float(at.qpos[model.jnt_qposadr[joint]]) for joint, _ in hinges]
+        self._curve = [
+            led[joint][1] if joint in led else np.array([0.0, 1.0] if leader is not None else [stand])
+            for (joint, _), leader, stand in zip(hinges, self._leader, self._stand, strict=True)
+        ]
+        index = [joints.index(name) for name in free]
+        self._lower, self._upper = limits.lower[index], limits.upper[index]
+        self._alone = [
+            self._leader.count(k) == 1 and hinges[self._leader.index(k)][0] not in led for k in range(len(free))
+        ]
+        spread = qmc.Sobol(max(len(free), 1), scramble=False).random_base2(SPREAD)[:, : len(free)]
+        self._angles = self._lower + spread * (self._upper - self._lower)
+        self._there = self._directions(self._angles)
+
+    def best(self, goals: Array) -> Array:
+        """The directions (T, s, 3) within reach that are closest, in the sum of 1 - cos, to goals (T, s, 3)."""
+        if not self._lower.size:
+            return np.tile(self._direction, (len(goals), 1, 1))
+        alike = goals.reshape(len(goals), -1) @ self._there.reshape(len(self._there), -1).T
+        start = np.argpartition(-alike, FEW, axis=1)[:, :FEW]
+        q, wanted = self._angles[start].reshape(-1, len(self._lower)), np.repeat(goals, FEW, axis=0)
+        for _ in range(ROUNDS):
+            before = q.copy()
+            self._better(q, wanted)
+            if np.abs(q - before).max() < SETTLED:
+                break
+        there = self._directions(q)
+        alike = np.einsum("fsi,fsi->f", there, wanted).reshape(len(goals), FEW)
+        return there[np.argmax(alike, axis=1) + FEW * np.arange(len(goals))]
+
+    def _better(self, q: Array, goals: Array) -> None:
+        """Gives each free hinge in turn its best angle, in q (F, m), for goals (F, s, 3)."""
+        for k, alone in enumerate(self._alone):
+            if alone:
+                q[:, k] = self._best_angle(k, q, goals)
+            else:
+                tried = np.linspace(self._lower[k], self._upper[k], GRID)
+                others = np.repeat(q, GRID + 1, axis=0)
+                others[:, k] = np.concatenate([np.tile(tried, (len(q), 1)), q[:, k : k + 1]], axis=1).ravel()
+                there = self._directions(others).reshape(len(q), GRID + 1, -1)
+                best = np.argmax(np.einsum("fgi,fi->fg", there, goals.reshape(len(q), -1)), axis=1)
+                q[:, k] = others.reshape(len(q), GRID + 1, -1)[np.arange(len(q)), best, k]
+
+    def _best_angle(self, k: int, q: Array, goals: Array) -> Array:
+        hinge = self._leader.index(k)
+        axis, turns = self._axis[hinge], self._turns[hinge][:, None]
+        segments, wanted = self._turned(q, hinge + 1, len(self._axis)), goals
+        for before in range(hinge):
+            wanted = np.where(
+                self._turns[before][:, None], _turn(self._axis[before], -self._angle(before, q), wanted), wanted
+            )
+        flat = segments - (segments @ axis)[..., None] * axis
+        cosine = np.sum(turns * wanted * flat, axis=(1, 2))
+        sine = np.sum(turns * wanted * np.cross(axis, segments), axis=(1, 2))
+        lower, upper = self._lower[k] - self._stand[hinge], self._upper[k] - self._stand[hinge]
+        angle = lower + np.mod(np.arctan2(sine, cosine) - lower, 2.0 * np.pi)
+        ends = np.array([lower, upper])
+        nearer = ends[np.argmax(np.outer(cosine, np.cos(ends)) + np.outer(sine, np.sin(ends)), axis=1)]
+        return np.where(angle <= upper, angle, nearer) + self._stand[hinge]
+
+    def _directions(self, q: Array) -> Array:
+        """The segments' directions (F, s, 3) at free angles (F, m)."""
+        return self._turned(q, 0, len(self._axis))
+
+    def _turned(self, q: Array, first: int, end: int) -> Array:
+        """The segments as they stand, turned by the hinges from the first to the one before the end, (F, s, 3)."""
+        found = np.tile(self._direction, (len(q), 1, 1))
+        for hinge in reversed(range(first, end)):
+            found = np.where(self._turns[hinge][:, None], _turn(self._axis[hinge], self._angle(hinge, q), found), found)
+        return found
+
+    def _angle(self, hinge: int, q: Array) -> Array:
+        """By how much a hinge is turned from where the robot stands, shape (F,), at free angles (F, m)."""
+        leader = self._leader[hinge]
+        led_by = np.zeros(len(q)) if leader is None else q[:, leader]
+        angle: Any = np.polynomial.polynomial.polyval(led_by, self._curve[hinge])
+        return angle - self._stand[hinge]
+
+
+def _turn(axis: Array, angle: Array, vectors: Array) -> Array:
+    """Vectors (F, s, 3) turned about a unit axis (3,) by angles (F,) (Rodrigues)."""
+    along = (vectors @ axis)[..., None] * axis
+    cosine, sine = np.cos(angle)[:, None, None], np.sin(angle)[:, None, None]
+    return along + cosine * (vectors - along) + sine * np.cross(axis, vectors)
