@@ -6,17 +6,18 @@ the body really is: the difference to it fades within FORGET seconds, that in ve
 What is seen may be like nothing that the network knows. How far it is to be trusted then is learned from the network
 itself: each of its motions is predicted from the others alone, and at each distance from the nearest known moment the
 least squares tell how much of the network's movement, and of the last velocity, comes true (`Trust`). The rest of the
-prediction is the last pose, held.
+prediction is the last pose, held. While a recording goes on, what came true of earlier predictions of it corrects these
+shares (`Experience`): where the network was no better than the last velocity or pose, it is left to them.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.optimize import nnls
 
+from controller.library.anticipation_trust import AHEAD_FRAMES, Experience, Trust
 from controller.library.motion_library import MotionLibrary
 from controller.measures.motion_matching import joint_features
 from controller.networks.centralized.centralized_frames import CentralizedNetwork
@@ -25,7 +26,6 @@ from motiondeck_base.errors import MotiondeckError
 
 RATE = 60.0
 PAST_FRAMES = 24
-AHEAD_FRAMES = 30
 LOOK_EVERY = 3
 PHASES_A_SECOND = 30.0
 TEMPOS = (0.75, 0.87, 1.0, 1.15, 1.33)
@@ -33,57 +33,6 @@ VOICES = 8
 FORGET, FORGET_VELOCITY = 0.4, 0.06
 VELOCITY_FRAMES = 4
 TRIALS_A_SECOND = 10.0  # of each motion, predicted from the others
-TRUST_LEVELS = 4  # distances, each with as many of these trials
-
-
-@dataclass(frozen=True)
-class Trust:
-    """How much of a prediction comes true, by how far what is seen is from what is known.
-
-    Attributes:
-        distance: shape (L,), mm, rising from 0, where the network is trusted fully.
-        network: share of the network's movement at each frame ahead, shape (L, AHEAD_FRAMES); it never rises.
-        velocity: share of the movement at the last velocity, shape (L, AHEAD_FRAMES).
-    """
-
-    distance: Array
-    network: Array
-    velocity: Array
-
-    @classmethod
-    def learn(cls, distance: Array, network: Array, velocity: Array, came: Array) -> Trust:
-        """From trials: their distances (T,) and what was predicted and came, less the last pose, (T, frames, F)."""
-        if not len(distance):
-            return cls(np.zeros(1), np.ones((1, AHEAD_FRAMES)), np.zeros((1, AHEAD_FRAMES)))
-        order = np.argsort(distance)
-        levels = [these for these in np.array_split(order, TRUST_LEVELS) if len(these)]
-        shares = np.zeros((len(levels), AHEAD_FRAMES, 2))
-        for frame in range(AHEAD_FRAMES):
-
-            def fitted(these: NDArray[np.intp], frame: int = frame) -> Array:
-                ways = np.stack([network[these, frame].ravel(), velocity[these, frame].ravel()], axis=-1)
-                return np.minimum(nnls(ways, came[these, frame].ravel())[0], 1.0)
-
-            # What is further away is not known better: levels where it seems so are taken together.
-            pools = [([level], fitted(these)) for level, these in enumerate(levels)]
-            while (worse := next((k for k in range(1, len(pools)) if pools[k][1][0] > pools[k - 1][1][0]), 0)) > 0:
-                joined = pools[worse - 1][0] + pools[worse][0]
-                pools[worse - 1 : worse + 1] = [(joined, fitted(np.concatenate([levels[k] for k in joined])))]
-            for these, share in pools:
-                shares[these, frame] = share
-        known = np.concatenate([[0.0], [float(np.median(distance[these])) for these in levels]])
-        full = np.broadcast_to([1.0, 0.0], (1, AHEAD_FRAMES, 2))
-        together = np.concatenate([full, shares])
-        return cls(known, together[:, :, 0], together[:, :, 1])
-
-    def at(self, distance: float) -> tuple[Array, Array]:
-        """The shares of network and velocity at a distance, each (AHEAD_FRAMES,); beyond the last the network fades."""
-        beyond = min(1.0, float(self.distance[-1]) / distance) if len(self.distance) > 1 and distance > 0.0 else 1.0
-        level = float(np.interp(distance, self.distance, np.arange(len(self.distance))))
-        below, share = int(level), level - int(level)
-        above = min(below + 1, len(self.distance) - 1)
-        network, velocity = ((1 - share) * part[below] + share * part[above] for part in (self.network, self.velocity))
-        return beyond * network, velocity
 
 
 class Anticipator:
@@ -123,12 +72,11 @@ class Anticipator:
     def __call__(self, past: Array) -> Array:
         """The next AHEAD_FRAMES frames at RATE after the last PAST_FRAMES, shape (PAST_FRAMES, F) to (AHEAD_FRAMES, F).
 
-        Both are `joint_features`, mm.
+        Both are `joint_features`, mm. Nothing is known of the recording before these frames.
         """
         network, distance = self.by_network(past)
         of_network, of_velocity = self.trust.at(distance)
-        held, time = past[-1], np.arange(1, AHEAD_FRAMES + 1) / RATE
-        return held + of_network[:, None] * (network - held) + np.multiply.outer(of_velocity * time, _velocity(past))
+        return past[-1] + of_network[:, None] * (network - past[-1]) + of_velocity[:, None] * _moved(past)
 
     def by_network(self, past: Array, without: int = -1) -> tuple[Array, float]:
         """As the motions of the network go on, trusted fully, and how far the nearest of them was, mm.
@@ -151,10 +99,7 @@ class Anticipator:
 
     def _learn_trust(self, network: CentralizedNetwork) -> Trust:
         """From each motion, predicted by the others."""
-        steps, time = (
-            np.arange(1 - PAST_FRAMES, AHEAD_FRAMES + 1) / RATE,
-            np.arange(1, AHEAD_FRAMES + 1)[:, None] / RATE,
-        )
+        steps = np.arange(1 - PAST_FRAMES, AHEAD_FRAMES + 1) / RATE
         distances, by_network, by_velocity, came = [], [], [], []
         for index, name in enumerate(network.motions if len(network.motions) > 1 else ()):
             part = network.part(name)
@@ -165,7 +110,7 @@ class Anticipator:
                 predicted, distance = self.by_network(past, without=index)
                 distances.append(distance)
                 by_network.append(predicted - past[-1])
-                by_velocity.append(_velocity(past) * time)
+                by_velocity.append(_moved(past))
                 came.append(coming - past[-1])
         return Trust.learn(np.array(distances), np.array(by_network), np.array(by_velocity), np.array(came))
 
@@ -176,11 +121,12 @@ class Foresight:
 
     Attributes:
         ahead_s: how far ahead.
-        anticipated: by the network's motions as far as they are trusted.
+        anticipated: by the network's motions, the last velocity and pose, each as far as it is trusted.
         network: by the network's motions alone.
         hold: by holding the last pose.
         velocity: by going on at the last velocity.
-        trust: the mean share that the network has in what is anticipated.
+        trust: the mean share that the network has in what is anticipated, and
+        line: the last velocity.
     """
 
     ahead_s: float
@@ -189,6 +135,7 @@ class Foresight:
     hold: float
     velocity: float
     trust: float
+    line: float
 
 
 def foresight(anticipator: Anticipator, channels: Array, rate: float, every_s: float = 0.1) -> list[Foresight]:
@@ -201,22 +148,38 @@ def foresight(anticipator: Anticipator, channels: Array, rate: float, every_s: f
     if abs(rate / stride - RATE) > 0.05 * RATE:
         raise MotiondeckError(f"{rate:g} frames a second cannot be thinned to {RATE:g}")
     features = joint_features(anticipator.encoding, channels)[::stride]
-    starts = np.arange(PAST_FRAMES, len(features) - AHEAD_FRAMES, max(1, round(every_s * RATE)))
-    if not len(starts):
+    starts = range(PAST_FRAMES, len(features) - AHEAD_FRAMES)
+    if not starts:
         raise MotiondeckError(
             f"a recording of {len(channels) / rate:.2f} s is too short to predict half a second of it"
         )
-    time = np.arange(1, AHEAD_FRAMES + 1)[:, None] / RATE
-    missed, trusted = np.zeros((4, AHEAD_FRAMES)), np.zeros(AHEAD_FRAMES)
+    missed, trusted, measured = np.zeros((4, AHEAD_FRAMES)), np.zeros((2, AHEAD_FRAMES)), 0
+    experience = Experience()
+    open_predictions: deque[tuple[int, Array, Array]] = deque(maxlen=AHEAD_FRAMES)
     for start in starts:
         past, came = features[start - PAST_FRAMES : start], features[start : start + AHEAD_FRAMES]
+        held, moved = past[-1], _moved(past)
+        for before, network_then, moved_then in open_predictions:
+            ahead = start - before
+            experience.add(ahead, network_then[ahead - 1], moved_then[ahead - 1], held - features[before - 1])
         network, distance = anticipator.by_network(past)
-        ways = (anticipator(past), network, past[-1], past[-1] + _velocity(past) * time)
+        open_predictions.append((start, network - held, moved))
+        if (start - PAST_FRAMES) % round(every_s * RATE):
+            continue
+        shares = experience.correct(*anticipator.trust.at(distance))
+        anticipated = held + shares[0][:, None] * (network - held) + shares[1][:, None] * moved
+        ways = (anticipated, network, held, held + moved)
         missed += [np.abs(predicted - came).mean(1) for predicted in ways]
-        trusted += anticipator.trust.at(distance)[0]
-    rows = np.vstack([missed, trusted]) / len(starts)
+        trusted += shares
+        measured += 1
+    rows = np.vstack([missed, trusted]) / measured
     at = [round(ahead * RATE) - 1 for ahead in (0.1, 0.2, 0.3, 0.4, 0.5)]
     return [Foresight((k + 1) / RATE, *(float(value) for value in rows[:, k])) for k in at]
+
+
+def _moved(past: Array) -> Array:
+    """How far the last velocity goes in each of the next frames, shape (AHEAD_FRAMES, F)."""
+    return np.multiply.outer(np.arange(1, AHEAD_FRAMES + 1) / RATE, _velocity(past))
 
 
 def _velocity(past: Array) -> Array:

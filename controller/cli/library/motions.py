@@ -129,8 +129,9 @@ def anticipate(
     """Predict each moment of a recording half a second ahead, and print the errors.
 
     A centralized network's motions are laid beside the last 0.4 s and go on, as far as they are trusted: what is like
-    nothing known is predicted by the last velocity and pose. Beside it: the network alone, holding the last pose, and
-    going on at the last velocity. A recording that the network has learned is no test; give other --frames.
+    nothing known, or was predicted badly so far, is left to the last velocity and pose. Beside it: the network alone,
+    holding the last pose, and going on at the last velocity. A recording that the network has learned is no test; give
+    other --frames.
 
     Example:  motiondeck library anticipate cmu86 86_01.amc --frames 1152 1960
     """
@@ -164,11 +165,13 @@ def anticipate(
         print(json.dumps({"library": library, "clip": str(clip), "ahead": rows}))
         return
     print(
-        "ahead, s   anticipated   network alone   hold   velocity   trust   (mean absolute error of a coordinate, mm)"
+        "ahead, s   anticipated   network alone   hold   velocity   relied on: network  velocity   "
+        "(mean absolute error of a coordinate, mm)"
     )
     for row in rows:
         alone = f"{row['network']:15.1f} {row['hold']:6.1f} {row['velocity']:10.1f}"
-        print(f"{row['ahead_s']:8.1f} {row['anticipated']:13.1f} {alone} {100 * row['trust']:5.0f} %")
+        relied = f"{100 * row['trust']:18.0f} % {100 * row['line']:6.0f} %"
+        print(f"{row['ahead_s']:8.1f} {row['anticipated']:13.1f} {alone} {relied}")
     if rows[2]["trust"] < 0.5:
         print("the recording is unlike what the library knows: mostly its last pose and velocity are relied on")
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import synthetic
-from controller.library.anticipation import Anticipator, Trust, foresight
+from controller.library.anticipation import Anticipator, foresight
+from controller.library.anticipation_trust import Experience, Trust
 from controller.library.motion_index import load_index, save_index
 from controller.library.motion_library import MotionLibrary, load_library, save_library
 from controller.library.motion_signature import part_weights, signature
@@ -93,6 +94,20 @@ def test_trust_never_rises_with_the_distance():
     assert np.all(trust.at(0.0)[0] == 1.0)
     assert (trust.at(1000.0)[0] < trust.at(100.0)[0]).all()
     assert np.all(Trust.learn(np.zeros(0), came[:0], came[:0], came[:0]).at(50.0)[0] == 1.0)
+
+
+def test_what_came_of_earlier_predictions_corrects_the_trust():
+    """The network says nothing that comes true, half of the last velocity does; at 0.3 s nothing is known yet."""
+    rng, experience = np.random.default_rng(0), Experience()
+    library = np.full(30, 0.9), np.full(30, 0.1)
+    assert np.array_equal(experience.correct(*library), library)
+    for _ in range(60):
+        network, velocity = rng.normal(size=(2, 40))
+        experience.add(6, network, velocity, 0.5 * velocity)
+    of_network, of_velocity = experience.correct(*library)
+    assert of_network[5] < 0.1
+    assert of_velocity[5] == pytest.approx(0.5, abs=0.05)
+    assert (of_network[17], of_velocity[17]) == (0.9, 0.1)
 
 
 def test_a_motion_takes_on_the_frequencies_of_another(library, tmp_path):
