@@ -31,9 +31,11 @@ import numpy as np
 from benchmarks.deck.memory_growth import growth
 from benchmarks.deck.soak_run import random_command
 from controller.cli.session.tick_recorder import MODES
+from controller.deck.deck import REMEMBERED_SWITCHES
 from controller.library.motion_library import load_library
+from controller.rotations import Array
 from controller.wire.command_socket import CommandClient
-from controller.wire.messages import GiveBeat, Jump, LockPhase, Message, Stop, Unlock
+from controller.wire.messages import GetStatus, GiveBeat, Jump, LockPhase, Message, State, Stop, Switch, Unlock
 from controller.wire.run_recording import RunRecording, load_recording
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library, find_robot
@@ -41,6 +43,7 @@ from sim.robots.robot import load_robot
 
 RATE = 200.0  # Hz, the default of `play`
 COMMAND_EVERY_S, LOOK_EVERY_S, STOPPED_WITHIN_S = 0.5, 10.0, 2.0
+FILLED_EVERY_S = 0.02
 OPTIONS = "--robot servo20 --rig emulated --recognize --check-collisions --port 0 --command-port 7000 --json"
 PATIENCE = 60.0  # s
 ROUNDING = 1e-6
@@ -112,17 +115,37 @@ def any_command(rng: np.random.Generator, motions: tuple[str, ...]) -> Message:
     return random_command(rng, motions, 0)
 
 
+def plays(client: CommandClient) -> bool:
+    """Whether the deck answers already."""
+    try:
+        return isinstance(client.request(GetStatus(), 1.0), State)
+    except MotiondeckError:
+        return False
+
+
+def written(targets: Array) -> Array:
+    """The targets (T, J) without those of ticks that were not written, in which a record repeats the ones before.
+
+    After a stall fewer ticks are written than run (`controller.loop.safety.pace`). No robot that moves stands exactly
+    still for one tick, so a row that is the same as the one before, between rows that are not, is such a tick.
+    """
+    same = np.r_[False, (targets[1:] == targets[:-1]).all(axis=1)]
+    alone = same & ~np.r_[False, same[:-1]] & ~np.r_[same[1:], False]
+    return targets[~alone]
+
+
 def judge(run: RunRecording, folder: Path) -> dict[str, int]:
     """How many targets of a recording were not finite, beyond one of the limits, or moved in an emergency stop."""
     robot = load_robot(find_robot("servo20"), load_library(find_library("thesis15")).skeleton)
     limits, dt = robot.limits, 1.0 / RATE
     targets = run.fields["targets"]
+    in_turn = written(targets)
     inside = (targets >= limits.lower - ROUNDING) & (targets <= limits.upper + ROUNDING)
     found = {"not finite": int((~np.isfinite(targets)).sum()), "position": int((~inside).sum())}
     for order, (name, limit) in enumerate(
         (("velocity", limits.velocity), ("acceleration", limits.acceleration), ("jerk", limits.jerk)), start=1
     ):
-        steps = np.abs(np.diff(targets, n=order, axis=0))
+        steps = np.abs(np.diff(in_turn, n=order, axis=0))
         found[name] = int((steps > limit * dt**order * (1.0 + ROUNDING) + 1e-12).sum())
     stopped = run.fields["mode"].ravel() == MODES.index("emergency stop")
     since = np.array([*itertools.accumulate(stopped, lambda count, stop: (count + 1) * int(stop), initial=0)][1:])
@@ -140,14 +163,17 @@ def soak(folder: Path, seconds: float, seed: int) -> dict[str, Any]:
     counts: Counter[str] = Counter()
     try:
         until = time.monotonic() + PATIENCE
-        while not (folder / "motiondeck" / "7000").exists():
+        os.environ["XDG_RUNTIME_DIR"] = str(folder)  # where this process looks for the deck's socket
+        clients = [CommandClient(7000), CommandClient(7000, "127.0.0.1", b"soak" * 8)]
+        while not plays(clients[0]):
             if deck.poll() is not None or time.monotonic() > until:
                 raise MotiondeckError(f"the deck has not started: {(folder / 'words.txt').read_text()}")
             time.sleep(0.1)
-        os.environ["XDG_RUNTIME_DIR"] = str(folder)  # where this process looks for the deck's socket
-        time.sleep(3.0)
         events = subscriber(folder)
-        clients = [CommandClient(7000), CommandClient(7000, "127.0.0.1", b"soak" * 8)]
+        # The record of the latest switches is filled first, or it would look like growth for an hour.
+        for motion in itertools.islice(itertools.cycle(motions), REMEMBERED_SWITCHES):
+            clients[0].request(Switch(motion), 5.0)
+            time.sleep(FILLED_EVERY_S)
         began = looked = time.monotonic()
         while (now := time.monotonic()) - began < seconds and deck.poll() is None:
             message = any_command(rng, motions)
@@ -182,6 +208,7 @@ def soak(folder: Path, seconds: float, seed: int) -> dict[str, Any]:
         "exit_code": deck.returncode,
         "seconds": seconds,
         "ticks": run.ticks,
+        "not written": run.ticks - len(written(run.fields["targets"])),
         "answers": dict(counts),
         "events": dict(told),
         "violations": judge(run, folder),
@@ -200,9 +227,10 @@ def main() -> int:
     )
     parser.add_argument("--minutes", type=float, default=30.0)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--keep", type=Path, help="an empty folder for recording, events and words")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        found = soak(Path(folder), 60.0 * options.minutes, options.seed)
+        found = soak(options.keep or Path(folder), 60.0 * options.minutes, options.seed)
     print(json.dumps(found, indent=1))
     unanswered = any(answer.startswith("unanswered") for answer in found["answers"])
     return int(found["exit_code"] != 0 or any(found["violations"].values()) or unanswered)

@@ -17,6 +17,7 @@ from controller.wire.command_socket import CommandServer
 from controller.wire.messages import (
     Accepted,
     EmergencyStop,
+    Event,
     GiveBeat,
     Jump,
     Pause,
@@ -24,6 +25,7 @@ from controller.wire.messages import (
     Reset,
     SetTempo,
     Stop,
+    Subscribe,
     Switch,
 )
 from controller.wire.run_recording import MODES
@@ -55,7 +57,7 @@ class FakeDeck:
             {"qpos": model.nq, "root_xy": 2} | dict.fromkeys(NUMBERS, 1),
         )
         self.server = CommandServer(0)
-        self.received = []
+        self.received, self.subscribers, self.news = [], [], []
         self._qpos = model.qpos0.copy()
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._play)
@@ -82,6 +84,8 @@ class FakeDeck:
             self.writer.publish(qpos=self._qpos, root_xy=self._qpos[:2], **numbers)
             for message, sender in self.server.poll():
                 self.received.append(message)
+                if isinstance(message, Subscribe):
+                    self.subscribers.append(sender)
                 if isinstance(message, Switch):
                     motion = MOTIONS.index(message.to)
                 if isinstance(message, EmergencyStop):
@@ -91,6 +95,11 @@ class FakeDeck:
                 refused = isinstance(message, Stop)
                 reply = Refused("not while someone is watching", message.id) if refused else Accepted(message.id)
                 self.server.reply(sender, reply)
+
+            while self.news:
+                event = self.news.pop(0)
+                for subscriber in self.subscribers:
+                    self.server.reply(subscriber, event)
 
     def got(self, kind):
         """Whether such a message has arrived."""
@@ -212,6 +221,17 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
         page.get_by_text("beat", exact=True).click()
         page.get_by_role("button", name="Tap", exact=True).click()
         until(lambda: GiveBeat() in [msgspec.structs.replace(m, id=0) for m in deck.received], "the beat")
+
+        # Events that nothing else on the page shows are notices; a switch that settles is no news.
+        until(lambda: deck.subscribers, "the page's wish for events")
+        deck.news += [
+            Event("settled", "jog after 0.40 s", "jog", 1.0, 1),
+            Event("gave up", "walk with 0.50 of jog turns over, fell back to walk", "walk", 2.0, 2),
+            Event("fault", "the recorder has ended", "walk", 3.0, 3),
+        ]
+        page.get_by_text("walk with 0.50 of jog turns over, fell back to walk").wait_for()
+        page.get_by_text("the recorder has ended").wait_for()
+        assert not page.get_by_text("jog after 0.40 s").count()
 
         # A refusal is shown in the deck's words.
         page.get_by_role("button", name="End run", exact=True).click()
