@@ -3,7 +3,8 @@
 Time is simulated; judged is what the shafts really do.
 
 Each schedule is a rig of three or four servos on one or two ports, each left somewhere with an old goal; targets that
-reach beyond the ends of range and speed; faults that overlap; and one of several ends. See `schedule_judge`.
+reach beyond the ends of range and speed; faults that overlap; mending in the loop's thread or
+beside it; and one of several ends. See `schedule_judge`.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 from benchmarks import command
 from benchmarks.rig.schedule_judge import JudgedBus, JudgedPort, ShaftJudge
 from benchmarks.rig.source_mutants import MUTANTS, mutated
+from benchmarks.rig.taking_turns import Turns
 from hardware.bus.servo_bus import Bus
 from hardware.control_table.models import MODELS as TABLES
 from hardware.emulator.faults import Fault, FaultPlan
@@ -62,6 +64,7 @@ class Schedule:
         end: "close", "hold" (close, and the joints hold), "kill" (nobody says a word any more) or "lasting".
         start, old_goal: where each joint stands and which goal it has when the rig is switched on, shape (J,), rad.
         targets: over time.
+        beside: whether a rig is mended in a thread beside its loop, or in the loop's own.
     """
 
     config: RigConfig
@@ -70,6 +73,7 @@ class Schedule:
     start: Array
     old_goal: Array
     targets: Callable[[float], Array]
+    beside: bool
 
 
 @dataclass
@@ -116,7 +120,8 @@ def schedule(seed: int) -> Schedule:
         faults.append(Fault(kind, None if kind == "unplug" else id, at, value=value))
     start = np.array([rng.uniform(joint.lower, joint.upper) for joint in joints])
     old_goal = np.array([rng.uniform(joint.lower, joint.upper) for joint in joints])
-    return Schedule(config, faults, end, start, old_goal, _targets(rng, joints))
+    targets = _targets(rng, joints)
+    return Schedule(config, faults, end, start, old_goal, targets, rng.random() < 0.5)
 
 
 def _joint(rng: random.Random, id: int, models: tuple[str, ...], port: str) -> RigJoint:
@@ -160,11 +165,21 @@ def _passing(rng: random.Random, ids: list[int]) -> Fault:
 
 def run(seed: int, until_wrong: bool = False) -> Outcome:
     """Plays one schedule, or only until something is wrong; nothing but a RigError may leave the loop."""
+    turns = Turns("rig-mending")
+    try:
+        return _play(seed, until_wrong, turns)
+    finally:
+        turns.abandon()
+
+
+def _play(seed: int, until_wrong: bool, turns: Turns) -> Outcome:
     plan = schedule(seed)
     config, outcome = plan.config, Outcome()
     parts = config.parts
     buses = [JudgedBus(part) for part in parts]
-    ports = [JudgedPort(bus, part.port, _faults_of(plan, part, seed)) for bus, part in zip(buses, parts, strict=True)]
+    ports = [
+        JudgedPort(bus, part.port, _faults_of(plan, part, seed), turns) for bus, part in zip(buses, parts, strict=True)
+    ]
     places = [np.array([config.names.index(name) for name in part.names]) for part in parts]
     for part, bus, place in zip(parts, buses, places, strict=True):
         _leave(part, bus, plan.start[place], plan.old_goal[place])
@@ -174,13 +189,19 @@ def run(seed: int, until_wrong: bool = False) -> Outcome:
     ]
 
     def elapse(time: float) -> None:
-        """Lets time pass on every port; one that has been waited on is ahead of the others."""
-        at = max(port.now() for port in ports) + time
-        for port in ports:
-            port.elapse(at - port.now())
+        """Lets time pass on every port, one that has been waited on is ahead of the others; and gives turns."""
+        end = max(port.now() for port in ports) + time
+        while True:
+            at = min(end, max(turns.next_due(), max(port.now() for port in ports)))
+            for port in ports:
+                port.elapse(at - port.now())
+            if not turns.give(at):
+                break
 
     rigs = [
-        SupervisedRig(part, partial(_open, port, config.baud), beside=False, sleep=elapse)
+        SupervisedRig(
+            part, partial(_open, port, config.baud), plan.beside, sleep=port.elapse if plan.beside else elapse
+        )
         for part, port in zip(parts, ports, strict=True)
     ]
     rig = rigs[0] if len(rigs) == 1 else JoinedRig(config, rigs)
@@ -219,6 +240,7 @@ def run(seed: int, until_wrong: bool = False) -> Outcome:
         _judge_following(plan, outcome, angles, angles - shortly_before, targets, pace)
     closed = plan.end != "kill" or bool(outcome.stopped)
     if closed:
+        turns.set_free()
         rig.close()
     for judge in judges:
         judge.end(closed, plan.end == "hold")

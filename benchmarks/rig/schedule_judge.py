@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.rig.taking_turns import Turns
 from hardware.emulator.bus import Answer, EmulatedBus
 from hardware.emulator.faults import FaultPlan
 from hardware.emulator.port import EmulatedPort
@@ -76,6 +77,8 @@ class JudgedBus(EmulatedBus):
 class JudgedPort(EmulatedPort):
     """An emulated port that knows whether it was closed, and looks at the shafts while time passes on it.
 
+    Time passes by the main thread; any other waits for it.
+
     Attributes:
         closed: whether it is.
         was_out: whether its adapter was out when it was closed, so that nothing reached the servos.
@@ -83,9 +86,10 @@ class JudgedPort(EmulatedPort):
         told: called with all that is sent.
     """
 
-    def __init__(self, bus: JudgedBus, name: str, faults: FaultPlan) -> None:
+    def __init__(self, bus: JudgedBus, name: str, faults: FaultPlan, turns: Turns) -> None:
         super().__init__(bus, paced=True, faults=faults)
         self.name = name
+        self._turns = turns
         self.closed = self.was_out = False
         self.watch: Callable[[], None] = lambda: None
         self.told: Callable[[bytes], None] = lambda data: None
@@ -95,8 +99,18 @@ class JudgedPort(EmulatedPort):
         self.told(data)
         return super().send(data)
 
+    def now(self) -> float:
+        """The simulated time, s; another thread's first question waits for its first turn."""
+        if self._turns.is_other and not self._turns.has_turn:
+            self._turns.wait_until(self._now)
+        return super().now()
+
     def elapse(self, seconds: float) -> None:
-        """Lets time pass in short steps."""
+        """Lets time pass in short steps, or waits until it has passed."""
+        if self._turns.is_other:
+            until = self._now + seconds
+            self._turns.wait_until(until)
+            seconds = max(0.0, until - self._now)  # not yet passed if the threads were set free meanwhile
         while seconds > _APART:
             super().elapse(_APART)
             self.watch()

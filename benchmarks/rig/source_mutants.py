@@ -33,11 +33,11 @@ MUTANTS = {
     "no acceleration limit": Mutant(
         _limit_speed, '"profile_acceleration", rates', '"profile_acceleration", [0] * len(rates)'
     ),
-    "no speed limit": Mutant(hold_still, "_limit_speed(config, bus)", "pass"),
+    "no speed limit": Mutant(hold_still, "_limit_speed(config, bus, pace)", "pass"),
     "full-speed catch-up": Mutant(
-        cast(property, vars(SupervisedRig)["easing"]).fget or SupervisedRig.write,
-        "np.minimum(self._ease.part, _CATCHING_UP)",
-        "self._ease.part",
+        cast(property, vars(SupervisedRig)["_pace"]).fget or SupervisedRig.write,
+        "np.where(self._catching_up, _CATCHING_UP, 1.0)",
+        "np.ones(len(self.names))",
     ),
     "no watchdog": Mutant(DynamixelRig._send, '"bus_watchdog", units)', '"bus_watchdog", 0)'),
     "no identity check": Mutant(check_identities, "identity.model != joint.model", "False"),

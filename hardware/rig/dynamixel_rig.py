@@ -4,8 +4,8 @@ A tick is  collect_state, write(targets):  one read and one write. The goals lea
 answer travels while the loop does other things, and is collected a tick later.
 
 The AX, RX, MX (Protocol 1.0) and XL-320 servos have no watchdog: they go to their last goal, which is near, and hold.
-Each other servo's bus watchdog is armed by the first write, since nothing moves before, and again once a second: a
-sync write is not answered, so one that got lost would leave a servo without a watchdog unnoticed. When the loop falls
+Each other servo's bus watchdog is armed by the first write, since nothing moves before, and again once a second, with
+the speed that each keeps: a sync write is not answered, so one that got lost would go unnoticed. When the loop falls
 silent for longer, the servos stop and hold, and get no more goals until `attach`: a rig never runs after targets that
 went on without it.
 """
@@ -28,7 +28,15 @@ from hardware.rig.readings import Readings
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array, RigScale
 from hardware.rig.state_block import StateBlock
-from hardware.rig.switching import hold_each, knows_fast_reads, same_place, switch_off, switch_on, tell_all
+from hardware.rig.switching import (
+    hold_each,
+    knows_fast_reads,
+    same_place,
+    speed_counts,
+    switch_off,
+    switch_on,
+    tell_all,
+)
 from hardware.rig.timings import Timings
 
 WATCHDOG_UNIT = 0.02
@@ -49,6 +57,7 @@ class DynamixelRig:
         goals: last sent, shape (J,), rad.
         bus: what the servos are on.
         gone: whether the port is gone, or the rig closed.
+        pace: the part of its speed limit that each servo keeps on its own, shape (J,); see `keep_pace`.
         faults: what went wrong so far.
         write_us: how long each `write` took.
         read_us: how long each `collect_state` took; never the time on the wire.
@@ -71,7 +80,9 @@ class DynamixelRig:
         self._scale = RigScale(config)
         self._ids = [joint.id for joint in config.joints]
         bus.old = config.old_ids
-        self._goal_groups = list(_goal_groups(config))
+        self._goals = list(_groups(config, "goal_position"))
+        self._speeds = list(_groups(config, "profile_velocity"))
+        self.pace, self._paced = np.ones(len(self._ids)), True
         self.readings = Readings(config, self._scale, self.faults)
         self._last_word = 0.0
         self._armed = self._stopped = self.gone = self._closed = False
@@ -172,6 +183,11 @@ class DynamixelRig:
         self.readings.start(joints, held, blocks, self.now())
         self._stopped = self._armed = self.gone = False
 
+    def keep_pace(self, pace: Array) -> None:
+        """Has each servo keep to this part of its speed limit, shape (J,), from the next write on."""
+        if not np.array_equal(pace, self.pace):
+            self.pace, self._paced = pace, False
+
     def loosen(self, joints: Sequence[int]) -> None:
         """Takes the torque off some joints, unanswered and without waiting."""
         if joints and not self.gone:
@@ -214,7 +230,7 @@ class DynamixelRig:
         return unconfirmed
 
     def _send(self, goals: Array) -> bool:
-        """One sync write of goals, now and then after one of the watchdogs; False if the servos did not get them."""
+        """One sync write of goals, now and then after others of watchdogs and speeds; False if nobody got them."""
         self._stopped = self.stopped
         if self._stopped:
             return False
@@ -223,11 +239,12 @@ class DynamixelRig:
             units = round(self.config.watchdog_ms * 1e-3 / WATCHDOG_UNIT)
             self._armed = tell_all(self.config, self.bus, "bus_watchdog", units) or self._armed
             self._arm_next = now + _ARM_AGAIN
-        pulses, frames = self._scale.pulses(goals), []
-        for group in self._goal_groups:
-            group.write.values[:] = pulses[group.joints]
-            frames.append(group.write.frame())
-        data = b"".join(frames)
+            self._paced = False
+        data = _frames(self._goals, self._scale.pulses(goals))
+        if not self._paced:
+            joints = zip(self.config.joints, self.pace.tolist(), strict=True)
+            data = _frames(self._speeds, np.array([speed_counts(joint, pace) for joint, pace in joints])) + data
+            self._paced = True
         if self._ask(data):
             return True
         self._last_word = now
@@ -249,21 +266,30 @@ class DynamixelRig:
         return True
 
 
-class _GoalGroup(NamedTuple):
-    """Joints whose servos keep their goal at the same place, and speak the same protocol.
+class _Group(NamedTuple):
+    """Joints whose servos keep a register at the same place, and speak the same protocol.
 
     Attributes:
         joints: their indices, shape (n,), or all.
-        write: of their goals, pulses.
+        write: of their registers, counts.
     """
 
     joints: NDArray[np.int64] | slice
     write: SyncWrite
 
 
-def _goal_groups(config: RigConfig) -> Iterator[_GoalGroup]:
-    """The joints by where their goals are written."""
-    groups = same_place(config, "goal_position")
+def _groups(config: RigConfig, name: str) -> Iterator[_Group]:
+    """The joints by where a register is written."""
+    groups = same_place(config, name)
     for (protocol, address, length), members in groups.items():
         write = SyncWrite([config.joints[index].id for index in members], address, length, old=protocol == 1)
-        yield _GoalGroup(slice(None) if len(groups) == 1 else np.array(members), write)
+        yield _Group(slice(None) if len(groups) == 1 else np.array(members), write)
+
+
+def _frames(groups: list[_Group], counts: Array) -> bytes:
+    """The sync writes of counts (J,), one a group."""
+    frames = []
+    for group in groups:
+        group.write.values[:] = counts[group.joints]
+        frames.append(group.write.frame())
+    return b"".join(frames)

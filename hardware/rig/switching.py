@@ -64,8 +64,13 @@ def switch_on(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambd
     return held
 
 
-def hold_still(config: RigConfig, bus: Bus) -> Array:
+def hold_still(config: RigConfig, bus: Bus, pace: float = 1.0) -> Array:
     """Clears the watchdogs, limits the speed, and has each joint hold where it stands or can come to rest.
+
+    Args:
+        config: the rig.
+        bus: open.
+        pace: the part of its speed limit that each servo keeps from now on.
 
     Returns:
         The goals (J,), rad.
@@ -77,7 +82,7 @@ def hold_still(config: RigConfig, bus: Bus) -> Array:
     scale = RigScale(config)
     try:
         _write(config, bus, "bus_watchdog", [0] * len(config.joints))
-        _limit_speed(config, bus)
+        _limit_speed(config, bus, pace)
         positions, rests = _places_of_rest(config, bus, scale)
         outside = [
             f"{joint.name} stands at {angle:.2f} rad, its limits are {joint.lower} to {joint.upper}"
@@ -93,10 +98,16 @@ def hold_still(config: RigConfig, bus: Bus) -> Array:
     return goals
 
 
-def resume(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambda: False) -> Array:
+def resume(config: RigConfig, bus: Bus, pace: float, cancelled: Callable[[], bool] = lambda: False) -> Array:
     """Brings a rig back that was switched on before: identities and settings verified, each joint where it stands.
 
     A servo that has kept torque and settings just holds; one that has lost them is switched on anew (see `switch_on`).
+
+    Args:
+        config: the rig.
+        bus: open.
+        pace: as `hold_still`.
+        cancelled: as `switch_on`.
 
     Returns:
         The angles (J,), rad, at which the joints now hold.
@@ -117,7 +128,7 @@ def resume(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambda: 
             switch_on(msgspec.structs.replace(config, joints=tuple(lost)), bus, cancelled)
     except ServoError as error:
         raise RigError(str(error)) from error
-    return hold_still(config, bus)
+    return hold_still(config, bus, pace)
 
 
 def knows_fast_reads(config: RigConfig, bus: Bus) -> bool:
@@ -297,9 +308,14 @@ def _refuse_shut_down(config: RigConfig, bus: Bus) -> None:
         raise RigError(f"shut down: {'; '.join(down)}. Mend the cause, then switch the servo's power off and on.")
 
 
-def _limit_speed(config: RigConfig, bus: Bus) -> None:
-    """Has each servo keep its joint's limits on its own; a profile velocity of 0 would mean no limit."""
-    speeds = [in_counts(joint, "profile_velocity", joint.velocity * joint.gear, 1) for joint in config.joints]
+def speed_counts(joint: RigJoint, pace: float) -> int:
+    """The profile velocity with which a servo keeps this part of its joint's speed limit; 0 would mean no limit."""
+    return in_counts(joint, "profile_velocity", joint.velocity * joint.gear * pace, 1)
+
+
+def _limit_speed(config: RigConfig, bus: Bus, pace: float) -> None:
+    """Has each servo keep its joint's limits, and this part of its speed limit, on its own."""
+    speeds = [speed_counts(joint, pace) for joint in config.joints]
     rates = [
         in_counts(joint, "profile_acceleration", joint.acceleration * joint.gear, 0) if joint.acceleration else 0
         for joint in config.joints

@@ -194,7 +194,7 @@ class SupervisedRig:
     @property
     def easing(self) -> Array:
         """The part of its speed limit that each joint may use now, shape (J,)."""
-        return np.where(self._catching_up, np.minimum(self._ease.part, _CATCHING_UP), self._ease.part)
+        return np.minimum(self._ease.part, self._pace)
 
     @property
     def yielding(self) -> NDArray[np.bool_]:
@@ -288,6 +288,7 @@ class SupervisedRig:
             self._last_write = self._rig.now()
             self._health.mended(self._health.mend, self._last_write)
             self._catching_up[:] = True
+            self._keep_pace()
         return not (self._mending or self._stopped)
 
     def _mend_port(self, error: SerialPortError) -> None:
@@ -329,7 +330,7 @@ class SupervisedRig:
                     do(bus)
                 joints = np.flatnonzero(~self._health.lost).tolist()
                 alive = self.config.only(joints)
-                held = resume(alive, bus, lambda: self._stopped)
+                held = resume(alive, bus, _CATCHING_UP, lambda: self._stopped)
                 self._mended = _Mended(bus, joints, held, arrange_state(alive, bus))
                 return
             except MotiondeckError as error:
@@ -364,6 +365,19 @@ class SupervisedRig:
             # A joint that stands at a limit has caught up with a target beyond it.
             off = np.abs(np.clip(targets, self._lower, self._upper) - self._rig.goals)
             self._catching_up &= strain.yielding | ~(off < _CAUGHT_UP)
+            self._keep_pace()
+
+    def _keep_pace(self) -> None:
+        """Has the servos themselves keep to the slower speed: one whose goal turns back would hurry after it.
+
+        One that yields must let go at once.
+        """
+        self._rig.keep_pace(np.where(self._strain.yielding, 1.0, self._pace))
+
+    @property
+    def _pace(self) -> Array:
+        """The part of its speed limit at which each joint catches up, 1 for one that does not, shape (J,)."""
+        return np.where(self._catching_up, _CATCHING_UP, 1.0)
 
     def _look_after(self) -> None:
         """Eases hot joints, has joints mended, and stops the rig for a lost one or goes on without it.

@@ -101,6 +101,23 @@ def test_a_stalled_loop_starts_again_from_where_the_joints_stand_and_slowly(buil
     assert (rig.easing == 1.0).all()
 
 
+def test_a_joint_that_turns_back_while_it_catches_up_does_not_hurry(build):
+    """With an acceleration limit its own path turns back later than its goal, and went after it 1.6 times as fast."""
+    joint = RigJoint("hand", 1, "XM430-W350", 1, 2048, -1.3, 1.3, velocity=2.5, acceleration=4.0)
+    rig, port = build("dead:id=1,at=2.5,for=0.5", joints=(joint,))
+    drive, fastest = port.bus.devices[0].bank.drive, 0.0
+    play(rig, port, [-1.2], 2.6)
+    play(rig, port, [1.2], 2.5)
+    assert rig.recoveries == 1
+    for _ in range(150):
+        play(rig, port, [-1.2], TICK)
+        fastest = max(fastest, abs(float(drive.speed[0])) / joint.pulses_per_radian)
+    assert 0.9 * 0.25 * 2.5 < fastest < 1.1 * 0.25 * 2.5
+    play(rig, port, [-1.2], 1.0)
+    play(rig, port, [1.2], 0.8)
+    assert drive.speed[0] / joint.pulses_per_radian > 0.9 * 2.5
+
+
 def test_a_short_stall_while_catching_up_is_no_reason_for_a_large_step(build):
     """0.12 s is too short for the watchdogs; a servo would take the whole step at its own speed limit."""
     rig, port = build()
@@ -281,9 +298,9 @@ def test_the_state_is_read_less_often_than_targets_are_sent(build):
     rig, port = build(read_hz=20.0)
     port.sent.clear()
     play(rig, port, [0.0] * 4, 2.0)
-    said = [frame.instruction for frame in Parser().feed(b"".join(port.sent))]
-    assert said.count(0x83) == pytest.approx(200, abs=2)
-    assert said.count(0x8A) == pytest.approx(40, abs=2)
+    said = [(frame.instruction, frame.params[0]) for frame in Parser().feed(b"".join(port.sent))]
+    assert said.count((0x83, 116)) == pytest.approx(200, abs=2)  # goals
+    assert [instruction for instruction, _ in said].count(0x8A) == pytest.approx(40, abs=2)
 
 
 def test_a_servo_cut_off_for_longer_than_its_watchdog_follows_again(rig_of_four):
