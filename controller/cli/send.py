@@ -54,6 +54,7 @@ def send(
     from controller.cli.session.terminal import describe
     from controller.wire.command_table import parse_command
     from controller.wire.messages import Accepted, Blend, Queue, Refused, Settled, Switch
+    from motiondeck_base.errors import MotiondeckError
 
     request = parse_command(words)
     client = client_of(command_port, host, token_file)
@@ -62,7 +63,9 @@ def send(
         if wait and isinstance(request, Switch | Queue | Blend) and isinstance(answer, Accepted):
             if answer.after or answer.via:
                 print(describe(answer), file=sys.stderr)
-            answer = client.wait_settled(answer.id, _LONGEST_WAIT) or answer
+            answer = client.wait_settled(answer.id, _LONGEST_WAIT)
+            if answer is None:
+                raise MotiondeckError(f"it has not settled after {_LONGEST_WAIT:g} s; is the deck paused?")
     finally:
         client.close()
     if as_json:

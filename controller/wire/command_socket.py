@@ -39,6 +39,7 @@ _PER_SENDER = 8  # commands of one sender that are carried out in one poll
 _REFUSALS = 8  # refusals of malformed datagrams in one poll: each costs as much as a command
 _TAKEN = 320  # datagrams read from the system in one poll
 _WAITING = 256  # datagrams kept for later polls
+_REMEMBERED = 256  # second replies of switches that a client keeps until somebody waits for them
 
 Address = Hashable
 """A sender, as the server tells senders apart."""
@@ -171,8 +172,7 @@ class CommandClient:
         while reply := self.receive(deadline - time.monotonic()):
             if reply.id == number:
                 return reply
-            if isinstance(reply, Settled):
-                self._settled[reply.id] = reply
+            self._remember(reply)
         raise PeerGoneError("the deck does not reply: it has ended, or is held up")
 
     def wait_settled(self, number: int, timeout_s: float = 10.0) -> Settled | Refused | None:
@@ -186,9 +186,15 @@ class CommandClient:
             reply = self.receive(deadline - time.monotonic())
             if reply is None:
                 return None
-            if isinstance(reply, (Settled, Refused)):
-                self._settled[reply.id] = reply
+            self._remember(reply)
         return self._settled.pop(number)
+
+    def _remember(self, reply: Reply) -> None:
+        """Keeps how a switch came out until `wait_settled` asks; of many that nobody asks for, the latest."""
+        if isinstance(reply, Settled | Refused):
+            self._settled[reply.id] = reply
+            if len(self._settled) > _REMEMBERED:
+                del self._settled[next(iter(self._settled))]
 
     def receive(self, timeout_s: float) -> Reply | None:
         """The next reply, to any command, or None if none arrives in time.

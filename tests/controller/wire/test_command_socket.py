@@ -357,6 +357,26 @@ def test_a_switch_overtaken_by_another_is_said_to_be(stage):
     assert "overtaken" in overtaken.reason
 
 
+def test_how_a_switch_came_out_is_kept_while_other_requests_are_made(stage):
+    first = stage.client.post(Switch("jog"))
+    stage.tick()
+    stage.client.post(Switch("waltz"))
+    stage.tick()
+    with pytest.raises(SocketError):
+        stage.client.request(GetStatus(), 0.01)  # reads past the words about the first one
+    assert "overtaken" in stage.client.wait_settled(first, 0.01).reason
+
+
+def test_a_client_that_never_waits_keeps_the_latest_outcomes_only(stage):
+    for number in range(1, 400):
+        stage.client.post(Switch("jog" if number % 2 else "waltz"))
+        stage.tick()
+        if number % 20 == 0:
+            with pytest.raises(SocketError):
+                stage.client.request(GetStatus(), 0.001)
+    assert len(stage.client._settled) <= 256
+
+
 def test_waiting_for_a_switch_that_does_not_settle_ends(stage):
     assert stage.client.wait_settled(stage.ask(Switch("jog")).id, 0.01) is None
 

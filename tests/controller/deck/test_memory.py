@@ -1,0 +1,33 @@
+"""A deck keeps a bounded record of its switches, and nothing else of a command."""
+
+import gc
+import sys
+from collections import deque
+
+import numpy as np
+
+import synthetic
+from controller.deck.deck import REMEMBERED_SWITCHES, Deck
+from controller.loop.command_desk import CommandDesk
+from controller.loop.stop_requests import StopRequest
+from controller.wire.messages import Switch
+
+
+def test_commands_leave_nothing_behind_once_the_record_is_full():
+    library = synthetic.small_library()
+    motions = library.network.motions
+    deck = Deck(library, lambda pose: np.zeros(3), motions[0])
+    desk, stop = CommandDesk(deck, []), StopRequest()
+
+    def command(count):
+        for number in range(count):
+            desk.carry_out(Switch(motions[number % len(motions)]), stop)
+            desk(stop)
+            deck.update(0.005)
+        gc.collect()
+        return sys.getallocatedblocks()
+
+    assert deck.switches.maxlen == REMEMBERED_SWITCHES
+    deck.switches = deque(maxlen=20)  # it is full sooner
+    before = command(50)
+    assert (command(200) - before) / 200 < 0.5
