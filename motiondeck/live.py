@@ -146,7 +146,7 @@ class LiveDeck:
         return self._commanded(motion, Queue(motion))
 
     def blend(self, first: str, second: str, weight: float) -> CommandedMotion:
-        """Plays a blend of two loops, the second with a weight in [0, 1]; raises as `switch`."""
+        """Plays a blend of two loops, the second with a weight in [-0.3, 1.3]; raises as `switch`."""
         return self._commanded(f"{first} + {second}", Blend(first, second, weight))
 
     @property

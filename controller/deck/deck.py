@@ -183,7 +183,7 @@ class Deck(Lockable):
 
         Args:
             first, second: the motions.
-            weight: the blend weight of the second, in [0, 1].
+            weight: the blend weight of the second, in [-0.3, 1.3]; beyond 0 and 1 one motion is exaggerated.
 
         Raises:
             UnknownNameError: if there is no such motion; it names the nearest.

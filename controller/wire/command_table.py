@@ -154,7 +154,7 @@ Argument = MotionName | FilePath | Number | Flag | Choice
 TEMPO = Number("factor", "TEMPO", -3.0, 3.0)
 TEMPO_SECONDS = Number("over", "SECONDS", 0.0, 60.0, optional=True)
 PHASE = Number("phase", "PHASE", 0.0, 1.0)
-WEIGHT = Number("weight", "WEIGHT", 0.0, 1.0)
+WEIGHT = Number("weight", "WEIGHT", -0.3, 1.3)
 CODE = Number("code", "CODE", 0.0, 999999.0, optional=True)
 WITHIN = Number("within", "SECONDS", 0.0, 60.0)
 AGO = Number("ago", "AGO", -2.0, 2.0, optional=True)
@@ -217,7 +217,7 @@ COMMANDS = (
         "blend",
         Blend,
         (MotionName("first", "A"), MotionName("second", "B"), WEIGHT),
-        "play a blend of two loops; WEIGHT (0 to 1) is that of B",
+        "play a blend of two loops; WEIGHT (-0.3 to 1.3) is that of B",
     ),
     DeckCommand(
         "tempo",

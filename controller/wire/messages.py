@@ -52,7 +52,7 @@ class Blend(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="blend"
     Attributes:
         first: the motion that is switched to first, if it is not playing.
         second: the motion that is blended in then.
-        weight: the blend weight of the second, from 0 to 1; "share" on the wire.
+        weight: the blend weight of the second, from -0.3 to 1.3; "share" on the wire.
     """
 
     first: str

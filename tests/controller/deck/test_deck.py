@@ -405,8 +405,8 @@ def test_a_blend_that_another_command_overtakes_never_settles(library):
     [
         ("march", "bow", 0.5, "bow is a one-shot"),
         ("march", "march", 0.5, "two motions"),
-        ("march", "wave", 1.5, "WEIGHT must be a number from 0 to 1"),
-        ("march", "wave", float("nan"), "WEIGHT must be a number from 0 to 1"),
+        ("march", "wave", 1.5, "WEIGHT must be a number from -0.3 to 1.3"),
+        ("march", "wave", float("nan"), "WEIGHT must be a number from -0.3 to 1.3"),
         ("march", "wavee", 0.5, "wave"),
     ],
 )

@@ -10,7 +10,7 @@ from controller.deck.joins.deck_motions import read_motions
 from controller.deck.joins.join_limits import JoinLimits
 from controller.deck.joins.joining import JOININGS
 from controller.deck.joins.transition import extrapolated
-from controller.deck.worst_join import play_join
+from controller.deck.worst_join import MeasuredDeck, play_join
 from controller.library.motion_library import load_library
 from controller.mocap.posture import Pose, Posture
 from controller.mocap.skeleton import Skeleton
@@ -64,6 +64,19 @@ def test_a_blend_that_goes_over_into_the_other_motion_is_measured_to_its_end(cmu
     join = blend_over(cmu86, "walk", "stroll", 0.25, direct=True)
     assert (join.source, join.target) == ("walk", "stroll")
     assert join.seconds == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_weight_beyond_one_exaggerates_the_second_motion(cmu86):
+    """Commanded the other way round, 1 minus the weight is that of the other motion."""
+    run = MeasuredDeck(cmu86, "walk", 0.25, direct=False)
+    join = run.until_settled(run.deck.blend_in("walk", "stroll", 1.3), "walk", 0.25)
+    assert join.passes, join
+    assert run.deck.blend == ("stroll", pytest.approx(1.3))
+    record = run.deck.blend_in("stroll", "walk", -0.1)
+    run.play(100)
+    assert record.settled_s is not None
+    assert run.deck.blend == ("stroll", pytest.approx(1.1))
+    assert run.deck.fell_back == ""
 
 
 BONES = 3
