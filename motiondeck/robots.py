@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from controller.jobs import Jobs
 from controller.mocap.clip import Clip
 from motiondeck_base.shipped import find_robot
 from sim.models.mannequin.average_body import reference_body
@@ -64,15 +65,25 @@ def retarget_files(
     robot: Robot,
     out: str | Path,
     format: Literal["npz", "csv", "mjlab", "qpos"] = "npz",
+    jobs: str = "-1",
 ) -> Iterator[RetargetedFile]:
-    """Recordings, and folders that hold some, carried onto a robot on all cores: a motion file of each, for training.
+    """Recordings, and folders that hold some, carried onto a robot: a motion file of each, for training.
 
     Yields what became of each as soon as it is done: the file, how far the robot's limbs point from the human's, and
     why the robot cannot do it as it is, if so. Called again it goes on where it was stopped, and carries a recording
     again only if it has changed. In a script of your own call it under `if __name__ == "__main__":`.
 
+    Args:
+        paths: recordings and folders.
+        robot: who is to do it.
+        out: the folder for the files.
+        format: of the files.
+        jobs: how many processes, "-1" for one per core, or a Dask cluster, "dask://HOST:PORT", that sees the folders.
+
     Raises:
         MotiondeckError: if a path does not exist, two recordings would be written to one file, or `out` holds motions
             of another robot, solver or format.
     """
-    yield from carry_files(robot.file, [Path(path) for path in paths], Path(out), format, solver_named(robot.solver))
+    yield from carry_files(
+        robot.file, [Path(path) for path in paths], Path(out), format, solver_named(robot.solver), Jobs.parse(jobs)
+    )

@@ -10,7 +10,7 @@ import typer
 
 from benchmarks import command
 from benchmarks.papers.thesis_figures import THESIS, noisy_targets
-from controller.cli.common.options import check_folder
+from controller.cli.common.options import JobsOption, check_folder
 from controller.cli.common.progress import progress
 from controller.cli.common.tables import deliver
 from controller.cli.pictures.figures import check_picture
@@ -18,6 +18,7 @@ from controller.cli.pictures.table_plots import draw_bars
 from controller.evaluation.evaluation import Evaluation, read_evaluation
 from controller.evaluation.failure_rates import sweep
 from controller.evaluation.tables import Table, Value, failure_table, training_table
+from controller.jobs import Jobs
 from controller.measures.disturbance import Kind
 from controller.rotations import Array
 from controller.training.recipe import find_recording
@@ -31,7 +32,7 @@ def main(
     seeds: Annotated[int, typer.Option("--seeds", min=1, max=1000, help="Networks to train.")] = 3,
     first_seed: Annotated[int, typer.Option("--first-seed", min=0, help="Seed of the first network.")] = 0,
     runs: Annotated[int, typer.Option("--runs", min=1, max=100_000, help="Runs per motion and network.")] = 100,
-    jobs: Annotated[int, typer.Option("--jobs", help="Parallel processes; -1 for one per core.")] = -1,
+    jobs: JobsOption = "-1",
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
     table: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Write the table as CSV.")] = None,
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw it (.png, .svg, .pdf).")] = None,
@@ -50,7 +51,7 @@ def main(
     if measure == "accuracy":
         result = accuracy(evaluation, chosen, data)
     else:
-        result = failures(evaluation, measure, chosen, runs, jobs)
+        result = failures(evaluation, measure, chosen, runs, Jobs.parse(jobs))
     deliver(result, csv_file=table, plot=plot, draw=draw_bars, as_json=as_json)
 
 
@@ -74,7 +75,7 @@ def readout_targets(evaluation: Evaluation, data: Path) -> list[Array] | None:
     return noisy_targets(evaluation.syllabus.normalised()[0], files)
 
 
-def failures(evaluation: Evaluation, kind: Kind, seeds: range, runs: int, jobs: int) -> Table:
+def failures(evaluation: Evaluation, kind: Kind, seeds: range, runs: int, jobs: Jobs) -> Table:
     """Failure rates of the thesis's motions (tables 4.2, 4.4, 4.6 and 4.7 to 4.9), all motions where it has none."""
     names = list(evaluation.syllabus.frames)
     motions = [name for name in known_failures(evaluation.name, kind) if name in names] or names

@@ -12,15 +12,18 @@ the files lie in), so that no setting is tuned to a few clips. Counted are the r
 
 import time
 from collections import defaultdict
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
+from joblib import delayed
 
 from benchmarks import command
+from controller.cli.common.options import JobsOption
 from controller.deck.motion_generator import generate
+from controller.jobs import Jobs, spread
 from controller.library.motion_library import MotionLibrary
 from controller.measures.motion_matching import joint_features
 from controller.measures.self_test import distances
@@ -55,6 +58,10 @@ class Source:
     played: int = 0
     errors: list[float] = field(default_factory=list[float])
     problems: list[str] = field(default_factory=list[str])
+
+    def with_(self, other: "Source") -> "Source":
+        """These recordings and others."""
+        return Source(*(getattr(self, one.name) + getattr(other, one.name) for one in fields(self)))
 
 
 def libraries_of(files: list[Path]) -> list[list[Path]]:
@@ -139,24 +146,34 @@ def look(file: Path, found: Source, learned: dict[Path, tuple[LearnedLibrary, Le
         found.problems.append(f"{file.name}: not played, {error:.1f} mm off")
 
 
-def main(folder: Annotated[Path, typer.Argument(metavar="DIR", help="The folder that holds the recordings.")]) -> None:
+def look_at(part: list[Path]) -> Source:
+    """Learns recordings as one library, and follows each as far as it comes."""
+    found = Source(len(part))
+    learned: dict[Path, tuple[LearnedLibrary, LearnedMotion]] = {}
+    try:
+        library = learn(part, "zoo", seeds=[0])
+        learned = {motion.file.absolute(): (library, motion) for motion in library.motions}
+    except MotiondeckError as error:
+        found.problems.append(str(error))
+    for file in part:
+        look(file.absolute(), found, learned)
+    return found
+
+
+def main(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="The folder that holds the recordings.")],
+    jobs: JobsOption = "1",
+) -> None:
     """Learn every recording of a folder in libraries of 8 to 16, and print what became of them per source."""
+    where = Jobs.parse(jobs)
     sources: dict[Path, list[Path]] = defaultdict(list)
     for file in recordings_in([folder]):
         sources[file.parent].append(file)
     print(f"{'source':36} files   read   carried   learned   played   off, mm: median   largest   seconds")
     for source, files in sources.items():
-        begin, found = time.monotonic(), Source(len(files))
-        learned: dict[Path, tuple[LearnedLibrary, LearnedMotion]] = {}
-        for part in libraries_of(files):
-            try:
-                library = learn(part, "zoo", seeds=[0])
-                learned |= {motion.file: (library, motion) for motion in library.motions}
-            except MotiondeckError as error:
-                found.problems.append(str(error))
-        absolute = {file.absolute(): value for file, value in learned.items()}
-        for file in files:
-            look(file.absolute(), found, absolute)
+        begin, found = time.monotonic(), Source(0)
+        for part in spread((delayed(look_at)(part) for part in libraries_of(files)), where, ordered=True):
+            found = found.with_(part)
         median, largest = (float(f(found.errors)) if found.errors else np.nan for f in (np.median, np.max))
         print(
             f"{source.relative_to(folder).as_posix()[-36:]:36} {found.files:5} {found.read:6} {found.carried:9} "

@@ -15,9 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
+from joblib import delayed
 
 from controller.deck.deck import Deck
+from controller.jobs import Jobs, spread
 from controller.library.motion_library import load_library
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.mocap.posture import Pose
@@ -131,12 +132,13 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--only", default="", help="cases with this in 'LIBRARY MOTION ROBOT'")
     parser.add_argument("--push", type=float, default=1.0, help="how many times the push above")
-    parser.add_argument("--jobs", type=int, default=-1, help="processes that share the work")
+    parser.add_argument("--jobs", type=Jobs.parse, default=Jobs(), help="processes, or dask://HOST:PORT")
     parser.add_argument("--sheet", type=Path, help="pictures of the thesis15 cases, one file a robot")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
     cases = [case for case in CASES if given.only in " ".join(case)]
-    found: Any = Parallel(given.jobs)(delayed(measure)(*case, given.seconds, given.push) for case in cases)
+    tasks = (delayed(measure)(*case, given.seconds, given.push) for case in cases)
+    found = list(spread(tasks, given.jobs, ordered=True))
     rows = [row for row, _, _ in found]
     if given.sheet:
         draw(cases, found, given.sheet)

@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
+from joblib import delayed
 
 from controller.deck.deck import Deck
+from controller.jobs import Jobs, spread
 from controller.library.motion_library import load_library
 from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.walk_trial import play_course, walk_trial
@@ -65,7 +66,7 @@ def main() -> None:
     parser.add_argument("--pushes", nargs="+", type=float, default=[0.0, 1.0], help="in shares of 0.36 or 16 N s")
     parser.add_argument("--seeds", nargs="+", type=int, default=[0, 1, 2])
     parser.add_argument("--seconds", type=float, default=60.0)
-    parser.add_argument("--jobs", type=int, default=-1, help="processes that share the work")
+    parser.add_argument("--jobs", type=Jobs.parse, default=Jobs(), help="processes, or dask://HOST:PORT")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the rows")
     given = parser.parse_args()
     cases = [
@@ -81,8 +82,7 @@ def main() -> None:
         f" {'walked m':>9} {'upper deg':>10} {'legs deg':>9} {'tick us':>8}"
     )
     rows: list[dict[str, Any]] = []
-    runs: Any = Parallel(given.jobs, return_as="generator")(delayed(measure)(*case) for case in cases)
-    for row in runs:
+    for row in spread((delayed(measure)(*case) for case in cases), given.jobs, ordered=True):
         rows.append(row)
         print(
             f"{row['robot']:10} {row['motion']:22} {row['tempo']:5.2f} {row['push_ns']:9.2f} {row['seed']:4d}"

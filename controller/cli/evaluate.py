@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from controller.cli.common.options import check_folder
+from controller.cli.common.options import JobsOption, check_folder
 from controller.cli.common.progress import progress
 
 if TYPE_CHECKING:
     from controller.evaluation.evaluation import Evaluation
     from controller.evaluation.tables import Table
+    from controller.jobs import Jobs
     from controller.measures.disturbance import Kind
 
 MEASURES = ("accuracy", "robustness", "stability", "transitions")
@@ -29,7 +30,7 @@ def evaluate(
     runs: Annotated[
         int, typer.Option("--runs", metavar="N", min=1, max=100_000, help="Runs per motion and network.")
     ] = 100,
-    jobs: Annotated[int, typer.Option("--jobs", metavar="N", help="Parallel processes; -1 for one per core.")] = -1,
+    jobs: JobsOption = "-1",
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
     table: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Write the table as CSV.")] = None,
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw a plot (.png, .svg, .pdf).")] = None,
@@ -48,10 +49,12 @@ def evaluate(
       motiondeck evaluate configs/libraries/thesis15.toml robustness --data recordings --seeds 3 --runs 100
     """
     from controller.evaluation.evaluation import read_evaluation
+    from controller.jobs import Jobs
     from motiondeck_base.errors import UnknownNameError
 
     if measure not in MEASURES:
         raise UnknownNameError.among("measure", measure, MEASURES)
+    where = Jobs.parse(jobs)
     check_folder(table)
     if plot is not None:
         from controller.cli.pictures.figures import check_picture
@@ -66,9 +69,9 @@ def evaluate(
     if measure == "accuracy":
         result = accuracy(evaluation, chosen)
     elif measure == "transitions":
-        result, draw = transitions(evaluation, first_seed, jobs), draw_spread
+        result, draw = transitions(evaluation, first_seed, where), draw_spread
     else:
-        result = failures(evaluation, "stability" if measure == "stability" else "robustness", chosen, runs, jobs)
+        result = failures(evaluation, "stability" if measure == "stability" else "robustness", chosen, runs, where)
     deliver(result, csv_file=table, plot=plot, draw=draw, as_json=as_json)
 
 
@@ -84,7 +87,7 @@ def accuracy(evaluation: Evaluation, seeds: range) -> Table:
     return with_clip_verdicts(table, self_test(evaluation.clips, evaluation.judge))
 
 
-def failures(evaluation: Evaluation, kind: Kind, seeds: range, runs: int, jobs: int) -> Table:
+def failures(evaluation: Evaluation, kind: Kind, seeds: range, runs: int, jobs: Jobs) -> Table:
     """How often motions fail after a disturbance, without and with a guard."""
     from controller.evaluation.failure_rates import sweep
     from controller.evaluation.tables import failure_table, with_undisturbed_clips
@@ -107,10 +110,11 @@ def failures(evaluation: Evaluation, kind: Kind, seeds: range, runs: int, jobs: 
     return with_undisturbed_clips(table)
 
 
-def transitions(evaluation: Evaluation, seed: int, jobs: int) -> Table:
+def transitions(evaluation: Evaluation, seed: int, jobs: Jobs) -> Table:
     """All ordered pairs of motions: the thesis's morphing and the deck's switching side by side."""
     from controller.evaluation.tables import crossing_table
     from controller.evaluation.transitions import all_crossings
+    from controller.jobs import ALONE
     from controller.library.motion_library import load_library
     from controller.measures.self_test import self_test
     from controller.training.fit import assemble
@@ -120,7 +124,7 @@ def transitions(evaluation: Evaluation, seed: int, jobs: int) -> Table:
         library = load_library(evaluation.library)
     else:
         with progress("training", 1) as tick:
-            (subject,) = evaluation.networks([seed], 1, tick)
+            (subject,) = evaluation.networks([seed], ALONE, tick)
         verdicts = self_test(subject.network, evaluation.judge)
         library = assemble(evaluation.recipe, syllabus, subject.network, subject.drawn, verdicts)
     with progress("transitions", len(syllabus.frames)) as tick:

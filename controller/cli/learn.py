@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from controller.cli.common.options import (
+    JobsOption,
     RenameOption,
     SkeletonOption,
     UnitOption,
@@ -44,6 +45,7 @@ def learn(
     unit: UnitOption = None,
     up: UpOption = None,
     rename: RenameOption = None,
+    jobs: JobsOption = "1",
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
 ) -> None:
     """Learn a library from recordings: nothing to choose, no recipe to write.
@@ -51,7 +53,7 @@ def learn(
     Still ends are trimmed; a recording whose best seam is close becomes a loop, any other a one-shot that ends in a
     pose; all are brought to 120 Hz and carried to one body. Every motion is then tested. Recordings that cannot be
     read are left out, with the reason; what looks wrong about a body is told as a doubt. --unit, --up, --rename and
-    --skeleton overrule what was found out, for all recordings that are given.
+    --skeleton overrule what was found out, for all recordings that are given. --jobs shares the reading of recordings.
 
     [bold]Examples[/]
 
@@ -63,6 +65,7 @@ def learn(
 
     from controller.cli.common.library_report import join_fields, join_line
     from controller.deck.worst_join import worst_join
+    from controller.jobs import Jobs
     from controller.library.motion_library import save_library
     from controller.mocap.formats.writing import write_file
     from controller.training import learn as learning
@@ -73,6 +76,7 @@ def learn(
     if out.suffix.lower() != ".safetensors":
         raise MotiondeckError(f"{out}: a library ends in .safetensors. Name the file so.")
     check_folder(out)
+    where = Jobs.parse(jobs)
     if robot is not None and not play:
         raise MotiondeckError("--robot names who plays: give --play too")
     options = reading_options(skeleton, unit, up, rename)
@@ -85,7 +89,7 @@ def learn(
         def progress(step: str) -> None:
             bar.update(task, advance=1, description=step)
 
-        learned = learning.learn(recordings, out.stem, options=options, progress=progress)
+        learned = learning.learn(recordings, out.stem, options=options, progress=progress, jobs=where)
     save_library(learned.library, out)
     worst = worst_join(learned.library)
     recipe = out.with_suffix(".toml")

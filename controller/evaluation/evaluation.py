@@ -8,6 +8,7 @@ from pathlib import Path
 
 from controller.evaluation.failure_rates import Subject, train_subjects
 from controller.evaluation.training_error import TrainingError, training_error
+from controller.jobs import Jobs
 from controller.library.motion_library import load_library
 from controller.measures.self_test import Judge, MotionVerdict, self_test
 from controller.networks.clip_player import ClipPlayer
@@ -57,7 +58,7 @@ class Evaluation:
         """Whether its networks are centralized networks."""
         return isinstance(self.recipe.network, CentralizedRecipe)
 
-    def networks(self, seeds: Iterable[int], jobs: int, tick: Callable[[], None]) -> list[Subject]:
+    def networks(self, seeds: Iterable[int], jobs: Jobs, tick: Callable[[], None]) -> list[Subject]:
         """The library's own network, or one trained for each seed; `tick` is called after each training."""
         if self.library is None:
             return train_subjects(self.recipe, self.syllabus, seeds, jobs, tick)

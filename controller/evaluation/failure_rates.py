@@ -7,15 +7,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
+from joblib import delayed
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from controller.jobs import ALONE, Jobs, spread
 from controller.library.network_arrays import AnyNetwork
 from controller.measures.disturbance import GuardKnowledge, Kind, disturbed
 from controller.measures.run_batch import batch_of
 from controller.measures.self_test import Judge, after_disturbance
-from controller.networks.guard import beat, spread
+from controller.networks import guard
 from controller.training.fit import first_to_pass, settle
 from controller.training.recipe import LibraryRecipe
 from controller.training.training_set import TrainingSet
@@ -69,11 +70,11 @@ class Count:
 
 
 def train_subjects(
-    recipe: LibraryRecipe, syllabus: TrainingSet, seeds: Iterable[int], jobs: int = 1, tick: Tick = lambda: None
+    recipe: LibraryRecipe, syllabus: TrainingSet, seeds: Iterable[int], jobs: Jobs = ALONE, tick: Tick = lambda: None
 ) -> list[Subject]:
     """The networks of a recipe, one per seed, in order."""
     return sorted(
-        _spread((delayed(_train)(recipe, syllabus, seed) for seed in seeds), jobs, tick), key=lambda s: s.seed
+        _gathered((delayed(_train)(recipe, syllabus, seed) for seed in seeds), jobs, tick), key=lambda s: s.seed
     )
 
 
@@ -86,7 +87,7 @@ def sweep(
     motions: list[str] | None = None,
     holds: bool = True,
     guarded: bool = True,
-    jobs: int = 1,
+    jobs: Jobs = ALONE,
     tick: Tick = lambda: None,
 ) -> list[Count]:
     """Disturbs every motion of every network, without a guard and with one.
@@ -99,7 +100,7 @@ def sweep(
         motions: which of them, or all.
         holds: whether one-shots were taught to hold their end.
         guarded: whether to play all runs once more with a guard.
-        jobs: how many processes share the work.
+        jobs: where the work is done.
         tick: is called after each motion of each network.
 
     Returns:
@@ -112,13 +113,13 @@ def sweep(
         for subject in subjects
         for motion in motions
     )
-    return sorted(_spread(tasks, jobs, tick), key=lambda count: (count.seed, motions.index(count.motion)))
+    return sorted(_gathered(tasks, jobs, tick), key=lambda count: (count.seed, motions.index(count.motion)))
 
 
-def _spread(tasks: Iterable[Any], jobs: int, tick: Tick) -> list[Any]:
+def _gathered(tasks: Iterable[Any], jobs: Jobs, tick: Tick) -> list[Any]:
     """The results of tasks, in the order of completion."""
     results = []
-    for result in Parallel(n_jobs=jobs, return_as="generator_unordered")(tasks):
+    for result in spread(tasks, jobs):
         results.append(result)
         tick()
     return results
@@ -138,17 +139,17 @@ def _train(recipe: LibraryRecipe, syllabus: TrainingSet, seed: int) -> Subject:
 
 def _count(kind: Kind, subject: Subject, motion: str, runs: int, judge: Judge, length: int, guarded: bool) -> Count:
     network, loop = subject.network, judge.loops[motion]
-    scale = spread(network)
+    scale = guard.spread(network)
     watched = GuardKnowledge(
-        beat(network, motion, scale, length, judge.rate, loop=loop), scale, network.anchors(motion)[0]
+        guard.beat(network, motion, scale, length, judge.rate, loop=loop), scale, network.anchors(motion)[0]
     )
     failed: list[int] = []
     reason = ""
     with threadpool_limits(1):
-        for guard in (None, watched) if guarded else (None,):
+        for knowledge in (None, watched) if guarded else (None,):
             # The same noise for both; only the guard differs.
             rng = np.random.default_rng([subject.seed, network.motions.index(motion), kind == "stability"])
-            played = disturbed(kind, batch_of(network, motion, runs, subject.weights), runs, rng, guard)
+            played = disturbed(kind, batch_of(network, motion, runs, subject.weights), runs, rng, knowledge)
             verdicts = [after_disturbance(network, judge, motion, run.astype(np.float64)) for run in played]
             failed.append(sum(not verdict.passed for verdict in verdicts))
             reason = reason or next((verdict.reason for verdict in verdicts if not verdict.passed), "")

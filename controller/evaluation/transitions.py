@@ -12,14 +12,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import inf
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
-from joblib import Parallel, delayed
+from joblib import delayed
 from threadpoolctl import threadpool_limits
 
 from controller.deck.deck import Deck
 from controller.deck.joins.joining import Joining
+from controller.jobs import ALONE, Jobs, spread
 from controller.library.motion_library import MotionLibrary
 from controller.library.network_arrays import AnyNetwork
 from controller.measures.motion_matching import LOST_MM, joint_features
@@ -72,7 +73,7 @@ def all_crossings(
     syllabus: TrainingSet,
     *,
     holds: bool = True,
-    jobs: int = 1,
+    jobs: Jobs = ALONE,
     tick: Callable[[], None] = lambda: None,
 ) -> list[MeasuredTransition]:
     """All ordered pairs with all methods; one switch per pair, at a random moment of the source.
@@ -81,7 +82,7 @@ def all_crossings(
         library: whose network plays.
         syllabus: what it learned, to judge by.
         holds: whether one-shots were taught to hold their end.
-        jobs: how many processes share the work.
+        jobs: where the work is done.
         tick: is called after each source.
 
     Raises:
@@ -97,8 +98,7 @@ def all_crossings(
     recorded = with_clips(library, syllabus)
     tasks = (delayed(_from)(source, library, recorded, syllabus, judge, peaks) for source in syllabus.frames)
     found: list[MeasuredTransition] = []
-    results: Any = Parallel(n_jobs=jobs, return_as="generator")(tasks)
-    for crossings in results:
+    for crossings in spread(tasks, jobs, ordered=True):
         found += crossings
         tick()
     return found

@@ -6,12 +6,15 @@ carried to one body. What was found out is written into the recipe, so that it c
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from joblib import delayed
 
+from controller.jobs import ALONE, Jobs, spread
 from controller.library.motion_library import MotionLibrary
 from controller.measures.motion_matching import joint_features
 from controller.mocap.canonical.body_doubts import doubts
@@ -126,6 +129,7 @@ def learn(
     network: NetworkRecipe | None = None,
     seeds: Iterable[int] = (0, 1, 2),
     progress: Progress = lambda _: None,
+    jobs: Jobs = ALONE,
 ) -> LearnedLibrary:
     """Learns every recording of some files and folders as one library.
 
@@ -138,6 +142,7 @@ def learn(
         network: its kind and sizes; None takes a recipe's default.
         seeds: tried in turn until every motion passes the self-test.
         progress: called with each step in a few words.
+        jobs: where recordings are read; the network is trained here.
 
     Raises:
         MotiondeckError: if no recording can be used, or bodies and rigs are mixed.
@@ -147,12 +152,13 @@ def learn(
     names = _names(files)
     prepared: list[_Prepared] = []
     left_out: list[LearnedMotion] = []
-    for file in files:
+    tasks = (delayed(_prepared)(file, names[file], options, takes[file]) for file in files)
+    for file, read in zip(files, spread(tasks, jobs, ordered=True), strict=True):
         progress(f"reading {file.name}")
-        try:
-            prepared.append(_prepare(file, names[file], options, takes[file]))
-        except MotiondeckError as error:
-            left_out.append(LearnedMotion(names[file], file, remedy=str(error).removeprefix(f"{file}: ")))
+        if isinstance(read, LearnedMotion):
+            left_out.append(read)
+        else:
+            prepared.append(read)
     if not prepared:
         raise MotiondeckError(f"none of {len(files)} recordings can be learned. {files[0]}: {left_out[0].remedy}")
     kinds = {isinstance(one.clip.skeleton, JointBody) for one in prepared}
@@ -227,6 +233,14 @@ def _takes(files: list[Path]) -> dict[Path, list[Path]]:
     return {file: further.get(file, []) for file in files if file not in taken}
 
 
+def _prepared(file: Path, name: str, options: ReadingOptions, takes: list[Path]) -> _Prepared | LearnedMotion:
+    """A recording that can be learned, or one that is left out, with the reason."""
+    try:
+        return _prepare(file, name, options, takes)
+    except MotiondeckError as error:
+        return LearnedMotion(name, file, remedy=str(error).removeprefix(f"{file}: "))
+
+
 def _prepare(
     file: Path,
     name: str,
@@ -296,14 +310,16 @@ def _loops(clip: Clip) -> tuple[bool, float, float]:
 
 def _names(files: list[Path]) -> dict[Path, str]:
     """A name for each file that can be typed: its stem, with its folder or a number where stems are alike."""
+    plain = {file: typeable(file.stem) for file in files}
+    shared = Counter(plain.values())
     names: dict[Path, str] = {}
+    taken: set[str] = set()
     for file in files:
-        plain = typeable(file.stem)
-        same = [other for other in files if typeable(other.stem) == plain]
-        name = plain if len(same) == 1 else typeable(f"{file.parent.name}-{file.stem}")
+        name = plain[file] if shared[plain[file]] == 1 else typeable(f"{file.parent.name}-{file.stem}")
         number = 2
-        while name in names.values():
-            name = f"{plain[:36]}-{number}"
+        while name in taken:
+            name = f"{plain[file][:36]}-{number}"
             number += 1
+        taken.add(name)
         names[file] = name
     return names

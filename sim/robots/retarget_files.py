@@ -1,4 +1,4 @@
-"""Recordings carried onto a robot, each into a training file, on all cores; a run goes on where it was stopped.
+"""Recordings carried onto a robot, each into a training file, on many cores; a run goes on where it was stopped.
 
 Beside the files stands a manifest, `motions.jsonl`: its first line says which robot and format, each other line what
 became of one recording. A recording whose line is there is not carried again unless it has changed since.
@@ -16,8 +16,9 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from joblib import Parallel, delayed
+from joblib import delayed
 
+from controller.jobs import EVERY_CORE, Jobs, spread
 from controller.mocap.canonical.clip_edits import resampled, without_reference_pose
 from controller.mocap.clip import Clip
 from controller.mocap.formats.reading import read_clip, recordings_below
@@ -79,7 +80,12 @@ class _Settings(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def retarget_files(
-    robot: Path, paths: Sequence[Path], out: Path, format: Format, solver: Solver | None = None
+    robot: Path,
+    paths: Sequence[Path],
+    out: Path,
+    format: Format,
+    solver: Solver | None = None,
+    jobs: Jobs = EVERY_CORE,
 ) -> Iterator[RetargetedFile]:
     """Carries recordings onto a robot and writes a training file of each; gives each as soon as it is done.
 
@@ -91,6 +97,7 @@ def retarget_files(
         out: the folder for the files; it is made if it is not there.
         format: of the files.
         solver: in place of the robot file's.
+        jobs: where the work is done; processes elsewhere must see the files by the same paths.
 
     Raises:
         MotiondeckError: if a path does not exist or two recordings would be written to one file; if `out` holds motions
@@ -111,8 +118,7 @@ def retarget_files(
     )
     try:
         with (out / MANIFEST).open("a", encoding="utf-8") as manifest:
-            rows: Any = Parallel(n_jobs=-1, return_as="generator_unordered")(work)
-            for row in rows:
+            for row in spread(work, jobs):
                 manifest.write(json.dumps(msgspec.to_builtins(row)) + "\n")
                 manifest.flush()
                 yield row

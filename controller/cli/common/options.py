@@ -58,6 +58,14 @@ SolverOption = Annotated[
         help="How motions are carried onto the robot, in place of what its file says.",
     ),
 ]
+JobsOption = Annotated[
+    str,
+    typer.Option(
+        "--jobs",
+        metavar="N|dask://HOST:PORT",
+        help="Parallel processes, -1 for one per core; or the scheduler of a Dask cluster.",
+    ),
+]
 RootOption = Annotated[
     Literal["gantry", "fixed", "free"],
     typer.Option(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from controller.cli.common.options import SolverOption
+from controller.cli.common.options import JobsOption, SolverOption
 from controller.cli.robot.commands import JsonOption
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ def retarget(
         Literal["npz", "csv", "mjlab", "qpos"], typer.Option("--format", help="The files' format.")
     ] = "npz",
     solver: SolverOption = None,
+    jobs: JobsOption = "-1",
     as_json: JsonOption = False,
 ) -> None:
     """Carry recordings onto a robot and write each as a motion file for training.
@@ -38,8 +39,9 @@ def retarget(
     quaternion x y z w, joints, as Unitree's retargeted LAFAN1 set. mjlab: the npz of its tracking task, at 50 Hz. qpos:
     fps, qpos and qvel of MuJoCo. npz and qpos keep the recording's rate. Joints are in the order of the robot's model.
 
-    All cores work. The run can be stopped at any time: the same command goes on where it was, and carries a recording
-    again only if it has changed. motions.jsonl beside the files says what became of each.
+    All cores work, or with --jobs dask://HOST:PORT a cluster whose workers see the same folders. The run can be stopped
+    at any time: the same command goes on where it was, and carries a recording again only if it has changed.
+    motions.jsonl beside the files says what became of each.
 
     The table shows the angles between the robot's limbs and the human's (mean/worst, of the worse side, degrees), steps
     faster than a joint may go (fast), how deep anything sinks into the floor (mm) and how fast standing soles slide
@@ -53,16 +55,17 @@ def retarget(
       motiondeck retarget walk.bvh dance.c3d --robot g1.toml --out motions --format csv
     """
     from controller.cli.common.progress import progress
+    from controller.jobs import Jobs
     from controller.training.learn import recordings_in
     from motiondeck_base.shipped import find_robot
     from sim.models.robot_file import solver_named
     from sim.robots.retarget_files import retarget_files
     from sim.robots.training_files import format_named
 
-    named, how = format_named(format), solver_named(solver)
+    named, how, where = format_named(format), solver_named(solver), Jobs.parse(jobs)
     rows: list[RetargetedFile] = []
     with progress("retargeting", len(recordings_in(recordings))) as tick:
-        for row in retarget_files(find_robot(robot), recordings, out, named, how):
+        for row in retarget_files(find_robot(robot), recordings, out, named, how, where):
             rows.append(row)
             tick()
     rows.sort(key=lambda row: row.recording)

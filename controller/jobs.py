@@ -1,0 +1,155 @@
+"""Where tasks run: in processes of this machine (joblib), or on a Dask cluster.
+
+A task is a call of a module's function, as `joblib.delayed` packs it, that depends on its arguments alone; so its
+result is the same wherever it runs. On a cluster each process runs one task at a time, and a task whose process is lost
+is run again.
+
+A cluster is asked through Dask's own client. joblib's backend for it (1.6.0) waits for ever when Dask gives up a task
+that has killed several processes, and keeps large arguments on one worker only, with which they are lost.
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Any
+
+from joblib import Parallel
+from threadpoolctl import threadpool_limits
+
+from motiondeck_base.errors import MotiondeckError
+
+Task = tuple[Callable[..., Any], tuple[Any, ...], Mapping[str, Any]]
+
+_CLUSTER = re.compile(r"dask://(.+:\d+)")
+_PATIENCE = 10.0  # s for a scheduler to answer, and for its first worker
+_one_at_a_time = threading.Lock()
+
+
+class ClusterError(MotiondeckError):
+    """A Dask cluster that cannot be used, or a task that it gave up."""
+
+
+@dataclass(frozen=True)
+class Jobs:
+    """Where tasks run.
+
+    Attributes:
+        processes: of this machine; -1 for one per core.
+        cluster: the address of a Dask scheduler, HOST:PORT, that is used instead; "" for none.
+    """
+
+    processes: int = -1
+    cluster: str = ""
+
+    @classmethod
+    def parse(cls, text: str) -> Jobs:
+        """What "4", "-1" or "dask://HOST:PORT" says.
+
+        Raises:
+            MotiondeckError: if it is none of these.
+        """
+        if found := _CLUSTER.fullmatch(text):
+            return cls(cluster=found[1])
+        if re.fullmatch(r"-1|[1-9]\d*", text):
+            return cls(int(text))
+        raise MotiondeckError(f"--jobs {text}: give a number of processes, -1 for one per core, or dask://HOST:PORT")
+
+
+ALONE = Jobs(1)
+"""In this process."""
+
+EVERY_CORE = Jobs(-1)
+"""In a process per core of this machine."""
+
+
+def spread(tasks: Iterable[Task], jobs: Jobs, *, ordered: bool = False) -> Iterator[Any]:
+    """The results of tasks, each as soon as it is there, or, if `ordered`, in the order of the tasks.
+
+    Raises:
+        ClusterError: if the cluster cannot be used, or gave a task up.
+        Exception: whatever a task raises.
+    """
+    if not jobs.cluster:
+        yield from Parallel(jobs.processes, return_as="generator" if ordered else "generator_unordered")(tasks)
+    elif not ordered:
+        yield from (result for _, result in _on_cluster(tasks, jobs.cluster))
+    else:
+        early: dict[int, Any] = {}
+        following = itertools.count()
+        awaited = next(following)
+        for number, result in _on_cluster(tasks, jobs.cluster):
+            early[number] = result
+            while awaited in early:
+                yield early.pop(awaited)
+                awaited = next(following)
+
+
+def _on_cluster(tasks: Iterable[Task], address: str) -> Iterator[tuple[int, Any]]:
+    """The number and the result of each task; few more than can run are given to the cluster at a time."""
+    with _connected(address) as client:
+        from distributed import KilledWorker, as_completed
+
+        left = enumerate(tasks)
+        numbers: dict[Any, int] = {}
+        done: Any = as_completed(loop=client.loop)
+
+        def give() -> None:
+            enough = 2 * sum(client.nthreads().values())
+            for number, task in itertools.islice(left, max(enough - len(numbers), 1)):
+                future = client.submit(_run, *task, pure=False)
+                numbers[future] = number
+                done.add(future)
+
+        give()
+        for future in done:
+            try:
+                result = future.result()
+            except KilledWorker as error:
+                raise ClusterError(f"dask://{address} gave a task up: {error}") from None
+            yield numbers.pop(future), result
+            give()
+
+
+def _run(function: Callable[..., Any], args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> Any:
+    """One task on a worker; its threads take turns, as tasks keep robots and networks for the next one."""
+    with _one_at_a_time, threadpool_limits(1):
+        return function(*args, **kwargs)
+
+
+def _connected(address: str) -> Any:
+    """A client of a cluster whose workers have this version of Motiondeck."""
+    try:
+        from distributed import Client
+    except ImportError:
+        raise ClusterError(
+            'a Dask cluster needs distributed. Install it with: pip install "motiondeck[cluster]"'
+        ) from None
+    try:
+        client: Any = Client(f"tcp://{address}", timeout=_PATIENCE, set_as_default=False)
+    except (OSError, ValueError):
+        raise ClusterError(
+            f"dask://{address}: no Dask scheduler answers there. Start one with: dask scheduler"
+        ) from None
+    try:
+        try:
+            client.wait_for_workers(1, timeout=_PATIENCE)
+        except TimeoutError:
+            raise ClusterError(
+                f"dask://{address}: the cluster has no worker. Start one with: dask worker {address} --nthreads 1"
+            ) from None
+        ours = version("motiondeck")
+        for worker, theirs in client.run(version, "motiondeck", on_error="return").items():
+            if theirs != ours:
+                raise ClusterError(
+                    f"dask://{address}: worker {worker} has motiondeck {theirs}, and {ours} is here. "
+                    "Install the same on both"
+                )
+    except BaseException:
+        client.close()
+        raise
+    return client
