@@ -32,6 +32,7 @@ from benchmarks.deck.memory_growth import growth
 from benchmarks.deck.soak_run import random_command
 from controller.cli.session.tick_recorder import MODES
 from controller.deck.deck import REMEMBERED_SWITCHES
+from controller.deck.interfaces import JointLimits
 from controller.library.motion_library import load_library
 from controller.rotations import Array
 from controller.wire.command_socket import CommandClient
@@ -134,10 +135,9 @@ def written(targets: Array) -> Array:
     return targets[~alone]
 
 
-def judge(run: RunRecording, folder: Path) -> dict[str, int]:
+def judge(run: RunRecording, limits: JointLimits) -> dict[str, int]:
     """How many targets of a recording were not finite, beyond one of the limits, or moved in an emergency stop."""
-    robot = load_robot(find_robot("servo20"), load_library(find_library("thesis15")).skeleton)
-    limits, dt = robot.limits, 1.0 / RATE
+    dt = 1.0 / RATE
     targets = run.fields["targets"]
     in_turn = written(targets)
     inside = (targets >= limits.lower - ROUNDING) & (targets <= limits.upper + ROUNDING)
@@ -157,7 +157,8 @@ def judge(run: RunRecording, folder: Path) -> dict[str, int]:
 def soak(folder: Path, seconds: float, seed: int) -> dict[str, Any]:
     """Plays and commands for so long; what was seen."""
     rng = np.random.default_rng(seed)
-    motions = load_library(find_library("thesis15")).network.motions
+    library = load_library(find_library("thesis15"))
+    motions, limits = library.network.motions, load_robot(find_robot("servo20"), library.skeleton).limits
     deck = start(folder)
     memory: dict[str, list[tuple[float, float]]] = {}
     counts: Counter[str] = Counter()
@@ -211,7 +212,7 @@ def soak(folder: Path, seconds: float, seed: int) -> dict[str, Any]:
         "not written": run.ticks - len(written(run.fields["targets"])),
         "answers": dict(counts),
         "events": dict(told),
-        "violations": judge(run, folder),
+        "violations": judge(run, limits),
         "own_kb": {name: (points[0][1], points[len(points) // 2][1], points[-1][1]) for name, points in memory.items()},
         "growth_kb_per_hour": {name: msgspec.to_builtins(growth(points)) for name, points in second_half.items()},
         "faults": report.get("faults"),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable
 from contextlib import ExitStack
 from enum import StrEnum
 from functools import partial
@@ -15,13 +14,11 @@ import typer
 
 from controller.cli.common.options import PAGE_PORT, CameraOption, FpsOption, RootOption, SizeOption, SolverOption
 from controller.wire.command_socket import DEFAULT_PORT
-from controller.wire.messages import Blend, Jump, Pause, Queue, Resume, SetTempo, Switch
+from controller.wire.messages import Switch
 
 if TYPE_CHECKING:
-    from controller.cli.pictures.library_pictures import FilmLook, Staging
     from controller.cli.session.script import Timed
     from controller.cli.session.session import WiredStop
-    from controller.deck.deck import Deck
     from controller.library.motion_library import MotionLibrary
 
 
@@ -324,13 +321,14 @@ def play(
         first, timeline, length = _timeline(loaded, motion, script)
         seconds = seconds if seconds is not None else length
         if video is not None:
-            _refuse_live_options(rig=rig is not None, record=record is not None, recognize=recognize)
-            film_deck = partial(Deck, loaded, motion=first, direct=direct, joining=join)
+            from controller.cli.pictures.filmed_run import film_run, refuse_live_options
             from controller.cli.pictures.library_pictures import Staging, film_look
 
+            refuse_live_options(rig=rig is not None, record=record is not None, recognize=recognize)
+            film_deck = partial(Deck, loaded, motion=first, direct=direct, joining=join)
             look = film_look(video, size, fps, camera, ghost, footprints)
             staging = Staging(not kinematic, root, balance, walk, solver)
-            _film(loaded, robot, film_deck, timeline, seconds, video, look, staging, as_json)
+            _print(*film_run(loaded, robot, film_deck, timeline, seconds, video, look, staging), as_json=as_json)
             return
         if rate != (rate := checked_rate(loaded, first, rate, lower=lower_rate)):
             print(f"playing at {rate:g} Hz, which the network can hold", file=sys.stderr)
@@ -370,7 +368,7 @@ def play(
             timeline,
         ) as session:
             report = session.run()
-        _print(report, as_json, summary(report))
+        _print(report, summary(report), as_json=as_json)
         incomplete = not report.get("recording", {"complete": True})["complete"]
         then = session.then
         if incomplete or any(o["parked"] for o in report["outputs"]) or report.get("recognition", {}).get("stopped"):
@@ -410,46 +408,7 @@ def _timeline(library: MotionLibrary, motion: str | None, script: str | None) ->
     return cues[0].motion, [Timed(cue.at, Switch(cue.motion)) for cue in cues[1:]], length
 
 
-def _refuse_live_options(*, rig: bool, record: bool, recognize: bool) -> None:
-    """Refuses options that make no sense with --video."""
-    from motiondeck_base.errors import MotiondeckError
-
-    if rig:
-        raise MotiondeckError("a film is not made live, so nothing can be streamed to a rig: leave --rig or --video")
-    if record:
-        raise MotiondeckError("a film is not made live, so there are no ticks to record: leave --record or --video")
-    if recognize:
-        raise MotiondeckError("in a film nothing is measured to be recognized: leave --recognize or --video")
-
-
-def _film(
-    library: MotionLibrary,
-    robot: str,
-    deck_for: Callable[[Callable[..., Any]], Deck],
-    timeline: list[Timed],
-    seconds: float | None,
-    video: Path,
-    look: FilmLook,
-    staging: Staging,
-    as_json: bool,
-) -> None:
-    """Films a run instead of playing it live."""
-    from controller.cli.pictures.library_pictures import film
-    from motiondeck_base.errors import MotiondeckError
-
-    for timed in timeline:
-        if not isinstance(timed.message, Switch | Queue | Blend | SetTempo | Jump | Pause | Resume):
-            raise MotiondeckError(
-                f"the command at {timed.at:g} s is not for a film, in which no joint is driven: "
-                "it can have switches, the queue, blends, tempo, jumps, pause and resume"
-            )
-    length = seconds if seconds is not None else max(6.0, max((timed.at for timed in timeline), default=0.0) + 4.0)
-    report = film(library, robot, deck_for, timeline, length, video, look, staging)
-    fell_back = f"; {report['fell_back']}" if report["fell_back"] else ""
-    _print(report, as_json, f"wrote {video} ({length:g} s, {video.stat().st_size / 1e6:.1f} MB){fell_back}")
-
-
-def _print(report: dict[str, Any], as_json: bool, words: str) -> None:
+def _print(report: dict[str, Any], words: str, *, as_json: bool) -> None:
     """One JSON object on standard output, or a few words."""
     import json
 

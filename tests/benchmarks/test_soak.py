@@ -6,9 +6,11 @@ import pytest
 
 import synthetic
 from benchmarks.deck.memory_growth import growth
+from benchmarks.deck.soak_live import judge, written
 from benchmarks.deck.soak_run import soak
 from controller.deck.interfaces import JointLimits
 from controller.loop.safety.safety_envelope import SafetyEnvelope
+from controller.wire.run_recording import MODES, RunRecording
 
 JOINTS = 9 * 4
 LIMITS = JointLimits(*(np.full(JOINTS, x) for x in (-1.1, 1.1, 8.0, 80.0, 4000.0)))
@@ -67,3 +69,33 @@ def test_the_memory_in_use_is_told_in_kb():
     )
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
     assert float(told.stdout) == pytest.approx(taken_kb, rel=0.2)
+
+
+def test_ticks_that_were_not_written_are_left_out_of_a_recording():
+    moving = np.linspace(0.0, 0.5, 200)[:, None] ** 2 * np.ones(JOINTS)
+    assert np.array_equal(written(np.insert(moving, 100, moving[99], axis=0)), moving)
+    still = moving[[7] * 50]
+    assert np.array_equal(written(still), still)
+
+
+@pytest.mark.parametrize(
+    ("rows", "by", "what"),
+    [
+        (slice(150, None), 1.0, {"position", "velocity", "acceleration", "jerk"}),
+        (slice(150, 151), np.nan, {"not finite", "position"}),
+        (slice(0), 0.0, set()),
+    ],
+)
+def test_what_a_recording_breaks_is_named(rows, by, what):
+    targets = np.linspace(0.0, 0.5, 200)[:, None] ** 2 * np.ones(JOINTS)
+    targets[rows] += by
+    found = judge(RunRecording({}, {"targets": targets, "mode": np.zeros((200, 1))}, complete=True), LIMITS)
+    assert {name for name, count in found.items() if count} == what
+
+
+def test_a_joint_that_moves_long_after_an_emergency_stop_is_seen():
+    targets = np.zeros((900, JOINTS))
+    targets[800] = 1e-6
+    stopped = np.full((900, 1), float(MODES.index("emergency stop")))
+    found = judge(RunRecording({}, {"targets": targets, "mode": stopped}, complete=True), LIMITS)
+    assert found["moved in an emergency stop"] == 2

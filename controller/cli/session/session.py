@@ -15,13 +15,14 @@ from typing import Any, Protocol
 import numpy as np
 
 from controller.cli.session.child_process import PageProcess, child_process, kept_tty, page_process
+from controller.cli.session.openings import lock_deck, open_recorder, open_servers
 from controller.cli.session.page import HEALTH_EVERY, PICTURE_HZ, Page, Showable
 from controller.cli.session.recognition_watch import MismatchPolicy, RecognitionWatch
 from controller.cli.session.report import RunNews, run_report
 from controller.cli.session.rig_output import RigOutput
 from controller.cli.session.robot_on_deck import RobotOnDeck, channels_of
 from controller.cli.session.script import Timed
-from controller.cli.session.tick_recorder import TickRecorder, recording
+from controller.cli.session.tick_recorder import TickRecorder
 from controller.deck.interfaces import Retargeter
 from controller.deck.lockable import Lockable
 from controller.deck.recorded_deck import RecordedDeck
@@ -47,10 +48,7 @@ from controller.mocap.clip import Clip
 from controller.mocap.encodings.joint_angles import JointBody
 from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array
-from controller.wire.command_socket import CommandServer
-from controller.wire.leader_link import LeaderLink
 from controller.wire.messages import EmergencyStop, Refused, lock_numbers
-from motiondeck_base.errors import MotiondeckError
 
 
 class WiredStop(Protocol):
@@ -174,9 +172,10 @@ class Session:
 
     def _prepare(self, opening: ExitStack) -> None:
         """Opens everything; the page takes longest to start, so it starts first and waits for the rest."""
-        if self._settings.stop_input is not None:
-            opening.callback(self._settings.stop_input.close)
-        servers = self._open_servers(opening)
+        settings = self._settings
+        if settings.stop_input is not None:
+            opening.callback(settings.stop_input.close)
+        servers, self.command_port = open_servers(opening, settings.command_port, settings.listen, settings.token)
         page_state = self._start_page(opening)
         self.robots = self._open_robots(opening)
         self._first = self.robots[0]
@@ -184,12 +183,14 @@ class Session:
         servos = rig if isinstance(rig, RigOutput) else None
         self._deck = self._make_deck(together([robot.retarget for robot in self.robots]))
         self._channels = channels_of(self.robots)
-        self._lock(opening)
+        if isinstance(self._deck, Lockable):
+            self._deck.measured = self._measured
+            lock_deck(opening, self._deck, settings.lock_to)
         self._envelope = SafetyEnvelope(all_limits([robot.limits for robot in self.robots]), self._clock.period)
         self._watch = self._open_watch()
         if page_state is not None:
             human, port = self._shown_human(), self.command_port
-            library, learns = self._settings.library, self._settings.restarts
+            library, learns = settings.library, settings.restarts
             page = Page.open(page_state, self._deck, self.robots, human, self._watch, port, library, servos, learns)
             self._page = opening.enter_context(page)
         self._recorder = self._open_recorder(opening)
@@ -199,39 +200,10 @@ class Session:
             self._recorder.note if self._recorder else None,
             seen := (lambda watch=self._watch: watch.seen) if self._watch else None,
             servos=servos,
-            restarts=self._settings.restarts,
+            restarts=settings.restarts,
         )
         self._news = RunNews(self._desk, self._clock, self._channels, servers, seen)
         self._start_terminal(opening)
-
-    def _lock(self, opening: ExitStack) -> None:
-        """Gives the deck what it can be locked to, and locks it as the settings say."""
-        deck, source = self._deck, self._settings.lock_to
-        if not isinstance(deck, Lockable):
-            return
-        deck.measured = self._measured
-        if source is None:
-            return
-        if source in ("beat", "body"):
-            deck.lock(source)
-            return
-        link = LeaderLink.to(source)
-        opening.callback(link.close)
-        deck.leader = link
-        deck.lock("deck")
-
-    def _open_servers(self, opening: ExitStack) -> list[CommandServer]:
-        settings = self._settings
-        self.command_port, servers = settings.command_port, list[CommandServer]()
-        # A network knows which ports are free; the local socket then has the same number.
-        if settings.listen is not None:
-            servers.append(CommandServer(self.command_port, settings.listen, settings.token))
-            opening.callback(servers[0].close)
-            self.command_port = servers[0].port
-        servers.append(CommandServer(self.command_port))
-        opening.callback(servers[-1].close)
-        self.command_port = servers[-1].port
-        return servers
 
     def _start_page(self, opening: ExitStack) -> Path | None:
         """The state file that the page waits for, if there is a page."""
@@ -251,23 +223,10 @@ class Session:
         return RecognitionWatch.over(self._first, self._channels[0], self._source, settings.rate, settings.mismatch)
 
     def _open_recorder(self, opening: ExitStack) -> TickRecorder | None:
-        settings, simulation = self._settings, self._first.simulation
-        if settings.record is None:
+        file, rate = self._settings.record, self._settings.rate
+        if file is None:
             return None
-        if simulation is None:
-            raise MotiondeckError("a rig without a simulated robot cannot be recorded; use: motiondeck play --record")
-        joints = list(self._first.own_joints)
-        description = {
-            "library": self._source_name,
-            "robot": self._first.name,
-            "joints": joints,
-            "motions": list(self._deck.motions),
-            "rate": settings.rate,
-            "root": simulation.root,
-            "balance": simulation.balance,
-            "walk": simulation.walk,
-        }
-        recorder = opening.enter_context(recording(settings.record, description, len(joints), settings.rate))
+        recorder = open_recorder(opening, file, self._first, self._source_name, self._deck.motions, rate)
         self._children.append(("the recorder", recorder.process))
         return recorder
 
