@@ -32,11 +32,14 @@ class PublishedModel:
 
 
 _SUITE, _MORE = "robosuite/models/assets/robots", "robosuite_models/assets/robots"
+_FOURIER = "fourier_robot_descriptions/assets/urdf"
 MODELS = (
     PublishedModel("unitree_g1", "mjlab", "mjlab/asset_zoo/robots/unitree_g1/xmls/g1.xml", True),
     PublishedModel("fourier_gr1", "robosuite", f"{_SUITE}/gr1/robot.xml", True),
     PublishedModel("unitree_h1", "robosuite-models", f"{_MORE}/h1/robot.xml", True),
     PublishedModel("unitree_g1_23", "robosuite-models", f"{_MORE}/g1/robot.xml", True),
+    PublishedModel("fourier_gr3", "fourier-robot-descriptions", f"{_FOURIER}/gr3.urdf", True),
+    PublishedModel("qinglong", "fourier-robot-descriptions", f"{_FOURIER}/qinglong.urdf", True),
     PublishedModel("unitree_go1", "mjlab", "mjlab/asset_zoo/robots/unitree_go1/xmls/go1.xml", False),
     PublishedModel("baxter", "robosuite", f"{_SUITE}/baxter/robot.xml", False),
     PublishedModel("tiago", "robosuite", f"{_SUITE}/tiago/robot.xml", False),

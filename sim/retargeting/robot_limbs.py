@@ -17,13 +17,14 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.mocap.rest_pose import FOOT_SLOPE
 from controller.rotations import Array, conjugate, rotate
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 from sim.models.kinematic_tree import Scratch, below, hinges_between
 from sim.models.limb_geometry import ACROSS, centre_of, end_hinge, level_with, sine
 from sim.models.model_file import followers
 from sim.models.surface import Surface
-from sim.retargeting.human_limbs import AHEAD, LEFT
+from sim.retargeting.human_limbs import AHEAD, LEFT, LIMBS
 
 SIDES = ("r", "l")
 PARTS = (
@@ -357,3 +358,26 @@ class RobotLimbs:
         if body not in names:
             raise UnknownNameError(f"{self._path}: parts.{part}: {UnknownNameError.among('body', body, names)}")
         return names.index(body) + 1
+
+
+def limb_directions(limbs: RobotLimbs) -> Array:
+    """Where a robot's limbs point, as LimbView says it of a human's, shape (14, 3); zero for those it does not have."""
+    start, end = limbs.positions()
+    vector = dict(zip(limbs.vectors.names, end - start, strict=True))
+    chest = limbs.chest_rotation()
+    found: dict[str, Array] = {}
+    for side in SIDES:
+        for whole, first, second in (("leg", "thigh", "shank"), ("arm", "upper_arm", "forearm")):
+            if f"{side}_{whole}" in vector:
+                frame = chest if whole == "arm" else np.eye(3)
+                found[f"{side}_{first}"] = vector[f"{side}_{first}"] @ frame
+                found[f"{side}_{second}"] = (vector[f"{side}_{whole}"] - vector[f"{side}_{first}"]) @ frame
+        if f"{side}_foot_ahead" in vector:
+            ahead, above = vector[f"{side}_foot_ahead"], vector[f"{side}_foot_up"]
+            found[f"{side}_foot"] = np.cos(FOOT_SLOPE) * ahead - np.sin(FOOT_SLOPE) * above
+    for axis in ("head_ahead", "head_left"):
+        if axis in vector:
+            found[axis] = vector[axis] @ chest
+    found |= {"chest_ahead": chest[:, 0], "chest_left": chest[:, 1]}
+    directions = np.array([found.get(name, np.zeros(3)) for name in LIMBS])
+    return directions / np.maximum(np.linalg.norm(directions, axis=1), 1e-9)[:, None]

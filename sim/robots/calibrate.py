@@ -29,12 +29,12 @@ from sim.models.robot_file import Angle
 from sim.models.surface import LowestPoint
 from sim.models.urdf_speeds import urdf_speeds
 from sim.retargeting.human_limbs import LIMBS
-from sim.retargeting.inverse_kinematics import LimbSolver
 from sim.retargeting.retarget import SERVO_HUMANOID_JOINTS, LimbAngles
-from sim.retargeting.robot_limbs import SIDES, RobotLimbs
+from sim.retargeting.robot_limbs import SIDES, RobotLimbs, limb_directions
 from sim.robots.body_matching import match
 from sim.robots.limb_directions import LimbDirections
 from sim.robots.proportions import Doubt, SegmentPair, doubts, segments_of
+from sim.robots.rest_pose import rest_pose
 
 # What a model does not say: rad/s, rad/s^2, rad/s^3. A robot half as tall moves its limbs 1.4 times as fast.
 VELOCITY, ACCELERATION, JERK = 10.0, 300.0, 15000.0
@@ -174,10 +174,7 @@ def calibrate(path: Path, packages: Mapping[str, Path] | None = None) -> Calibra
     limits = JointLimits(lower, upper, velocity, np.full(count, ACCELERATION), np.full(count, JERK))
 
     stand = standing()
-    solve = LimbSolver(limbs, limits, np.clip(np.zeros(count), lower, upper), 1.0)
-    up = np.array([0.0, 0.0, 1.0])
-    rest = np.round(solve(stand, up), 3)
-    rest = np.clip(rest, lower, upper)
+    rest = np.clip(np.round(rest_pose(limbs, limits, stand), 3), lower, upper)
     limbs.place(rest)
     height = -LowestPoint(model)(limbs.data)
     if not height > 0.0:
@@ -230,29 +227,6 @@ def standing() -> Array:
             f"{side}_foot": (np.cos(FOOT_SLOPE), 0.0, -np.sin(FOOT_SLOPE)),
         }
     return np.array([directions[name] for name in LIMBS])
-
-
-def limb_directions(limbs: RobotLimbs) -> Array:
-    """Where a robot's limbs point, as LimbView says it of a human's, shape (14, 3); zero for those it does not have."""
-    start, end = limbs.positions()
-    vector = dict(zip(limbs.vectors.names, end - start, strict=True))
-    chest = limbs.chest_rotation()
-    found: dict[str, Array] = {}
-    for side in SIDES:
-        for whole, first, second in (("leg", "thigh", "shank"), ("arm", "upper_arm", "forearm")):
-            if f"{side}_{whole}" in vector:
-                frame = chest if whole == "arm" else np.eye(3)
-                found[f"{side}_{first}"] = vector[f"{side}_{first}"] @ frame
-                found[f"{side}_{second}"] = (vector[f"{side}_{whole}"] - vector[f"{side}_{first}"]) @ frame
-        if f"{side}_foot_ahead" in vector:
-            ahead, above = vector[f"{side}_foot_ahead"], vector[f"{side}_foot_up"]
-            found[f"{side}_foot"] = np.cos(FOOT_SLOPE) * ahead - np.sin(FOOT_SLOPE) * above
-    for axis in ("head_ahead", "head_left"):
-        if axis in vector:
-            found[axis] = vector[axis] @ chest
-    found |= {"chest_ahead": chest[:, 0], "chest_left": chest[:, 1]}
-    directions = np.array([found.get(name, np.zeros(3)) for name in LIMBS])
-    return directions / np.maximum(np.linalg.norm(directions, axis=1), 1e-9)[:, None]
 
 
 def fitting_angles(

@@ -17,7 +17,7 @@ from sim.retargeting.retarget import (
     MannequinRetargeter,
     ServoHumanoidRetargeter,
 )
-from sim.robots.calibrate import limb_directions
+from sim.retargeting.robot_limbs import limb_directions
 from sim.robots.robot import load_robot
 from simulated_bodies import ROBOTS, bent_pose, human, random_pose, smooth_poses
 

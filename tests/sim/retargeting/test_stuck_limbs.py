@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from sim.retargeting.human_limbs import LIMBS, LimbView
+from sim.retargeting.robot_limbs import limb_directions
 from sim.retargeting.stuck_limbs import FAR
-from sim.robots.calibrate import calibrate, limb_directions
+from sim.robots.calibrate import calibrate
 from sim.robots.robot import load_robot
 from simulated_bodies import bent_pose, human
 from small_robots import humanoid

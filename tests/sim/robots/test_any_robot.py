@@ -14,9 +14,9 @@ from sim.models.surface import LowestPoint
 from sim.models.urdf_speeds import urdf_speeds
 from sim.physics.played_motions import DT, load_sampled_robot
 from sim.retargeting.human_limbs import LIMBS, LimbView
-from sim.retargeting.robot_limbs import RobotLimbs
+from sim.retargeting.robot_limbs import RobotLimbs, limb_directions
 from sim.robots.body_matching import match
-from sim.robots.calibrate import calibrate, limb_directions, standing
+from sim.robots.calibrate import calibrate, standing
 from sim.robots.robot import load_robot
 from simulated_bodies import bent_pose, human, smooth_poses
 from small_robots import LEG, SERVOS, humanoid, urdf
