@@ -25,15 +25,15 @@ def directions(pose):
     return pose.rotation.ravel()
 
 
-def test_a_minute_of_commands_faults_and_floods_breaks_nothing(library):
-    report = soak(library, directions, LIMITS, seconds=60.0, rate=100.0)
+def test_half_a_minute_of_commands_faults_and_floods_breaks_nothing(library):
+    report = soak(library, directions, LIMITS, seconds=30.0, rate=100.0)
     assert report.passed
-    assert report.ticks > 6000
+    assert report.ticks > 3000
     assert (report.commands, report.answered) == (report.ticks // 50, report.ticks // 50)
-    assert report.flood > 1000
-    assert report.faults["deck"] > 5
-    assert report.faults["outputs"] > 30
-    assert report.faults["telemetry"] > 5
+    assert report.flood > 500
+    assert report.faults["deck"] > 2
+    assert report.faults["outputs"] > 15
+    assert report.faults["telemetry"] > 2
     assert (report.outside, report.restless) == (0, 0)
 
 

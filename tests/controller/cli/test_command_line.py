@@ -40,8 +40,8 @@ def library(tmp_path_factory):
 def report(library):
     """A short headless run with switches."""
     run = process(
-        *("play", "--library", library, "--headless", "--command-port", "0", "--seconds", "3"),
-        *("--script", "march 1, wave 1, march", "--json"),
+        *("play", "--library", library, "--headless", "--command-port", "0", "--seconds", "1.8"),
+        *("--script", "march 0.6, wave 0.6, march", "--json"),
     )
     assert run.returncode == 0, run.stderr
     return json.loads(run.stdout)
@@ -56,7 +56,7 @@ def test_a_headless_run_reports_in_one_json_object(report):
 
 def test_each_switch_of_the_script_is_on_record(report):
     assert [switch["to"] for switch in report["switches"]] == ["wave", "march"]
-    for switch, at in zip(report["switches"], (1.0, 2.0), strict=True):
+    for switch, at in zip(report["switches"], (0.6, 1.2), strict=True):
         assert switch["commanded_s"] == pytest.approx(at, abs=0.02)
         assert 0.0 < switch["first_change_s"] - switch["commanded_s"] < 0.02
 
@@ -70,7 +70,7 @@ def test_without_json_a_few_words_are_said(library):
 
 def test_an_emulated_rig_is_streamed_to_and_answers():
     run = process(
-        *("play", "box1", "--headless", "--command-port", "0", "--seconds", "2"),
+        *("play", "box1", "--headless", "--command-port", "0", "--seconds", "1"),
         *("--rig", "emulated", "--robot", "servo20", "--json"),
     )
     assert run.returncode == 0, run.stderr

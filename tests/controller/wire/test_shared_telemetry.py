@@ -99,7 +99,7 @@ def test_a_slot_that_is_torn_is_never_shown(path):
 
 def test_another_process_never_sees_a_torn_state(path):
     """The writer publishes numbers that belong together as fast as it can; the reader checks each state it sees."""
-    writer = StateWriter.create(path, {}, {"number": 1, "block": 500, "mirror": 1})
+    writer = StateWriter.create(path, {}, {"number": 1, "block": 5000, "mirror": 1})
     program = (
         "import pathlib, sys\n"
         "from controller.wire.telemetry import StateReader\n"
@@ -118,7 +118,7 @@ def test_another_process_never_sees_a_torn_state(path):
     with subprocess.Popen([sys.executable, "-c", program, str(path)], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "ready\n"
-        for number in range(60_000):
+        for number in range(10_000):
             writer.publish(number=number, block=number, mirror=-number)
         writer.close()
         seen = int(process.stdout.read())

@@ -26,10 +26,15 @@ def learned(target, parameters=None, **more):
     return learn_low_rank(target, TIME, starts, satellites=80, parameters=parameters, iterations=60, **more)
 
 
-@pytest.mark.parametrize("parameters", [150, 250])
-def test_it_takes_no_more_numbers_than_asked_for_and_says_more_with_them_than_full_weights(parameters):
+@pytest.fixture(scope="module", params=[150, 250])
+def network_of(request):
+    """A network, and how many numbers it was allowed."""
+    return learned(body_like(), request.param), request.param
+
+
+def test_it_takes_no_more_numbers_than_asked_for_and_says_more_with_them_than_full_weights(network_of):
     target = body_like()
-    network = learned(target, parameters)
+    network, parameters = network_of
     assert network.numbers <= parameters
     weights, places = network.weights, network.satellites.satellites.places
     by_hand = np.count_nonzero(weights.shares) + np.count_nonzero(weights.curves) + 3 * len(places) + 2
@@ -41,9 +46,9 @@ def test_it_takes_no_more_numbers_than_asked_for_and_says_more_with_them_than_fu
     assert np.square(target - network.play(TIME)).sum() < 0.25 * left
 
 
-def test_the_error_it_states_is_the_one_it_has():
+def test_the_error_it_states_is_the_one_it_has(network_of):
     target = body_like()
-    network = learned(target, 200)
+    network, _ = network_of
     missed = np.square(target - network.play(TIME)).sum() / np.square(target).sum()
     assert network.satellites.error == pytest.approx(missed, rel=1e-9)
 
