@@ -1,0 +1,102 @@
+"""The panel in two browsers: the state line in twelve situations, a reload, and a page that has lost its deck."""
+
+import threading
+import time
+from contextlib import closing
+
+import numpy as np
+
+from controller.wire.command_socket import CommandClient, CommandServer
+from controller.wire.messages import Accepted, EmergencyStop, Switch
+from controller.wire.run_recording import MODES
+from sim.view.panel import Panel
+from sim.view.web.private_page import PrivatePage
+from web_pages import free_port, until
+
+MOTIONS = ["walk", "jog", "crawl", "standup", "waltz"]
+
+
+def state(mode="playing", playing="walk", motion="", way=(), queue=(), blend=None, paused=0.0, settled=1.0):
+    def places(names):
+        return np.array([MOTIONS.index(name) for name in names] + [-1] * (8 - len(names)), dtype=float)
+
+    numbers = {"mode": MODES.index(mode), "paused": paused, "settled": settled, "phase": 0.4, "tempo": 1.0}
+    numbers |= {"playing": MOTIONS.index(playing), "motion": MOTIONS.index(motion or playing)}
+    numbers |= {"blend": -1.0 if blend is None else MOTIONS.index(blend), "blend_weight": 0.4}
+    arrays = {name: np.array([float(value)]) for name, value in numbers.items()}
+    return arrays | {"way": places(way), "queue": places(queue)}
+
+
+SITUATIONS = [
+    (state(), ["PLAYING", "walk"]),
+    (state(queue=["jog", "waltz"]), ["PLAYING", "walk", "next: jog, waltz"]),
+    (state(motion="jog", settled=0.0), ["ON ITS WAY", "to jog"]),
+    (
+        state(playing="crawl", motion="waltz", way=["standup", "waltz"], settled=0.0),
+        ["ON ITS WAY", "crawl → standup → waltz"],
+    ),
+    (state(motion="jog", way=["jog"], queue=["waltz"], settled=0.0), ["ON ITS WAY", "walk → jog", "next: waltz"]),
+    (state(blend="jog"), ["BLEND", "walk + 40 % jog"]),
+    (state(paused=1.0), ["PAUSED", "walk"]),
+    (state(paused=1.0, queue=["jog"]), ["PAUSED", "walk", "next: jog"]),
+    (state(mode="home"), ["HOME", "at rest, or on the way there", "choose a motion to play on"]),
+    (state(mode="held"), ["HELD", "nothing moves", "choose a motion, or Home"]),
+    (state(mode="emergency stop"), ["EMERGENCY STOP", "every joint is held", "Reset releases it"]),
+]
+
+
+def test_two_browsers_see_what_happens_and_both_command(browser):
+    page, heard, over = PrivatePage(free_port(), "test"), [], threading.Event()
+    with closing(CommandServer(0)) as server, closing(CommandClient(server.port)) as client:
+
+        def answer():
+            while not over.wait(0.01):
+                for message, sender in server.poll():
+                    heard.append((type(message), getattr(message, "to", "")))
+                    server.reply(sender, Accepted(message.id))
+
+        deck = threading.Thread(target=answer)
+        deck.start()
+        panel = Panel(page, MOTIONS, [], client, has_phase=True)
+        panel.show(state())
+        tabs = [browser.new_page(viewport={"width": width, "height": 700}) for width in (900, 390)]
+        try:
+            for tab in tabs:
+                tab.set_default_timeout(60_000)
+                tab.goto(page.address)
+                tab.locator("#state-line").wait_for()
+
+            def lines(tab):
+                return [line for line in tab.locator("#state-line").inner_text().split("\n") if line.strip("\xa0 ")]
+
+            for shown, said in SITUATIONS:
+                panel.show(shown)
+                for tab in tabs:
+                    until(lambda tab=tab, said=said: lines(tab) == said, said)
+            wide, phone = tabs
+            assert not wide.get_by_role("button", name="jog", exact=True).is_enabled()
+            panel.show(state())
+            for name in ("Pause", "Home"):
+                wide.get_by_role("button", name=name, exact=True).click(trial=True)  # neither covers the other
+            wide.get_by_role("button", name="jog", exact=True).click()
+            until(lambda: (Switch, "jog") in heard, "the first browser's command")
+            phone.keyboard.press("Escape")
+            until(lambda: (EmergencyStop, "") in heard, "the second browser's emergency stop")
+
+            phone.reload()
+            phone.locator("#state-line").get_by_text("PLAYING").wait_for()
+
+            panel.end("the rig is lost: id 3")
+            for tab in tabs:
+                until(lambda tab=tab: lines(tab)[:2] == ["ENDED", "the rig is lost: id 3"], "the end")
+            page.flush()
+            time.sleep(0.2)
+            page.stop()
+            mark = "e => getComputedStyle(e, '::before').content"
+            until(lambda: "NO CONNECTION" in wide.locator("#state-line").evaluate(mark), "the lost link")
+        finally:
+            over.set()
+            deck.join()
+            for tab in tabs:
+                tab.close()
+            page.stop()
