@@ -133,7 +133,8 @@ def _connected(address: str) -> Any:
         client: Any = Client(f"tcp://{address}", timeout=_PATIENCE, set_as_default=False)
     except (OSError, ValueError):
         raise ClusterError(
-            f"dask://{address}: no Dask scheduler answers there. Start one with: dask scheduler"
+            f"dask://{address}: no Dask scheduler answers there. Start one with: "
+            "dask scheduler --host 127.0.0.1 --dashboard-address 127.0.0.1:8787"
         ) from None
     try:
         try:
