@@ -38,6 +38,7 @@ from sim.view.panel import Panel
 from sim.view.rig.joint_glow import JointGlow
 from sim.view.rig.rig_panel import RigPanel
 from sim.view.scene import Follower, Scene
+from sim.view.timeline import Timeline
 from sim.view.web.private_page import PrivatePage
 
 PICTURES_PER_SECOND = 30.0
@@ -103,6 +104,7 @@ def view(state: Path, command_port: int | None, port: int) -> None:
     if side is not None and learn:
         with side.add_tab("Learn", viser.Icon.SCHOOL):
             LearnPanel(page, panel.parts, learn, Path(description["library_file"]), state.parent / "dropped", panel.ask)
+    timeline = Timeline(panel.parts)
     if side is not None:
         side.dock_left()
         side.set_width(SIDE_WIDTH)
@@ -119,19 +121,21 @@ def view(state: Path, command_port: int | None, port: int) -> None:
             latest = reader.read()
             if latest is not None and latest["tick"][0] != last_tick and np.isfinite(latest["qpos"]).all():
                 last_tick = latest["tick"][0]
+                timeline.keep(latest, motions[int(latest["playing"][0])] if "playing" in latest else "", now)
+                seen = timeline.seen(latest)
                 dt = min(now - last_picture, 0.1)
                 if panel.follows:
-                    centre = follower.follow(latest["qpos"][:2], dt)
-                scene.show(latest["qpos"], centre)
+                    centre = follower.follow(seen["qpos"][:2], dt)
+                scene.show(seen["qpos"], centre)
                 with page.atomic():
                     beside = np.array([0.0, -BESIDE * scene.height])
                     for k, other in enumerate(followers):
-                        qpos = latest[f"qpos {k}"]
-                        qpos[:2] = latest["qpos"][:2] + (k + 1) * beside
+                        qpos = seen[f"qpos {k}"].copy()
+                        qpos[:2] = seen["qpos"][:2] + (k + 1) * beside
                         other.show(qpos, centre)
                     if ghost is not None:
-                        human_at = latest["qpos"][:2]
-                        ghost.show(panel.human, latest["human_root"], latest["human_turn"], human_at, centre)
+                        human_at = seen["qpos"][:2]
+                        ghost.show(panel.human, seen["human_root"], seen["human_turn"], human_at, centre)
                     if inside is not None:
                         playing = motions[int(latest["playing"][0])]
                         inside.show(latest["activation"], playing, visible=panel.shows_network)
@@ -141,10 +145,11 @@ def view(state: Path, command_port: int | None, port: int) -> None:
                 last_picture = now
                 if now - last_health >= 1.0 / HEALTH_PER_SECOND:
                     panel.show(latest)
+                    timeline.show()
                     if rig is not None and glow is not None:
                         glow.mark(rig.show(latest, now))
                     last_health = now
-            tell_news(events, panel)
+            tell_news(events, panel, timeline)
             time.sleep(max(0.0, now + 1.0 / PICTURES_PER_SECOND - time.monotonic()))
         panel.end(_reason(state))
         page.flush()
@@ -156,12 +161,13 @@ def view(state: Path, command_port: int | None, port: int) -> None:
             shutil.rmtree(state.parent, ignore_errors=True)
 
 
-def tell_news(events: CommandClient, panel: Panel) -> None:
+def tell_news(events: CommandClient, panel: Panel, timeline: Timeline) -> None:
     """Shows the events that have arrived; a deck that has ended has none."""
     with contextlib.suppress(MotiondeckError):
         while (reply := events.receive(0.0)) is not None:
             if isinstance(reply, Event):
                 panel.tell(reply)
+                timeline.tell(reply)
 
 
 def _reason(state: Path) -> str:
