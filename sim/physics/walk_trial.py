@@ -86,31 +86,35 @@ def play_course(robot: Robot, play: Callable[[float], tuple[Array, Pose]], secon
     return Course(np.array(targets), np.array(roots), np.array(headings))
 
 
-def push_force(now: float, impulse: float, seed: int) -> Array:
+def pushes(impulse: float, seed: int) -> Callable[[float], Array]:
     """The force (3,), N, on the root at a time, s: pushes of an impulse, N s, in turn from four sides.
 
     The first one comes from behind with seed 0, from any side and at any time with others.
     """
     random = np.random.default_rng(seed)
-    first, late = random.uniform(0.0, 2.0 * np.pi), random.uniform(0.0, 0.5 * PERIOD)
-    count, since = divmod(now - (late if seed else 0.0), PERIOD)
-    if count < 1.0 or since >= LASTS:
-        return np.zeros(3)
-    angle = (first if seed else 0.0) + 2.0 * np.pi * (count - 1.0) / SIDES
-    return impulse / LASTS * np.array([np.cos(angle), np.sin(angle), 0.0])
+    first, late = (random.uniform(0.0, 2.0 * np.pi), random.uniform(0.0, 0.5 * PERIOD)) if seed else (0.0, 0.0)
+
+    def force(now: float) -> Array:
+        count, since = divmod(now - late, PERIOD)
+        if count < 1.0 or since >= LASTS:
+            return np.zeros(3)
+        angle = first + 2.0 * np.pi * (count - 1.0) / SIDES
+        return impulse / LASTS * np.array([np.cos(angle), np.sin(angle), 0.0])
+
+    return force
 
 
 def walk_trial(
     robot: Robot, course: Course, impulse: float = 0.0, seed: int = 0, settings: WalkSettings | None = None
 ) -> Trial:
-    """Walks a course until its end or a fall, pushed as `push_force` says; with other settings than the robot's."""
+    """Walks a course until its end or a fall, pushed as `pushes` says; with other settings than the robot's."""
     body = robot if settings is None else replace(robot, walk=settings)
     stage = PhysicsPlayback(body, DT, "free", walk=True)
-    lag, legs = round(AHEAD / DT), _legs(robot)
+    force, lag, legs = pushes(impulse, seed), round(AHEAD / DT), _legs(robot)
     costs: list[float] = []
     square = np.zeros(len(robot.joints))
     for tick, (targets, root, heading) in enumerate(zip(course.targets, course.roots, course.headings, strict=True)):
-        stage.push(push_force(tick * DT, impulse, seed))
+        stage.push(force(tick * DT))
         began = time.thread_time()
         stage.write(targets, _placed(root, float(heading)))
         costs.append(time.thread_time() - began)

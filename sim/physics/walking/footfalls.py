@@ -18,6 +18,8 @@ BEGINS, ENDS = 0.2, 0.15
 FAR, TURN, LONG = 0.04, 0.15, 0.12
 # What is over sooner is no step but a foot that shuffles while motions are blended, s.
 BRIEF = 0.15
+# A foot that moves on after so long has only paused, s: who shifts a foot twice keeps standing on the other one.
+PAUSE = 0.3
 # The speed is smoothed with this time constant, s.
 SMOOTHING = 0.01
 
@@ -89,8 +91,8 @@ class Footfalls:
         if self._speed[foot] < BEGINS:
             return
         last = self.swings[-1] if self.swings else None
-        if last is not None and last.foot == foot and last.end is not None and now - last.end < LONG:
-            last.end = None  # it has only paused
+        if last is not None and last.foot == foot and last.end is not None and now - last.end < PAUSE:
+            last.end = None
             return
         self.swings.append(Swing(foot, now, None, np.zeros(2), 0.0, heading))
         self._from, self._went, self._yaw = soles[foot].copy(), 0.0, float(yaws[foot])

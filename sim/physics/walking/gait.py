@@ -22,10 +22,15 @@ SHORTEST, SLOWEST = 0.2, 3.3
 UNKNOWN = 0.3
 # In the last share of a swing its goal stays where it is.
 FROZEN = 0.15
-# In one step the robot turns by at most so much, and its feet from its heading, rad.
-TURN, FOOT_TURN = 0.6, 0.5
+# In one step the robot turns by at most so much, a foot lands turned by at most so much from its heading, and what
+# stands is at most so much turned from it while it turns on, rad.
+TURN, FOOT_TURN, TWIST = 0.6, 0.5, 0.7
+# A foot lands at most so much farther to its side than it has to be, in widths.
+APART = 0.9
 # The most that a step is made longer, in heights of the root, and how narrow and how wide it may become, in widths.
 LONGER, NARROW, WIDE = 0.7, 0.85, 2.2
+# How far apart the feet may land, in longest steps at their least width.
+STRETCH = 1.1
 # How uncertain the error of the capture point is, compared with the lengthening of a step that may be needed.
 DOUBT = 0.15
 
@@ -50,6 +55,7 @@ class Gait:
         self._set, self._height, self._sides = settings, height, sides
         self._roll = 0.5 * sole * settings.roll
         self._width = settings.width * height
+        self._reach = STRETCH * height * float(np.hypot(settings.longest, settings.width))
         self._slowest = SLOWEST * float(np.sqrt(height / GRAVITY))
 
     def start(self, middle: Array, facing: float, yaws: Array) -> None:
@@ -109,8 +115,10 @@ class Gait:
         side = self._sides[step.foot]
         planned = side * _turned(step.place - before - self.places[1 - step.foot], -step.heading)[1]
         y = side * (min(max(planned + side * wanted[1], NARROW * self._width), WIDE * self._width) - planned)
-        self._longer = _turned((x, y), step.heading)
-        step.place = step.place + self._longer - before
+        stands, unmoved = self.places[1 - step.foot], step.place - before
+        place = unmoved + _turned((x, y), step.heading)
+        place = stands + (place - stands) * min(1.0, self._reach / float(np.hypot(*(place - stands))))
+        self._longer, step.place = place - unmoved, place
         return self._longer - before
 
     def recover(self, now: float, off: Array, capture: Array) -> None:
@@ -143,12 +151,17 @@ class Gait:
         place, yaw = self._from
         return place, yaw, (now - self.step.start) / (self.step.end - self.step.start)
 
-    def astray(self, now: float) -> float:
-        """How far the robot's heading is to be from the motion's now, rad: it cannot turn as fast as anybody."""
-        if self.step is None:
-            return self._astray
-        along, _ = swing_path((now - self.step.start) / (self.step.end - self.step.start))
-        return self._astray + along * (self.step.astray - self._astray)
+    def turn(self, now: float, heading: float) -> float:
+        """How far the robot's heading is to be from the motion's, rad: hips turn only so far on a foot that stands."""
+        astray, stands = self._astray, self.yaws
+        if self.step is not None:
+            along, _ = swing_path((now - self.step.start) / (self.step.end - self.step.start))
+            astray += along * (self.step.astray - self._astray)
+            stands = self.yaws[[1 - self.step.foot]]
+        twist = [_wrapped(heading + astray - yaw) for yaw in stands]
+        excess = max(max(twist) - TWIST, 0.0) + min(min(twist) + TWIST, 0.0)
+        self._astray -= excess
+        return astray - excess
 
     @property
     def standing(self) -> Array:
@@ -158,7 +171,7 @@ class Gait:
         return np.array([0.0, 1.0]) if self.step.foot == 0 else np.array([1.0, 0.0])
 
     def _chain(self, now: float, swings: Sequence[Swing]) -> list[Step]:
-        places, steps, s = [*self.places], list[Step](), self._set
+        places, yaws, steps, s = [*self.places], [*self.yaws], list[Step](), self._set
         heading, astray = self._heading, self._astray
         landed = None if self._landed is None else self._landed[0]
         free = -np.inf if landed is None else landed + s.double_support
@@ -167,10 +180,11 @@ class Gait:
             if swing is self._swing:
                 assert self.step is not None
                 step = self.step
-                planned = self._planned(
-                    swing, places[1 - step.foot], heading, astray, len(GROWS) if swing in self._own else count - 1
-                )
-                planned.start, planned.place = step.start, planned.place + self._longer
+                other = 1 - step.foot
+                grown = len(GROWS) if swing in self._own else count - 1
+                planned = self._planned(swing, places[other], yaws[other], heading, astray, grown)
+                planned.start, planned.end = step.start, step.end
+                planned.place = planned.place + self._longer
                 self.step = step = planned
             else:
                 end = self._end(swing, max(swing.start, free))
@@ -178,12 +192,14 @@ class Gait:
                 if landed is not None and swing.start - landed > STOOD and not steps:
                     count = 0
                 grown = len(GROWS) if swing in self._own else count
-                step = self._planned(swing, places[1 - swing.foot], heading, astray, grown)
+                other = 1 - swing.foot
+                step = self._planned(swing, places[other], yaws[other], heading, astray, grown)
                 step.start, step.end = start, max(end, start + SHORTEST)
                 count += 1
                 if start <= now and self.step is None:
                     self._begin(step, swing, count)
-            places[step.foot], heading, astray = step.place, step.heading, step.astray
+            places[step.foot], yaws[step.foot] = step.place, step.yaw
+            heading, astray = step.heading, step.astray
             free = step.end + s.double_support
             steps.append(step)
         return steps
@@ -197,18 +213,20 @@ class Gait:
         end = swing.end if swing.end is not None else max(self._horizon, swing.start + UNKNOWN)
         return max(end, start + SHORTEST)
 
-    def _planned(self, swing: Swing, other: Array, heading: float, astray: float, count: int) -> Step:
+    def _planned(self, swing: Swing, other: Array, stands: float, heading: float, astray: float, count: int) -> Step:
         """The step that a swing of the motion becomes.
 
         Args:
             swing: of the motion.
             other: where the foot stands that does not swing, shape (2,), m.
+            stands: which way that foot points, rad.
             heading: of the robot before the step, rad.
             astray: how far that is from the heading of the motion, rad.
             count: how many steps there were since it stood.
         """
-        turn = swing.heading + astray - heading
+        turn = _wrapped(swing.heading + astray - heading)
         turned = min(max(turn, -TURN), TURN)
+        turned += _clipped(heading + turned - stands, TWIST) - _wrapped(heading + turned - stands)
         heading, astray = heading + turned, astray + turned - turn
         share = self._set.share * GROWS[min(count, len(GROWS) - 1)]
         x, y = swing.from_other
@@ -216,17 +234,23 @@ class Gait:
         # A foot that passes the other one goes twice as far as it lands ahead of it.
         seconds = min(end - swing.start, self._slowest)
         most = self._height * min(self._set.longest, 0.5 * self._set.fastest * seconds)
-        ahead = min(max(share * x, -most), most)
         side = self._sides[swing.foot]
-        apart = min(max(self._width + share * (side * y - self._width), self._width), 1.9 * self._width)
-        place = other + _turned((ahead, side * apart), heading)
+        aside = share * max(side * y - self._width, 0.0)
+        # Legs that are apart reach less far ahead.
+        far = max(1.0, float(np.hypot(share * x / most, aside / (APART * self._width))))
+        place = other + _turned((share * x / far, side * (self._width + aside / far)), heading)
         yaw = heading + _clipped(swing.yaw - swing.heading)
         return Step(swing.foot, swing.start, end, place, yaw, heading, astray)
 
 
-def _clipped(turn: float) -> float:
-    """How far a foot is turned from the heading, rad, but at most FOOT_TURN."""
-    return min(max((turn + np.pi) % (2.0 * np.pi) - np.pi, -FOOT_TURN), FOOT_TURN)
+def _wrapped(turn: float) -> float:
+    """The same turn, between half a turn to the right and to the left, rad."""
+    return (turn + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def _clipped(turn: float, most: float = FOOT_TURN) -> float:
+    """A turn, rad, of at most so much to either side."""
+    return min(max(_wrapped(turn), -most), most)
 
 
 def _turned(vector: Array | tuple[float, float], angle: float) -> Array:

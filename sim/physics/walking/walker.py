@@ -56,6 +56,8 @@ LEARNS, LEARNED = 0.5, 0.12
 LOST = 0.5
 # In the first share of a swing the foot begins to make up for the tilt of the trunk.
 TILT_FROM = 1.0 / 6.0
+# What it has made up for lasts so long after the foot has landed, s: else the foot would be off the floor at once.
+RIGHTS = 0.15
 
 
 class Walker:
@@ -96,6 +98,7 @@ class Walker:
         driven[robot.layout.ball] += np.arange(3)
         stiffness = np.full(model.nv, np.inf)
         stiffness[driven] = np.maximum(model.actuator_gainprm[:, 0], 1e-9)
+        self._fades = float(np.exp(-dt / RIGHTS))
         self._yields = self._set.feed_forward * self._body.legs / stiffness
 
     @property
@@ -113,7 +116,8 @@ class Walker:
         soles, yaws = self._stance(plan)
         facing = _azimuth(rotate(plan.qpos[3:7], np.array([1.0, 0.0, 0.0])))
         self._centre = soles[:, :2].mean(axis=0)
-        self._learned = np.zeros(2)
+        self._learned, self._astray = np.zeros(2), 0.0
+        self._righted = [(np.zeros(3), np.zeros(3))] * 2
         self._gait = Gait(self._set, height, self._length, self._sides)
         self._gait.start(self._centre, facing, yaws)
         goal = data.qpos.copy()
@@ -145,7 +149,8 @@ class Walker:
         self._centre = follow(self._centre, wanted, self._dt, omega)
         wanted_posture = self.preview.goal.copy()
         wanted_posture[2] = self.preview.height - self._lower
-        wanted_posture[3:7] = multiply(yaw(gait.astray(self._now)), wanted_posture[3:7])
+        self._astray = gait.turn(self._now, self.preview.heading)
+        wanted_posture[3:7] = multiply(yaw(self._astray), wanted_posture[3:7])
         self._body.step(wanted_posture, *self._feet(tilt), self._centre + self._ankles(capture - wanted))
         goal[:] = self._body.plan.qpos
         self._carry(goal, np.array([np.interp(self._now, times, knots[:, axis]) for axis in range(2)]))
@@ -176,7 +181,7 @@ class Walker:
 
     def _ankles(self, off: Array) -> Array:
         """How the centre of mass is moved, (2,), m, against an error of the capture point: (6)."""
-        heading = self.preview.heading + self._gait.astray(self._now)
+        heading = self.preview.heading + self._astray
         turning, most = _turning(heading), LEARNED * self._height
         self._learned += LEARNS * self._dt * (turning.T @ off)
         np.clip(self._learned, -most, most, out=self._learned)
@@ -194,10 +199,13 @@ class Walker:
             turn = angle + along * float(_wrapped(np.array(step.yaw - angle)))
             lift = self._height * highest(self._set.lift, step.end - step.start)
             place = np.array([*(start + along * (step.place - start)), lift * high])
-            back = from_rotation_vector(-self._set.upright * min(1.0, share / TILT_FROM) * tilt)
-            stands = places[1 - step.foot]
-            places[step.foot] = stands + rotate(back, place - stands)
-            turns[step.foot] = multiply(back, multiply(yaw(turn), self._flat[step.foot]))
+            places[step.foot], turns[step.foot] = place, multiply(yaw(turn), self._flat[step.foot])
+            arm, back = place - places[1 - step.foot], -self._set.upright * min(1.0, share / TILT_FROM) * tilt
+            self._righted[step.foot] = back, rotate(from_rotation_vector(back), arm) - arm
+        for foot, (back, moved) in enumerate(self._righted):
+            places[foot], turns[foot] = places[foot] + moved, multiply(from_rotation_vector(back), turns[foot])
+            # What has landed comes back to the plan little by little, and the trunk with it.
+            self._righted[foot] = self._fades * back, self._fades * moved
         return places, turns
 
     def _carry(self, goal: Array, pressure: Array) -> None:

@@ -4,7 +4,7 @@ import pytest
 from sim.models.robot_file import read_robot_file
 from sim.models.walk_settings import WalkSettings, with_walk_table
 from sim.physics import walk_tuning
-from sim.physics.walk_trial import Course, Trial, push_force
+from sim.physics.walk_trial import Course, Trial, pushes
 from sim.physics.walk_tuning import EDGE, SEARCHED, changed, tune_walk
 from sim.robots.robot import load_robot
 from simulated_bodies import ROBOTS, human
@@ -69,8 +69,8 @@ def test_a_robot_file_gets_its_table_and_keeps_the_rest(tmp_path, name):
 
 def test_pushes_come_from_four_sides_in_turn():
     times = np.arange(0.0, 30.0, 0.005)
-    forces = np.array([push_force(now, 0.5, 0) for now in times])
+    forces = np.array([pushes(0.5, 0)(now) for now in times])
     assert np.allclose(forces.sum(axis=0) * 0.005, [0.5, 0.0, 0.0], atol=0.03)
-    pushed = [tuple(np.sign(np.round(push_force(now + 0.05, 0.5, 0)))) for now in (5.0, 10.0, 15.0, 20.0, 25.0)]
+    pushed = [tuple(np.sign(np.round(pushes(0.5, 0)(now + 0.05)))) for now in (5.0, 10.0, 15.0, 20.0, 25.0)]
     assert pushed == [(1, 0, 0), (0, 1, 0), (-1, 0, 0), (0, -1, 0), (1, 0, 0)]
-    assert not np.allclose(forces, [push_force(now, 0.5, 1) for now in times])
+    assert not np.allclose(forces, [pushes(0.5, 1)(now) for now in times])

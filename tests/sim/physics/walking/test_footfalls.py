@@ -49,6 +49,16 @@ def test_a_foot_that_shuffles_takes_no_step(step, steps):
     assert len(found(*still)) == steps
 
 
+@pytest.mark.parametrize(("pause", "swings"), [(0.2, 1), (0.5, 2)])
+def test_a_foot_that_pauses_on_its_way_makes_one_step(pause, swings):
+    there = walking_soles(1.5, DT, step=0.5)
+    again = walking_soles(0.5, DT, step=0.5, begins=0.0)
+    soles = [there[0], np.repeat(there[0][-1:], round(pause / DT), axis=0), again[0] - again[0][0] + there[0][-1]]
+    soles = np.concatenate(soles)
+    found_there = found(soles, np.zeros((len(soles), 2)), np.zeros(len(soles)))
+    assert [swing.foot for swing in found_there] == [0] * swings
+
+
 def test_stepping_on_the_spot_is_stepping():
     swings = found(*walking_soles(4.0, DT, length=0.0, lift=0.08))
     assert [swing.foot for swing in swings[:4]] == [0, 1, 0, 1]

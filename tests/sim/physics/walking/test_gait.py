@@ -67,6 +67,39 @@ def test_feet_never_meet_however_hard_the_push():
     assert abs(gait.places[0, 1] - gait.places[1, 1]) > 0.8 * SETTINGS.width
 
 
+@pytest.mark.parametrize("push", [-0.5, 0.5])
+def test_no_push_makes_a_step_longer_than_legs_reach(push):
+    gait, farthest = new_gait(), 0.0
+    pendulum(gait, 3.0, length=0.3, step=0.5)
+    for _ in range(100):
+        gait.catch(3.0, np.array([push, push]), 0.5)
+        assert gait.step is not None
+        farthest = max(farthest, float(np.hypot(*(gait.step.place - gait.places[1 - gait.step.foot]))))
+    assert farthest < 1.2 * np.hypot(SETTINGS.longest, SETTINGS.width)
+
+
+def test_a_step_lasts_until_it_has_ended_in_the_plan_too():
+    gait, footfalls = new_gait(), Footfalls(1.0, DT)
+    for k, row in enumerate(zip(*walking_soles(6.0, DT, step=0.16), strict=True)):
+        footfalls.add(k * DT, *row)
+        now = (k + 1) * DT - PREVIEW
+        ended = gait.advance(now, footfalls.swings, PREVIEW)
+        if ended is not None:
+            footfalls.forget(ended)
+        if gait.step is not None:
+            assert gait.step.end > now
+
+
+def test_who_turns_on_feet_that_stand_turns_only_as_far_as_hips_do():
+    gait = new_gait()
+    headings = np.linspace(0.0, 2.0, 200)
+    facing = [heading + gait.turn(0.01 * k, heading) for k, heading in enumerate(headings)]
+    assert np.allclose(facing[:50], headings[:50])
+    assert max(facing) == pytest.approx(0.7)
+    # And back again at once, when the motion turns back.
+    assert 1.5 + gait.turn(2.01, 1.5) == pytest.approx(0.2)
+
+
 def test_the_centre_of_pressure_never_jumps():
     gait, footfalls, before = new_gait(), Footfalls(1.0, DT), None
     for k, row in enumerate(zip(*walking_soles(6.0, DT, step=0.5), strict=True)):

@@ -12,13 +12,15 @@ from simulated_bodies import HUMAN, ROBOTS, bent_pose, human, skeleton_of
 DT = 0.005
 
 
-def walk(name, motion, seconds, push=(0.0, 0.0, 0.0), at=np.inf):
-    """Walks and is pushed for 0.1 s; the stage at the end."""
+def walk(name, motion, seconds, push=(0.0, 0.0, 0.0), at=np.inf, then=None):
+    """Walks and is pushed for 0.1 s, or switches to a motion then; the stage at the end."""
     library = load_library(find_library("thesis15"))
     robot = load_robot(ROBOTS / f"{name}.toml", library.skeleton)
     deck = Deck(library, robot.retarget, motion)
     stage = PhysicsPlayback(robot, DT, "free", walk=True)
     for tick in range(round(seconds / DT)):
+        if then is not None and abs(tick * DT - at) < 0.5 * DT:
+            deck.switch(then)
         targets, pose = deck.update(DT)
         stage.push(np.array(push) * (at <= tick * DT < at + 0.1))
         stage.write(np.clip(targets, robot.limits.lower, robot.limits.upper), pose)
@@ -37,6 +39,10 @@ def test_servo20_walks_and_a_push_does_not_fell_it():
     # The way that it reports is the way that the root has gone.
     assert np.hypot(*stage.qpos[:2]) == pytest.approx(walked, rel=0.2)
     assert stage.report()["travel"] == {"asked_m": asked, "walked_m": walked}
+
+
+def test_who_stops_walking_after_two_steps_and_boxes_keeps_on_its_feet():
+    assert walk("servo20", "walk", 4.2, at=1.0, then="box1").fell_s is None
 
 
 def standing(force, seconds):
