@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import mujoco
 
 from controller.rotations import from_matrix
@@ -16,7 +18,7 @@ from sim.robots.robot import Robot
 ROOTS = ("gantry", "fixed", "free")
 
 # One bit of its own, so that what a model says of contacts between its bodies stays as it is.
-_FLOOR_BIT = 1 << 20
+FLOOR_BIT = 1 << 20
 # Rubber on wood. The second and third figure are MuJoCo's torsional and rolling friction, m.
 FRICTION = (1.0, 0.005, 0.0001)
 # The sole under a foot of rounded solids is this thick, m, and drawn in a group that is not shown.
@@ -39,7 +41,11 @@ def check_root(root: str) -> None:
         raise MotiondeckError(f"root '{root}': choose gantry (carried along), fixed (held in place) or free")
 
 
-def physics_model(robot: Robot, root: str = "gantry") -> mujoco.MjModel:
+Alteration = Callable[[mujoco.MjSpec], None]
+"""Changes a model that is ready to be compiled."""
+
+
+def physics_model(robot: Robot, root: str = "gantry", alter: Alteration | None = None) -> mujoco.MjModel:
     """A model of its own to simulate a robot on.
 
     Under a free root the floor is solid: the bodies that the robot's model lets collide stand on it, or where it lets
@@ -48,6 +54,7 @@ def physics_model(robot: Robot, root: str = "gantry") -> mujoco.MjModel:
     Args:
         robot: whose; it is not changed.
         root: whether a gantry carries its root along, holds it where it is, or lets it go.
+        alter: what is different in the world from what the robot's files say.
 
     Raises:
         MotiondeckError: for another root.
@@ -57,6 +64,8 @@ def physics_model(robot: Robot, root: str = "gantry") -> mujoco.MjModel:
     spec.equality(GANTRY).active = root != "free"
     if root == "free":
         _make_solid(spec, robot)
+    if alter is not None:
+        alter(spec)
     return spec.compile()
 
 
@@ -67,9 +76,9 @@ def _make_solid(spec: mujoco.MjSpec, robot: Robot) -> None:
     touching = {geom for geom in range(model.ngeom) if model.geom_contype[geom] or model.geom_conaffinity[geom]}
     for geom in spec.geoms:
         if geom.name == FLOOR:
-            geom.contype, geom.conaffinity, geom.friction = _FLOOR_BIT, 0, FRICTION
+            geom.contype, geom.conaffinity, geom.friction = FLOOR_BIT, 0, FRICTION
         elif not touching or geom.id in touching:
-            geom.conaffinity = int(model.geom_conaffinity[geom.id]) | _FLOOR_BIT
+            geom.conaffinity = int(model.geom_conaffinity[geom.id]) | FLOOR_BIT
             geom.friction = FRICTION
     for foot in feet_of(robot):
         if foot.round:
@@ -81,7 +90,7 @@ def _make_solid(spec: mujoco.MjSpec, robot: Robot) -> None:
                 quat=from_matrix(foot.axes),
                 mass=0.0,
                 contype=0,
-                conaffinity=_FLOOR_BIT,
+                conaffinity=FLOOR_BIT,
                 friction=FRICTION,
                 group=_HIDDEN,
             )

@@ -16,8 +16,9 @@ from controller.rotations import Array, rotate
 from motiondeck_base.errors import MotiondeckError
 from sim.models.surface import LowestPoint
 from sim.physics.balance import Balance
-from sim.physics.physics_model import feet_of, physics_model
+from sim.physics.physics_model import Alteration, feet_of, physics_model
 from sim.physics.simulated_servos import Servos
+from sim.physics.walking.senses import Sensors
 from sim.physics.walking.walker import Walker
 from sim.robots.robot import Robot
 
@@ -102,6 +103,9 @@ class PhysicsPlayback:
         balance: bool = False,
         walk: bool = False,
         compiled: mujoco.MjModel | None = None,
+        *,
+        sensors: Sensors | None = None,
+        alter: Alteration | None = None,
     ) -> None:
         """Rests the robot.
 
@@ -112,13 +116,15 @@ class PhysicsPlayback:
             balance: whether a free robot keeps its feet where they are and its centre of mass above them.
             walk: whether a free robot goes where the motion goes, on its own feet.
             compiled: the model of an earlier playback of this robot with this root, to compile none.
+            sensors: what a robot that walks knows itself by; None if it knows its state exactly.
+            alter: what is different in the world from what the robot knows of itself and of the floor.
 
         Raises:
             MotiondeckError: if root is another word, or balance or walking is asked of a robot that is not free or
                 lacks two feet, or both are asked.
         """
         self._robot, self._root = robot, root
-        self.model = model = physics_model(robot, root) if compiled is None else compiled
+        self.model = model = physics_model(robot, root, alter) if compiled is None else compiled
         self.data = mujoco.MjData(model)
         self._warnings = [self.data.warning[kind] for kind in _BROKEN]
         self._steps = max(1, round(dt / model.opt.timestep))
@@ -131,7 +137,9 @@ class PhysicsPlayback:
             )
             raise MotiondeckError(f"a robot that walks {what}")
         self._balance = Balance(robot, model, self._dt) if balance else None
-        self._walker = Walker(robot, model, feet_of(robot), self._dt) if walk else None
+        own = model if alter is None else physics_model(robot, root)
+        gravity = model.opt.gravity
+        self._walker = Walker(robot, own, feet_of(robot), self._dt, gravity, sensors) if walk else None
         self._legs = self._balance or self._walker
         self._servos = Servos(robot.servo, model, self._dt) if robot.servo is not None else None
         # Position servos: force = gain * ctrl + bias . (1, length, velocity), with gain = kp and bias[2] = -kv.

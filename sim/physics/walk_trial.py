@@ -20,6 +20,7 @@ from sim.models.kinematic_tree import path_to
 from sim.models.walk_settings import WalkSettings
 from sim.physics.physics_model import feet_of
 from sim.physics.playback import PhysicsPlayback
+from sim.physics.walk_conditions import AS_MODELLED, CONDITIONS, Condition
 from sim.physics.walking.preview import AHEAD
 from sim.robots.robot import DT, Robot
 
@@ -105,11 +106,16 @@ def pushes(impulse: float, seed: int) -> Callable[[float], Array]:
 
 
 def walk_trial(
-    robot: Robot, course: Course, impulse: float = 0.0, seed: int = 0, settings: WalkSettings | None = None
+    robot: Robot,
+    course: Course,
+    impulse: float = 0.0,
+    seed: int = 0,
+    settings: WalkSettings | None = None,
+    condition: Condition = CONDITIONS[AS_MODELLED],
 ) -> Trial:
     """Walks a course until its end or a fall, pushed as `pushes` says; with other settings than the robot's."""
-    body = robot if settings is None else replace(robot, walk=settings)
-    stage = PhysicsPlayback(body, DT, "free", walk=True)
+    body = condition.applied(robot if settings is None else replace(robot, walk=settings))
+    stage = PhysicsPlayback(body, DT, "free", walk=True, sensors=condition.sensors, alter=condition.alter)
     force, lag, legs = pushes(impulse, seed), round(AHEAD / DT), _legs(robot)
     costs: list[float] = []
     square = np.zeros(len(robot.joints))

@@ -20,6 +20,8 @@ FAR, TURN, LONG = 0.04, 0.15, 0.12
 BRIEF = 0.15
 # A foot that moves on after so long has only paused, s: who shifts a foot twice keeps standing on the other one.
 PAUSE = 0.3
+# A foot that stays where it is for so long, s, is put down, also if it is raised: who pauses stands on both feet.
+STILL, HOLDS = 0.03, 0.15
 # The speed is smoothed with this time constant, s.
 SMOOTHING = 0.01
 
@@ -60,7 +62,7 @@ class Footfalls:
         self._before: Array | None = None
         self._speed = np.zeros(2)
         self._from = np.zeros(3)
-        self._went = self._yaw = 0.0
+        self._went = self._yaw = self._held = 0.0
 
     def add(self, now: float, soles: Array, yaws: Array, heading: float) -> None:
         """Takes the next tick.
@@ -95,14 +97,15 @@ class Footfalls:
             last.end = None
             return
         self.swings.append(Swing(foot, now, None, np.zeros(2), 0.0, heading))
-        self._from, self._went, self._yaw = soles[foot].copy(), 0.0, float(yaws[foot])
+        self._from, self._went, self._yaw, self._held = soles[foot].copy(), 0.0, float(yaws[foot]), 0.0
         self._place(self.swings[-1], soles, yaws, heading)
 
     def _go_on(self, swing: Swing, now: float, soles: Array, yaws: Array, heading: float) -> None:
         self._place(swing, soles, yaws, heading)
         speed, other = self._speed[swing.foot], self._speed[1 - swing.foot]
         raised = soles[swing.foot, 2] - soles[1 - swing.foot, 2] > 0.5 * FAR * self._height
-        if now - swing.start < LONG or (speed >= other and (speed > ENDS or raised)):
+        self._held = self._held + self._dt if max(speed, other) < STILL else 0.0
+        if now - swing.start < LONG or (self._held < HOLDS and speed >= other and (speed > ENDS or raised)):
             return
         turned = float(np.abs(np.angle(np.exp(1j * (swing.yaw - self._yaw)))))
         if now - swing.start < BRIEF or (self._went < FAR * self._height and turned < TURN):

@@ -42,6 +42,7 @@ from sim.models.feet import Foot
 from sim.physics.walking.capture_point import GRAVITY, follow, pendulum_rate, planned_capture_point
 from sim.physics.walking.gait import Gait
 from sim.physics.walking.preview import AHEAD, Preview, Travel
+from sim.physics.walking.senses import Estimate, ExactState, Sensors
 from sim.physics.walking.steps import highest, swing_path
 from sim.physics.walking.whole_body import WholeBody
 from sim.robots.robot import Robot
@@ -73,8 +74,24 @@ class Walker:
     travel: Travel
     falling: bool = False
 
-    def __init__(self, robot: Robot, model: mujoco.MjModel, feet: Sequence[Foot], dt: float) -> None:
-        """Takes a robot with its walk settings, its model with a free root on a solid floor, its feet, and the tick, s.
+    def __init__(
+        self,
+        robot: Robot,
+        model: mujoco.MjModel,
+        feet: Sequence[Foot],
+        dt: float,
+        gravity: Array | None = None,
+        sensors: Sensors | None = None,
+    ) -> None:
+        """Takes a robot with its walk settings.
+
+        Args:
+            robot: which.
+            model: its own, with a free root on a solid floor.
+            feet: of it.
+            dt: from tick to tick, s.
+            gravity: seen from the floor it walks on, shape (3,), m/s^2, if it is not that of the model.
+            sensors: what it knows itself by; None if it knows its state exactly.
 
         Raises:
             MotiondeckError: if the robot does not have two feet.
@@ -99,6 +116,12 @@ class Walker:
         stiffness = np.full(model.nv, np.inf)
         stiffness[driven] = np.maximum(model.actuator_gainprm[:, 0], 1e-9)
         self._fades = float(np.exp(-dt / RIGHTS))
+        self._late = robot.servo.latency if robot.servo is not None else 0.0
+        down = model.opt.gravity if gravity is None else gravity
+        self._senses = ExactState(model, down)
+        if sensors is not None:
+            self._senses = Estimate(model, down, sensors, self._sole, dt)
+            self._late += sensors.delay
         self._yields = self._set.feed_forward * self._body.legs / stiffness
 
     @property
@@ -116,7 +139,7 @@ class Walker:
         soles, yaws = self._stance(plan)
         facing = _azimuth(rotate(plan.qpos[3:7], np.array([1.0, 0.0, 0.0])))
         self._centre = soles[:, :2].mean(axis=0)
-        self._learned, self._astray = np.zeros(2), 0.0
+        self._pressure, self._learned, self._astray = self._centre.copy(), np.zeros(2), 0.0
         self._righted = [(np.zeros(3), np.zeros(3))] * 2
         self._gait = Gait(self._set, height, self._length, self._sides)
         self._gait.start(self._centre, facing, yaws)
@@ -134,12 +157,13 @@ class Walker:
         gait, omega = self._gait, self._omega
         self._now += self._dt
         self._look_ahead(goal, heading)
-        soles, yaws = self._stance(data)
+        seen = self._senses.see(data, gait.standing)
+        soles, yaws = self._stance(seen)
         ended = gait.advance(self._now, self.preview.swings, AHEAD)
         if ended is not None:
             self.preview.forget(ended)
             self._stand_where_it_landed(ended.foot, soles, yaws)
-        capture, tilt = self._measure(data, soles, yaws)
+        capture, tilt = self._measure(seen, soles, yaws)
         times, knots = gait.course(self._now)
         planned = planned_capture_point(times, knots, self._now, omega)
         wanted, effect = planned[:2], float(planned[2])
@@ -153,7 +177,8 @@ class Walker:
         wanted_posture[3:7] = multiply(yaw(self._astray), wanted_posture[3:7])
         self._body.step(wanted_posture, *self._feet(tilt), self._centre + self._ankles(capture - wanted))
         goal[:] = self._body.plan.qpos
-        self._carry(goal, np.array([np.interp(self._now, times, knots[:, axis]) for axis in range(2)]))
+        self._pressure = np.array([np.interp(self._now, times, knots[:, axis]) for axis in range(2)])
+        self._carry(goal, self._pressure)
         self.travel.add(data.qpos[:2])
 
     def _look_ahead(self, goal: Array, heading: float) -> None:
@@ -170,11 +195,13 @@ class Walker:
 
     def _measure(self, data: mujoco.MjData, soles: Array, yaws: Array) -> tuple[Array, Array]:
         """The capture point on the plan's plane, (2,), m, and how the trunk is tilted against the plan there, (3,)."""
-        mujoco.mj_subtreeVel(self._model, data)
         gait, standing = self._gait, self._gait.standing
         turn = float(standing @ _wrapped(gait.yaws - yaws))
-        capture = data.subtree_com[self._root, :2] + data.subtree_linvel[self._root, :2] / self._omega
-        capture = standing @ gait.places + _turning(turn) @ (capture - standing @ soles[:, :2])
+        turning, omega = _turning(turn), self._omega
+        centre = standing @ gait.places + turning @ (data.subtree_com[self._root] - standing @ soles)[:2]
+        # From the measurement until the next target arrives it runs away from the centre of pressure.
+        speed = turning @ data.subtree_linvel[self._root, :2] + self._late * omega**2 * (centre - self._pressure)
+        capture = centre + speed / omega
         trunk = multiply(yaw(turn), data.qpos[3:7])
         tilt = to_rotation_vector(multiply(trunk, conjugate(self._body.plan.qpos[3:7])))
         return capture, tilt * (1.0, 1.0, 0.0)
@@ -227,10 +254,14 @@ class Walker:
         """The middles of the soles in a state, shape (2, 3), m, and which way they point, shape (2,), rad."""
         soles, yaws = np.empty((2, 3)), np.empty(2)
         for foot, body in enumerate(self._body.bodies):
-            axes = data.xmat[body].reshape(3, 3)
-            soles[foot] = data.xpos[body] + axes @ self._soles[foot]
-            yaws[foot] = _azimuth(axes @ self._toes[foot])
+            soles[foot], _ = self._sole(data, foot)
+            yaws[foot] = _azimuth(data.xmat[body].reshape(3, 3) @ self._toes[foot])
         return soles, yaws
+
+    def _sole(self, data: mujoco.MjData, foot: int) -> tuple[Array, int]:
+        """The middle of the sole of a foot in a state, shape (3,), m, and the body of the foot."""
+        body = self._body.bodies[foot]
+        return data.xpos[body] + data.xmat[body].reshape(3, 3) @ self._soles[foot], body
 
 
 def _azimuth(direction: Array) -> float:

@@ -59,6 +59,14 @@ def test_a_foot_that_pauses_on_its_way_makes_one_step(pause, swings):
     assert [swing.foot for swing in found_there] == [0] * swings
 
 
+def test_a_foot_that_is_held_in_the_air_is_put_down():
+    soles = walking_soles(1.25, DT, step=0.5)[0]
+    soles = np.concatenate([soles, np.repeat(soles[-1:], 100, axis=0)])
+    assert soles[-1, 0, 2] > 0.04
+    (swing,) = found(soles, np.zeros((len(soles), 2)), np.zeros(len(soles)))
+    assert swing.end == pytest.approx(1.25 + 0.2, abs=0.05)
+
+
 def test_stepping_on_the_spot_is_stepping():
     swings = found(*walking_soles(4.0, DT, length=0.0, lift=0.08))
     assert [swing.foot for swing in swings[:4]] == [0, 1, 0, 1]

@@ -1,0 +1,93 @@
+"""Walk conditions: ground, robot and senses that differ from what a robot's files say."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import msgspec
+import mujoco
+import numpy as np
+
+from sim.models.servo_motor import ServoMotor
+from sim.physics.physics_model import FLOOR_BIT, Alteration
+from sim.physics.walking.senses import Sensors
+from sim.robots.robot import Robot
+
+# Strips of the floor that are higher, alternately: so high, wide and long, m; so many.
+STRIP, WIDE, LONG, COUNT = 0.005, 0.25, 40.0, 40
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What is different.
+
+    Attributes:
+        alter: of the world, the robot's body included; the robot does not know it.
+        servo: of the servos; None if nothing, and for robots whose servos are not known.
+        sensors: what the robot knows itself by; None if it knows its state exactly.
+    """
+
+    alter: Alteration | None = None
+    servo: Callable[[ServoMotor], ServoMotor] | None = None
+    sensors: Sensors | None = None
+
+    def applied(self, robot: Robot) -> Robot:
+        """The robot with these servos."""
+        if self.servo is None or robot.servo is None:
+            return robot
+        return replace(robot, servo=self.servo(robot.servo))
+
+
+def _slope(spec: mujoco.MjSpec) -> None:
+    """The floor rises by 3 degrees along y: seen from the floor, gravity leans."""
+    angle = np.radians(3.0)
+    spec.option.gravity = 9.81 * np.array([0.0, -np.sin(angle), -np.cos(angle)])
+
+
+def _steps(spec: mujoco.MjSpec) -> None:
+    for across in (False, True):
+        for number in range(COUNT):
+            # Where the robot starts, there is none.
+            place, size = [(2 * number + 1 - COUNT) * WIDE, 0.0], [0.5 * WIDE, 0.5 * LONG]
+            spec.worldbody.add_geom(
+                type=mujoco.mjtGeom.mjGEOM_BOX,
+                pos=[*(place[::-1] if across else place), 0.0],
+                size=[*(size[::-1] if across else size), STRIP],
+                contype=FLOOR_BIT,
+                conaffinity=0,
+            )
+
+
+def _slippery(spec: mujoco.MjSpec) -> None:
+    for geom in spec.geoms:
+        geom.friction = (0.4, *geom.friction[1:])
+
+
+def _loaded(spec: mujoco.MjSpec) -> None:
+    root = next(body for body in spec.worldbody.bodies if body.joints)
+    model = spec.copy().compile()
+    height = 0.3 * float(model.body(root.name).pos[2])
+    mass = 0.1 * float(model.body(root.name).subtreemass[0])
+    root.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.02, 0, 0], pos=[0, 0, height], mass=mass, contype=0, conaffinity=0
+    )
+
+
+AS_MODELLED = "as modelled"
+CONDITIONS: dict[str, Condition] = {
+    AS_MODELLED: Condition(),
+    "slope 3 deg": Condition(alter=_slope),
+    "steps 5 mm": Condition(alter=_steps),
+    "friction 0.4": Condition(alter=_slippery),
+    "payload 10 %": Condition(alter=_loaded),
+    "servos 20 % weaker": Condition(servo=lambda servo: msgspec.structs.replace(servo, torque=0.8 * servo.torque)),
+    "backlash 1 deg": Condition(servo=lambda servo: msgspec.structs.replace(servo, backlash=float(np.radians(1.0)))),
+    "bus 20 ms": Condition(servo=lambda servo: msgspec.structs.replace(servo, latency=0.02)),
+    "sensors 0 ms": Condition(sensors=Sensors(delay=0.0)),
+    "sensors 10 ms": Condition(sensors=Sensors(delay=0.01)),
+    "sensors 20 ms": Condition(sensors=Sensors(delay=0.02)),
+}
