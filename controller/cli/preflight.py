@@ -36,6 +36,9 @@ def preflight(
     balance: Annotated[
         bool, typer.Option("--balance", help="A free robot keeps its feet in place and its weight above them.")
     ] = False,
+    walk: Annotated[
+        bool, typer.Option("--walk", help="A free robot goes where the motion goes, on its own two feet.")
+    ] = False,
     tempo: Annotated[float, typer.Option("--tempo", metavar="TEMPO", help="The tempo to judge at, 0.1 to 3.")] = 1.0,
     motions_only: Annotated[bool, typer.Option("--motions-only", help="Check no switches.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
@@ -44,14 +47,15 @@ def preflight(
     """Check before a robot plays a library what would go wrong, and at which tempo it goes well.
 
     Every motion and every switch is checked against limits of position and speed, torque, heat and collisions with
-    itself; motions are also played in physics. With `--root free` it counts whether the robot stands. The exit code
-    is 1 if anything is not all right.
+    itself; motions are also played in physics. With `--root free` it counts whether the robot stands, with `--walk`
+    also how far it goes and how near it is to a fall. The exit code is 1 if anything is not all right.
 
     [bold]Examples[/]
 
       motiondeck preflight thesis15 --robot servo20
       motiondeck preflight thesis15 --robot servo20 --tempo 0.46 --motions-only
       motiondeck preflight cmu86 --robot mannequin --root free --balance --json
+      motiondeck preflight thesis15 --robot servo20 --root free --walk --motions-only
     """
     from controller.cli.preflight_run import PreflightRun, loaded
     from controller.wire.command_table import TEMPO
@@ -64,11 +68,14 @@ def preflight(
     check_root(root)
     if balance and root != "free":
         raise MotiondeckError(f"a robot whose root is {root} need not balance: give --root free with --balance")
+    if walk and (root != "free" or balance):
+        what = "balances by itself: leave --balance" if balance else f"needs a free root, not {root}: give --root free"
+        raise MotiondeckError(f"a robot that walks {what}")
     if plot is not None:
         from controller.cli.pictures.figures import check_picture
 
         check_picture(plot)
-    run = PreflightRun(library, robot, rig, root, balance, tempo)
+    run = PreflightRun(library, robot, rig, root, balance, walk, tempo)
     played, judge = loaded(run)
     names = list(played.network.motions)
     verdicts: list[PreflightVerdict] = []
@@ -87,7 +94,9 @@ def preflight(
                     _print_switch(verdict)
                 tick()
         verdicts += _by_their_parts({v.name: v for v in verdicts}, switches_by_way_of(played))
-    report = _report(verdicts, motions, played.info.name, judge.robot.name, root, balance, tempo)
+    report = _report(
+        verdicts, motions, played.info.name, judge.robot.name, root, {"balance": balance, "walk": walk}, tempo
+    )
     if as_json:
         print(json.dumps(report, allow_nan=False))
     else:
@@ -119,7 +128,13 @@ def _by_their_parts(
 
 
 def _report(
-    verdicts: list[PreflightVerdict], motions: int, library: str, robot: str, root: str, balance: bool, tempo: float
+    verdicts: list[PreflightVerdict],
+    motions: int,
+    library: str,
+    robot: str,
+    root: str,
+    legs: dict[str, bool],
+    tempo: float,
 ) -> dict[str, Any]:
     def said(verdict: PreflightVerdict) -> dict[str, Any]:
         # Of a switch by way of others its parts say the numbers.
@@ -137,7 +152,7 @@ def _report(
         "library": library,
         "robot": robot,
         "root": root,
-        "balance": balance,
+        **legs,
         "tempo": tempo,
         "ok": all(verdict.ok for verdict in verdicts),
         "motions": [said(verdict) for verdict in verdicts[:motions]],
@@ -174,7 +189,9 @@ def _print(verdicts: list[PreflightVerdict], motions: int, report: dict[str, Any
 
     from controller.cli.common.tables import show_table
 
-    held = {"gantry": "on a gantry", "fixed": "fixed"}.get(report["root"], "free" + ", balancing" * report["balance"])
+    held = {"gantry": "on a gantry", "fixed": "fixed"}.get(
+        report["root"], "free" + ", balancing" * report["balance"] + ", walking" * report["walk"]
+    )
     every = [finding for verdict in verdicts[:motions] for finding in verdict.findings]
     judged = {finding.check for finding in every if finding.limit is not None or finding.check == "speed"}
     title = f"{report['library']} on {report['robot']}, {held}, at tempo {report['tempo']:g}"

@@ -27,6 +27,7 @@ class PreflightRun:
     rig: str | None
     root: str
     balance: bool
+    walk: bool
     tempo: float
 
     def motions(self, names: Sequence[str]) -> Iterator[PreflightVerdict]:
@@ -75,7 +76,7 @@ def loaded(run: PreflightRun) -> tuple[MotionLibrary, Preflight]:
 
     library = load_library(find_library(run.library))
     body, limits = on_rig(load_sampled_robot(find_robot(run.robot), library.skeleton), run.rig)
-    return library, Preflight(body, limits, run.root, run.balance)
+    return library, Preflight(body, limits, run.root, run.balance, run.walk)
 
 
 def on_rig(body: Robot, rig: str | None) -> tuple[Robot, JointLimits]:

@@ -254,6 +254,7 @@ class PhysicsPlayback:
             said |= {"balance": self._balance is not None, "fell_s": self.fell_s}
         if self._walker is not None and self.travel is not None:
             said["travel"] = dict(zip(("asked_m", "walked_m"), self.travel, strict=True))
+            said |= {"capture_point_off": self._walker.worst}
             said |= {"own_steps": self._walker.own_steps, "incidents": self.incidents}
         if self._servos is not None:
             said["servos"] = self._servos.report()

@@ -17,7 +17,7 @@ from controller.library.motion_library import MotionLibrary
 from controller.mocap.clip import Clip
 from controller.mocap.posture import Pose
 from controller.mocap.skeleton import Skeleton
-from controller.rotations import Array
+from controller.rotations import Array, multiply, rotate, yaw
 from sim.robots.robot import Robot, load_robot
 
 T = TypeVar("T")
@@ -108,6 +108,22 @@ def count_switches(library: MotionLibrary) -> int:
     """The number of switches that `play_switches` yields."""
     motions = len(read_motions(library))
     return motions * (motions - 1) - len(switches_by_way_of(library))
+
+
+def onward(poses: Sequence[Pose]) -> Iterator[Pose]:
+    """The poses of a loop, round after round, each of which begins where and as the last one has ended."""
+    first, last, before = poses[0], poses[-1], poses[-2]
+    # One sample more than the loop has is the beginning of the next round.
+    turn = float(last.heading + (last.heading - before.heading) - first.heading)
+    there = last.root_position + (last.root_position - before.root_position)
+    there[2] = first.root_position[2]
+    place, angle = np.zeros(3), 0.0
+    while True:
+        facing = yaw(angle)
+        for pose in poses:
+            root = place + rotate(facing, pose.root_position - first.root_position) + first.root_position
+            yield Pose(root, pose.heading + angle, multiply(facing, pose.rotation))
+        place, angle = place + rotate(facing, there - first.root_position), angle + turn
 
 
 def _copied(what: T, robot: Robot) -> T:

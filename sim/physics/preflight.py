@@ -9,9 +9,11 @@ Findings about standing are judged if the root is free, and only reported otherw
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from itertools import chain, repeat
+from typing import Any, cast
 
 import mujoco
 import numpy as np
@@ -25,7 +27,7 @@ from sim.models.servo_motor import ROOM
 from sim.physics.loads import Loads, loads_of
 from sim.physics.physics_model import feet_of
 from sim.physics.playback import PhysicsPlayback
-from sim.physics.played_motions import DT, PlayedMotion
+from sim.physics.played_motions import DT, PlayedMotion, onward
 from sim.robots.robot import Robot
 from sim.robots.self_collision import OVERLAP, SelfCollision
 
@@ -106,12 +108,14 @@ class Preflight:
         limits: of its joints, narrowed to those of a rig if there is one.
         root: "gantry", "fixed" or "free": what holds the robot.
         balance: whether a free robot keeps its balance.
+        walk: whether a free robot goes where the motion goes, on its own feet.
     """
 
     robot: Robot
     limits: JointLimits
     root: str = "gantry"
     balance: bool = False
+    walk: bool = False
 
     def __post_init__(self) -> None:
         # A footing of its own: what was judged before changes neither what comes next nor how motions are sampled.
@@ -162,7 +166,9 @@ class Preflight:
         """Findings of playing it in physics: whether the servos follow, and whether a free robot stands."""
         astray, joint, _ = self.play(played, tempo, self._carried(), rounds=1)
         found = [_finding("physics: off target", astray, ASTRAY, "rad", self.robot.joints[joint])]
-        if self.root == "free":
+        if self.walk:
+            found += self._walked_findings(played, tempo)
+        elif self.root == "free":
             _, _, fell = self.play(played, tempo, "free", rounds=None)
             stood = FALL_SECONDS if fell is None else fell
             found.append(replace(Finding("physics: stands", stood, FALL_SECONDS, "s"), ok=fell is None))
@@ -171,7 +177,48 @@ class Preflight:
     def _follows(self, played: PlayedMotion, tempo: float) -> bool:
         """Whether all that `simulated` finds is within its limits; it stops as soon as something is not."""
         astray, _, _ = self.play(played, tempo, self._carried(), rounds=1, until=ASTRAY)
-        return astray <= ASTRAY and (self.root != "free" or self.play(played, tempo, "free", rounds=None)[2] is None)
+        if astray > ASTRAY or self.root != "free":
+            return astray <= ASTRAY
+        if self.walk:
+            return all(finding.ok for finding in self._walked_findings(played, tempo))
+        return self.play(played, tempo, "free", rounds=None)[2] is None
+
+    def _walked_findings(self, played: PlayedMotion, tempo: float) -> list[Finding]:
+        """Findings of walking it on the robot's own feet for FALL_SECONDS."""
+        stage = self.walked(played, tempo)
+        stood = FALL_SECONDS if stage.fell_s is None else stage.fell_s
+        asked, walked = stage.travel or (0.0, 0.0)
+        report = cast(Mapping[str, Any], stage.report())
+        found = [
+            replace(Finding("physics: stands", stood, FALL_SECONDS, "s"), ok=stage.fell_s is None),
+            _finding("capture point off", 100.0 * report["capture_point_off"], 100.0, "%", ""),
+            Finding("motion goes", asked, None, "m"),
+            Finding("robot goes", walked, None, "m"),
+        ]
+        servo = self.robot.servo
+        if servo is not None:
+            drawn = np.array(report["servos"]["rms_current_a"])
+            warm = float(servo.temperature(drawn**2, TEN_MINUTES, ROOM))
+            found.append(_finding("walking: heat in 10 min", warm, servo.hottest, "degC", ""))
+            found.append(Finding("walking: at torque limit", 100.0 * report["servos"]["at_limit"], None, "%"))
+        return found
+
+    def walked(self, played: PlayedMotion, tempo: float) -> PhysicsPlayback:
+        """The robot after it has walked a motion for FALL_SECONDS, or has fallen."""
+        targets, poses = _targets(played, tempo), _poses(played, tempo)
+        envelope = SafetyEnvelope(self.limits, TICK)
+        envelope.start(np.clip(targets[0], self.limits.lower, self.limits.upper))
+        if self.robot.footing is not None:
+            self.robot.footing.reset(TICK)
+        stage = PhysicsPlayback(self.robot, TICK, "free", walk=True, compiled=self._models.get("free"))
+        self._models["free"] = stage.model
+        rounds = onward(poses) if played.loop else chain(poses, repeat(poses[-1]))
+        for k, pose in zip(range(round(FALL_SECONDS / TICK)), rounds, strict=False):
+            at = k % len(targets) if played.loop else min(k, len(targets) - 1)
+            stage.write(envelope(targets[at]), pose)
+            if stage.fell_s is not None:
+                break
+        return stage
 
     def _carried(self) -> str:
         """What holds the root while it counts whether the servos follow."""
@@ -275,7 +322,7 @@ class Preflight:
         root = self.robot.model.body(int(self.robot.model.jnt_bodyid[0]))
         down = loads.lies & (loads.com[:, 2] < DOWN * float(root.pos[2]))
         off = _longest((inside < 0.0) & ~down) * DT / tempo
-        free = self.root == "free" and not self.balance
+        free = self.root == "free" and not (self.balance or self.walk)
         slide = tempo * float(np.median(loads.slide))
         margin = float(np.median(inside))
         found = [

@@ -68,11 +68,13 @@ class Walker:
         preview: the motion that is to come.
         travel: how far the robot has gone.
         falling: whether the capture point is farther off than any step can reach.
+        worst: how far it has been off, as a share of where the robot is falling.
     """
 
     preview: Preview
     travel: Travel
     falling: bool = False
+    worst: float = 0.0
 
     def __init__(
         self,
@@ -169,7 +171,8 @@ class Walker:
         wanted, effect = planned[:2], float(planned[2])
         wanted = wanted + effect * gait.catch(self._now, capture - wanted, effect)
         gait.recover(self._now, capture - wanted, capture)
-        self.falling = bool(np.hypot(*(capture - wanted)) > LOST * self._height)
+        off = float(np.hypot(*(capture - wanted))) / (LOST * self._height)
+        self.falling, self.worst = off > 1.0, max(self.worst, off)
         self._centre = follow(self._centre, wanted, self._dt, omega)
         wanted_posture = self.preview.goal.copy()
         wanted_posture[2] = self.preview.height - self._lower

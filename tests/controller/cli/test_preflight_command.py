@@ -72,6 +72,7 @@ def test_what_was_judged_before_an_interruption_has_been_printed(library, monkey
     [
         (("--tempo", "9"), "--tempo 9 is not between"),
         (("--balance",), "give --root free with --balance"),
+        (("--walk",), "give --root free"),
         (("--plot", "/nowhere/at/all.png"), "no such folder"),
         (("--plot", "picture.xyz"), "pictures end in .png"),
     ],

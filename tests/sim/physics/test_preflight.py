@@ -1,6 +1,8 @@
 from copy import deepcopy
 from dataclasses import replace
+from itertools import islice
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
@@ -8,9 +10,10 @@ from hypothesis import strategies as st
 
 from controller.mocap.posture import Pose
 from controller.rotations import multiply, yaw
+from sim.physics import preflight
 from sim.physics.loads import loads_of
 from sim.physics.physics_model import feet_of
-from sim.physics.played_motions import DT, PlayedMotion
+from sim.physics.played_motions import DT, PlayedMotion, onward
 from sim.physics.preflight import ASTRAY, SLOWEST, Preflight, fastest_passing, servo_lag
 from sim.robots.robot import load_robot
 from sim.robots.self_collision import SelfCollision
@@ -136,6 +139,32 @@ def test_who_stands_still_or_is_down_already_cannot_fall(rotation):
     loads = loads_of(SERVO20, played, free=False, collisions=COLLISIONS, feet=feet_of(SERVO20))
     assert {f.check: f.ok for f in judge.standing(loads, 1.0)}["off balance"]
     assert {f.check: f.ok for f in judge.simulated(played, 1.0)}["physics: stands"]
+
+
+def test_a_robot_that_walks_is_judged_by_how_it_stands_and_how_far_it_goes(monkeypatch):
+    monkeypatch.setattr(preflight, "FALL_SECONDS", 1.0)
+    pose = bent_pose(human())
+    played = PlayedMotion("still", True, np.tile(SERVO20.rest, (40, 1)), (pose,) * 40)
+    found = {f.check: f for f in Preflight(SERVO20, SERVO20.limits, "free", walk=True).simulated(played, 1.0)}
+    assert found["physics: stands"].value == 1.0
+    assert 0.0 < found["capture point off"].value < 20.0
+    assert found["robot goes"].value < 0.02
+    weak = replace(SERVO20, servo=msgspec.structs.replace(SERVO20.servo, torque=0.1))
+    found = {f.check: f for f in Preflight(weak, weak.limits, "free", walk=True).simulated(played, 1.0)}
+    assert not found["physics: stands"].ok
+
+
+def test_round_after_round_a_loop_goes_on_where_it_was():
+    angle = np.linspace(0.0, 0.5, 51)
+    circle = [
+        Pose(np.array([np.sin(a), 1.0 - np.cos(a), 0.9]), np.array(a), np.array([[np.cos(a / 2), 0, 0, np.sin(a / 2)]]))
+        for a in angle[:-1]
+    ]
+    poses = list(islice(onward(circle), 300))
+    for k in (49, 50, 120, 299):
+        a = 0.01 * k
+        assert np.allclose(poses[k].root_position, [np.sin(a), 1.0 - np.cos(a), 0.9], atol=1e-3)
+        assert np.allclose(poses[k].rotation, [[np.cos(a / 2), 0, 0, np.sin(a / 2)]], atol=1e-9)
 
 
 @given(st.floats(SLOWEST, 3.0), st.floats(0.11, 3.0), st.floats(1.01, 1.3))
