@@ -18,6 +18,7 @@ from sim.models.surface import LowestPoint
 from sim.physics.balance import Balance
 from sim.physics.physics_model import Alteration, feet_of, physics_model
 from sim.physics.simulated_servos import Servos
+from sim.physics.walking.preview import AHEAD
 from sim.physics.walking.senses import Sensors
 from sim.physics.walking.walker import Walker
 from sim.robots.robot import Robot
@@ -39,9 +40,11 @@ class KinematicPlayback:
         name: "kinematics".
         data: MuJoCo's state, with the position of every body.
         placed: the commanded root of the last write, position (m) and quaternion, shape (7,).
+        behind_s: how far the body is behind what is written, s.
     """
 
     name = "kinematics"
+    behind_s = 0.0
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
@@ -91,6 +94,7 @@ class PhysicsPlayback:
         placed: the commanded root of the last write, position (m) and quaternion, shape (7,).
         incidents: that a robot that walks is about to fall, and when.
         fell_s: when a free robot fell, s since the first write; None as long as it stands.
+        behind_s: how far the body is behind what is written, s.
     """
 
     name = "physics"
@@ -141,6 +145,7 @@ class PhysicsPlayback:
         gravity = model.opt.gravity
         self._walker = Walker(robot, own, feet_of(robot), self._dt, gravity, sensors) if walk else None
         self._legs = self._balance or self._walker
+        self.behind_s = AHEAD if walk else 0.0
         self._servos = Servos(robot.servo, model, self._dt) if robot.servo is not None else None
         # Position servos: force = gain * ctrl + bias . (1, length, velocity), with gain = kp and bias[2] = -kv.
         gain = model.actuator_gainprm[:, 0]

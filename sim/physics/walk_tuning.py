@@ -2,7 +2,8 @@
 
 First the settings that shape a step are searched by small random changes, at a pace that grows as long as the robot
 stands: share, longest and fastest times the pace. Then the edge is found by halving: the quickest pace at which the
-robot stands in every trial. The settings that are kept go at EDGE of it.
+robot stands in every trial. The settings that are kept go at EDGE of it, and are judged under pushes that nothing was
+chosen by.
 """
 
 from __future__ import annotations
@@ -38,6 +39,8 @@ SEARCHED = {
 CHANGE, MORE, LESS = 0.15, 1.4, 0.9
 # The pace grows by so much when it stood, and the edge is looked for up to so many times the pace.
 QUICKER, FARTHEST, HALVINGS = 1.03, 1.3, 5
+# From here on count the seeds of pushes that settings are judged by, and not chosen.
+FRESH = 1000
 
 
 @dataclass(frozen=True)
@@ -48,8 +51,8 @@ class Tuned:
         settings: that are kept.
         edge: the quickest pace at which it stood in every trial, relative to what the search found; 0 if it fell at
             every pace, and then the settings are not slowed down.
-        walked: how far it went in each trial with the settings that are kept, m.
-        stood: whether it stood in all of them.
+        walked: how far it went with the settings that are kept on each course, under pushes of seeds from FRESH on, m.
+        stood: whether it stood on all of them.
     """
 
     settings: WalkSettings
@@ -116,14 +119,16 @@ def _kept(
         low, high = (middle, high) if stands else (low, middle)
         told(f"edge at {low:.2f} to {high:.2f}")
     kept = paced(settings, EDGE * low) if low > 0.0 else settings
-    trials = walk_courses(robot, kept, courses, impulse)
+    trials = walk_courses(robot, kept, courses, impulse, FRESH)
     told("done")
     return Tuned(kept, low, tuple(trial.walked_m for trial in trials), _score(trials, courses)[0] == 1.0)
 
 
-def walk_courses(robot: Robot, settings: WalkSettings, courses: Sequence[Course], impulse: float) -> list[Trial]:
-    """Walks each course once with these settings, with pushes of a seed of its own."""
-    return [walk_trial(robot, course, impulse, seed, settings) for seed, course in enumerate(courses)]
+def walk_courses(
+    robot: Robot, settings: WalkSettings, courses: Sequence[Course], impulse: float, first: int = 0
+) -> list[Trial]:
+    """Walks each course once with these settings, with pushes of a seed of its own, from the first on."""
+    return [walk_trial(robot, course, impulse, seed, settings) for seed, course in enumerate(courses, first)]
 
 
 def _score(trials: Sequence[Trial], courses: Sequence[Course]) -> tuple[float, float]:

@@ -64,7 +64,7 @@ def words(report: dict[str, Any]) -> str:
         f"{motion} {metres:.1f} m" for motion, metres in zip(report["motions"], report["walked_m"], strict=True)
     )
     ends = "stood" if report["stood"] else "fell"
-    pushes = f"pushes of {report['push_ns']:.2g} N s every 5 s"
+    pushes = f"pushes of {report['push_ns']:.2g} N s every 5 s that it was not tuned under"
     lines = [f"{report['robot']} {ends} under {pushes}; in {report['seconds']:g} s it went: {walked}"]
     if report["margin"]:
         lines.append(f"its steps are {report['margin']:.0%} shorter than the longest at which it stood")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,6 +16,7 @@ from controller.cli.session.rig_output import RigOutput
 from controller.cli.session.robot_on_deck import RobotOnDeck, Simulation
 from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
+from controller.mocap.posture import Pose
 from controller.mocap.skeleton import Skeleton
 from controller.networks.base import Activation
 from controller.rotations import Array
@@ -134,6 +136,21 @@ class Showable(Protocol):
         ...
 
 
+class LatePoses:
+    """Gives poses back so many seconds after they came; the first one until then."""
+
+    def __init__(self, behind: float) -> None:
+        self._behind = behind
+        self._poses: deque[tuple[float, Array, Array]] = deque()
+
+    def pose(self, seconds: float, pose: Pose) -> tuple[Array, Array]:
+        """Takes the pose of a time, s; place and rotation of the one that was `behind` earlier."""
+        self._poses.append((seconds, pose.root_position.copy(), pose.rotation.copy()))
+        while len(self._poses) > 1 and self._poses[1][0] <= seconds - self._behind:
+            self._poses.popleft()
+        return self._poses[0][1:]
+
+
 class Page:
     """The shared state that the view reads.
 
@@ -155,7 +172,10 @@ class Page:
     ) -> None:
         self._writer, self._reason_file, self._watch, self._servos = writer, reason_file, watch, servos
         self._pictures = 0
-        self._stage, *self._followers = [simulation.stage for simulation in _simulations(robots)]
+        first, *others = _simulations(robots)
+        self._stage, self._followers = first.stage, [simulation.stage for simulation in others]
+        # The human is shown as the body is that follows it.
+        self._human = LatePoses(first.stage.behind_s)
         self._guards = [robot.guard for robot in robots if robot.guard is not None]
 
     @classmethod
@@ -226,8 +246,9 @@ class Page:
         for index, follower in enumerate(self._followers):
             fields[f"qpos {index}"][:] = follower.qpos
         if "human_root" in fields:
-            fields["human_root"][:] = state.pose.root_position
-            fields["human_turn"][:] = state.pose.rotation.ravel()
+            root, rotation = self._human.pose(state.seconds, state.pose)
+            fields["human_root"][:] = root
+            fields["human_turn"][:] = rotation.ravel()
         if "activation" in fields:
             fields["activation"][:] = deck.activation
         fields["tick"][0] = state.tick

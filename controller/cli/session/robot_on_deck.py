@@ -36,6 +36,11 @@ class Stage(Output, Protocol):
         """Where the root is meant to be, position and quaternion, shape (7,), m."""
         ...
 
+    @property
+    def behind_s(self) -> float:
+        """How far the body is behind what is written, s."""
+        ...
+
 
 @dataclass(frozen=True)
 class RobotSetup:

@@ -38,6 +38,18 @@ def test_what_is_kept_stays_away_from_the_edge(robot, monkeypatch, edge):
     assert len(told) == 20 + walk_tuning.HALVINGS + 1
 
 
+def test_what_is_told_is_of_pushes_that_nothing_was_chosen_by(robot, monkeypatch):
+    seeds = []
+
+    def trial(robot, course, impulse, seed, settings):
+        seeds.append(seed)
+        return Trial(course.seconds, 10.0, 10.0, 0.0, 0.0, 0.0)
+
+    monkeypatch.setattr(walk_tuning, "walk_trial", trial)
+    tune_walk(robot, [COURSE, COURSE], 0.24, 3, lambda words: None)
+    assert not set(seeds[-2:]) & set(seeds[:-2])
+
+
 def test_a_robot_that_always_falls_is_told_so(robot, monkeypatch):
     monkeypatch.setattr(walk_tuning, "walk_trial", falls_beyond(-1.0))
     tuned = tune_walk(robot, [COURSE], 0.24, 3, lambda words: None)
