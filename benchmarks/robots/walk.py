@@ -97,14 +97,14 @@ def main() -> None:
     parser.add_argument("--tempos", nargs="+", type=float, default=[0.5, 0.75, 1.0, 1.25, 1.5])
     parser.add_argument("--pushes", nargs="+", type=float, default=[0.0, 1.0], help="in shares of 0.36 or 16 N s")
     parser.add_argument("--seeds", nargs="+", type=int, default=[0, 1, 2])
-    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--seconds", type=float, help="of each run; 60, with --script 600")
     parser.add_argument("--jobs", type=Jobs.parse, default=Jobs(), help="processes, or dask://HOST:PORT")
     parser.add_argument("--conditions", nargs="+", choices=list(CONDITIONS), default=[AS_MODELLED], metavar="NAME")
     parser.add_argument("--script", action="store_true", help="ten minutes of switches instead of motions")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the rows")
     given = parser.parse_args()
     cases = [
-        (robot, motion, tempo, push, seed, 600.0 if given.script else given.seconds, condition)
+        (robot, motion, tempo, push, seed, given.seconds or (600.0 if given.script else 60.0), condition)
         for robot in given.robots
         for motion in ([SCRIPT] if given.script else given.motions)
         for tempo in given.tempos

@@ -24,7 +24,7 @@ UNKNOWN = 0.3
 FROZEN = 0.15
 # In one step the robot turns by at most so much, a foot lands turned by at most so much from its heading, and what
 # stands is at most so much turned from it while it turns on, rad.
-TURN, FOOT_TURN, TWIST = 0.6, 0.5, 0.5
+TURN, FOOT_TURN, TWIST = 0.6, 0.5, 0.6
 # A foot lands at most so much farther to its side than it has to be, in widths.
 APART = 0.9
 # The most that a step is made longer, in heights of the root, and how narrow and how wide it may become, in widths.
