@@ -127,7 +127,10 @@ def open_midi_port(name: str) -> MidiPort:
     try:
         return RawDevice(name) if "/" in name else SystemPort(name)
     except ImportError as error:
-        raise MotiondeckError(f"MIDI port '{name}' cannot be opened: {error}. {_INSTALL}") from None
+        raise MotiondeckError(
+            f"MIDI port '{name}' cannot be opened: {error}. {_INSTALL}, on Python 3.13 and newer python-rtmidi as well"
+            " (it is compiled there); a raw device, such as /dev/snd/midiC1D0, does without"
+        ) from None
     except OSError as error:
         reason = error.strerror or str(error).rstrip(".")
     there: list[str] = []

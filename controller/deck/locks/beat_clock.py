@@ -15,7 +15,9 @@ squares through all k + 1 of them (the growing-memory filter, ibid.): g = 2 (2k 
 h = 6 / ((k + 1)(k + 2)).
 
 Capture range: the first two beats give the period, so every beat from 40 to 240 a minute is captured. Once it runs,
-a beat counts when it is off by at most GATE of a period; two strays that could be a beat of their own begin it anew.
+a beat counts when it is off by at most GATE of a period; two strays that could be a beat of their own begin it anew,
+and so do three intervals that are alike and no whole number of periods: at some ratios of a new tempo to the old one,
+two of three beats fall near the old beat.
 """
 
 from __future__ import annotations
@@ -25,6 +27,9 @@ SHORTEST, LONGEST = 0.25, 1.5
 
 GATE = 0.3
 """A beat that is off by more of a period is none."""
+
+ALIKE, OFF = 0.1, 0.2
+"""Intervals that differ by less are alike, of their length; off from whole numbers of periods, of a period."""
 
 MOST_LOST = 8
 """So many periods may go without a beat; then the next two beats begin it anew."""
@@ -52,6 +57,8 @@ class BeatClock:
         self._before = 0.0  # the time of the latest beat, a stray or not
         self._strays = 0  # strays that were as far from the beat before as beats can be
         self._was_stray = False
+        self._interval = 0.0  # between the latest two beats, strays or not
+        self._steady = 0  # so many intervals in a row were off from whole periods and like the one before them
 
     def beat(self, time: float) -> None:
         """Takes one beat; double taps and strays are left out.
@@ -74,6 +81,9 @@ class BeatClock:
         error = since - periods * period
         if periods > MOST_LOST:
             self._begin(time)
+        elif self._is_steady_at_another_tempo(time - before, period):
+            self._begin(before)
+            self._take_second(time)
         elif periods < 1 or abs(error) > GATE * period:
             self._was_stray = True
             if _captured(time - before):
@@ -89,9 +99,18 @@ class BeatClock:
             self._strays = self._strays if self._was_stray else 0
             self._was_stray = False
 
+    def _is_steady_at_another_tempo(self, interval: float, period: float) -> bool:
+        """Whether the latest three intervals, of which this is the last, are alike and no whole number of periods."""
+        whole = max(round(interval / period), 1)
+        off = abs(interval - whole * period) > OFF * period
+        alike = abs(interval - self._interval) < ALIKE * interval
+        self._steady = self._steady + 1 if off and alike else 0
+        self._interval = interval
+        return self._steady > 1 and _captured(interval)
+
     def _begin(self, time: float) -> None:
         """Takes a beat for the first one; the period so far stays until there is another."""
-        self.last, self.counted, self._strays, self._was_stray = time, 1, 0, False
+        self.last, self.counted, self._strays, self._was_stray, self._steady = time, 1, 0, False, 0
 
     def _take_second(self, time: float) -> None:
         since = time - self.last
