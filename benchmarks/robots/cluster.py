@@ -1,4 +1,4 @@
-"""Many clips learned and retargeted on a Dask cluster, a worker killed half-way, beside one process.
+"""Many clips on a Dask cluster that loses a worker, beside one process.
 
 The clips are all recordings of --data, the longest ones cut in halves until there are --clips. They are learned in
 libraries of 16, and carried onto a robot, once in this process and once on a cluster of two workers of this machine

@@ -53,7 +53,7 @@ class ServoBank:
 
     def __init__(self, table: ControlTable, ids: Sequence[int], shaft: Sequence[float]) -> None:
         """Switches the servos on, each horn at `shaft` pulses."""
-        count = len(ids)
+        count, motor = len(ids), motor_of(table.model)
         self.public = table
         self.table = table = whole_table(table)
         self.memory = bytearray(count * table.size)
@@ -63,7 +63,7 @@ class ServoBank:
             self.registers[register.name] = self._at_first(register)
         self.registers["id"] = ids
         self.browned_out: set[int] = set()
-        self.drive = MotorDrive(motor_of(table.model), table.pulses_per_turn, np.array(shaft, dtype=np.float64))
+        self.drive = MotorDrive(motor, table.pulses_per_turn, np.array(shaft, dtype=np.float64))
         self._shape = np.zeros(count, dtype=np.int64)  # of the profile under way, as the moving status shows it
         self._overload = np.zeros(count)  # s
         self.deaf_since = np.full(count, np.inf)

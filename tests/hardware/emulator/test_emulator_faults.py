@@ -118,9 +118,10 @@ def test_of_two_faults_of_a_kind_the_longer_one_ends_it(rig_of_four):
     assert seen == [(12.0, False), (9.0, True), (9.0, True), (12.0, True)]
 
 
-def test_models_that_cannot_be_emulated_are_named():
-    config = RigConfig("p", 1_000_000, 10.0, (RigJoint("arm", 1, "PH54-200-S500", 1, 0, -1.0, 1.0, 1.0),))
-    with pytest.raises(RigError, match="PH54-200-S500 cannot be emulated"):
+@pytest.mark.parametrize("model", ["H54-200-S500-RA", "M42-10-S260-RA"])
+def test_models_that_cannot_be_emulated_are_named(model):
+    config = RigConfig("p", 1_000_000, 10.0, (RigJoint("arm", 1, model, 1, 0, -1.0, 1.0, 1.0),))
+    with pytest.raises(RigError, match=f"{model} cannot be emulated"):
         EmulatedBus(config)
 
 

@@ -2,7 +2,6 @@
 
 import os
 import pty
-import time
 from pathlib import Path
 
 import pytest
@@ -97,23 +96,3 @@ def test_a_pseudo_terminal_has_no_contact_and_is_refused():
         open_stop_input(Path(device))
     os.close(theirs)
     os.close(ours)
-
-
-@pytest.mark.skipif(not os.access("/dev/uinput", os.W_OK), reason="/dev/uinput is missing or not ours to write")
-def test_a_key_of_a_device_that_the_kernel_makes_pulls_and_its_removal_too():
-    evdev = pytest.importorskip("evdev")
-    with evdev.UInput({evdev.ecodes.EV_KEY: [evdev.ecodes.KEY_STOP]}, name="a red button") as device:
-        deadline = time.monotonic() + 5.0
-        while not os.access(device.device.path, os.R_OK) and time.monotonic() < deadline:
-            time.sleep(0.01)
-        stop = open_stop_input(Path(device.device.path))
-        assert not stop.pulled
-        device.write(evdev.ecodes.EV_KEY, evdev.ecodes.KEY_STOP, 1)
-        device.syn()
-        stop.look()
-        assert (stop.pulled, stop.pulls) == (True, 1)
-        stop.look()
-        assert not stop.pulled
-    stop.look()
-    assert stop.pulled
-    stop.close()

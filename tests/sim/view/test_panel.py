@@ -74,11 +74,12 @@ def test_two_browsers_see_what_happens_and_both_command(browser):
                 for tab in tabs:
                     until(lambda tab=tab, said=said: lines(tab) == said, said)
             wide, phone = tabs
-            assert not wide.get_by_role("button", name="jog", exact=True).is_enabled()
+            jog = wide.get_by_role("button", name="jog", exact=True)
+            until(lambda: not jog.is_enabled(), "no motion to choose in an emergency stop")
             panel.show(state())
             for name in ("Pause", "Home"):
                 wide.get_by_role("button", name=name, exact=True).click(trial=True)  # neither covers the other
-            wide.get_by_role("button", name="jog", exact=True).click()
+            jog.click()
             until(lambda: (Switch, "jog") in heard, "the first browser's command")
             phone.keyboard.press("Escape")
             until(lambda: (EmergencyStop, "") in heard, "the second browser's emergency stop")
