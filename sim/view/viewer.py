@@ -147,7 +147,7 @@ def view(state: Path, command_port: int | None, port: int) -> None:
                     panel.show(latest)
                     timeline.show()
                     if rig is not None and glow is not None:
-                        glow.mark(rig.show(latest, now))
+                        glow.mark(rig.show(latest, now), scene.data, centre)
                     last_health = now
             tell_news(events, panel, timeline)
             time.sleep(max(0.0, now + 1.0 / PICTURES_PER_SECOND - time.monotonic()))

@@ -34,8 +34,8 @@ class JointGlow:
         self._balls = {}
         self._shown: dict[int, str] = {}
 
-    def mark(self, looks: Sequence[ServoLook]) -> None:
-        """Lets those joints glow whose servos are not well."""
+    def mark(self, looks: Sequence[ServoLook], data: mujoco.MjData, centre: Array) -> None:
+        """Lets those joints glow whose servos are not well, where `show` would have them."""
         wanted = {place: look.level for place, look in enumerate(looks) if look.level != "ok"}
         if wanted == self._shown:
             return
@@ -48,6 +48,7 @@ class JointGlow:
                     radius=self._radius,
                     color=COLOURS[level],
                     opacity=OPACITY,
+                    position=self._place(place, data, centre),
                     cast_shadow=False,
                     receive_shadow=False,
                 )
@@ -56,5 +57,8 @@ class JointGlow:
     def show(self, data: mujoco.MjData, centre: Array) -> None:
         """Brings the balls to their joints, as seen by someone at the centre (2,), m."""
         for place, ball in self._balls.items():
-            x, y, z = data.xanchor[self._joints[place]]
-            ball.position = (x - centre[0], y - centre[1], z)
+            ball.position = self._place(place, data, centre)
+
+    def _place(self, servo: int, data: mujoco.MjData, centre: Array) -> tuple[float, float, float]:
+        x, y, z = data.xanchor[self._joints[servo]]
+        return x - centre[0], y - centre[1], z
