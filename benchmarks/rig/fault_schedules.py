@@ -102,7 +102,7 @@ def schedule(seed: int) -> Schedule:
     joints = tuple(_joint(rng, id, models, f"emulated-{1 + id % ports}") for id in range(1, rng.choice((4, 5))))
     end = rng.choice(_ENDS)
     hold = "hold" if end == "hold" else "off"
-    config = RigConfig("emulated-1", 1_000_000, 100.0, joints, reconnect_s=3.0, on_exit=hold)
+    config = RigConfig("emulated-1", 1_000_000, 100.0, joints, reconnect_s=2.9, on_exit=hold)
     faults = [_passing(rng, [joint.id for joint in joints]) for _ in range(rng.randint(2, 6))]
     alone = {part.joints[0].id for part in config.parts if len(part.joints) == 1}
     faults = [fault for fault in faults if not (fault.kind == "duplicate" and fault.id in alone)]
