@@ -41,11 +41,12 @@ class PreflightRun:
             yield from verdicts
 
     def _spread(self, judge: Any, names: Sequence[str]) -> Iterator[list[PreflightVerdict]]:
-        from joblib import Parallel, cpu_count, delayed
+        from joblib import cpu_count, delayed
 
-        processes = max(1, min(cpu_count(), len(names) // WORTH))
-        found: Any = Parallel(n_jobs=processes, return_as="generator")(delayed(judge)(self, name) for name in names)
-        yield from found
+        from controller.jobs import Jobs, spread
+
+        tasks = (delayed(judge)(self, name) for name in names)
+        yield from spread(tasks, Jobs(max(1, min(cpu_count(), len(names) // WORTH))), ordered=True)
 
 
 def _motion(run: PreflightRun, name: str) -> list[PreflightVerdict]:

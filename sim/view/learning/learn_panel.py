@@ -8,23 +8,20 @@ from __future__ import annotations
 
 import html
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import viser
 
-from controller.wire.messages import LoadLibrary, Message
+from controller.wire.messages import LoadLibrary
 from sim.view.learning.learning_process import Learned, LearningStep, LearnRequest, News, NotLearned, Seen, work
-from sim.view.web.parts import PageParts
+from sim.view.web.parts import Ask, PageParts
 from sim.view.web.private_page import PrivatePage
 from sim.view.web.stick_figure import figure_svg
 
 LONGEST_NAME = 40
 STARTS_AGAIN = "The robot comes to rest, the deck starts again with the new library, and this page comes back."
 NEEDS_SKELETON = "Its skeleton is a file of its own: drop the .asf too (both at once will do)."
-
-Ask = Callable[[viser.GuiEvent, str, str, str, Message], None]
 
 
 class LearnPanel:

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import viser
 
 from controller.rotations import Array
-from controller.wire.messages import Message, RestartServo, ServoTorque
+from controller.wire.messages import RestartServo, ServoTorque
 from sim.view.rig.servo_look import ServoLook, ServoLooks
 from sim.view.rig.servo_plot import ServoPlot
-from sim.view.web.parts import PageParts
+from sim.view.web.parts import Ask, PageParts
 from sim.view.web.private_page import PrivatePage
 
 FALLS = "The joint goes limp: hold what would fall. The others play on."
 SETS_UP = "The servo is checked and switched on where it stands; then it comes slowly to where it should be."
 RESTARTS = "All servos hold for half a second; this one is limp for as long, then it is set up again."
-
-Ask = Callable[[viser.GuiEvent, str, str, str, Message], None]
 
 
 class RigPanel:

@@ -14,7 +14,11 @@ from typing import Any
 
 import viser
 
+from controller.wire.messages import Message
 from sim.view.web.private_page import PrivatePage
+
+Ask = Callable[[viser.GuiEvent, str, str, str, Message], None]
+"""Asks the one who clicked (event, title, text, yes), and then sends a message."""
 
 SCRIPTS = Path(__file__).parent
 MOST_CHARACTERS = 2000  # of an event; what is longer no part has sent
