@@ -8,6 +8,9 @@ Each other servo's bus watchdog is armed by the first write, since nothing moves
 the speed that each keeps: a sync write is not answered, so one that got lost would go unnoticed. When the loop falls
 silent for longer, the servos stop and hold, and get no more goals until `attach`: a rig never runs after targets that
 went on without it.
+
+A servo that is silent under its own ID may listen to another's, and would take the speed of that joint for its own. So
+speeds are sent only while every servo answers, and again as soon as all do after a silence.
 """
 
 from __future__ import annotations
@@ -58,6 +61,7 @@ class DynamixelRig:
         bus: what the servos are on.
         gone: whether the port is gone, or the rig closed.
         pace: the part of its speed limit that each servo keeps on its own, shape (J,); see `keep_pace`.
+        left_out: the joints that the rig goes on without, shape (J,): their silence is expected.
         faults: what went wrong so far.
         write_us: how long each `write` took.
         read_us: how long each `collect_state` took; never the time on the wire.
@@ -83,6 +87,7 @@ class DynamixelRig:
         self._goals = list(_groups(config, "goal_position"))
         self._speeds = list(_groups(config, "profile_velocity"))
         self.pace, self._paced = np.ones(len(self._ids)), True
+        self.left_out = np.zeros(len(self._ids), dtype=np.bool_)
         self.readings = Readings(config, self._scale, self.faults)
         self._last_word = 0.0
         self._armed = self._stopped = self.gone = self._closed = False
@@ -184,7 +189,7 @@ class DynamixelRig:
         self._stopped = self._armed = self.gone = False
 
     def keep_pace(self, pace: Array) -> None:
-        """Has each servo keep to this part of its speed limit, shape (J,), from the next write on."""
+        """Has each servo keep to this part of its speed limit, shape (J,), once every servo answers."""
         if not np.array_equal(pace, self.pace):
             self.pace, self._paced = pace, False
 
@@ -241,14 +246,21 @@ class DynamixelRig:
             self._arm_next = now + _ARM_AGAIN
             self._paced = False
         data = _frames(self._goals, self._scale.pulses(goals))
-        if not self._paced:
-            joints = zip(self.config.joints, self.pace.tolist(), strict=True)
-            data = _frames(self._speeds, np.array([speed_counts(joint, pace) for joint, pace in joints])) + data
+        missed = self.readings.missed_in_a_row
+        if np.logical_or.reduce(missed) and np.logical_or.reduce(missed[~self.left_out]):
+            self._paced = False
+        elif not self._paced and self._ask(self._speed_frames() + data):
             self._paced = True
+            return True
         if self._ask(data):
             return True
         self._last_word = now
         return self.bus.port.send(data)
+
+    def _speed_frames(self) -> bytes:
+        """What tells each servo the part of its speed limit that it keeps."""
+        joints = zip(self.config.joints, self.pace.tolist(), strict=True)
+        return _frames(self._speeds, np.array([speed_counts(joint, pace) for joint, pace in joints]))
 
     def _ask(self, before: bytes = b"") -> bool:
         """Sends the next question if it is due, behind these frames; False if nothing was sent."""

@@ -389,6 +389,7 @@ class SupervisedRig:
         self._strain.note(rig.currents, now)
         self._ease.note(rig.readings.temperatures, rig.readings.voltages)
         health.look(rig.readings, rig.goals, self._strain.yielding, now)
+        rig.left_out = health.lost
         if np.logical_or.reduce(health.fatal):
             if self.config.on_loss == "stop" or (health.fatal | health.lost).all():
                 self._stopped = True

@@ -16,6 +16,7 @@ from hardware.protocol2.frames import Parser
 from hardware.rig.rig_file import RigJoint
 from hardware.rig.supervision.servo_states import CONDITIONS
 from hardware.rig.supervision.supervised_rig import SupervisedRig
+from hardware.rig.switching import speed_counts
 
 TICK = 0.01
 
@@ -116,6 +117,25 @@ def test_a_joint_that_turns_back_while_it_catches_up_does_not_hurry(build):
     play(rig, port, [-1.2], 1.0)
     play(rig, port, [1.2], 0.8)
     assert drive.speed[0] / joint.pulses_per_radian > 0.9 * 2.5
+
+
+@pytest.mark.parametrize("at", [0.55, 0.75, 0.95])
+def test_a_servo_that_takes_the_id_of_a_faster_joint_is_not_told_its_speed(build, rig_of_four, at):
+    """It shares that joint's goals then, and must go to them at its own speed."""
+    joints = list(rig_of_four.joints)
+    joints[2] = msgspec.structs.replace(joints[2], velocity=0.8)
+    rig, port = build(f"duplicate:id=3,at={at},for=0.8", joints=tuple(joints))
+    slow, told, fastest = port.bus.devices[2], set(), 0.0
+    for tick in range(250):
+        rig.collect_state()
+        rig.write(np.full(4, np.sin(0.03 * tick)))
+        port.elapse(TICK)
+        told.add(slow["profile_velocity"])
+        fastest = max(fastest, abs(slow.bank.drive.speed[slow.row]) / rig_of_four.joints[2].pulses_per_radian)
+    assert max(told) == speed_counts(joints[2], 1.0)
+    assert fastest < 1.1 * 0.8
+    assert slow.id == 3
+    assert play(rig, port, [0.0] * 4, 3.0) == 0.0
 
 
 def test_a_short_stall_while_catching_up_is_no_reason_for_a_large_step(build):
