@@ -11,7 +11,7 @@ from typing import NamedTuple, cast
 
 from hardware.rig.dynamixel_rig import DynamixelRig
 from hardware.rig.supervision.supervised_rig import SupervisedRig
-from hardware.rig.switching import _limit_speed, _places_of_rest, check_identities, hold_still
+from hardware.rig.switching import _limit_speed, _places_of_rest, check_identities, hold_still, speed_counts
 
 
 class Mutant(NamedTuple):
@@ -33,7 +33,9 @@ MUTANTS = {
     "no acceleration limit": Mutant(
         _limit_speed, '"profile_acceleration", rates', '"profile_acceleration", [0] * len(rates)'
     ),
-    "no speed limit": Mutant(hold_still, "_limit_speed(config, bus, pace)", "pass"),
+    "no speed limit": Mutant(
+        speed_counts, 'in_counts(joint, "profile_velocity", joint.velocity * joint.gear * pace, 1)', "0"
+    ),
     "full-speed catch-up": Mutant(
         cast(property, vars(SupervisedRig)["_pace"]).fget or SupervisedRig.write,
         "np.where(self._catching_up, _CATCHING_UP, 1.0)",
