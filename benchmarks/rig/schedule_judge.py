@@ -298,6 +298,8 @@ class ShaftJudge:
             self._problems["", "closed"] = f"the port {self._port.name} was not closed"
 
     def _note(self, what: str, where: NDArray[np.bool_], values: NDArray[Any]) -> None:
+        if not np.logical_or.reduce(where):
+            return
         for index in np.flatnonzero(where).tolist():
             name = self._config.joints[index].name
             problem = f"{name} {what} ({float(values[index]):.2f}) at {self._port.now():.2f} s"

@@ -138,12 +138,12 @@ class MotorDrive:
             wanted = np.copysign(np.minimum(np.minimum(self.top_speed, braking), distance / dt), left)
             if not self._all_positional:
                 wanted = np.where(self._positional, wanted, self.goal_speed * on)
-            self.path_speed += np.clip(wanted - self.path_speed, -change, change)
+            self.path_speed += _within(wanted - self.path_speed, -change, change)
             self.path += self.path_speed * dt
             error = self.path - self.shaft
             drive = self.p_gain * error
             if self._extra_gains:
-                self._sum = np.clip(self._sum + error * dt, -full, full) * on
+                self._sum = _within(self._sum + error * dt, -full, full) * on
                 drive += self.i_gain * self._sum
                 drive += self.d_gain * (self.path_speed - self.speed) + self.ff_gain * self.path_speed
             if not self._all_positional:
@@ -151,8 +151,8 @@ class MotorDrive:
             if limited is not None:
                 back = self.speed / no_load
                 top = np.abs(self.goal_current)
-                drive = np.where(limited, np.clip(drive, (back - top) * full, (back + top) * full), drive)
-            drive = np.clip(drive, -most, most)
+                drive = np.where(limited, _within(drive, (back - top) * full, (back + top) * full), drive)
+            drive = _within(drive, -most, most)
             if self.coupled:
                 continue
             settled = drive * speed_per_pwm
@@ -179,3 +179,8 @@ class MotorDrive:
             [velocity, current, self.goal_pwm],
             drive,
         )
+
+
+def _within(values: Array, lower: Array | float, upper: Array | float) -> Array:
+    """The values between two limits; `np.clip` takes three times as long for a few servos."""
+    return np.minimum(np.maximum(values, lower), upper)
