@@ -58,34 +58,44 @@ def restore(config: RigConfig, backups: Iterable[ServoBackup], bus: Bus) -> list
     """Writes the EEPROM registers that differ from the backup, but ID and baud rate; torque must be off.
 
     Returns:
-        What was written, one line a register.
+        What was written, one line a register, and which joints are not in the backup.
 
     Raises:
-        RigError: if a servo is missing or of another model, or has its torque on.
+        RigError: if a servo is missing or of another model, or has its torque on, or the backup has what it cannot
+            take; nothing is written then.
         ServoError: if one stays silent, or refuses a value.
         SerialPortError: if the port vanishes.
     """
     kept = {backup.joint: backup for backup in backups}
-    joints = [joint for joint in config.joints if joint.name in kept]
-    for joint in joints:
-        backup = kept[joint.name]
+    lines = [f"{joint.name} (id {joint.id}): not in the backup" for joint in config.joints if joint.name not in kept]
+    writes: list[tuple[int, int, bytes]] = []
+    for joint in config.joints:
+        if joint.name not in kept:
+            continue
+        backup, who = kept[joint.name], f"{joint.name} (id {joint.id})"
         if backup.model != joint.model:
             raise RigError(f"{joint.name} is a {joint.model} in the rig file, and a {backup.model} in the backup.")
         _check_model(joint.name, joint.id, joint.model, bus)
         torque = joint.table["torque_enable"]
         if bus.read(joint.id, torque.address, torque.length).params != b"\0":
-            raise RigError(f"{joint.name} (id {joint.id}) has its torque on. Take it off with motiondeck rig stop.")
-    written: list[str] = []
-    for joint in joints:
-        for name, value in kept[joint.name].registers.items():
-            register = joint.table[name]
+            raise RigError(f"{who} has its torque on. Take it off with motiondeck rig stop.")
+        for name, value in backup.registers.items():
+            register = joint.table.registers.get(name)
+            if register is None:
+                raise RigError(f"the backup of {who} has a register '{name}', which a {joint.model} has not.")
             if register.memory != "EEPROM" or register.access == "R" or name in _NOT_RESTORED:
                 continue
             held = register.decode(bus.read(joint.id, register.address, register.length).params)
-            if held != value:
-                bus.write(joint.id, register.address, register.encode(value))
-                written.append(f"{joint.name} (id {joint.id}): {name} was {held} and is {value}")
-    return written
+            if held == value:
+                continue
+            try:
+                writes.append((joint.id, register.address, register.encode(value)))
+            except ValueError as error:
+                raise RigError(f"the backup of {who} cannot be restored: {error}.") from error
+            lines.append(f"{who}: {name} was {held} and is {value}")
+    for write in writes:
+        bus.write(*write)
+    return lines
 
 
 def save_backups(backups: list[ServoBackup], path: Path) -> None:

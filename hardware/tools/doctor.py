@@ -91,6 +91,18 @@ class Report(msgspec.Struct, frozen=True):
     missing: list[int]
 
 
+class Fixed(NamedTuple):
+    """What came of setting registers, one line each.
+
+    Attributes:
+        done: what was set.
+        refused: what a servo did not take, or that it did not answer.
+    """
+
+    done: list[str]
+    refused: list[str]
+
+
 def scan(open_bus: Callable[[int], Bus], bauds: Iterable[int] = _LIKELY) -> list[Found]:
     """Who answers at each baud rate, of both protocols; the likely rates first.
 
@@ -210,15 +222,13 @@ def look_elsewhere(report: Report, open_bus: Callable[[int], Bus]) -> list[str]:
     ]
 
 
-def fix_settings(config: RigConfig, bus: Bus) -> list[str]:
+def fix_settings(config: RigConfig, bus: Bus) -> Fixed:
     """Sets every register in which a servo differs from what the rig needs (see `audit`); torque must be off there.
-
-    Returns:
-        What a servo did not take, or that it did not answer; one line each.
 
     Raises:
         SerialPortError: if the port vanishes.
     """
+    done: list[str] = []
     refused: list[str] = []
     for index, joint in enumerate(config.joints):
         one = config.only([index])
@@ -230,10 +240,13 @@ def fix_settings(config: RigConfig, bus: Bus) -> list[str]:
             if differences and bus.read(joint.id, torque.address, torque.length).params != b"\0":
                 refused.append(f"{joint.name} (id {joint.id}) has its torque on: motiondeck rig stop takes it off")
                 continue
-            settle(differences, one, bus)
+            for difference in differences:
+                settle([difference], one, bus)
+                who, found, needed = f"{joint.name} (id {joint.id})", difference.found, difference.needed
+                done.append(f"{who}: {difference.register} was {found} and is {needed}")
         except ServoError as error:
             refused.append(f"{joint.name}: {error}")
-    return refused
+    return Fixed(done, refused)
 
 
 def set_up(open_bus: Callable[[int], Bus], id: int, baud: int) -> tuple[Found, Identity]:

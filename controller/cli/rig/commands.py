@@ -50,19 +50,23 @@ def doctor(
     from hardware.tools.doctor import examine, fix_settings, look_elsewhere, shorten_latency
 
     config = load(rig)
-    reports, refused = [], []
+    reports, done, refused = [], [], []
     with open_buses(config, port) as parts:
         for part, bus in parts:
             if fix:
-                refused += fix_settings(part, bus)
+                fixed = fix_settings(part, bus)
+                done, refused = done + fixed.done, refused + fixed.refused
                 print(shorten_latency(bus.port.name), file=sys.stderr)
             reports.append(examine(part, bus))
     for report in reports:
         report.problems.extend(look_elsewhere(report, lambda baud, port=report.port: Bus.open(port, baud)))
     if as_json:
         print(msgspec.json.encode(reports[0] if len(reports) == 1 else {"ports": reports}).decode())
+    for line in done if not as_json else []:
+        print(f"set: {line}")
     for report in reports if not as_json else []:
-        print(f"{report.port} at {report.baud} baud, USB latency {report.latency_ms or 'unknown'} ms")
+        latency = "unknown" if report.latency_ms is None else f"{report.latency_ms} ms"
+        print(f"{report.port} at {report.baud} baud, USB latency {latency}")
         for servo in report.servos:
             print(
                 f"id {servo.id:>3}  {servo.name:<18} {servo.model:<12} fw {servo.firmware}  {servo.position:+.2f} rad  "
@@ -77,7 +81,7 @@ def doctor(
     if not as_json:
         if refused:
             print("\n".join(f"not set: {line}" for line in refused))
-        print("no problem found" if not problems else f"{problems} problems")
+        print("no problem found" if not problems else f"{problems} problem{'s' * (problems > 1)}")
     if problems:
         raise typer.Exit(1)
 

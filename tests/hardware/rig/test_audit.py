@@ -95,7 +95,7 @@ def test_what_other_tools_leave_is_named_and_refused_or_mended_and_never_too_fas
             set_up(open_bus, 1, used_rig.baud)
             port.bus[2].dead = False
         else:
-            assert fix_settings(used_rig, bus) == []
+            assert fix_settings(used_rig, bus).refused == []
     rig = DynamixelRig(used_rig, open_bus(used_rig.baud))
     assert fastest(rig, port) < 1.05 * LIMIT
     assert rig.positions == pytest.approx([1.4, 1.4], abs=0.01)
@@ -103,7 +103,7 @@ def test_what_other_tools_leave_is_named_and_refused_or_mended_and_never_too_fas
 
 def test_the_doctor_mends_a_servo_that_answers_no_read(used_rig, port, bus):
     port.bus[1]["status_return_level"] = 0
-    assert fix_settings(used_rig, bus) == []
+    assert fix_settings(used_rig, bus).refused == []
     assert [servo.id for servo in examine(used_rig, bus).servos] == [1, 2]
 
 
@@ -117,7 +117,7 @@ def test_what_could_move_a_joint_wrongly_is_refused_and_named_and_fixed_on_reque
     assert [port.bus[id]["torque_enable"] for id in (1, 2)] == [0, 0]
     assert port.bus[1][register] == value
     assert any(register in problem and "rig doctor --fix" in problem for problem in examine(used_rig, bus).problems)
-    assert fix_settings(used_rig, bus) == []
+    assert fix_settings(used_rig, bus).refused == []
     assert audit(used_rig, bus) == []
     assert fastest(DynamixelRig(used_rig, bus), port) < 1.05 * LIMIT
 

@@ -117,7 +117,7 @@ def test_what_could_move_an_old_servo_wrongly_is_refused_named_and_fixed_on_requ
     with pytest.raises(RigError, match=said):
         supervised(config, port)
     assert any(said in problem for problem in examine(config, bus).problems)
-    assert fix_settings(config, bus) == []
+    assert fix_settings(config, bus).refused == []
     assert play(supervised(config, port), port, 1.2, 1.0).max() < 1.1 * 2.0 + 0.1
 
 
@@ -147,7 +147,7 @@ def test_the_doctor_names_and_mends_an_old_servo_that_does_not_answer_all(config
     assert report.missing == []
     said = [*report.problems, *report.notes]
     assert level == 1 or any("AX-12A (id 1) answers a ping but no read" in problem for problem in said)
-    assert fix_settings(config, bus) == []
+    assert fix_settings(config, bus).refused == []
     assert port.bus[1]["status_return_level"] == 2
     assert not any("answers a ping" in problem for problem in examine(config, bus).problems)
 

@@ -41,6 +41,34 @@ def test_another_servo_in_its_place_is_not_written_to(rig_of_four, bus, port):
         back_up(rig_of_four, bus)
 
 
+@pytest.mark.parametrize(
+    ("register", "value", "said"),
+    [
+        ("homing_ofset", 0, r"joint_3 \(id 3\) has a register 'homing_ofset', which a XM430-W350 has not"),
+        ("shutdown", 999, r"joint_3 \(id 3\) cannot be restored: shutdown takes 0 to 63, not 999"),
+    ],
+)
+def test_a_backup_with_what_no_servo_can_take_is_refused_and_nothing_written(
+    rig_of_four, bus, port, register, value, said
+):
+    backups = back_up(rig_of_four, bus)
+    backups[2].registers[register] = value
+    port.bus[1]["drive_mode"] = 4
+    with pytest.raises(RigError, match=said):
+        restore(rig_of_four, backups, bus)
+    assert port.bus[1]["drive_mode"] == 4
+
+
+def test_a_joint_that_is_not_in_the_backup_is_named(rig_of_four, bus, port):
+    """A rig file whose joints have other names would otherwise restore nothing and say that nothing differs."""
+    backups = back_up(rig_of_four, bus)
+    port.bus[1]["drive_mode"] = 4
+    said = restore(rig_of_four, backups[:1], bus)
+    assert said == [f"joint_{id} (id {id}): not in the backup" for id in (2, 3, 4)] + [
+        "joint_1 (id 1): drive_mode was 4 and is 0"
+    ]
+
+
 def test_a_file_that_is_no_backup_is_named(tmp_path):
     (tmp_path / "notes.json").write_text("[{}]")
     with pytest.raises(RigError, match=r"notes\.json is not a backup"):

@@ -170,7 +170,7 @@ def test_a_calibration_of_lerobot_makes_a_rig_with_its_angles(tmp_path):
     port.elapse(0.01)
     with pytest.raises(RigError, match="homing_offset is -1000"):
         switch_on(config, bus)
-    assert fix_settings(config, bus) == []
+    assert fix_settings(config, bus).refused == []
     for name, motor in MOTORS.items():
         (joint,) = (joint for joint in config.joints if joint.name == name)
         device = port.bus[motor["id"]]

@@ -42,7 +42,14 @@ def test_a_healthy_rig_has_nothing_but_slow_answers(rig_of_four, bus):
     assert [servo.id for servo in report.servos] == [1, 2, 3, 4]
     assert len(report.problems) == 4
     assert all("return_delay_time is 250, the rig needs 0" in problem for problem in report.problems)
-    assert fix_settings(rig_of_four, bus) == []
+    fixed = fix_settings(rig_of_four, bus)
+    assert fixed.refused == []
+    assert fixed.done[6:9] == [
+        "joint_3 (id 3): min_position_limit was 0 and is 848",
+        "joint_3 (id 3): max_position_limit was 4095 and is 2478",
+        "joint_3 (id 3): return_delay_time was 250 and is 0",
+    ]
+    assert fix_settings(rig_of_four, bus) == ([], [])
     assert examine(rig_of_four, bus).problems == []
     assert msgspec.json.decode(msgspec.json.encode(report))["servos"][2]["position"] == 0.0
 
@@ -70,7 +77,9 @@ def test_an_examination_names_every_trouble(rig_of_four, bus, port):
 
 def test_settings_stay_where_torque_is_on(rig_of_four, bus, port):
     port.bus[2]["torque_enable"] = 1
-    assert fix_settings(rig_of_four, bus) == ["joint_2 (id 2) has its torque on: motiondeck rig stop takes it off"]
+    assert fix_settings(rig_of_four, bus).refused == [
+        "joint_2 (id 2) has its torque on: motiondeck rig stop takes it off"
+    ]
 
 
 def test_a_port_without_a_latency_timer_has_none(tmp_path):
