@@ -71,7 +71,7 @@ class Recognizer:
 
 @dataclass
 class RecognitionStream:
-    """Recognition while it happens; the evidence is that of the last third of a second."""
+    """Recognition while it happens; the evidence is that of the last 0.15 s."""
 
     recognizer: Recognizer
     _online: OnlineRecognizer = field(repr=False)

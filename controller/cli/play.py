@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from controller.cli.session.script import Timed
     from controller.cli.session.session import WiredStop
     from controller.library.motion_library import MotionLibrary
+    from controller.recognition.recognizer import Recognizer
 
 
 class OnMismatch(StrEnum):
@@ -196,6 +197,15 @@ def play(
             help="Recognize the motion from the measured joints, and show it.",
         ),
     ] = False,
+    recognizer: Annotated[
+        Path | None,
+        typer.Option(
+            "--recognizer",
+            rich_help_panel="Recognition",
+            metavar="FILE",
+            help="Recognize what the body does with a trained recognizer (`recognize train`), and show it.",
+        ),
+    ] = None,
     on_mismatch: Annotated[
         OnMismatch,
         typer.Option(
@@ -282,6 +292,7 @@ def play(
       motiondeck play walk --robot servo20 --root free --walk
       motiondeck play waltz --robot servo20 --check-collisions
       motiondeck play --recognize --on-mismatch stop --robot servo20 --rig emulated
+      motiondeck play --recognizer gestures.safetensors
       motiondeck play --lock-to body --rig emulated --robot servo20
       motiondeck play --command-port 47811 --port 0 --lock-to 47810
       motiondeck play --video walk.mp4 --seconds 6
@@ -313,6 +324,8 @@ def play(
             raise MotiondeckError("--root, --balance and --walk are for simulated servos: leave --kinematic")
         if walk and (ghost or lock_to == "body"):
             raise MotiondeckError("with --walk the body is 1.2 s behind its targets: leave --ghost and --lock-to body")
+        if recognize and recognizer is not None:
+            raise MotiondeckError("--recognize looks at the joints and --recognizer at the body: leave one")
         if not 0.0 < mismatch_after < 1e4:
             raise MotiondeckError(f"--mismatch-after {mismatch_after:g} s is not a length of time above 0")
         library_file = find_library(library)
@@ -324,7 +337,9 @@ def play(
             from controller.cli.pictures.filmed_run import film_run, refuse_live_options
             from controller.cli.pictures.library_pictures import Staging, film_look
 
-            refuse_live_options(rig=rig is not None, record=record is not None, recognize=recognize)
+            refuse_live_options(
+                rig=rig is not None, record=record is not None, recognize=recognize or recognizer is not None
+            )
             film_deck = partial(Deck, loaded, motion=first, direct=direct, joining=join)
             look = film_look(video, size, fps, camera, ghost, footprints)
             staging = Staging(not kinematic, root, balance, walk, solver)
@@ -352,6 +367,7 @@ def play(
             realtime=realtime,
             core=core,
             catch_up=overruns == "catch-up",
+            recognizer=_recognizer(recognizer) if recognizer is not None else None,
             mismatch=MismatchPolicy(mismatch_after, on_mismatch is OnMismatch.STOP) if recognize else None,
             listen=listen,
             token=read_token(token_file) if token_file is not None else None,
@@ -377,6 +393,13 @@ def play(
         from controller.cli.session.play_again import play_again
 
         play_again(context, *then, page_port=session.page_port, command_port=session.command_port)
+
+
+def _recognizer(file: Path) -> Recognizer:
+    """The recognizer in a file; what recognizes takes longer to import than all that plays."""
+    from controller.recognition.recognizer_file import load_recognizer
+
+    return load_recognizer(file)
 
 
 def _wired_stop(device: Path) -> WiredStop:

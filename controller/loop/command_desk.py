@@ -97,7 +97,7 @@ class CommandDesk:
         deck: the deck that is commanded.
         servers: the sockets that commands arrive at.
         note: called with each command and its reply.
-        seen: the motion that the measured joints are recognised as and the confidence, or None.
+        seen: the motion that is recognized and the confidence, or None.
         now: a steady clock, s.
         servos: of the rig, if there is one.
         restarts: whether the run can be started again with another library.

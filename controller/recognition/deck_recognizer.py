@@ -16,6 +16,7 @@ from controller.mocap.posture import Pose, walk_path
 from controller.recognition.expert_bank import ExpertBank, teach
 from controller.recognition.experts import ExpertRecipe
 from controller.recognition.features import ANGLE_UNIT
+from controller.recognition.frame_times import FrameTimes
 from controller.recognition.online_recognizer import OnlineRecognizer
 from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
@@ -84,8 +85,7 @@ class JointWatcher:
 
     def __init__(self, bank: ExpertBank, rate: float = RATE, threshold: float = THRESHOLD) -> None:
         self.recognizer = OnlineRecognizer(bank, threshold, rate, MEMORY)
-        self._period = 1.0 / rate
-        self._since = 0.0
+        self._times = FrameTimes(rate)
         self._before: Array | None = None
         self._frame = np.zeros(self.recognizer.channels)
         self._scaled = np.zeros(self.recognizer.channels)
@@ -103,15 +103,11 @@ class JointWatcher:
             self._before = np.array(joints, dtype=np.float64)
             self._take(self._before)
             return
-        due = self._period - self._since
-        while due <= dt:
-            share = due / dt
+        for share in self._times.due(dt):
             np.multiply(self._before, 1.0 - share, out=self._frame)
             np.multiply(joints, share, out=self._scaled)
             self._frame += self._scaled
             self._take(self._frame)
-            due += self._period
-        self._since = self._period - (due - dt)
         self._before[:] = joints
 
     def _take(self, joints: Array) -> None:

@@ -86,6 +86,12 @@ def features(clip: Clip, recipe: FeatureRecipe, stretch: float = 1.0) -> Array:
     Raises:
         MotiondeckError: if the skeleton lacks a joint of the recipe; it names both.
     """
+    base = resampled(still_features(clip, recipe), clip.rate / stretch, recipe.rate)
+    return with_velocity(base, recipe.rate) if recipe.velocity else base
+
+
+def still_features(clip: Clip, recipe: FeatureRecipe) -> Array:
+    """The features of each frame of a clip by itself, shape (T, channels without velocities); see `features`."""
     joints = recipe.joints or joints_of(clip.skeleton.bones)
     if not set(joints) <= set(clip.skeleton.bones):
         with contextlib.suppress(FileFormatError):
@@ -105,8 +111,7 @@ def features(clip: Clip, recipe: FeatureRecipe, stretch: float = 1.0) -> Array:
         base = _rotations(clip, index) / ANGLE_UNIT
     if recipe.height:
         base = np.column_stack([base, clip.root_position[:, 2] / POSITION_UNIT])
-    base = resampled(base, clip.rate / stretch, recipe.rate)
-    return with_velocity(base, recipe.rate) if recipe.velocity else base
+    return base
 
 
 def with_velocity(base: Array, rate: float) -> Array:

@@ -20,7 +20,7 @@ from controller.recognition.experts import SMALLEST_ERROR
 from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
-MEMORY = 0.35  # s
+MEMORY = 0.15  # s
 
 
 class OnlineRecognizer:

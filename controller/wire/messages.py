@@ -335,7 +335,7 @@ class State(msgspec.Struct, frozen=True, tag="state"):
         mode: whether the joints follow the motion, stand at home, are held, or are held by the emergency stop.
         blend: the motion that is blended in, and its weight.
         fell_back: why the last blend was given up and what was played instead.
-        seen: the motion that the measured joints are recognised as, and the confidence, while that is switched on.
+        seen: the motion that is recognized, and the confidence, while that is switched on.
         inputs: the present values of the inputs that motions have besides the phase.
     """
 
@@ -380,7 +380,7 @@ class Event(msgspec.Struct, frozen=True, tag="event"):
         kind: "motion": another motion, or a blend, is commanded; "via": one on the way to it begins; "settled": nothing
             is left of the one before; "overtaken": another command came first; "gave up": a blend was given up;
             "paused", "resumed"; "mode": the joints go home, are held, are stopped in an emergency, or play again;
-            "recognized": the joints look like another motion than before; "fault": of an output or the deck; "overrun":
+            "recognized": it looks like another motion than before; "fault": of an output or the deck; "overrun":
             ticks came more than a period late; "replayed": a recorded datagram was refused; "lost": a heartbeat is
             missing, and the deck was paused; "ended": the run is over.
         text: the same for a person.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from threading import Lock
 
@@ -69,9 +70,10 @@ class Panel:
         has_phase: bool = False,
         has_network: bool = False,
         library: Path | None = None,
+        recognizable: Sequence[str] = (),
     ) -> None:
         self._page, self._commands = page, commands
-        self._motions, self._joints = motions, joints
+        self._motions, self._joints, self._recognizable = motions, joints, recognizable
         self._lock = Lock()
         self._state = RunState()
         self._moved = 0.0  # when a hand was on the tempo, s
@@ -182,7 +184,7 @@ class Panel:
             self._tempo.value = min(max(tempo, self._tempo.min), self._tempo.max)
         self._health.content = _health(state)
         if "seen" in state:
-            self._seen.content = what_is_seen(state, self._motions, self._joints)
+            self._seen.content = what_is_seen(state, self._recognizable, self._joints)
 
     def tell(self, event: Event) -> None:
         """Shows an event that nothing else on the page shows."""

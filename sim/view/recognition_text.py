@@ -16,16 +16,17 @@ def what_is_seen(state: dict[str, Array], motions: Sequence[str], joints: Sequen
     """A line and a bar, and below them a line for what is wrong.
 
     Args:
-        state: what the deck has published, with the numbers seen, confidence, mismatch_s and stuck.
+        state: what the deck has published, with the numbers seen (-1 for a body that stands still, -2 where nothing is
+            sure), confidence, mismatch_s and stuck.
         motions, joints: the names that seen and stuck count along.
     """
     seen, stuck = int(state["seen"][0]), int(state["stuck"][0])
     share, mismatch = float(state["confidence"][0]), float(state["mismatch_s"][0])
     wrong = mismatch > SHOWN_MISMATCH
     colour = BAD if wrong or stuck >= 0 else GOOD if share >= SURE else UNSURE
-    name = escape(motions[seen]) if 0 <= seen < len(motions) else "standing still"
+    name = escape(motions[seen]) if 0 <= seen < len(motions) else "standing still" if seen == -1 else "nothing sure"
     lines = [
-        '<div style="opacity:.6;font-size:11px">the joints look like</div>',
+        '<div style="opacity:.6;font-size:11px">it looks like</div>',
         f'<div style="display:flex;justify-content:space-between"><b>{name}</b>'
         f'<span style="font-variant-numeric:tabular-nums">confidence {share:.2f}</span></div>',
         '<div style="background:rgba(128,128,128,.25);border-radius:3px;height:5px;margin:2px 0">'

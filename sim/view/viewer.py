@@ -93,6 +93,7 @@ def view(state: Path, command_port: int | None, port: int) -> None:
         has_phase=phased,
         has_network=inside is not None,
         library=Path(file) if (file := description.get("library_file")) else None,
+        recognizable=description.get("recognizable", ()),
     )
     rig = glow = None
     servos, learn = description.get("rig"), description.get("learn")

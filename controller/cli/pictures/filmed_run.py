@@ -27,7 +27,7 @@ def refuse_live_options(*, rig: bool, record: bool, recognize: bool) -> None:
     if record:
         raise MotiondeckError("a film is not made live, so there are no ticks to record: leave --record or --video")
     if recognize:
-        raise MotiondeckError("in a film nothing is measured to be recognized: leave --recognize or --video")
+        raise MotiondeckError("in a film nothing is measured to be recognized: leave the recognition or --video")
 
 
 def film_run(

@@ -57,9 +57,17 @@ def lock_deck(opening: ExitStack, deck: Lockable, source: str | None) -> None:
 
 
 def open_recorder(
-    opening: ExitStack, file: Path, robot: RobotOnDeck, played: str, motions: Sequence[str], rate: float
+    opening: ExitStack,
+    file: Path,
+    robot: RobotOnDeck,
+    played: str,
+    motions: Sequence[str],
+    recognizable: Sequence[str],
+    rate: float,
 ) -> TickRecorder:
     """Starts the recording of a robot that plays the motions of a library (or a run) named `played` at a rate, Hz.
+
+    Of motions that are recognized, the names are kept too.
 
     Raises:
         MotiondeckError: if the robot is not simulated, or the file cannot be written.
@@ -73,6 +81,7 @@ def open_recorder(
         "robot": robot.name,
         "joints": joints,
         "motions": list(motions),
+        "recognizable": list(recognizable),
         "rate": rate,
         "root": simulation.root,
         "balance": simulation.balance,

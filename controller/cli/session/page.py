@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from controller.cli.session.child_process import free_port
-from controller.cli.session.recognition_watch import NUMBERS, RecognitionWatch
 from controller.cli.session.rig_output import RigOutput
 from controller.cli.session.robot_on_deck import RobotOnDeck, Simulation
+from controller.cli.session.watch import NUMBERS, Watch
 from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
 from controller.mocap.posture import Pose
@@ -158,7 +158,7 @@ class Page:
         writer: of that state.
         reason_file: where the view reads why the run has ended.
         robots: whose positions are drawn, each with a simulation.
-        watch: recognizes the motion of the joints, if that is wanted.
+        watch: recognizes motions, if that is wanted.
         servos: of the first robot's rig, if it has one.
     """
 
@@ -167,7 +167,7 @@ class Page:
         writer: StateWriter,
         reason_file: Path,
         robots: Sequence[RobotOnDeck],
-        watch: RecognitionWatch | None = None,
+        watch: Watch | None = None,
         servos: RigOutput | None = None,
     ) -> None:
         self._writer, self._reason_file, self._watch, self._servos = writer, reason_file, watch, servos
@@ -186,7 +186,7 @@ class Page:
         deck: Showable,
         robots: Sequence[RobotOnDeck],
         human: Skeleton | None,
-        watch: RecognitionWatch | None = None,
+        watch: Watch | None = None,
         command_port: int = 0,
         library: Path | None = None,
         servos: RigOutput | None = None,
@@ -215,6 +215,7 @@ class Page:
             "joints": list(robot.joints),
             "robot": robot.name,
             "command_port": command_port,
+            "recognizable": list(watch.names) if watch is not None else [],
         }
         numbers = {"qpos": robot.model.nq, "root_xy": 2} | dict.fromkeys(_NUMBERS + (NUMBERS if watch else ()), 1)
         numbers |= {"way": MOST_SHOWN, "queue": MOST_SHOWN}
@@ -284,7 +285,7 @@ class Page:
             for name, values in zip(_OF_SERVOS, self._servos.states, strict=True):
                 fields[name][:] = values
         if self._watch is not None:
-            self._watch.show(fields, deck.motions)
+            self._watch.show(fields)
         self._writer.publish()
 
     def end(self, reason: str) -> None:

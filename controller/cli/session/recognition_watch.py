@@ -6,12 +6,13 @@ import sys
 from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import asdict, dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from controller.cli.session.robot_on_deck import RobotOnDeck
+from controller.cli.session.watch import STANDING_STILL, WatchedDeck
 from controller.deck.interfaces import JointLimits, Retargeter
 from controller.library.motion_library import MotionLibrary
 from controller.loop.loop import LoopState
@@ -19,8 +20,6 @@ from controller.loop.output_channel import Channel
 from controller.loop.stop_requests import StopRequest
 from controller.rotations import Array
 
-# What the page shows of it, one number each.
-NUMBERS = ("seen", "confidence", "mismatch_s", "stuck")
 MOST_PRINTED = 20  # alarms on the terminal; the report has more
 
 
@@ -35,22 +34,6 @@ class MismatchPolicy:
 
     patience: float
     stop: bool
-
-
-class WatchedDeck(Protocol):
-    """A deck as a watch sees it."""
-
-    time: float
-
-    @property
-    def playing(self) -> str:
-        """What is played now."""
-        ...
-
-    @property
-    def settled(self) -> bool:
-        """Whether no switch is under way."""
-        ...
 
 
 class RecognitionWatch:
@@ -98,7 +81,7 @@ class RecognitionWatch:
         known = np.ones(len(joints), dtype=np.bool_) if measured is None else np.isfinite(measured[: len(joints)])
         self._order = np.flatnonzero(known)
         self._balls = np.searchsorted(self._order, balls[known[balls].all(1)])
-        self._policy, self._channel = policy, channel
+        self._policy, self._channel, self._names = policy, channel, library.network.motions
         motions = joint_motions(library, retarget)
         for name, targets in motions.items():
             motions[name] = np.clip(targets, limits.lower, limits.upper)[:, self._order]
@@ -108,6 +91,11 @@ class RecognitionWatch:
         self._time = -1.0
         self._printed = 0
         self._stopped = False
+
+    @property
+    def names(self) -> Sequence[str]:
+        """The library's motions."""
+        return self._names
 
     @property
     def seen(self) -> tuple[str, float] | None:
@@ -133,10 +121,10 @@ class RecognitionWatch:
                 self._printed += 1
                 print(f"motiondeck: at {alarm.at:.1f} s {alarm.text}", file=sys.stderr)
 
-    def show(self, fields: dict[str, Array], motions: Sequence[str]) -> None:
-        """Writes NUMBERS: indices into motions and into the robot's joints, -1 for none."""
+    def show(self, fields: dict[str, Array]) -> None:
+        """Writes NUMBERS."""
         watch = self.watch
-        fields["seen"][0] = motions.index(watch.seen) if watch.seen is not None else -1
+        fields["seen"][0] = self.names.index(watch.seen) if watch.seen is not None else STANDING_STILL
         fields["confidence"][0] = watch.confidence
         fields["mismatch_s"][0] = watch.mismatch
         stuck = watch.stuck
@@ -157,8 +145,16 @@ class RecognitionWatch:
 
 
 def summary_lines(report: dict[str, Any]) -> list[str]:
-    """The same as lines of a run's summary."""
+    """The same as lines of a run's summary, or what a `BodyWatch` has seen."""
+    if "shares" in report:
+        return [f"while {played} was played, {_most(shares)} was seen" for played, shares in report["shares"].items()]
     share, after = report["right_share"], report["seen_after_s"]
     seen = f"the commanded motion was seen in {100.0 * share:.1f} % of the ticks" if share is not None else "nothing"
     when = f", {after:.2f} s after a switch had begun (median)" if after is not None else ""
     return [f"recognized from the joints: {seen}{when}; {report['raised']} alarms"]
+
+
+def _most(shares: dict[str, float]) -> str:
+    """What was seen longest, and in which share of the ticks."""
+    seen, share = max(shares.items(), key=lambda item: item[1])
+    return f"{seen} ({100.0 * share:.0f} %)"

@@ -31,7 +31,7 @@ class RunNews:
         clock: of the loop.
         channels: the outputs.
         servers: where commands arrive.
-        seen: the motion that the measured joints are recognised as and the confidence, or None.
+        seen: the motion that is recognized and the confidence, or None.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class RunNews:
         seen = self._seen() if self._seen is not None else None
         if seen is not None and seen[0] != self._motion:
             self._motion = seen[0]
-            self._desk.tell("recognized", f"the joints look like {seen[0]} (confidence {seen[1]:.2f})", seen[0])
+            self._desk.tell("recognized", f"it looks like {seen[0]} (confidence {seen[1]:.2f})", seen[0])
 
     def _tell_faults(self) -> None:
         for index, channel in enumerate(self._channels):

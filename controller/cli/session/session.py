@@ -10,10 +10,11 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from controller.cli.session.body_watch import BodyWatch
 from controller.cli.session.child_process import PageProcess, child_process, kept_tty, page_process
 from controller.cli.session.openings import lock_deck, open_recorder, open_servers
 from controller.cli.session.page import HEALTH_EVERY, PICTURE_HZ, Page, Showable
@@ -23,6 +24,7 @@ from controller.cli.session.rig_output import RigOutput
 from controller.cli.session.robot_on_deck import RobotOnDeck, channels_of
 from controller.cli.session.script import Timed
 from controller.cli.session.tick_recorder import TickRecorder
+from controller.cli.session.watch import Watch
 from controller.deck.interfaces import Retargeter
 from controller.deck.lockable import Lockable
 from controller.deck.recorded_deck import RecordedDeck
@@ -49,6 +51,9 @@ from controller.mocap.encodings.joint_angles import JointBody
 from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array
 from controller.wire.messages import EmergencyStop, Refused, lock_numbers
+
+if TYPE_CHECKING:
+    from controller.recognition.recognizer import Recognizer
 
 
 class WiredStop(Protocol):
@@ -78,7 +83,9 @@ class RunSettings:
         realtime: whether to ask for real-time scheduling.
         core: the core that the loop is to run on, if it matters; all other processes then keep off it.
         catch_up: whether missed ticks are made up for without waiting, or skipped.
-        mismatch: what to do when the joints look like another motion than the commanded one; None recognizes nothing.
+        mismatch: what to do when the joints look like another motion than the commanded one; None does not recognize
+            them.
+        recognizer: in its place, what recognizes the motion of the body that is played.
         listen: the address of another interface where commands are taken, if they are sealed with the token.
         token: who has it may command.
         stop_input: a wired emergency stop, if there is one; the session closes it.
@@ -99,6 +106,7 @@ class RunSettings:
     core: int | None = None
     catch_up: bool = False
     mismatch: MismatchPolicy | None = None
+    recognizer: Recognizer | None = None
     listen: str | None = None
     token: bytes | None = None
     stop_input: WiredStop | None = None
@@ -216,8 +224,10 @@ class Session:
         self._children.append(("the page", page.process))
         return page.state
 
-    def _open_watch(self) -> RecognitionWatch | None:
+    def _open_watch(self) -> Watch | None:
         settings = self._settings
+        if settings.recognizer is not None:
+            return BodyWatch(settings.recognizer, self._source.skeleton)
         if settings.mismatch is None or not isinstance(self._source, MotionLibrary):
             return None
         return RecognitionWatch.over(self._first, self._channels[0], self._source, settings.rate, settings.mismatch)
@@ -226,7 +236,8 @@ class Session:
         file, rate = self._settings.record, self._settings.rate
         if file is None:
             return None
-        recorder = open_recorder(opening, file, self._first, self._source_name, self._deck.motions, rate)
+        names = self._watch.names if self._watch is not None else ()
+        recorder = open_recorder(opening, file, self._first, self._source_name, self._deck.motions, names, rate)
         self._children.append(("the recorder", recorder.process))
         return recorder
 
@@ -367,7 +378,7 @@ class Session:
             phase=deck.phase if deck.phase is not None else math.nan,
             switching=not deck.settled,
             **lock_numbers(deck.lock_state),
-            seen=deck.motions.index(seen[0]) if seen is not None else -1.0,
+            seen=self._watch.names.index(seen[0]) if self._watch is not None and seen is not None else -1.0,
             confidence=seen[1] if seen is not None else 0.0,
         )
 

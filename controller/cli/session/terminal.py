@@ -69,7 +69,7 @@ def describe(reply: Reply) -> str:
             mode = "" if reply.mode == "playing" else f"{reply.mode}; "
             queue = f"; next: {', '.join(reply.queue)}" if reply.queue else ""
             blend = f" with {reply.blend[1]:.2f} of {reply.blend[0]}" if reply.blend else ""
-            seen = f"; the joints look like {reply.seen[0]} (confidence {reply.seen[1]:.2f})" if reply.seen else ""
+            seen = f"; it looks like {reply.seen[0]} (confidence {reply.seen[1]:.2f})" if reply.seen else ""
             seen += f"; {reply.fell_back}" if reply.fell_back else ""
             return f"{mode}{doing} {reply.motion}{blend}, {how}{queue}{seen}; motions: {', '.join(reply.motions)}"
 

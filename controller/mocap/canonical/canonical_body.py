@@ -139,17 +139,14 @@ def to_canonical(clip: Clip) -> Clip:
     start = normalise(rest[0, 1:] - rest[0, np.array(JAEGER_PARENT) + 1])
     rotation = np.empty((len(clip), 1 + len(skeleton), 4))
     rotation[:, 0] = multiply(turned[:, 0], facing)
+    rests = np.array(JAEGER_REST)
+    carried = multiply(turned[:, 1:], between(rests, np.where(length[:, None] > 0.0, start, rests)))
+    now = rotate(carried, rests)
     apart = np.sqrt(np.square(line).sum(-1)) >= NO_LENGTH
-    direction = normalise(line)
-    for bone in range(len(skeleton)):
-        target = np.array(JAEGER_REST[bone])
-        if length[bone] == 0.0:
-            rotation[:, 1 + bone] = rotation[:, 1 + JAEGER_PARENT[bone]]
-            continue
-        carried = multiply(turned[:, 1 + bone], between(target, start[bone]))
-        now = rotate(carried, target)
-        goal = np.where(apart[:, bone, None], direction[:, bone], now)
-        rotation[:, 1 + bone] = multiply(between(now, goal), carried)
+    goal = np.where(apart[..., None], normalise(line), now)
+    rotation[:, 1:] = multiply(between(now, goal), carried)
+    for bone in np.flatnonzero(length == 0.0):
+        rotation[:, 1 + bone] = rotation[:, 1 + JAEGER_PARENT[bone]]
     return Clip(clip.name, skeleton, clip.rate, place[:, 0], continuous(rotation), clip.source)
 
 

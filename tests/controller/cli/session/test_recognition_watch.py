@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from controller.cli.session.recognition_watch import NUMBERS, MismatchPolicy, RecognitionWatch, summary_lines
+from controller.cli.session.recognition_watch import MismatchPolicy, RecognitionWatch, summary_lines
+from controller.cli.session.watch import NUMBERS
 from controller.deck.deck import Deck
 from controller.deck.interfaces import JointLimits
 from controller.loop.clock import VirtualClock
@@ -100,7 +101,7 @@ def test_a_run_in_which_all_joints_follow_is_recognized_without_alarm(library, c
     assert report["last"]["seen"] == "march"
     assert capsys.readouterr().err == ""
     fields = {name: np.zeros(1) for name in NUMBERS}
-    watch.show(fields, library.network.motions)
+    watch.show(fields)
     page = what_is_seen(fields, library.network.motions, joints)
     assert "march" in page
     assert "does not follow" not in page
@@ -115,7 +116,7 @@ def test_a_joint_that_sticks_is_said_once_and_stops_the_run_if_asked(library, st
     assert capsys.readouterr().err.count(f"joint {joint} ") == 1
     assert (bool(request), report["stopped"]) == (stop, stop)
     fields = {name: np.zeros(1) for name in NUMBERS}
-    watch.show(fields, library.network.motions)
+    watch.show(fields)
     assert f"{joint} does not follow" in what_is_seen(fields, library.network.motions, joints)
 
 
