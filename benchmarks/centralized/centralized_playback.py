@@ -27,7 +27,7 @@ SHIPPED = Path(__file__).parents[1] / "configs" / "libraries" / "cmu86.safetenso
 
 def outside(network: CentralizedNetwork, motion: str, minutes: float = 10.0) -> float:
     """How far ten minutes leave the range of the first round, as a share of that range (the worst channel)."""
-    part = network.part(motion)
+    part = network[motion]
     voice, out = Voice(part, 0.0), np.empty(network.channels)
     taught = part.at(np.arange(0.0, part.seconds, DT))
     low, high = taught.min(0), taught.max(0)
@@ -42,7 +42,7 @@ def outside(network: CentralizedNetwork, motion: str, minutes: float = 10.0) -> 
 
 def drift(network: CentralizedNetwork, motion: str, steps: int = 1_000_000) -> float:
     """How far the amplitude of a center is from 1 after some steps."""
-    voice = Voice(network.part(motion), 0.0)
+    voice = Voice(network[motion], 0.0)
     for _ in range(steps):
         voice.advance(DT)
     return float(np.abs(np.abs(voice.centers) - 1.0).max())
@@ -94,7 +94,7 @@ def main(
         raise MotiondeckError(f"{library_file}: this library holds no centralized network")
     rng, taught = np.random.default_rng(1), []
     for motion in network.motions:
-        part = network.part(motion)
+        part = network[motion]
         said = library.encoding.decode(part.at(np.arange(0.0, 2.0 * part.seconds, DT)))
         taught.append(rng.choice(accelerations(library, said.height, said.rotation), 20_000))
         print(f"{motion:10} ten minutes leave its range by {100.0 * outside(network, motion):.2f} % of it", flush=True)

@@ -257,7 +257,7 @@ def compare(library: MotionLibrary, training_set: TrainingSet, every: int, plot:
         row |= {"joint_mm": mean_distance(played, recorded)}
         row |= {"relative_accuracy": float(relative_accuracy(played, recorded).mean())}
         if isinstance(network, CentralizedNetwork):
-            part = network.part(name)
+            part = network[name]
             row |= {"centers": len(part.frequency), "satellites": len(part.satellites)}
             row |= {"largest_weight": part.largest_weight}
         rows.append(row)

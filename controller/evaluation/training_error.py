@@ -108,7 +108,7 @@ def _of_phase_driven(network: PhaseDriven, syllabus: TrainingSet, anchor_every: 
 def _of_centralized(network: CentralizedNetwork, syllabus: TrainingSet, seed: int) -> TrainingError:
     """Errors of a centralized network, whose W is taken as that of channels brought to [-1, 1]."""
     scaling = syllabus.normalised()[1].scaling[:, None]
-    parts = {name: network.part(name) for name in network.motions}
+    parts = {name: network[name] for name in network.motions}
     errors = [
         nrmse(parts[name].at(np.arange(len(frames)) / syllabus.rate), frames)
         for name, frames in syllabus.frames.items()

@@ -56,7 +56,7 @@ class Anticipator:
         steps = np.arange(1 - PAST_FRAMES, AHEAD_FRAMES + 1) / RATE
         seen, coming, own = [], [], []
         for index, name in enumerate(network.motions):
-            part = network.part(name)
+            part = network[name]
             for phase in np.arange(0.0, part.seconds, 1.0 / PHASES_A_SECOND):
                 time = phase + np.multiply.outer(TEMPOS, steps)
                 time = time % part.seconds if part.loop else time
@@ -102,7 +102,7 @@ class Anticipator:
         steps = np.arange(1 - PAST_FRAMES, AHEAD_FRAMES + 1) / RATE
         distances, by_network, by_velocity, came = [], [], [], []
         for index, name in enumerate(network.motions if len(network.motions) > 1 else ()):
-            part = network.part(name)
+            part = network[name]
             for phase in np.arange(0.0, part.seconds, 1.0 / TRIALS_A_SECOND):
                 at = phase + steps
                 features = joint_features(self.encoding, part.at(at % part.seconds if part.loop else at))

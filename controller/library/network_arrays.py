@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from controller.arrays_file import StoredArrays
 from controller.library.library_header import FEWEST_ANCHORS, LibraryInfo, MotionInfo
 from controller.mocap.encodings.normalisation import Normalisation
+from controller.networks.centralized.centralized import CentralizedMotion
 from controller.networks.centralized.centralized_frames import CentralizedNetwork, StoredMotion
 from controller.networks.centralized.low_rank import LowRankWeights, PackedWeights
 from controller.networks.reservoirs.conceptor import ConceptorMotion, ConceptorNetwork, Memory
@@ -43,6 +44,8 @@ def arrays_of(network: AnyNetwork) -> dict[str, NDArray[Any]]:
         if isinstance(part, PhaseMotion):
             arrays[f"motion/{motion}/held"] = np.array([part.course.held], dtype=np.int32)
             part = part.stored
+        elif isinstance(part, CentralizedMotion):
+            part = StoredMotion.of(part)
         for field in fields(part):
             value = getattr(part, field.name)
             if isinstance(value, LowRankWeights):

@@ -28,7 +28,7 @@ def restyled(library: MotionLibrary, motion: str, like: str) -> tuple[MotionLibr
     network = library.network
     if not isinstance(network, CentralizedNetwork):
         raise MotiondeckError(f"library '{library.info.name}' holds no centralized network, and so no frequencies")
-    part, other = network.part(motion), network.part(like)
+    part, other = network[motion], network[like]
     name = f"{motion}-like-{like}"[:40]
     if name in network.motions:
         raise MotiondeckError(f"library '{library.info.name}' has a motion '{name}' already")
@@ -43,6 +43,6 @@ def restyled(library: MotionLibrary, motion: str, like: str) -> tuple[MotionLibr
     outside = max(0.0, float((after - before.max(0)).max()), float((before.min(0) - after).max()))
     known = next(info for info in library.info.motions if info.name == motion)
     info = msgspec.structs.replace(known, name=name, frames=frames, passed=False, reason=UNTAUGHT)
-    parts = {m: network.part(m) for m in network.motions} | {name: styled}
+    parts = {m: network[m] for m in network.motions} | {name: styled}
     header = msgspec.structs.replace(library.info, motions=[*library.info.motions, info])
     return MotionLibrary(header, CentralizedNetwork(parts, network.rate), library.encoding), outside

@@ -29,7 +29,7 @@ class CentralizedBatch:
     """
 
     def __init__(self, network: CentralizedNetwork, motion: str, runs: int) -> None:
-        self._part = network.part(motion)
+        self._part = network[motion]
         self._dt = 1.0 / network.rate
         self.neurons = 2 * len(self._part.frequency)
         self._time = np.zeros(runs)

@@ -24,9 +24,10 @@ from controller.networks.centralized.low_rank import LowRankWeights
 from controller.networks.centralized.satellites import GaussianSatellites
 from controller.networks.centralized.switching_module import SwitchingModule, clamp, design_module
 from controller.networks.entry_points import Entries
+from controller.networks.named_motions import NamedMotions
 from controller.quintic import rise
 from controller.rotations import Array
-from motiondeck_base.errors import MotiondeckError, UnknownNameError
+from motiondeck_base.errors import MotiondeckError
 
 # How long z takes for all but 1/e of its way, s, and the gain of the current that pulls it there.
 TIME_CONSTANT = 0.2
@@ -228,7 +229,7 @@ class Score:
     noise: Mapping[str, Any]
 
 
-class CentralizedGenerator:
+class CentralizedGenerator(NamedMotions[CentralizedMotion]):
     """Plays centralized motions and switches between them; fits `base.Generator`.
 
     Args:
@@ -249,8 +250,7 @@ class CentralizedGenerator:
             raise MotiondeckError("a centralized network needs motions, all with the same number of channels")
         if not 0.0 <= noise < np.inf:
             raise MotiondeckError(f"noise of {noise} on z; it is not negative")
-        self._of = motions
-        self.motions = tuple(motions)
+        super().__init__(motions)
         self.channels = len(next(iter(motions.values())).rest)
         self.tempo = 1.0
         self._passage = Passage(len(motions))
@@ -262,11 +262,6 @@ class CentralizedGenerator:
         starts = {k: np.arange(ENTRIES if m.loop else 1) / ENTRIES * m.seconds for k, m in motions.items()}
         self._entries = Entries(motions, starts)
         self.cue(self.motions[0])
-
-    def __getitem__(self, motion: str) -> CentralizedMotion:
-        if motion not in self._of:
-            raise UnknownNameError.among("motion", motion, self.motions)
-        return self._of[motion]
 
     @property
     def settled(self) -> bool:

@@ -15,8 +15,9 @@ from controller.networks.centralized.centralized import CentralizedMotion, Passa
 from controller.networks.centralized.low_rank import LowRankWeights
 from controller.networks.centralized.satellites import GaussianSatellites
 from controller.networks.entry_points import Entries
+from controller.networks.named_motions import NamedMotions
 from controller.rotations import Array
-from motiondeck_base.errors import MotiondeckError, UnknownNameError
+from motiondeck_base.errors import MotiondeckError
 
 ANCHOR_EVERY = 2
 
@@ -56,7 +57,7 @@ class StoredMotion:
         return CentralizedMotion(self.frequency, self.phase, satellites, self.weights, self.rest, seconds, loop)
 
 
-class CentralizedNetwork:
+class CentralizedNetwork(NamedMotions[CentralizedMotion]):
     """Plays centralized motions frame by frame; fits `base.FrameNetwork`.
 
     Args:
@@ -67,22 +68,13 @@ class CentralizedNetwork:
     def __init__(self, motions: dict[str, CentralizedMotion], rate: float) -> None:
         if len({len(motion.rest) for motion in motions.values()}) != 1:
             raise MotiondeckError("a centralized network needs motions, all with the same number of channels")
-        self._of, self.rate = motions, rate
-        self.motions = tuple(motions)
+        super().__init__(motions)
+        self.rate = rate
         self.channels = len(motions[self.motions[0]].rest)
         self._passage = Passage(len(motions))
         self._mixed = np.zeros(self.channels)
         self._entries = Entries(motions, {name: self._anchor_times(name) for name in self.motions})
         self.cue(self.motions[0], 0)
-
-    def __getitem__(self, motion: str) -> StoredMotion:
-        return StoredMotion.of(self.part(motion))
-
-    def part(self, motion: str) -> CentralizedMotion:
-        """A motion in continuous time."""
-        if motion not in self._of:
-            raise UnknownNameError.among("motion", motion, self.motions)
-        return self._of[motion]
 
     def twin(self) -> CentralizedNetwork:
         """The same weights with a state of its own: what one player does, another does not see."""
@@ -99,10 +91,10 @@ class CentralizedNetwork:
 
     def anchors(self, motion: str) -> Channels:
         """The frames at the anchors of a motion, shape (anchors, channels)."""
-        return self.part(motion).at(self._anchor_times(motion))
+        return self[motion].at(self._anchor_times(motion))
 
     def _anchor_times(self, motion: str) -> Array:
-        part = self.part(motion)
+        part = self[motion]
         frames = round(part.seconds * self.rate) + (not part.loop)
         return np.arange(0, frames, ANCHOR_EVERY) / self.rate
 
@@ -112,7 +104,7 @@ class CentralizedNetwork:
 
     def cue(self, motion: str, anchor: int) -> None:
         """Goes to an anchor; the next `advance` gives the frame after it."""
-        self._voice = Voice(self.part(motion), anchor * ANCHOR_EVERY / self.rate)
+        self._voice = Voice(self[motion], anchor * ANCHOR_EVERY / self.rate)
         self._source: Voice | None = None
         self._passage.module.reset(self.motions.index(motion))
 
@@ -121,7 +113,7 @@ class CentralizedNetwork:
 
         It is the anchor after which the motion is most like what would have come.
         """
-        source, part = self._voice, self.part(motion)
+        source, part = self._voice, self[motion]
         anchor = self._entries.best(source.motion, source.time, motion, entries)
         self._voice = Voice(part, anchor * ANCHOR_EVERY / self.rate)
         self._source = source

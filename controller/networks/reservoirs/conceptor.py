@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from controller.mocap.encodings.normalisation import Normalisation
 from controller.networks.base import Channels
-from motiondeck_base.errors import UnknownNameError
+from controller.networks.reservoirs.reservoir_network import ReservoirNetwork
 
 Float32 = NDArray[np.float32]
 
@@ -77,7 +77,7 @@ class Memory:
     normalisation: Normalisation
 
 
-class ConceptorNetwork:
+class ConceptorNetwork(ReservoirNetwork[ConceptorMotion]):
     """Plays the motions of one reservoir frame by frame; fits `base.FrameNetwork`.
 
     Args:
@@ -86,43 +86,21 @@ class ConceptorNetwork:
     """
 
     def __init__(self, motions: dict[str, ConceptorMotion], memory: Memory | None = None) -> None:
-        self._of, self.memory = motions, memory
-        self._reach = {name: part.reach for name, part in motions.items()}
-        self.motions = tuple(motions)
         first = next(iter(motions.values()))
-        self.channels = len(first.rest)
-        self._hidden = np.zeros(len(first.bias), dtype=np.float32)
-        self._frame = np.zeros(self.channels, dtype=np.float32)
+        super().__init__(motions, len(first.bias), len(first.rest))
+        self.memory = memory
+        self._reach = {name: part.reach for name, part in motions.items()}
         self._playing, self._bound = first, self._reach[self.motions[0]]
         self._z = first.states[0].copy()
 
-    def __getitem__(self, motion: str) -> ConceptorMotion:
-        if motion not in self._of:
-            raise UnknownNameError.among("motion", motion, self.motions)
-        return self._of[motion]
-
-    def twin(self) -> ConceptorNetwork:
-        """The same weights with a state of its own: what one player does, another does not see."""
-        return ConceptorNetwork(self._of, self.memory)
-
-    @property
-    def neurons(self) -> int:
-        """How many neurons the reservoir has."""
-        return len(self._hidden)
-
-    @property
-    def activation(self) -> Float32:
-        """The activation of the neurons in the last step, shape (N,); the next step overwrites it."""
-        return self._hidden
+    def with_motions(self, more: dict[str, ConceptorMotion]) -> ConceptorNetwork:
+        """The same reservoir with further motions."""
+        return ConceptorNetwork(self._of | more, self.memory)
 
     def anchors(self, motion: str) -> Channels:
         """The frames at the anchors of a motion, shape (anchors, channels)."""
         net = self[motion]
         return (net.states @ net.readout.T + net.rest).astype(np.float64)
-
-    def recall(self, motion: str) -> Channels:
-        """What the readout makes of the stored states; here that is what the anchors are."""
-        return self.anchors(motion)
 
     def cue(self, motion: str, anchor: int) -> None:
         """Puts the network into the stored state of an anchor."""
@@ -131,7 +109,7 @@ class ConceptorNetwork:
 
     def advance(self, out: Channels) -> None:
         """Steps one frame on and writes it into out, shape (channels,)."""
-        net, z, hidden = self._playing, self._z, self._hidden
+        net, z, hidden = self._playing, self._z, self.activation
         np.dot(net.recurrent, z, out=hidden)
         np.add(hidden, net.bias, out=hidden)
         np.tanh(hidden, out=hidden)

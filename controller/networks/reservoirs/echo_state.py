@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from controller.mocap.encodings.normalisation import Normalisation
 from controller.networks.base import Channels
-from motiondeck_base.errors import UnknownNameError
+from controller.networks.reservoirs.reservoir_network import ReservoirNetwork
 
 Float32 = NDArray[np.float32]
 
@@ -39,7 +39,7 @@ class EchoStateMotion:
     outputs: Float32
 
 
-class EchoStateNetwork:
+class EchoStateNetwork(ReservoirNetwork[EchoStateMotion]):
     """Plays motions frame by frame; fits `base.FrameNetwork`.
 
     Args:
@@ -66,13 +66,11 @@ class EchoStateNetwork:
         *,
         clipped: bool = True,
     ) -> None:
+        super().__init__(motions, len(bias), feedback.shape[1])
         self.weights, self.feedback, self.bias, self.leak = weights, feedback, bias, leak
         self.normalisation = normalisation
         self.clipped = clipped
         self.state_bound, self.output_bound = (1.0, OUTPUT_BOUND) if clipped else (np.inf, np.inf)
-        self._of = motions
-        self.motions = tuple(motions)
-        self.channels = feedback.shape[1]
         self._hidden = np.zeros(len(bias), dtype=np.float32)
         self._fed_back = np.zeros(len(bias), dtype=np.float32)
         # As arrays, because a step that is given plain numbers makes an array of each.
@@ -82,31 +80,12 @@ class EchoStateNetwork:
         self._lowest_x, self._lowest_y = -self._highest_x, -self._highest_y
         self.cue(self.motions[0], 0)
 
-    def __getitem__(self, motion: str) -> EchoStateMotion:
-        if motion not in self._of:
-            raise UnknownNameError.among("motion", motion, self.motions)
-        return self._of[motion]
-
-    def twin(self) -> EchoStateNetwork:
-        """The same weights with a state of its own: what one player does, another does not see."""
-        return self.with_motions({})
-
     def with_motions(self, more: dict[str, EchoStateMotion]) -> EchoStateNetwork:
         """The same reservoir with further motions."""
         motions = self._of | more
         return EchoStateNetwork(
             self.weights, self.feedback, self.bias, self.leak, self.normalisation, motions, clipped=self.clipped
         )
-
-    @property
-    def neurons(self) -> int:
-        """How many neurons the reservoir has."""
-        return len(self.bias)
-
-    @property
-    def activation(self) -> Float32:
-        """The activation of the neurons in the last step, shape (N,); the next step overwrites it."""
-        return self._x
 
     def anchors(self, motion: str) -> Channels:
         """The frames at the anchors of a motion, shape (anchors, channels)."""
@@ -120,12 +99,12 @@ class EchoStateNetwork:
     def cue(self, motion: str, anchor: int) -> None:
         """Starts from the recorded state s and output o (section 3.3.3)."""
         self._playing = self[motion]
-        self._x = self._playing.states[anchor].copy()
+        self.activation = self._playing.states[anchor].copy()
         self._y = self._playing.outputs[anchor].copy()
 
     def advance(self, out: Channels) -> None:
         """Steps one frame on and writes it into out, shape (channels,)."""
-        x, hidden = self._x, self._hidden
+        x, hidden = self.activation, self._hidden
         _keep_between(self._lowest_x, self._highest_x, x)
         np.dot(self.weights, x, out=hidden)
         np.dot(self.feedback, self._y, out=self._fed_back)
@@ -142,17 +121,17 @@ class EchoStateNetwork:
 
     def astray(self) -> bool:
         """Whether the state is one that no playing leads to: |x| is at most 1."""
-        np.abs(self._x, out=self._hidden)
+        np.abs(self.activation, out=self._hidden)
         return not self._hidden.max() <= 1.0 + 1e-4
 
     def snapshot(self) -> tuple[EchoStateMotion, Float32, Float32]:
         """A copy of the state."""
-        return self._playing, self._x.copy(), self._y.copy()
+        return self._playing, self.activation.copy(), self._y.copy()
 
     def restore(self, snapshot: Any) -> None:
         """Puts the state back to a snapshot."""
         self._playing, x, y = snapshot
-        self._x, self._y = x.copy(), y.copy()
+        self.activation, self._y = x.copy(), y.copy()
 
 
 def _keep_between(low: Float32, high: Float32, values: Float32) -> None:

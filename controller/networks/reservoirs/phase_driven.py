@@ -25,6 +25,7 @@ from controller.networks.reservoirs.phase_reservoir import (
     PhaseReservoir,
     PhaseScales,
 )
+from controller.networks.reservoirs.reservoir_network import ReservoirNetwork
 from motiondeck_base.errors import UnknownNameError
 
 
@@ -146,7 +147,7 @@ class PhaseVoice(ABC, Generic[Motion]):
         np.dot(self.motion.readout[self.motion.course.piece[self.frame]], self._extended, out=out)
 
 
-class PhaseDrivenNetwork(Generic[Motion]):
+class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
     """Plays phase-driven motions frame by frame; fits `base.InputNetwork`.
 
     Args:
@@ -158,24 +159,13 @@ class PhaseDrivenNetwork(Generic[Motion]):
     def __init__(
         self, scales: PhaseScales, seed: int, normalisation: Normalisation, motions: dict[str, Motion]
     ) -> None:
+        first = next(iter(motions.values()))
+        super().__init__(motions, scales.neurons, first.readout.shape[1])
         self.scales, self.seed, self.normalisation = scales, seed, normalisation
-        self._of = motions
-        self.motions = tuple(motions)
-        first = motions[self.motions[0]]
         self.reservoir = first.reservoir
-        self.channels = first.readout.shape[1]
-        self._frame = np.zeros(self.channels, dtype=np.float32)
         self._values: dict[str, float] = {}  # of the inputs that were set
         self._voice: PhaseVoice[Motion] = first.voice(0, first.states[0], first.usual)
-
-    def __getitem__(self, motion: str) -> Motion:
-        if motion not in self._of:
-            raise UnknownNameError.among("motion", motion, self.motions)
-        return self._of[motion]
-
-    def twin(self) -> Self:
-        """The same weights with a state of its own: what one player does, another does not see."""
-        return self.with_motions({})
+        self.activation = self._voice.activation
 
     def with_motions(self, more: dict[str, Motion]) -> Self:
         """The same reservoir with further motions."""
@@ -219,16 +209,6 @@ class PhaseDrivenNetwork(Generic[Motion]):
         self._voice.level = self._level_of(motion)
         self._voice.place(motion, frame, motion.state_at(frame, self._voice.level))
 
-    @property
-    def neurons(self) -> int:
-        """How many neurons the reservoir has."""
-        return self.scales.neurons
-
-    @property
-    def activation(self) -> Float32:
-        """The activation of the neurons in the last step, shape (N,); the next step overwrites it."""
-        return self._voice.activation
-
     def anchors(self, motion: str) -> Channels:
         """The frames at the anchors of a motion, shape (anchors, channels)."""
         return self[motion].read(ANCHOR_EVERY)
@@ -236,10 +216,6 @@ class PhaseDrivenNetwork(Generic[Motion]):
     def settled(self, motion: str) -> Channels:
         """The frames of a motion as it is played once it has settled, shape (frames, channels)."""
         return self[motion].read()
-
-    def recall(self, motion: str) -> Channels:
-        """What the readout makes of the stored states; here that is what the anchors are."""
-        return self.anchors(motion)
 
     def cue(self, motion: str, anchor: int) -> None:
         """Goes to an anchor; the next `advance` gives the frame after it."""

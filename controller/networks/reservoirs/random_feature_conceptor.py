@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.networks.base import Channels
-from motiondeck_base.errors import UnknownNameError
+from controller.networks.reservoirs.reservoir_network import ReservoirNetwork
 
 Float32 = NDArray[np.float32]
 
@@ -62,7 +62,7 @@ class FeatureMotion:
     states: Float32
 
 
-class RandomFeatureNetwork:
+class RandomFeatureNetwork(ReservoirNetwork[FeatureMotion]):
     """Plays the motions of one reservoir frame by frame; fits `base.FrameNetwork`.
 
     Args:
@@ -71,12 +71,9 @@ class RandomFeatureNetwork:
     """
 
     def __init__(self, reservoir: FeatureReservoir, motions: dict[str, FeatureMotion]) -> None:
-        self.reservoir, self._of = reservoir, motions
+        super().__init__(motions, len(reservoir.bias), len(reservoir.rest))
+        self.reservoir = reservoir
         self._reach = {name: 4.0 * float(np.square(part.states).sum(1).max()) for name, part in motions.items()}
-        self.motions = tuple(motions)
-        self.channels = len(reservoir.rest)
-        self._hidden = np.zeros(len(reservoir.bias), dtype=np.float32)
-        self._frame = np.zeros(self.channels, dtype=np.float32)
         # The rows that a motion uses, side by side: gathered at a cue, so that a step runs through memory in order.
         most = max(len(part.uses) for part in motions.values())
         # Those of a second motion, for a morph, are not touched before there is one.
@@ -87,34 +84,15 @@ class RandomFeatureNetwork:
         self._playing: FeatureMotion | None = None
         self.cue(self.motions[0], 0)
 
-    def __getitem__(self, motion: str) -> FeatureMotion:
-        if motion not in self._of:
-            raise UnknownNameError.among("motion", motion, self.motions)
-        return self._of[motion]
-
-    def twin(self) -> RandomFeatureNetwork:
-        """The same weights with a state of its own: what one player does, another does not see."""
-        return RandomFeatureNetwork(self.reservoir, self._of)
-
-    @property
-    def neurons(self) -> int:
-        """How many neurons the reservoir has."""
-        return len(self._hidden)
-
-    @property
-    def activation(self) -> Float32:
-        """The activation of the neurons in the last step, shape (N,); the next step overwrites it."""
-        return self._hidden
+    def with_motions(self, more: dict[str, FeatureMotion]) -> RandomFeatureNetwork:
+        """The same reservoir with further motions."""
+        return RandomFeatureNetwork(self.reservoir, self._of | more)
 
     def anchors(self, motion: str) -> Channels:
         """The frames at the anchors of a motion, shape (anchors, channels)."""
         part = self[motion]
         frames = part.states @ self.reservoir.readout[part.uses] + self.reservoir.rest
         return frames.astype(np.float64)
-
-    def recall(self, motion: str) -> Channels:
-        """What the readout makes of the stored states; here that is what the anchors are."""
-        return self.anchors(motion)
 
     def cue(self, motion: str, anchor: int) -> None:
         """Puts the network into the stored state of an anchor."""
@@ -123,7 +101,7 @@ class RandomFeatureNetwork:
 
     def advance(self, out: Channels) -> None:
         """Steps one frame on and writes it into out, shape (channels,)."""
-        z, hidden = self._z, self._hidden
+        z, hidden = self._z, self.activation
         np.dot(z, self._feedback, out=hidden)
         np.add(hidden, self.reservoir.bias, out=hidden)
         np.tanh(hidden, out=hidden)

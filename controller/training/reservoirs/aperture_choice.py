@@ -102,7 +102,7 @@ def _tried(
             if fewest == 0:
                 break
         left[motion.name] = fewest
-    return ConceptorNetwork(motions, network.memory), left
+    return network.with_motions(motions), left
 
 
 def by_attenuation(states: Array, loaded: LoadedReservoir, recipe: ConceptorRecipe) -> list[float]:

@@ -24,7 +24,7 @@ def cut_to_tolerance(
     parts = {name: network[name] for name in network.motions}
     for name in network.motions if motions is None else motions:
         parts[name] = cut(parts[name], rank_within(parts[name], encoding, tolerance_mm))
-    return ConceptorNetwork(parts, network.memory)
+    return network.with_motions(parts)
 
 
 def rank_within(part: ConceptorMotion, encoding: Encoding, tolerance_mm: float) -> int:

@@ -60,13 +60,13 @@ def test_the_player_and_the_batch_recover_alike(subject):
     network.cue("march", 0)
     network._voice.centers += push[::2] + 1j * push[1::2]
     frame, calm = np.empty(network.channels), []
-    for _ in range(2 * round(network.part("march").seconds * network.rate) + 1):
+    for _ in range(2 * round(network["march"].seconds * network.rate) + 1):
         network.advance(frame)
         played = batch.advance()[0]
         assert np.allclose(played, frame, atol=1e-5)
         calm.append(played)
-    assert not np.allclose(calm[0], network.part("march").at(np.array([1 / network.rate]))[0], atol=0.05)
-    assert np.allclose(calm[-1], network.part("march").at(np.array([1 / network.rate]))[0], atol=1e-5)
+    assert not np.allclose(calm[0], network["march"].at(np.array([1 / network.rate]))[0], atol=0.05)
+    assert np.allclose(calm[-1], network["march"].at(np.array([1 / network.rate]))[0], atol=1e-5)
 
 
 @pytest.mark.parametrize("kind", ["robustness", "stability"])

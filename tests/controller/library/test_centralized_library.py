@@ -10,6 +10,7 @@ import synthetic
 from controller.deck.deck import Deck
 from controller.deck.tracks.frame_player import FramePlayer
 from controller.library.motion_library import MotionLibrary, load_library, save_library
+from controller.library.network_arrays import arrays_of
 from controller.measures.motion_matching import joint_features
 from controller.measures.self_test import Judge, self_test
 from controller.networks.centralized.centralized_frames import CentralizedNetwork
@@ -134,7 +135,7 @@ def test_a_network_goes_over_by_itself_and_repeats_that_from_a_snapshot(library)
     assert not network.crossing
     steady = max(np.abs(np.diff(played(library.network.twin(), name), axis=0)).max() for name in ("march", "wave"))
     assert np.abs(np.diff(out, axis=0)).max() < 2.0 * steady
-    arrived = network.part("wave").at(np.array([(2 * entry + 130) / network.rate]))
+    arrived = network["wave"].at(np.array([(2 * entry + 130) / network.rate]))
     assert np.allclose(out[-1], arrived[0])
     network.restore(before)
     again = np.empty_like(out[20:])
@@ -188,11 +189,7 @@ def test_the_deck_plays_and_switches_it(library):
     ],
 )
 def test_a_damaged_library_is_refused_by_its_place(library, tmp_path, name, change, words):
-    arrays = {
-        f"motion/{motion}/{field}": np.ascontiguousarray(getattr(library.network[motion], field))
-        for motion in library.network.motions
-        for field in ("frequency", "phase", "places", "sharpness", "weights", "rest")
-    }
+    arrays = {at: np.ascontiguousarray(array) for at, array in arrays_of(library.network).items()}
     if change is None:
         del arrays[name]
     else:

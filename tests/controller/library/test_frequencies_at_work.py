@@ -117,9 +117,9 @@ def test_a_motion_takes_on_the_frequencies_of_another(library, tmp_path):
     assert not info.passed
     assert info.frames == 120
     assert outside >= 0.0
-    part = styled.network.part(info.name)
-    assert np.allclose(part.frequency, library.network.part("wave").frequency)
-    assert np.array_equal(part.weights, library.network.part("march").weights)
+    part = styled.network[info.name]
+    assert np.allclose(part.frequency, library.network["wave"].frequency)
+    assert np.array_equal(part.weights, library.network["march"].weights)
     save_library(styled, tmp_path / "styled.safetensors")
     assert load_library(tmp_path / "styled.safetensors").network.motions == styled.network.motions
     with pytest.raises(MotiondeckError, match="already"):

@@ -74,7 +74,7 @@ def test_a_centralized_step_makes_no_array():
         network = centralized(satellites)
         network.cue("wave", 0)
         out = np.empty(network.channels)
-        generator = CentralizedGenerator({name: network.part(name) for name in network.motions})
+        generator = CentralizedGenerator({name: network[name] for name in network.motions})
         generator.cue("wave")
         made = [
             most_made(step) for step in (lambda net=network, o=out: net.advance(o), lambda g=generator: g.step(0.003))
