@@ -82,7 +82,7 @@ static void arm(Limbs *l, int joint, const double *upper, const double *fore, do
     roll = atan2(y + share * fy, fmax(-(s * x + c * z) - share * fore_up, 0.5 * hypot(x, z)));
     roll = bounded(roll, l->lower[joint + 1], l->upper[joint + 1]);
     double sideways = sin(roll), upper_down = -cos(roll);
-    elbow = atan2(fore_ahead, sideways * fy + upper_down * fore_up);
+    elbow = bounded(atan2(fore_ahead, sideways * fy + upper_down * fore_up), l->lower[joint + 2], l->upper[joint + 2]);
     if (rounds-- == 0) break;
     double ahead = sin(elbow), down = cos(elbow) * upper_down;
     double sine = upper_down * x + share_of_fore * (down * fx - ahead * fz);

@@ -126,6 +126,9 @@ def main() -> int:
                 return compare("rotations of the bones", lambda: orient(skeleton, direction), lambda: turn(direction))
 
             def both_limbs(self: LimbAngles, direction: Array, up: Any, limbs: list[Limbs] = limbs) -> Any:
+                if self._aims:  # an arm goes over to another solution, which is left to Python
+                    limbs.clear()
+                    return call(self, direction, up)
                 limbs[:] = limbs or [Limbs(parts, self)]
                 return compare(
                     "angles of the limbs", lambda: call(self, direction, up), lambda: limbs[0](direction, up)

@@ -7,7 +7,7 @@ Both retargeters remember their last answer, so that where several answers are r
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import atan2, cos, hypot, pi, sin, sqrt
+from math import atan2, cos, hypot, pi, remainder, sin, sqrt
 
 import numpy as np
 
@@ -18,10 +18,9 @@ from controller.rotations import Array, dot, to_rotation_vector
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 from sim.models.joint_layout import nearest_turn
 from sim.models.robot_file import Angle
+from sim.retargeting.arm_angles import UNCERTAIN, ThreeServoArm, Vector
 from sim.retargeting.flat_feet import FlatFeet
 from sim.retargeting.human_limbs import ENTRY, SIGN, LimbView, up_of
-
-Vector = Sequence[float]
 
 _ARM = ("shoulder_pitch", "shoulder_roll", "elbow")
 _LEG = ("hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle_pitch", "ankle_roll")
@@ -30,18 +29,17 @@ SERVO_HUMANOID_JOINTS = (
     "head_tilt",
     *(f"{side}_{joint}" for joints in (_ARM, _LEG) for side in ("r", "l") for joint in joints),
 )
+ARMS: tuple[int, int] = (2, 5)  # where the angles of the right and the left arm begin
 
-# How much the forearm counts beside the upper arm, and in how many rounds the angles of an arm are found, in a tick and
-# for the first pose.
-FOREARM = 0.7
-ROUNDS, FIRST_ROUNDS = 3, 40
 # An angle may move this many times as far as the bones that lead it ...
 GAIN = 4.0
-# ... and settle by this much a tick besides, rad.
-SETTLE = 0.02
+# ... and settle this fast besides, rad/s.
+SETTLE = 4.0
 # So far a ball joint is followed past a half turn, rad, before it is brought back by a whole one.
 FURTHEST = 1.3 * pi
 ROUNDING = 1e-9  # rad
+CLOSE = 0.05  # rad: an arm so close to another pitch has gone over to it
+PAUSE = 0.04  # s: so often at most an arm that is far off is looked at from other pitches
 # So far past the end of its range, rad, a joint waits for its goal to come back before it goes the other way round.
 WAIT = 0.6
 
@@ -86,6 +84,7 @@ class ServoHumanoidRetargeter:
         angles: Mapping[str, Angle] | None = None,
         rest: Array | None = None,
         flat: FlatFeet | None = None,
+        dt: float = 0.005,
     ) -> None:
         """Finds the limbs, and the joints that turn as these angles do.
 
@@ -96,6 +95,7 @@ class ServoHumanoidRetargeter:
             angles: which of SERVO_HUMANOID_JOINTS is which joint; none where they have the same names.
             rest: where the joints stay that none of the angles is, shape (J,), rad; by default zero.
             flat: the slopes of the human's feet; none for feet that slope by FOOT_SLOPE when they are flat.
+            dt: seconds from one pose to the next.
 
         Raises:
             FileFormatError: if the skeleton lacks a limb, or no angles are given and the robot has other joints.
@@ -122,7 +122,7 @@ class ServoHumanoidRetargeter:
         ends = self._sign * (np.stack([lower, upper])[:, self._joint] - self._zero)
         low, high = np.zeros(len(SERVO_HUMANOID_JOINTS)), np.zeros(len(SERVO_HUMANOID_JOINTS))
         low[self._angle], high[self._angle] = ends.min(axis=0), ends.max(axis=0)
-        self._limbs = LimbAngles(low, high)
+        self._limbs = LimbAngles(low, high, dt)
         # A robot whose joints are these angles, one by one, gets them as they are.
         self._same = len(joints) == len(low) == len(angles) and all(
             angles.get(name) == Angle(joint) for name, joint in zip(SERVO_HUMANOID_JOINTS, joints, strict=True)
@@ -157,9 +157,11 @@ class LimbAngles:
         beyond: how many goals lay outside their joint's range since the last reset.
     """
 
-    def __init__(self, lower: Array, upper: Array) -> None:
-        """Args: their ranges, shape (20,), rad."""
+    def __init__(self, lower: Array, upper: Array, dt: float) -> None:
+        """Args: their ranges, shape (20,), rad, and the seconds from one pose to the next."""
         self._lower, self._upper = lower.tolist(), upper.tolist()
+        self._dt, self._settle = dt, SETTLE * dt
+        self._arms = {at: ThreeServoArm(self._lower[at : at + 3], self._upper[at : at + 3]) for at in ARMS}
         self.reset()
 
     def reset(self) -> None:
@@ -168,6 +170,8 @@ class LimbAngles:
         self._direction: Array | None = None
         self._last = [0.0] * len(SERVO_HUMANOID_JOINTS)
         self._across: list[Vector] = [(0.0, 1.0, 0.0), (0.0, 1.0, 0.0)]
+        self._aims: dict[int, float] = {}  # of arms that go over to another solution: their pitch
+        self._since_look: dict[int, float] = dict.fromkeys(ARMS, 0.0)  # s
 
     def __call__(self, direction: Array, up: Vector) -> list[float]:
         """The angles of SERVO_HUMANOID_JOINTS for limbs that point in the directions (14, 3), seen from the root."""
@@ -181,8 +185,8 @@ class LimbAngles:
         d = direction.tolist()
         angles = self._last.copy()
         self._head(angles, d[10], moved[10])
-        self._arm(angles, 2, d[0], d[1], moved[0], moved[1])
-        self._arm(angles, 5, d[2], d[3], moved[2], moved[3])
+        self._arm(angles, ARMS[0], d[0], d[1], moved[0], moved[1])
+        self._arm(angles, ARMS[1], d[2], d[3], moved[2], moved[3])
         self._leg(angles, 8, 0, d[4], d[5], d[6], up, max(moved[4:7]))
         self._leg(angles, 14, 1, d[7], d[8], d[9], up, max(moved[7:10]))
         self._last = angles
@@ -197,54 +201,29 @@ class LimbAngles:
     def _arm(
         self, angles: list[float], joint: int, upper: Vector, fore: Vector, upper_moved: float, moved: float
     ) -> None:
-        """Upper arm = Ry(pitch) Rx(roll) (0, 0, -1), forearm = Ry(pitch) Rx(roll) (sin elbow, 0, -cos elbow).
-
-        Three servos cannot give four angles of directions: without a turn about the upper arm, the forearm bends ahead
-        only. So the angles are those that bring both as close as can be: the greatest of
-
-            upper . Ry(pitch) Rx(roll) (0, 0, -1) + FOREARM fore . Ry(pitch) Rx(roll) (sin elbow, 0, -cos elbow)
-
-        found from the last ones on, each angle in turn by its closed form.
-        """
-        (x, y, z), (fx, fy, fz) = upper, fore
-        pitch, elbow = self._last[joint], self._last[joint + 2]
-        low, high = self._lower[joint + 1], self._upper[joint + 1]
-        rounds = ROUNDS
-        if not self._started:
-            # An elbow bends in the plane that faces ahead along Ry(pitch) (1, 0, 0).
-            along = x * fx + y * fy + z * fz
-            pitch = atan2(-x - FOREARM * (fz - along * z), -z + FOREARM * (fx - along * x))
-            elbow = _angle_between(upper, fore)
-            rounds = FIRST_ROUNDS
-        outwards = 0.5 * hypot(x, z)
-        most = max(upper_moved, moved)
-        while True:
-            # The roll, within its range, and then the elbow that fit best at a pitch.
-            c, s = cos(pitch), sin(pitch)
-            fore_ahead, fore_up = c * fx - s * fz, s * fx + c * fz
-            share = FOREARM * cos(elbow)
-            roll = atan2(y + share * fy, max(-(s * x + c * z) - share * fore_up, outwards))
-            roll = min(max(roll, low), high)
-            sideways, upper_down = sin(roll), -cos(roll)
-            elbow = atan2(fore_ahead, sideways * fy + upper_down * fore_up)
-            if rounds == 0:
-                break
-            # The pitch that fits best at these.
-            rounds -= 1
-            ahead, down = sin(elbow), cos(elbow) * upper_down
-            sine = upper_down * x + FOREARM * (down * fx - ahead * fz)
-            cosine = upper_down * z + FOREARM * (down * fz + ahead * fx)
-            certain = min(hypot(sine, cosine), 1.0)
-            # An arm stretched out sideways has no pitch: the less it has, the slower the pitch goes where it should.
-            if certain < 1e-3:
-                rounds, pitch = 0, angles[joint]
-            elif rounds == 0:
-                goal = atan2(sine, cosine)
-                self._follow(angles, joint, (goal,), (min(2.0 * certain, 1.0) * most,), (certain,))
-                pitch = angles[joint]
-            else:
-                pitch = atan2(sine, cosine)
+        """Pitch, roll and elbow; an arm that would be much better at another pitch goes over to it."""
+        arm, most, aim = self._arms[joint], max(upper_moved, moved), self._aims.get(joint)
+        if self._started:
+            pitch = self._last[joint] if aim is None else aim
+            goal, certain, elbow = arm.fit(upper, fore, pitch, self._last[joint + 2])
+        else:
+            goal, certain, elbow = arm.first(upper, fore)
+        if aim is not None:
+            self._follow(angles, joint, (goal,), (most,), (1.0,))
+            self._aims[joint] = goal
+            if abs(remainder(angles[joint] - goal, 2.0 * pi)) < CLOSE or angles[joint] == self._last[joint]:
+                del self._aims[joint]
+        elif certain >= UNCERTAIN:
+            # The less pitch an arm has, the slower the pitch goes where it should.
+            self._follow(angles, joint, (goal,), (min(2.0 * certain, 1.0) * most,), (certain,))
+        roll, elbow = arm.at_pitch(upper, fore, angles[joint], elbow)
         self._follow(angles, joint + 1, (roll, elbow), (most, upper_moved + moved), (1.0, 1.0))
+        self._since_look[joint] += self._dt
+        if aim is None and self._since_look[joint] > PAUSE:
+            self._since_look[joint] = 0.0
+            other = arm.elsewhere(upper, fore, angles[joint], elbow)
+            if other is not None:
+                self._aims[joint] = other
 
     def _leg(
         self,
@@ -308,12 +287,6 @@ class LimbAngles:
                 if abs(goal - reached) > ROUNDING and lower < upper:  # without a range no joint is there
                     self.beyond += 1
                 goal = reached
-            most = GAIN * fast + SETTLE * sure
+            most = GAIN * fast + self._settle * sure
             angles[joint] = min(max(goal, last - most), last + most)  # a goal in reach is met to the last digit
             joint += 1
-
-
-def _angle_between(a: Vector, b: Vector) -> float:
-    (ax, ay, az), (bx, by, bz) = a, b
-    x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-    return atan2(sqrt(x * x + y * y + z * z), ax * bx + ay * by + az * bz)

@@ -238,7 +238,7 @@ def fitting_angles(
 
     def angles_at(q: Array) -> Array:
         limbs.place(q)
-        return np.array(LimbAngles(-free, free)(limb_directions(limbs), up))
+        return np.array(LimbAngles(-free, free, 1.0)(limb_directions(limbs), up))
 
     here = angles_at(rest)
     slope = np.empty((len(here), len(rest)))

@@ -21,6 +21,7 @@ from sim.robots.robot import Robot
 Cause = Literal["out of reach", "held back", "carried wrongly"]
 # A limb is as good as the best within reach if it is this close to it, degrees. So often it is looked at, Hz.
 CLOSE, RATE = 5.0, 30.0
+FULL = 0.99  # of the speed that a joint may have
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,8 @@ class LimbCause:
 
     Attributes:
         cause: "out of reach": no angles within the joints' ranges are closer; "held back": limits of speed and
-            acceleration keep it from where the retargeter would have it; "carried wrongly": the retargeter.
+            acceleration keep it from where the retargeter would have it, or from getting there sooner; "carried
+            wrongly": the retargeter.
         best: mean and worst angle of each of its segments at the best angles, by name, degrees.
     """
 
@@ -61,12 +63,16 @@ def limb_causes(
         worst = off[:, rows].max(axis=1)
         frames = np.union1d(np.arange(0, len(off), max(round(rate / RATE), 1)), [int(worst.argmax())])
         own = goals[frames][:, rows]
-        reach = ReachableLimb(robot.model, directions, limb, robot.joints, robot.limits).best(own)
+        best_of = ReachableLimb(robot.model, directions, limb, robot.joints, robot.limits)
+        reach = best_of.best(own)
 
         far, least = worst[frames] > WORST_LIMIT, _as_a_whole(reach, own)
         cause: Cause = "out of reach"
         if _does_worse(there[frames][:, rows], own, least, often, far):
             meant = _pointing(robot, directions, wanted[frames])[:, rows]
+            short = degrees_between(meant, own)
+            often = bool(short.mean(axis=0).max() > MEAN_LIMIT)
+            far = (short.max(axis=1) > WORST_LIMIT) & ~_on_its_way(wanted, best_of.joints, robot, rate)[frames]
             cause = "carried wrongly" if _does_worse(meant, own, least, often, far) else "held back"
         best = degrees_between(reach, own)
         means = zip(best.mean(axis=0).tolist(), best.max(axis=0).tolist(), strict=True)
@@ -78,6 +84,12 @@ def _does_worse(there: Array, goals: Array, least: Array, often: bool, far: NDAr
     """Whether limbs (F, s, 3) are further off than the least (F,) they could be: often, or in frames `far` (F,)."""
     missing = _as_a_whole(there, goals) - least
     return bool((often and missing.mean() > CLOSE) or (missing[far] > CLOSE).any())
+
+
+def _on_its_way(wanted: Array, joints: NDArray[np.int64], robot: Robot, rate: float) -> NDArray[np.bool_]:
+    """In which frames (T,) one of the joints goes, or would go, as fast as it may."""
+    step = np.abs(np.diff(wanted[:, joints], axis=0, prepend=wanted[:1, joints]))
+    return np.any(step * rate >= FULL * robot.limits.velocity[joints], axis=1)
 
 
 def _pointing(robot: Robot, directions: LimbDirections, joints: Array) -> Array:

@@ -35,7 +35,11 @@ GRID = 121
 
 
 class ReachableLimb:
-    """Finds the best that one limb of s segments can do; n hinges turn it, m of them freely."""
+    """Finds the best that one limb of s segments can do; n hinges turn it, m of them freely.
+
+    Attributes:
+        joints: which of the played joints turn it, shape (m,).
+    """
 
     def __init__(
         self,
@@ -78,8 +82,8 @@ class ReachableLimb:
             led[joint][1] if joint in led else np.array([0.0, 1.0] if leader is not None else [stand])
             for (joint, _), leader, stand in zip(hinges, self._leader, self._stand, strict=True)
         ]
-        index = [joints.index(name) for name in free]
-        self._lower, self._upper = limits.lower[index], limits.upper[index]
+        self.joints = np.array([joints.index(name) for name in free], np.int64)
+        self._lower, self._upper = limits.lower[self.joints], limits.upper[self.joints]
         self._alone = [
             self._leader.count(k) == 1 and hinges[self._leader.index(k)][0] not in led for k in range(len(free))
         ]

@@ -172,7 +172,7 @@ def _retargeter(
             RobotLimbs(path, model, parts, np.array(file.root_rotation), layout.joints)
         try:
             return ServoHumanoidRetargeter(
-                skeleton, layout.joints, limits.lower, limits.upper, file.angles, rest, stance.flat
+                skeleton, layout.joints, limits.lower, limits.upper, file.angles, rest, stance.flat, dt
             )
         except UnknownNameError as error:
             raise UnknownNameError(f"{path}: {error}") from None

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from controller.rotations import between, conjugate, from_rotation_vector, multiply, rotate
 from motiondeck_base.errors import FileFormatError
+from sim.retargeting.arm_angles import FOREARM
 from sim.retargeting.human_limbs import LIMBS, up_of
 from sim.retargeting.retarget import (
-    FOREARM,
     GAIN,
     SERVO_HUMANOID_JOINTS,
     SETTLE,
@@ -115,7 +115,7 @@ def test_servo_angles_stay_in_range_and_move_no_faster_than_their_bones_allow(se
         seen = rotate(conjugate(np.array([p.rotation[frame] for p in poses]))[:, None], world)
         moved = np.maximum(moved, np.linalg.norm(np.diff(seen, axis=0), axis=-1).max(axis=1))
     limbs = [joint for joint, name in enumerate(robot.joints) if not name.startswith("head")]
-    assert np.all(np.abs(np.diff(path[:, limbs], axis=0)).max(axis=1) <= 2.0 * GAIN * moved + SETTLE + 1e-9)
+    assert np.all(np.abs(np.diff(path[:, limbs], axis=0)).max(axis=1) <= 2.0 * GAIN * moved + 0.005 * SETTLE + 1e-9)
 
 
 def test_an_arm_swung_through_straight_sideways_does_not_spin(servo20):
@@ -161,6 +161,49 @@ def arm(pitch, roll, elbow):
     return rotate(whole, np.array([0, 0, -1.0])), rotate(whole, np.array([np.sin(elbow), 0, -np.cos(elbow)]))
 
 
+def alike(angles, upper, fore):
+    one, other = arm(*angles)
+    return one @ upper + FOREARM * other @ fore
+
+
+def test_an_arm_that_swings_past_sideways_goes_over_to_the_better_solution(servo20):
+    """As in a cartwheel: the elbow, which bends one way only, ends straight, though turned by half a turn it bends."""
+    low, high = np.full(20, -3.0), np.full(20, 3.0)
+    low[5:8], high[5:8] = (-3.9, -0.2, 0.0), (2.3, 2.1, 2.7)
+    limbs = LimbAngles(low, high, 0.01)
+    way = np.array(
+        [[(-0.4, 0.9, -0.2), (0.0, 0.9, 0.3)], [(0.0, 1.0, 0.0), (0.4, 0.8, 0.5)], [(0.5, 0.8, 0.3), (0.8, 0.2, 0.6)]]
+    )
+    way /= np.linalg.norm(way, axis=2)[:, :, None]
+    direction = np.tile([0.0, 0.0, -1.0], (len(LIMBS), 1))
+    direction[10] = 1.0, 0.0, 0.0
+    found, short = [], []
+    for at in np.linspace(0.0, 2.0, 300):
+        k = min(int(at), 1)
+        direction[2:4] = way[k] + (at - k) * (way[k + 1] - way[k])
+        direction[2:4] /= np.linalg.norm(direction[2:4], axis=1)[:, None]
+        found.append(limbs(direction.copy(), (0.0, 0.0, 1.0))[5:8])
+        fresh = LimbAngles(low, high, 0.01)(direction, (0.0, 0.0, 1.0))[5:8]
+        short.append(alike(fresh, *direction[2:4]) - alike(found[-1], *direction[2:4]))
+    assert np.mean(short) < 0.03  # 0.08 along the nearest solution
+    assert short[-1] < 1e-3
+    assert np.abs(np.diff(found, axis=0)).max() < 0.15
+
+
+@pytest.mark.parametrize(("upper", "fore"), [((0.3, 0.1, -1.0), (-0.5, 0.2, -1.0)), ((-0.2, 0.4, -0.7), (-0.9, 0, 0))])
+def test_an_elbow_that_bends_one_way_only_leaves_the_arm_straight_halfway(upper, fore):
+    """Against all angles on a grid."""
+    upper, fore = (np.array(v) / np.linalg.norm(v) for v in (upper, fore))
+    low, high = np.full(20, -3.0), np.full(20, 3.0)
+    low[4] = 0.0
+    direction = np.tile([0.0, 0.0, -1.0], (len(LIMBS), 1))
+    direction[10] = 1.0, 0.0, 0.0
+    direction[:2] = upper, fore
+    found = LimbAngles(low, high, 0.005)(direction, (0.0, 0.0, 1.0))[2:5]
+    grid = [np.linspace(-1.6, 1.6, 17), np.linspace(-1.2, 1.2, 9), np.linspace(0.0, 2.4, 7)]
+    assert alike(found, upper, fore) > max(alike(angles, upper, fore) for angles in product(*grid)) - 2e-3
+
+
 @pytest.mark.parametrize(("pitch", "roll", "elbow"), [(-0.4, 0.9, 0.8), (0.5, -0.8, 1.2), (-0.9, 0.7, 0.5)])
 def test_an_arm_whose_roll_ends_early_comes_as_close_as_any_other_way(pitch, roll, elbow):
     """Against all angles on a grid: pitch and elbow make up for what the roll, 0.3 rad at most, cannot do."""
@@ -171,11 +214,10 @@ def test_an_arm_whose_roll_ends_early_comes_as_close_as_any_other_way(pitch, rol
     direction[:, 2] = -1.0
     direction[10] = 1.0, 0.0, 0.0
     direction[:2] = upper, fore
-    found = LimbAngles(-ranges, ranges)(direction, (0.0, 0.0, 1.0))[2:5]
+    found = LimbAngles(-ranges, ranges, 0.005)(direction, (0.0, 0.0, 1.0))[2:5]
 
     def closeness(angles):
-        one, other = arm(*angles)
-        return one @ upper + FOREARM * other @ fore
+        return alike(angles, upper, fore)
 
     grid = [np.linspace(-1.6, 1.6, 33), np.array([-0.3, 0.0, 0.3]), np.linspace(0.0, 2.4, 25)]
     best = max(closeness(angles) for angles in product(*grid))

@@ -1,0 +1,103 @@
+"""Arms of three servos: pitch, roll and elbow that bring upper arm and forearm as close as they can be to a human's.
+
+    upper arm = Ry(pitch) Rx(roll) (0, 0, -1),   forearm = Ry(pitch) Rx(roll) (sin elbow, 0, -cos elbow)
+
+Three servos cannot give four angles of directions: without a turn about the upper arm, the forearm bends ahead only. So
+wanted are the angles, within their ranges, at which the arms are most alike:
+
+    greatest   upper . Ry(pitch) Rx(roll) (0, 0, -1) + FOREARM fore . Ry(pitch) Rx(roll) (sin elbow, 0, -cos elbow)
+
+Each angle in turn has a closed form. Where this ends depends on where it begins: far from the best, other pitches are
+tried.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import atan2, cos, hypot, pi, sin, sqrt
+
+Vector = Sequence[float]
+
+# How much the forearm counts beside the upper arm, and in how many rounds the angles are found, in a tick and at first.
+FOREARM = 0.7
+ROUNDS, FIRST_ROUNDS = 3, 40
+UNCERTAIN = 1e-3  # an arm stretched out sideways has no pitch
+# An arm that misses more than this of the greatest likeness is looked at from other pitches; one that misses less than
+# this share of it is better.
+FAR_OFF, BETTER = 0.1, 0.5
+
+
+class ThreeServoArm:
+    """One arm whose angles have ranges; pitch, roll and elbow in this order, rad."""
+
+    def __init__(self, lower: Vector, upper: Vector) -> None:
+        """Args: the ends of their ranges."""
+        self._pitch, self._roll, self._elbow = [(low, high) for low, high in zip(lower, upper, strict=True)]
+
+    def first(self, upper: Vector, fore: Vector) -> tuple[float, float, float]:
+        """As `fit`, from the plane that the arm bends in: that which faces ahead along Ry(pitch) (1, 0, 0)."""
+        (x, y, z), (fx, fy, fz) = upper, fore
+        along = x * fx + y * fy + z * fz
+        pitch = atan2(-x - FOREARM * (fz - along * z), -z + FOREARM * (fx - along * x))
+        return self.fit(upper, fore, pitch, angle_between(upper, fore), FIRST_ROUNDS)
+
+    def fit(
+        self, upper: Vector, fore: Vector, pitch: float, elbow: float, rounds: int = ROUNDS
+    ) -> tuple[float, float, float]:
+        """The pitch that fits best near another one, how certain it is, 0 to 1, and an elbow for it."""
+        (x, _, z), (fx, _, fz) = upper, fore
+        certain = 0.0
+        for _ in range(rounds):
+            roll, elbow = self.at_pitch(upper, fore, pitch, elbow)
+            upper_down = -cos(roll)
+            ahead, down = sin(elbow), cos(elbow) * upper_down
+            sine = upper_down * x + FOREARM * (down * fx - ahead * fz)
+            cosine = upper_down * z + FOREARM * (down * fz + ahead * fx)
+            certain = min(hypot(sine, cosine), 1.0)
+            if certain < UNCERTAIN:
+                break
+            pitch = atan2(sine, cosine)
+        return pitch, certain, elbow
+
+    def at_pitch(self, upper: Vector, fore: Vector, pitch: float, elbow: float) -> tuple[float, float]:
+        """The roll, for this elbow, and then the elbow that fit best at a pitch."""
+        (x, y, z), (fx, fy, fz) = upper, fore
+        c, s = cos(pitch), sin(pitch)
+        up, fore_ahead, fore_up = s * x + c * z, c * fx - s * fz, s * fx + c * fz
+        share = FOREARM * cos(elbow)
+        # An arm does not go over the shoulder.
+        roll = atan2(y + share * fy, max(-up - share * fore_up, 0.5 * hypot(x, z)))
+        roll = min(max(roll, self._roll[0]), self._roll[1])
+        elbow = atan2(fore_ahead, sin(roll) * fy - cos(roll) * fore_up)
+        return roll, min(max(elbow, self._elbow[0]), self._elbow[1])
+
+    def elsewhere(self, upper: Vector, fore: Vector, pitch: float, elbow: float) -> float | None:
+        """Another pitch, within its range, for an arm that is far off at this one, if it is much better there."""
+        missing = self._missing(upper, fore, pitch, elbow)
+        if missing < FAR_OFF:
+            return None
+        found, least, (low, high) = None, BETTER * missing, self._pitch
+        for quarter in (1, 2, 3):
+            goal, _, elbow = self.fit(upper, fore, pitch + 0.5 * pi * quarter, 0.5)
+            goal += 2.0 * pi * round((0.5 * (low + high) - goal) / (2.0 * pi))
+            missing = self._missing(upper, fore, goal, elbow)
+            if missing < least and low <= goal <= high:
+                found, least = goal, missing
+        return found
+
+    def _missing(self, upper: Vector, fore: Vector, pitch: float, elbow: float) -> float:
+        """How much of the greatest likeness is missing at a pitch."""
+        roll, elbow = self.at_pitch(upper, fore, pitch, elbow)
+        (x, y, z), (fx, fy, fz) = upper, fore
+        c, s = cos(pitch), sin(pitch)
+        sideways, down, bent, straight = sin(roll), -cos(roll), sin(elbow), cos(elbow)
+        alike = sideways * y + down * (s * x + c * z)
+        alike += FOREARM * (bent * (c * fx - s * fz) + straight * (sideways * fy + down * (s * fx + c * fz)))
+        return 1.0 + FOREARM - alike
+
+
+def angle_between(a: Vector, b: Vector) -> float:
+    """The angle between two unit vectors, rad."""
+    (ax, ay, az), (bx, by, bz) = a, b
+    x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    return atan2(sqrt(x * x + y * y + z * z), ax * bx + ay * by + az * bz)
