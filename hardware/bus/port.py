@@ -147,14 +147,15 @@ def _reason(name: str, error: OSError | ValueError) -> str:
     if number == errno.ENOENT:
         return "there is no such device. Plug the adapter in, or name its port."
     if number == errno.EACCES:
-        group = _group_of(name)
-        return f"permission denied. Join the group {group}: sudo usermod -a -G {group} $USER, and log in again."
+        return f"permission denied. {_right_to_open(name)}"
     return str(error)
 
 
-def _group_of(name: str) -> str:
-    """The group that owns a device; the usual one where that cannot be found out."""
-    try:
-        return Path(name).group()
-    except (OSError, KeyError):
-        return "dialout"
+def _right_to_open(name: str) -> str:
+    """How a user gets the right to open a device: by its group, if that may read and write it."""
+    device, group = Path(name), "dialout"  # the usual one, where that cannot be found out
+    with contextlib.suppress(OSError, KeyError):
+        if device.stat().st_mode & 0o060 != 0o060 or device.group() == "root":
+            return f"Until it is plugged in again this helps: sudo chown $USER {name}"
+        group = device.group()
+    return f"Join the group {group}: sudo usermod -a -G {group} $USER, and log in again."

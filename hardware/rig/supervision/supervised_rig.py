@@ -282,6 +282,8 @@ class SupervisedRig:
             if self._mended is None:
                 self._stopped = True
                 raise RigError(f"the rig has stopped: {self._failure}") from self._failure
+            if self._rig.gone:
+                self._note_port("is back")
             self._rig.attach(*self._mended)
             self._mended = None
             self.recoveries += 1
@@ -297,11 +299,15 @@ class SupervisedRig:
         Raises:
             RigError: if the rig file does not want that.
         """
-        self._health.incidents.append(Incident(self._rig.now(), f"the port {self.config.port}", "is gone"))
+        self._note_port("is gone")
         if self.config.reconnect_s == 0.0:
             self._stopped = True
             raise RigError(f"the rig has stopped: {error}") from error
         self._mend(self.config.reconnect_s)
+
+    def _note_port(self, what: str) -> None:
+        """Makes an incident of what has happened to the port."""
+        self._health.incidents.append(Incident(self._rig.now(), f"the port {self.config.port}", what))
 
     def _mend(self, patience: float) -> None:
         """Starts to bring the rig back, for at most so long, s."""

@@ -42,14 +42,24 @@ def test_a_port_is_exclusive_until_it_is_closed(terminal):
     assert not is_exclusive(slave)
 
 
-def test_permission_denied_names_the_group_to_join(terminal, monkeypatch):
+@pytest.mark.parametrize(
+    ("group", "mode", "said"),
+    [
+        ("uucp", 0o660, r"Join the group uucp: sudo usermod -a -G uucp \$USER, and log in again"),
+        ("uucp", 0o600, r"this helps: sudo chown \$USER /dev/pts/"),
+        ("root", 0o660, r"this helps: sudo chown \$USER /dev/pts/"),
+    ],
+)
+def test_permission_denied_names_the_group_to_join_if_that_helps(terminal, monkeypatch, group, mode, said):
     def refuse(*_, **__):
         raise PermissionError(13, "Permission denied")
 
+    name, slave = terminal
+    os.fchmod(slave, mode)
     monkeypatch.setattr("serial.Serial", refuse)
-    monkeypatch.setattr("grp.getgrgid", lambda _: type("Group", (), {"gr_name": "uucp"}))
-    with pytest.raises(SerialPortError, match=r"Join the group uucp: sudo usermod -a -G uucp \$USER"):
-        SerialPort(terminal[0], 1_000_000)
+    monkeypatch.setattr("grp.getgrgid", lambda _: type("Group", (), {"gr_name": group}))
+    with pytest.raises(SerialPortError, match=said):
+        SerialPort(name, 1_000_000)
 
 
 def test_an_adapter_has_a_lasting_name(terminal, tmp_path):
