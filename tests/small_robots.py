@@ -91,6 +91,7 @@ def full_humanoid(
     fingers=True,
     lying=False,
     rods=False,
+    hung=False,
 ):
     """An MJCF of a humanoid, 1.3 m tall, with the named hinges in the order of their names.
 
@@ -101,6 +102,7 @@ def full_humanoid(
         waist, hip, ankle, shoulder, wrist, neck: hinges of each joint, of "yaw", "pitch" and "roll".
         fingers: whether each hand has two, with two hinges each.
         lying: whether the model is written with y up and z ahead instead of z up and x ahead.
+        hung: whether the free root is the trunk, and pelvis and legs hang from the waist.
         rods: whether a rod on hinges of its own runs beside each shank to the foot and closes a loop.
     """
     axes = {"pitch": (0, 1, 0), "roll": (1, 0, 0), "yaw": (0, 0, 1)}
@@ -169,7 +171,10 @@ def full_humanoid(
         + arm("left", 0.2)
         + arm("right", -0.2)
     )
-    upper = chain("waist", waist, (0, 0, 0.05), trunk) if waist else trunk
+    if hung:
+        upper, limbs = trunk, chain("waist", waist, (0, 0, 0.05), '<geom size="0.08"/>' + limbs)
+    else:
+        upper = chain("waist", waist, (0, 0, 0.05), trunk) if waist else trunk
     acts = "".join(f'<position name="{name}" joint="{name}" kp="50"/>' for name in actuators if "finger" not in name)
     return (
         '<mujoco model="full"><compiler angle="radian" autolimits="true"/><worldbody>'

@@ -23,6 +23,7 @@ from controller.mocap.posture import Pose
 from controller.rotations import Array
 from sim.models.kinematic_tree import Scratch, below
 from sim.models.surface import LowestPoint, Surface
+from sim.models.upright_pelvis import UprightPelvis
 from sim.retargeting.flat_feet import FlatFeet
 from sim.retargeting.human_stance import HumanStance
 
@@ -39,7 +40,13 @@ class Footing:
     """Places the root of one robot, tick by tick."""
 
     def __init__(
-        self, stance: HumanStance, model: mujoco.MjModel, feet: Sequence[int], root_rotation: Array, scale: float
+        self,
+        stance: HumanStance,
+        model: mujoco.MjModel,
+        feet: Sequence[int],
+        root_rotation: Array,
+        scale: float,
+        pelvis: UprightPelvis | None = None,
     ) -> None:
         """Looks at the robot's skin.
 
@@ -49,10 +56,11 @@ class Footing:
             feet: the bodies that are its right and left foot; none for a robot without feet.
             root_rotation: of the root body while the robot stands upright and faces x, shape (4,).
             scale: the robot's size over the human's.
+            pelvis: of a robot whose root is above its waist.
         """
         self.stance = stance
         self._model, self._data = model, Scratch(model)
-        self._turned, self._scale = root_rotation.tolist(), scale
+        self._turned, self._scale, self._pelvis = root_rotation.tolist(), scale, pelvis
         self._touches = TOUCHES * stance.leg * scale
         self._surface, self._lowest = Surface.of(model), LowestPoint(model)
         self._find_soles(feet)
@@ -105,7 +113,11 @@ class Footing:
         stance(pose, "root")
         data.qpos[:] = qpos
         data.qpos[:3] = 0.0
-        mujoco.mj_kinematics(self._model, data)
+        if self._pelvis is None:
+            mujoco.mj_kinematics(self._model, data)
+        else:
+            self._pelvis.place(data, pose.rotation[0])
+            qpos[3:7] = data.qpos[3:7]
         points = np.matmul(data.xmat.take(self._bodies, axis=0).reshape(-1, 3, 3), self._points)
         points += data.xpos.take(self._bodies, axis=0)[:, :, None]
         x, y = pose.root_position[:2].tolist()

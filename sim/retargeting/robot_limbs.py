@@ -1,7 +1,7 @@
 """A robot's limbs as vectors between points of its bodies, and how they turn with its joints.
 
 Thigh, whole leg, upper arm and whole arm are such vectors, and so are the axes of feet, head and chest. They are seen
-from the pelvis: the root stands upright at the origin and faces x.
+from the pelvis, which stands upright and faces x.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -24,6 +24,7 @@ from sim.models.kinematic_tree import Scratch, below, hinges_between
 from sim.models.limb_geometry import ACROSS, centre_of, end_hinge, level_with, sine
 from sim.models.model_file import followers
 from sim.models.surface import Surface
+from sim.models.upright_pelvis import UprightPelvis
 from sim.retargeting.human_limbs import AHEAD, LEFT, LIMBS
 
 SIDES = ("r", "l")
@@ -105,35 +106,36 @@ class RobotLimbs:
         self._parts.setdefault("chest", self._parts["pelvis"])
         self._data.qpos[:] = model.qpos0
         self._data.qpos[:3] = 0.0
-        self._data.qpos[3:7] = root_rotation
         for joint, (leader, curve) in followers(model).items():
             if leader == joint:
                 self._data.qpos[model.jnt_qposadr[joint]] = curve[0]
-        mujoco.mj_kinematics(model, self._data)
+        self._pelvis = UprightPelvis(model, self._parts["pelvis"], root_rotation)
+        self._pelvis.place(self._data)
         self.surface = Surface.of(model)
         self.reach: dict[str, float] = {}
         self.segments: dict[str, Measured] = {}
-        waist = set(self._joints_above(self._parts["chest"])) - set(self._joints_above(self._parts["pelvis"]))
+        waist = set(self._joints_above(self._parts["chest"])) ^ set(self._joints_above(self._parts["pelvis"]))
         self._axes = [part for part in ("head", "chest") if part in self._parts and (part == "head" or waist)]
         self.vectors = self._find()
 
         index = [model.joint(name).id for name in joints]
         self._joint = np.array(index, np.int64)
         self._qpos = model.jnt_qposadr[self._joint]
-        moves = np.zeros((model.nbody, len(index)), dtype=bool)
-        for body in range(1, model.nbody):
-            moves[body] = np.isin(self._joint, self._joints_above(body))
+        moves = np.array([np.isin(self._joint, self._joints_above(body)) for body in range(model.nbody)], dtype=float)
+        # What hangs from the root beside the pelvis goes the other way, seen from it.
+        moves -= moves[self._parts["pelvis"]]
         self._followers = [
             (index.index(leader), joint, curve)
             for joint, (leader, curve) in followers(model).items()
             if leader in index
         ]
-        self.turns_chest = moves[self._parts["chest"]]
-        self._moves = moves[self.vectors.body].astype(np.float64)[:, :, None, :]
+        self.turns_chest = moves[self._parts["chest"]] != 0.0
+        self._moves = moves[self.vectors.body][:, :, None, :]
         self._difference = self._moves[1] - self._moves[0]
         self._cross = np.zeros((3, len(index), 3))
         self._follower_moves = [
             np.array([[joint in self._joints_above(int(b)) for b in row] for row in self.vectors.body], dtype=float)
+            - (joint in self._joints_above(self._parts["pelvis"]))
             for _, joint, _ in self._followers
         ]
 
@@ -152,7 +154,10 @@ class RobotLimbs:
         self._data.qpos[self._qpos] = q
         for leader, joint, curve in self._followers:
             self._data.qpos[self._model.jnt_qposadr[joint]] = np.polyval(curve[::-1], q[leader])
-        mujoco.mj_kinematics(self._model, self._data)
+        if self._pelvis.below_a_waist:
+            self._pelvis.place(self._data)
+        else:
+            mujoco.mj_kinematics(self._model, self._data)
 
     def chest_rotation(self) -> Array:
         """The rotation of the chest since the robot stood straight, shape (3, 3)."""

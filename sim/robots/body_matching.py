@@ -2,8 +2,9 @@
 
 Looked at is the robot as its file has it (every joint at zero), whichever way it faces and whichever axis is up:
 
-- Two limbs of hinges that stand on the floor, point down and part near the root are the legs. Which is the left one
-  follows from their names, where they differ by an l and an r; otherwise the soles stick out ahead.
+- Two limbs of hinges that stand on the floor, point down and part near the root are the legs; where they part is the
+  pelvis. Which is the left one follows from their names, where they differ by an l and an r; otherwise the soles stick
+  out ahead.
 - Of the rest, what reaches farthest to either side is an arm, and what reaches highest near the middle is the head.
 - A knee (elbow) is the first hinge that lies across its limb and parallel to its twin and has much of the limb on both
   of its sides. Hinges along the limb belong to the segment that they turn: the yaw of a thigh, the roll of a forearm.
@@ -24,7 +25,7 @@ import numpy as np
 
 from controller.rotations import Array, conjugate, from_rotation_vector, multiply, yaw
 from motiondeck_base.errors import FileFormatError
-from sim.models.kinematic_tree import below, hinges_at, path_to
+from sim.models.kinematic_tree import below, hinges_at, hinges_between, path_to
 from sim.models.limb_geometry import ACROSS, end_hinge, farthest, sine
 from sim.models.surface import Surface
 
@@ -120,7 +121,9 @@ class _Matcher:
         ahead = self._ahead(legs, pelvis)
         left = np.array([-ahead[1], ahead[0], 0.0])
         legs = sorted(legs, key=lambda end: float(self._tip(end) @ left))  # right, left
-        parts = {"pelvis": self._name(self.root)}
+        # Where nothing turns between them, the root is the pelvis.
+        own = hinges_between(self.model, self.root, pelvis) if pelvis != self.root else []
+        parts = {"pelvis": self._name(pelvis if own else self.root)}
         parts |= self._divided(LEG, [self._limb(end, pelvis) for end in legs], ahead)
 
         rest = [e for e in self.ends if not any(self._branch(e, pelvis) == self._branch(leg, pelvis) for leg in legs)]

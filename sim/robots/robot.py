@@ -24,6 +24,7 @@ from sim.models.model_file import read_model
 from sim.models.robot_file import RobotFile, Solver, read_robot_file
 from sim.models.scenery import add_gantry, add_lamp, set_stage
 from sim.models.servo_motor import ServoMotor
+from sim.models.upright_pelvis import UprightPelvis
 from sim.models.walk_settings import WalkSettings
 from sim.retargeting.footing import Footing
 from sim.retargeting.human_stance import HumanStance
@@ -150,7 +151,13 @@ class RobotLoader:
         stance = HumanStance(skeleton, dt)
         retarget = _retargeter(path, file, solver or file.solver, skeleton, model, layout, limits, rest, dt, stance)
         feet = [model.body(file.parts[foot]).id for foot in ("r_foot", "l_foot") if foot in file.parts]
-        footing = Footing(stance, model, feet, np.array(file.root_rotation), scale)
+        turned, waist = np.array(file.root_rotation), None
+        if "pelvis" in file.parts:
+            pelvis = UprightPelvis(model, model.body(file.parts["pelvis"]).id, turned)
+            if pelvis.below_a_waist:
+                waist = pelvis
+                scale *= 1.0 + pelvis.above_root / file.root_height if file.root_height else 1.0
+        footing = Footing(stance, model, feet, turned, scale, waist)
         return Robot(file.name, spec, model, layout, limits, rest, retarget, scale, file.servo, footing, file.walk)
 
 

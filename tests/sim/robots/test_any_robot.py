@@ -7,9 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controller.mocap.posture import Pose
+from controller.rotations import from_rotation_vector, multiply
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 from sim.models.joint_layout import JointLayout
 from sim.models.model_file import read_model
+from sim.models.robot_file import read_robot_file
 from sim.models.surface import LowestPoint
 from sim.models.urdf_speeds import urdf_speeds
 from sim.physics.played_motions import DT, load_sampled_robot
@@ -17,9 +19,10 @@ from sim.retargeting.human_limbs import LIMBS, LimbView
 from sim.retargeting.robot_limbs import RobotLimbs, limb_directions
 from sim.robots.body_matching import match
 from sim.robots.calibrate import calibrate, standing
+from sim.robots.limb_directions import LimbDirections
 from sim.robots.robot import load_robot
 from simulated_bodies import bent_pose, human, smooth_poses
-from small_robots import LEG, SERVOS, humanoid, urdf
+from small_robots import LEG, SERVOS, full_humanoid, humanoid, urdf
 
 pytestmark = pytest.mark.smoke
 
@@ -112,6 +115,28 @@ def test_limbs_lie_as_the_humans_do(robot):
     for limb in ("r_upper_arm", "r_forearm", "l_thigh", "l_shank", "r_thigh"):
         row = LIMBS.index(limb)
         assert there[row] @ view(pose)[row] > np.cos(0.08)
+
+
+@pytest.mark.parametrize("hung", [False, True], ids=["its pelvis", "its trunk"])
+def test_a_robot_does_as_a_human_whose_waist_bends_whatever_body_is_its_free_root(tmp_path, hung):
+    path = robot_file(tmp_path, full_humanoid(hung=hung, fingers=False))
+    body, robot, file = human(), load_robot(path, human(), dt=0.05), read_robot_file(path)
+    pose = bent_pose(body, neck=(0.1, 0.4, 0.5), lkne=(0, -0.7, 0), lank=(0, 0.9, 0), relb=(1.0, 0, 0.2))
+    lean = from_rotation_vector(np.array([0.2, 0.1, 0.6]))
+    pose = Pose(pose.root_position, pose.heading, multiply(lean, pose.rotation))
+    qpos = robot.model.qpos0.copy()
+    for _ in range(40):
+        robot.place(robot.retarget(pose), pose, qpos)
+    directions = LimbDirections(robot.model, file.parts, np.array(file.root_rotation))
+    human_limbs = LimbView(body)(pose)[None]
+    assert max(worst for _, worst in directions.errors(qpos[None], human_limbs).values()) < 5.0
+    assert directions.trunk_errors(qpos[None], human_limbs)[0] < 5.0
+    data = mujoco.MjData(robot.model)
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(robot.model, data)
+    assert abs(data.body(file.parts["pelvis"]).xquat @ lean) == pytest.approx(1.0, abs=1e-6)
+    assert LowestPoint(robot.model)(data) == pytest.approx(0.0, abs=1e-6)
+    assert robot.path_scale * body.leg_length == pytest.approx(data.body(file.parts["pelvis"]).xpos[2], rel=0.1)
 
 
 @settings(max_examples=6, deadline=None)

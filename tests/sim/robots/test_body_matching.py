@@ -36,6 +36,7 @@ def joints_at(model, body):
         {"lying": True},
         {"lying": True, "waist": "", "fingers": False},
         {"rods": True},
+        {"hung": True},
     ],
     ids=lambda build: " ".join(f"{k}={v}" for k, v in build.items()) or "as it is",
 )
@@ -49,9 +50,9 @@ def test_knees_and_elbows_are_found_whatever_hinges_there_are(tmp_path, build):
         assert found.parts[f"{side}_foot"].startswith(f"{name}_ankle")
         hand = found.parts.get(f"{side}_hand")
         assert hand is None if not build.get("wrist", "pitch") else hand and hand.startswith(f"{name}_wrist")
-    assert found.parts["chest"] == (
-        f"waist_{build.get('waist', 'pitch').split()[-1]}" if build.get("waist", "x") else "base"
-    )
+    waist = f"waist_{build.get('waist', 'pitch').split()[-1]}" if build.get("waist", "x") else "base"
+    upper, lower = ("chest", "pelvis") if not build.get("hung") else ("pelvis", "chest")
+    assert (found.parts[upper], found.parts[lower]) == (waist, "base")
     assert ("head" in found.parts) == bool(build.get("neck", "x"))
     assert found.doubts == ()
     # Upright and facing x: what is up and ahead in the file points up and ahead.
