@@ -161,7 +161,7 @@ class _Session:
             try:
                 check_name(name, folder)
             except FileFormatError as error:
-                self._say(str(error))
+                self._say(str(error).removeprefix(f"{folder}: "))
                 continue
             out = folder / f"{name}.clip"
             if out.exists():
@@ -170,6 +170,7 @@ class _Session:
 
     def record_takes(self, parts: list[tuple[RigConfig, Bus]], out: Path, file: Path) -> None:
         """Records takes of the motion `out`, the first into `file`, until one is saved that is to be the last."""
+        from controller.mocap.encodings.joint_angles import how_taught
         from hardware.errors import RigError
 
         while True:
@@ -181,6 +182,8 @@ class _Session:
                     raise
                 self._say(f"{error} Once more.")
                 continue
+            if file != out and self.plays is None:
+                recording.plays = how_taught(out)  # the takes of a motion are learned as one
             choice = "" if recording.cut_short else self._choose(recording, file)
             if choice == "drop":
                 return

@@ -194,7 +194,7 @@ def test_motions_are_named_recorded_again_and_taken_several_times(session, tmp_p
     result = session(tmp_path, lines, [reach(), wave(), wave(0.5), reach()])
     assert result.exit_code == 0, result.output
     assert sorted(file.name for file in tmp_path.glob("*.clip")) == ["reach.clip", "wave.clip"]
-    assert "motion 'wa ve' cannot be typed" in result.stderr
+    assert "\nmotion 'wa ve' cannot be typed" in result.stderr
     assert "'what' is none of them" in result.stderr
     assert (how_taught(tmp_path / "wave.clip"), how_taught(tmp_path / "reach.clip")) == ("loop", "once")
     assert "wave.2: 5.0 s of 5.0 s, loop" in result.stderr
@@ -215,6 +215,13 @@ def test_a_name_that_was_used_before_gets_another_take_and_loses_nothing(session
     assert "wave.clip is there already: this will be another take of it, wave.2.clip" in result.stderr
     assert (tmp_path / "wave.clip").read_bytes() == before
     assert (tmp_path / "wave.2.clip").exists()
+
+
+def test_another_take_is_learned_as_the_one_before_it(session, tmp_path):
+    """`fit` refuses takes of which one is a loop and another is not."""
+    lines = ["", "wave", "", "once", "take", "", "", "wave", "", "", ""]
+    session(tmp_path, lines, [wave(), wave(0.55), wave(0.6)])
+    assert [how_taught(tmp_path / f"wave{take}.clip") for take in ("", ".2", ".3")] == ["once"] * 3
 
 
 @pytest.mark.parametrize(("option", "seconds", "left"), [("--trim", 4.2, True), ("--no-trim", 5.0, False)])
