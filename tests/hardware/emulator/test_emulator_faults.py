@@ -8,7 +8,9 @@ import time
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from typer.testing import CliRunner
 
+from controller.cli.main import app
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import KINDS, Fault, FaultError, FaultPlan, parse_fault
@@ -174,18 +176,17 @@ def test_the_command_line_emulates_scans_and_stops(servo20_file, tmp_path):
         assert emulator.stdout.readline().strip() == str(link)
 
         def run(*words):
-            return subprocess.run([*command, *words], capture_output=True, text=True, timeout=60)
+            return CliRunner().invoke(app, ["rig", *words], catch_exceptions=False)
 
         scanned = run("scan", str(link), "--baud", "4000000", "--json")
         assert scanned.stdout.count("XM430-W350") == 20, scanned.stderr
         sick = run("doctor", str(servo20_file), "--port", str(link))
-        assert sick.returncode == 1
+        assert sick.exit_code == 1
         assert "return_delay_time is 250" in sick.stdout
         stopped = run("stop", str(servo20_file), "--port", str(link))
         assert stopped.stdout == "torque off: 20 of 20 servos\n"
-        refused = run("emulate", str(servo20_file), "--fault", "explode")
-        assert refused.returncode == 1
-        assert refused.stderr.startswith("motiondeck: no fault 'explode'")
+        with pytest.raises(FaultError, match="no fault 'explode'"):
+            run("emulate", str(servo20_file), "--fault", "explode")
     finally:
         emulator.terminate()
         emulator.wait(20)

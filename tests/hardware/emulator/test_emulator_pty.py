@@ -19,6 +19,7 @@ from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.process import start_emulator
 from hardware.emulator.pty_server import PtyServer, serve
 from hardware.errors import RigError, RigFileError, SerialPortError
+from hardware.protocol2 import instructions
 from hardware.rig.dynamixel_rig import DynamixelRig
 from hardware.rig.rig_file import load_rig
 from hardware.rig.supervision.supervised_rig import SupervisedRig
@@ -225,11 +226,14 @@ def test_pulling_the_plug_is_one_clear_error(rig_of_four):
 
 
 def test_nobody_reading_does_not_block_the_emulator(served):
+    """A pseudo-terminal takes 17 kB that nobody reads."""
     bus = Bus.open(served.port, 1_000_000)
-    for _ in range(400):
-        bus.request(tuple((id, 0, 140) for id in (1, 2, 3, 4)))
-        bus._pending = None
-    until(lambda: bus.ping(1), "an answer")
+    question = instructions.bulk_read([(id, 0, 140) for id in (1, 2, 3, 4)])
+    for _ in range(60):
+        until(lambda: bus.port.send(question), "taking a question")
+    bus.sync_write(65, 1, b"\1\1")
+    until(lambda: served._bus[1]["led"], "the LED")
+    until(lambda: bus.ping(1), "an answer, behind all that was not read")
     bus.close()
 
 
