@@ -334,7 +334,7 @@ def hub(rig_of_four):
 
 
 def test_after_a_failed_replug_torque_goes_off_over_the_new_port_and_nowhere_else(hub, rig_of_four, tmp_path):
-    config = msgspec.structs.replace(rig_of_four, reconnect_s=0.5)
+    config = msgspec.structs.replace(rig_of_four, reconnect_s=0.1)
     rig = SupervisedRig(config, lambda: Bus.open(hub.server.port, config.baud))
     first = rig._rig.bus.port
     assert isinstance(first, SerialPort)
