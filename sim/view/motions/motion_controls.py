@@ -10,7 +10,7 @@ from typing import Any
 import viser
 
 from controller.rotations import Array
-from controller.wire.command_table import BY_WORD
+from controller.wire.command_table import BY_WORD, WEIGHT
 from controller.wire.messages import Blend, Jump, Message, Queue, Switch
 from sim.view.motions.library_glance import LibraryGlance
 from sim.view.web.parts import PageParts
@@ -68,9 +68,9 @@ class MotionControls:
             phase = round(number_in(state, "phase", 0.0), 2) if self._has_phase else None
             others = self._glance.blends.get(now.playing, []) if self._glance is not None else []
             blend = [now.blend[0], round(now.blend[1], 2)] if now.blend is not None else None
-            self._dial.show(
-                {"phase": phase, "playing": now.playing, "others": others, "blend": blend, "enabled": enabled}
-            )
+            weights = [WEIGHT.lowest, WEIGHT.highest]
+            pad = {"playing": now.playing, "others": others, "blend": blend, "weights": weights}
+            self._dial.show({"phase": phase, **pad, "enabled": enabled})
 
     def end(self) -> None:
         """Shows that nothing can be commanded any more."""

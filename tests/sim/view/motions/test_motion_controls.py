@@ -1,5 +1,7 @@
 """Motions on the page: pictures, the queue, blends and the phase, in a browser; and what is found out of a library."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -76,14 +78,31 @@ def test_grid_queue_ring_and_pad_send_commands(browser):
         ring = tab.get_by_role("slider", name="phase")
         assert ring.get_attribute("aria-valuenow") == "0.4"
         sends(lambda: (ring.focus(), tab.keyboard.press("ArrowRight")), Jump(0.41))
-        # Up is the first of the two, jog; half of the way out is about half of it.
-        pad = tab.locator(".pad").bounding_box()
+        # Up is the first of the two, jog, whose name stands where its weight is 1; pulled down, through the middle, it
+        # is less than none, and not waltz, which lies there.
+        pad = tab.get_by_role("slider", name="blend weight")
+        box = pad.bounding_box()
+
+        def at(share):
+            return box["x"] + 0.5 * box["width"], box["y"] + share * box["height"]
+
+        def blended():
+            (blend,) = until(lambda: sent[-1:], "the blend")
+            assert isinstance(blend, Blend)
+            assert (blend.first, blend.second) == ("walk", "jog")
+            return blend.weight
+
         sent.clear()
-        tab.mouse.click(pad["x"] + 0.5 * pad["width"], pad["y"] + 0.2 * pad["height"])
-        (blend,) = until(lambda: sent, "the blend")
-        assert isinstance(blend, Blend)
-        assert (blend.first, blend.second) == ("walk", "jog")
-        assert 0.3 < blend.weight < 0.7
+        tab.mouse.move(*at(0.33))
+        tab.mouse.down()
+        assert 0.4 < blended() < 0.6
+        for share, weight in ((0.04, 1.3), (0.9, -0.3)):
+            time.sleep(0.15)
+            tab.mouse.move(*at(share))
+            until(lambda wanted=weight: blended() == wanted, f"a weight of {weight}")
+        tab.mouse.up()
+        assert pad.get_attribute("aria-valuenow") == "-0.3"
+        sends(lambda: (pad.focus(), tab.keyboard.press("ArrowUp")), Blend("walk", "jog", -0.25))
     finally:
         tab.close()
         page.stop()
