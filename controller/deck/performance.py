@@ -98,8 +98,10 @@ class Performance:
 
     @property
     def crossing(self) -> bool:
-        """Whether the blend weight is still changing."""
-        return self._blend is not None and self._weight.changing
+        """Whether the blend weight is still changing, or what it has led to is not yet one motion alone."""
+        if self._blend is None or self._weight.changing:
+            return self._blend is not None
+        return self._blend.settling and self._weight.value in (0.0, 1.0)
 
     @property
     def other(self) -> str:

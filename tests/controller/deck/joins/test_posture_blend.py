@@ -74,6 +74,38 @@ def test_bones_that_pass_half_a_turn_from_each_other_do_not_change_sides(weight)
         before = shown
 
 
+@pytest.mark.parametrize("weight", [-0.3, 0.1, 0.5, 0.8, 1.3])
+def test_a_bone_that_keeps_turning_is_taken_the_short_way_round_without_a_jump(weight):
+    """Once a turn it is turned back by 2 pi w; at once, that would be 2 pi w / DT here, rad/s."""
+    still, rate = posture(np.tile([1.0, 0.0, 0.0, 0.0], (1 + BONES, 1))), 3.0
+
+    def second(t):
+        return posture(from_rotation_vector(np.tile([0.1, 0.5 + rate * t, 0.0], (1 + BONES, 1))))
+
+    blend, before, speeds = PostureBlend(still, second(0.0)), None, []
+    for t in DT * np.arange(1, 2000):
+        shown = blend.advance(still, second(t), weight, DT).rotation
+        if before is not None:
+            speeds.append(to_rotation_vector(multiply(shown, conjugate(before))) / DT)
+        before = shown
+    speeds = np.array(speeds)
+    assert np.linalg.norm(speeds, axis=-1).max() < abs(weight) * rate + 2.0 * np.pi
+    assert np.linalg.norm(np.diff(speeds, axis=0), axis=-1).max() / DT < 40.0
+
+
+def test_a_blend_is_settling_until_the_long_way_round_has_run_out():
+    still, weight = posture(np.tile([1.0, 0.0, 0.0, 0.0], (1 + BONES, 1))), Ramp(0.0, 1.0, 1.0)
+    blend, ticks, settled = PostureBlend(still, still), 0, 0
+    while ticks < 600:
+        ticks += 1
+        second = posture(from_rotation_vector(np.tile([0.0, 4.0 * ticks * DT, 0.0], (1 + BONES, 1))))
+        shown = blend.advance(still, second, weight.advance(DT), DT)
+        if not weight.changing and not blend.settling:
+            settled += 1
+            assert angles(shown.rotation, second.rotation).max() < 1e-9
+    assert settled > 200
+
+
 def test_a_heading_that_flies_round_does_not_turn_the_body():
     """While a body stands on its hands its heading turns by half a turn within a few ticks."""
     rest = normalise(np.random.default_rng(4).standard_normal((1 + BONES, 4)))
