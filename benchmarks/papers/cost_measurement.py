@@ -5,15 +5,13 @@ from __future__ import annotations
 import time
 import tracemalloc
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import msgspec
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from controller.library.network_arrays import AnyNetwork
-from controller.networks.reservoirs.echo_state import EchoStateNetwork
-from controller.networks.reservoirs.random_feature_conceptor import RandomFeatureNetwork
+from controller.library.network_arrays import AnyNetwork, arrays_of
 from controller.training.centralized.centralized_training import CentralizedRecipe
 from controller.training.fit import train
 from controller.training.recipe import LibraryRecipe
@@ -130,9 +128,6 @@ def _step_us(network: AnyNetwork) -> float:
 
 
 def _stored_bytes(network: AnyNetwork) -> int:
-    arrays = [getattr(network[name], field.name) for name in network.motions for field in fields(network[name])]
-    if isinstance(network, EchoStateNetwork):
-        arrays += [network.weights, network.feedback, network.bias]
-    if isinstance(network, RandomFeatureNetwork):
-        arrays += [getattr(network.reservoir, field.name) for field in fields(network.reservoir)]
-    return sum(array.nbytes for array in arrays)
+    """What playing needs; what adding a motion needs besides is left out."""
+    arrays = arrays_of(network)
+    return sum(array.nbytes for name, array in arrays.items() if not name.startswith("memory/"))

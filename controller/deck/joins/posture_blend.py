@@ -5,10 +5,12 @@ With P and Q the rotations of a bone in the two motions and w the weight of the 
     exp(w log(Q P*)) P,
 
 where the rotation vector log(Q P*) is followed from tick to tick past half a turn, so that no bone ever passes through
-zero or changes sides. A bone that is a whole turn ahead has to be taken the short way round some time: that turns it by
-2 pi w at once, which then runs out smoothly (`TurnsLeft`). Near w = 0 and 1 that is little or nothing, so there the
-short way is taken from half a turn on. P and Q are seen from a heading that follows that of the hips smoothly: while a body stands on
+zero or changes sides. P and Q are seen from a heading that follows that of the hips smoothly: while a body stands on
 its hands the heading of the hips flies round, but the body does not.
+
+A bone that is a whole turn ahead has to be taken the short way round some time. That turns it by 2 pi w at once, which
+then runs out smoothly (`TurnsLeft`). Near w = 0 and 1 that is little or nothing, so there the short way is taken from
+half a turn on.
 
 Where bone directions alone are known, the twist of a bone follows a rule (`mocap.orientation`) and may jump while the
 bone itself does not. Then the last D = Q P* is kept, turned the shortest way so that it still leads from the direction
@@ -168,7 +170,7 @@ class PostureBlend:
         return nearest_rotation_vector(to_rotation_vector(relative), self._turn)
 
     def _shortened(self, turn: Array, weight: float, dt: float) -> Array:
-        """The rotation vectors, those that are too long taken the short way round: what that turns begins to run out."""
+        """The rotation vectors, too long ones taken the short way round; what that turns a bone by runs out."""
         angle = np.linalg.norm(turn, axis=-1)
         long = np.flatnonzero(angle > HALF_TURN + LONGER * abs(weight - round(weight)))
         before = self._left.now[long] if len(long) else turn[long]
