@@ -9,9 +9,11 @@ from contextlib import contextmanager
 from types import FunctionType
 from typing import NamedTuple, cast
 
+from hardware.rig.braking import places_of_rest
 from hardware.rig.dynamixel_rig import DynamixelRig
+from hardware.rig.identities import check_identities
 from hardware.rig.supervision.supervised_rig import SupervisedRig
-from hardware.rig.switching import _limit_speed, _places_of_rest, check_identities, hold_still, speed_counts
+from hardware.rig.switching import _limit_speed, hold_still, speed_counts
 
 
 class Mutant(NamedTuple):
@@ -22,14 +24,14 @@ class Mutant(NamedTuple):
     instead: str
 
 
-_GOALS = '_write(config, bus, "goal_position", [int(pulses) for pulses in scale.pulses(goals)])'
+_GOALS = 'write_each(config, bus, "goal_position", [int(pulses) for pulses in scale.pulses(goals)])'
 
 MUTANTS = {
     "no clipping": Mutant(
         DynamixelRig.write, "np.minimum(np.maximum(wanted, self._scale.lower), self._scale.upper)", "wanted"
     ),
     "no goal := present": Mutant(hold_still, _GOALS, "pass"),
-    "no braking distance": Mutant(_places_of_rest, "np.where(moves, np.clip(ahead, -most, most), 0.0)", "0.0"),
+    "no braking distance": Mutant(places_of_rest, "np.where(moves, np.clip(ahead, -most, most), 0.0)", "0.0"),
     "no acceleration limit": Mutant(
         _limit_speed, '"profile_acceleration", rates', '"profile_acceleration", [0] * len(rates)'
     ),

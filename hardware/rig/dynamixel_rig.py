@@ -26,20 +26,14 @@ from hardware.bus.servo_bus import Bus
 from hardware.bus.sync_write import SyncWrite
 from hardware.errors import MotiondeckError, SerialPortError, with_torque
 from hardware.rig.faults import RigFaults
+from hardware.rig.identities import knows_fast_reads
 from hardware.rig.indirect_cells import arrange_state
 from hardware.rig.readings import Readings
+from hardware.rig.registers import same_place, tell_all
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array, RigScale
 from hardware.rig.state_block import StateBlock
-from hardware.rig.switching import (
-    hold_each,
-    knows_fast_reads,
-    same_place,
-    speed_counts,
-    switch_off,
-    switch_on,
-    tell_all,
-)
+from hardware.rig.switching import hold_each, speed_counts, switch_off, switch_on
 from hardware.rig.timings import Timings
 
 WATCHDOG_UNIT = 0.02

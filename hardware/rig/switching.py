@@ -5,27 +5,22 @@ These functions wait for each servo's answer; they are not for use inside a loop
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 
 import msgspec
 import numpy as np
 
 from hardware.bus.servo_bus import Bus
-from hardware.control_table.servo_traits import TRAITS
-from hardware.errors import NoReplyError, RigError, SerialPortError, ServoError
+from hardware.errors import RigError, SerialPortError, ServoError
 from hardware.rig.audit import POSITION_MODE, audit, in_counts, position_ends, settle
+from hardware.rig.braking import places_of_rest
+from hardware.rig.identities import check_identities, have_answer, have_old_answer, refuse_shut_down
+from hardware.rig.registers import tell_all, write_each
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array, RigScale
 
-_ANSWER_EVERYTHING = 2
 _NEAR = 0.05  # rad that a joint may stand outside its limits when switched on: play, and the rounding of pulses
-
-_PATH = ("present_velocity", "present_position", "velocity_trajectory", "position_trajectory")
-_LAG = 0.15  # s that a joint may be behind its path and still follows it
 _ROUNDS = 2  # of asking for the end of torque: a servo that has just restarted is deaf for a while
-_UNTIL_TOLD = 0.02  # s from reading where a joint is to its taking the new goal
-
-_HARDWARE_ERRORS = {1: "input voltage", 4: "overheated", 8: "encoder", 16: "electrical shock", 32: "overload"}
 
 
 def switch_on(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambda: False) -> Array:
@@ -48,8 +43,8 @@ def switch_on(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambd
     check_identities(config, bus)
     have_answer(config, bus)
     try:
-        _write(config, bus, "torque_enable", [0] * len(config.joints))
-        _refuse_shut_down(config, bus)
+        write_each(config, bus, "torque_enable", [0] * len(config.joints))
+        refuse_shut_down(config, bus)
         differences = audit(config, bus)
         refused = [str(difference) for difference in differences if difference.when == "refused"]
         if refused:
@@ -58,7 +53,7 @@ def switch_on(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambd
         held = hold_still(config, bus)
         if cancelled():
             raise RigError("the rig was closed before torque was on.")
-        _write(config, bus, "torque_enable", [1] * len(config.joints))
+        write_each(config, bus, "torque_enable", [1] * len(config.joints))
     except ServoError as error:
         raise RigError(str(error)) from error
     return held
@@ -81,9 +76,9 @@ def hold_still(config: RigConfig, bus: Bus, pace: float = 1.0) -> Array:
     """
     scale = RigScale(config)
     try:
-        _write(config, bus, "bus_watchdog", [0] * len(config.joints))
+        write_each(config, bus, "bus_watchdog", [0] * len(config.joints))
         _limit_speed(config, bus, pace)
-        positions, rests = _places_of_rest(config, bus, scale)
+        positions, rests = places_of_rest(config, bus, scale)
         outside = [
             f"{joint.name} stands at {angle:.2f} rad, its limits are {joint.lower} to {joint.upper}"
             for joint, angle in zip(config.joints, positions, strict=True)
@@ -92,7 +87,7 @@ def hold_still(config: RigConfig, bus: Bus, pace: float = 1.0) -> Array:
         if outside:
             raise RigError(f"{'; '.join(outside)}. Move it by hand, or correct its zero and limits in the rig file.")
         goals = np.clip(rests, scale.lower, scale.upper)
-        _write(config, bus, "goal_position", [int(pulses) for pulses in scale.pulses(goals)])
+        write_each(config, bus, "goal_position", [int(pulses) for pulses in scale.pulses(goals)])
     except ServoError as error:
         raise RigError(str(error)) from error
     return goals
@@ -119,7 +114,7 @@ def resume(config: RigConfig, bus: Bus, pace: float, cancelled: Callable[[], boo
     check_identities(config, bus)
     have_answer(config, bus)
     try:
-        _refuse_shut_down(config, bus)
+        refuse_shut_down(config, bus)
         ends = position_ends(config).astype(np.int64).tolist()
         lost = [
             joint for joint, low, high in zip(config.joints, *ends, strict=True) if not _is_set(joint, bus, low, high)
@@ -129,29 +124,6 @@ def resume(config: RigConfig, bus: Bus, pace: float, cancelled: Callable[[], boo
     except ServoError as error:
         raise RigError(str(error)) from error
     return hold_still(config, bus, pace)
-
-
-def knows_fast_reads(config: RigConfig, bus: Bus) -> bool:
-    """Whether model and firmware of every servo answer fast sync reads.
-
-    Raises:
-        RigError: if a servo does not answer.
-        SerialPortError: if the port vanishes.
-    """
-    asked = config.only([index for index, joint in enumerate(config.joints) if joint.table.protocol == 2])
-    since = [TRAITS[joint.model].fast_read if joint.model in TRAITS else None for joint in asked.joints]
-    if None in since:
-        return False
-    try:
-        found = _read(asked, bus, "firmware_version")
-    except ServoError as error:
-        raise RigError(str(error)) from error
-    return all(first is not None and firmware >= first for firmware, first in zip(found, since, strict=True))
-
-
-def describe_errors(bits: int) -> str:
-    """The hardware error bits in words."""
-    return ", ".join(text for bit, text in _HARDWARE_ERRORS.items() if bits & bit) or "no error"
 
 
 def switch_off(config: RigConfig, bus: Bus) -> list[str]:
@@ -192,93 +164,15 @@ def hold_each(config: RigConfig, bus: Bus) -> list[str]:
         for joint, (low, high) in zip(config.joints, ends, strict=True):
             one = msgspec.structs.replace(config, joints=(joint,))
             try:
-                _write(one, bus, "bus_watchdog", [0])
+                write_each(one, bus, "bus_watchdog", [0])
                 scale = RigScale(one)
-                (rest,) = scale.pulses(_places_of_rest(one, bus, scale)[1])
-                _write(one, bus, "goal_position", [min(max(int(rest), low), high)])
+                (rest,) = scale.pulses(places_of_rest(one, bus, scale)[1])
+                write_each(one, bus, "goal_position", [min(max(int(rest), low), high)])
             except ServoError:
                 unconfirmed.append(joint.name)
     except SerialPortError:
         return list(config.names)
     return unconfirmed
-
-
-def tell_all(config: RigConfig, bus: Bus, name: str, value: int) -> bool:
-    """Writes one value into a register of every servo that has it, unanswered, without waiting; False if not sent."""
-    sent = True
-    for (_, address, length), members in same_place(config, name).items():
-        data = config.joints[members[0]].table[name].encode(value)
-        entries = b"".join(bytes((config.joints[index].id,)) + data for index in members)
-        sent &= bus.sync_write(address, length, entries)
-    return sent
-
-
-def same_place(config: RigConfig, name: str) -> dict[tuple[int, int, int], list[int]]:
-    """The joints that have a register, by protocol, address and length of it, so that one sync write is for each."""
-    groups: dict[tuple[int, int, int], list[int]] = {}
-    for index, joint in enumerate(config.joints):
-        if (place := joint.table.place(name)) is not None:
-            groups.setdefault((joint.table.protocol, *place), []).append(index)
-    return groups
-
-
-def hardware_errors(joint: RigJoint, bus: Bus) -> int:
-    """The problems that a servo reports, in the bits of `describe_errors`.
-
-    Raises:
-        NoReplyError: if it does not answer.
-        SerialPortError: if the port vanishes.
-    """
-    register = joint.table["torque_enable" if joint.table.protocol == 1 else "hardware_error_status"]
-    status = bus.read(joint.id, register.address, register.length)
-    return status.hardware if joint.table.protocol == 1 else joint.table.problems(register.decode(status.params))
-
-
-def check_identities(config: RigConfig, bus: Bus) -> None:
-    """Pings every servo of the rig file, and names all that are missing or of another model in one error."""
-    found = {joint.id: bus.ping(joint.id) for joint in config.joints}
-    missing = [joint for joint in config.joints if found[joint.id] is None]
-    if missing:
-        raise RigError(
-            f"no answer on {bus.port.name} at {bus.baud} baud from {_who(missing)}. "
-            "Check power, cables and ids; motiondeck rig doctor finds servos at other baud rates."
-        )
-    others = [
-        f"{joint.name} (id {joint.id}) is a {identity.model}, not a {joint.model}"
-        for joint in config.joints
-        if (identity := found[joint.id]) is not None and identity.model != joint.model
-    ]
-    if others:
-        raise RigError(f"{'; '.join(others)}. Correct the model in the rig file.")
-
-
-def _answer_by_ram(config: RigConfig) -> list[int]:
-    """The joints whose status return level is in RAM, as it is but in the old models."""
-    return [i for i, joint in enumerate(config.joints) if joint.table["status_return_level"].memory == "RAM"]
-
-
-def have_answer(config: RigConfig, bus: Bus) -> None:
-    """Has servos answer every instruction: one set to keep silent would look like one that is missing."""
-    tell_all(config.only(_answer_by_ram(config)), bus, "status_return_level", _ANSWER_EVERYTHING)
-
-
-def have_old_answer(config: RigConfig, bus: Bus) -> None:
-    """Sets old servos that answer only a ping, or only reads: of these a ping does not tell the model.
-
-    The level is in EEPROM, whose cells wear out, so it is written only where it is wrong.
-    """
-    newer = _answer_by_ram(config)
-    for index, joint in enumerate(config.joints):
-        if index in newer:
-            continue
-        level = joint.table["status_return_level"]
-        try:
-            right = level.decode(bus.read(joint.id, level.address, level.length).params) == _ANSWER_EVERYTHING
-        except ServoError:
-            right = False
-        if not right:
-            tell_all(config.only([index]), bus, "torque_enable", 0)
-            tell_all(config.only([index]), bus, "status_return_level", _ANSWER_EVERYTHING)
 
 
 def _is_set(joint: RigJoint, bus: Bus, low: int, high: int) -> bool:
@@ -297,17 +191,6 @@ def _is_set(joint: RigJoint, bus: Bus, low: int, high: int) -> bool:
     )
 
 
-def _refuse_shut_down(config: RigConfig, bus: Bus) -> None:
-    """Names the servos that a hardware problem has switched off."""
-    down = [
-        f"{joint.name} (id {joint.id}: {describe_errors(found)})"
-        for joint, mask in zip(config.joints, _read(config, bus, "shutdown"), strict=True)
-        if (found := hardware_errors(joint, bus)) & joint.table.problems(mask)
-    ]
-    if down:
-        raise RigError(f"shut down: {'; '.join(down)}. Mend the cause, then switch the servo's power off and on.")
-
-
 def speed_counts(joint: RigJoint, pace: float) -> int:
     """The profile velocity with which a servo keeps this part of its joint's speed limit; 0 would mean no limit."""
     return in_counts(joint, "profile_velocity", joint.velocity * joint.gear * pace, 1)
@@ -320,74 +203,5 @@ def _limit_speed(config: RigConfig, bus: Bus, pace: float) -> None:
         in_counts(joint, "profile_acceleration", joint.acceleration * joint.gear, 0) if joint.acceleration else 0
         for joint in config.joints
     ]
-    _write(config, bus, "profile_velocity", speeds)
-    _write(config, bus, "profile_acceleration", rates)
-
-
-def _places_of_rest(config: RigConfig, bus: Bus, scale: RigScale) -> tuple[Array, Array]:
-    """Where the joints stand, and where each would come to rest if it began to brake now; both (J,), rad.
-
-    With an acceleration limit a servo runs past any goal nearer than its braking distance v^2 / (2 a), and hurries back
-    to it at up to its speed limit. It brakes along its own path (position and velocity trajectory); a joint without
-    torque, or that does not turn the way of its path, has no braking distance.
-    """
-    torque = np.array(_read(config, bus, "torque_enable")) != 0
-    rows = _read_path(config, bus)
-    velocity, position, path_velocity, path = (
-        np.array([row[name] for row in rows], dtype=np.float64) for name in _PATH
-    )
-    angles, velocity, path_velocity = (
-        scale.angles(position),
-        velocity * scale.rad_per_s,
-        path_velocity * scale.rad_per_s,
-    )
-    rates = np.array([joint.acceleration for joint in config.joints])
-    braking = np.divide(path_velocity * path_velocity, 2.0 * rates, out=np.zeros(len(rates)), where=rates > 0.0)
-    ahead = scale.angles(path) - angles + np.sign(path_velocity) * braking + path_velocity * _UNTIL_TOLD
-    # What the path is ahead of a joint that follows it, at most; farther ahead is one that is held up.
-    most = np.abs(path_velocity) * (_LAG + _UNTIL_TOLD) + braking
-    moves = torque & (velocity * path_velocity > 0.0)
-    return angles, angles + np.where(moves, np.clip(ahead, -most, most), 0.0)
-
-
-def _read_path(config: RigConfig, bus: Bus) -> list[dict[str, int]]:
-    """The registers of `_PATH` of every servo, read at the same time; a model without a path is where it is.
-
-    Raises:
-        NoReplyError: if a servo stays silent; all that do are named.
-    """
-    rows = [[joint.table[name] for name in _PATH if name in joint.table.registers] for joint in config.joints]
-    starts = [min(row.address for row in own) for own in rows]
-    ends = [max(row.address + row.length for row in own) for own in rows]
-    blocks = zip(config.joints, starts, ends, strict=True)
-    statuses = bus.bulk_read(tuple((joint.id, start, end - start) for joint, start, end in blocks))
-    silent = [joint for joint in config.joints if joint.id not in statuses]
-    if silent:
-        raise NoReplyError(f"no position from {_who(silent)}. Check their cables and power.")
-    found: list[dict[str, int]] = []
-    for joint, own, start in zip(config.joints, rows, starts, strict=True):
-        data = statuses[joint.id].params
-        values = {row.name: row.decode(data[row.address - start :][: row.length]) for row in own}
-        values.setdefault("velocity_trajectory", values["present_velocity"])
-        values.setdefault("position_trajectory", values["present_position"])
-        found.append(values)
-    return found
-
-
-def _write(config: RigConfig, bus: Bus, name: str, values: Sequence[int]) -> None:
-    """Writes a register of every servo that has it and waits for each answer."""
-    for joint, value in zip(config.joints, values, strict=True):
-        register = joint.table.registers.get(name)
-        if register is None:
-            continue
-        bus.write(joint.id, register.address, register.encode(value))
-
-
-def _read(config: RigConfig, bus: Bus, name: str) -> list[int]:
-    """A register of every servo."""
-    rows = [(joint.id, joint.table[name]) for joint in config.joints]
-    return [row.decode(bus.read(id, row.address, row.length).params) for id, row in rows]
-
-
-def _who(joints: Iterable[RigJoint]) -> str:
-    return ", ".join(f"{joint.name} (id {joint.id})" for joint in joints)
+    write_each(config, bus, "profile_velocity", speeds)
+    write_each(config, bus, "profile_acceleration", rates)

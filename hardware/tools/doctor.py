@@ -15,9 +15,9 @@ from hardware.control_table.models import MODELS
 from hardware.control_table.table import ControlTable
 from hardware.errors import NoReplyError, RigError, ServoError
 from hardware.rig.audit import audit, settle
+from hardware.rig.identities import describe_errors, hardware_errors, have_answer, have_old_answer
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.state_block import arranged
-from hardware.rig.switching import describe_errors, hardware_errors, have_answer, have_old_answer
 
 _USB_SERIAL = Path("/sys/bus/usb-serial/devices")
 _LIKELY = (57600, 1_000_000, 4_000_000, 2_000_000, 3_000_000, 115_200, 9600)

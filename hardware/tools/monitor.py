@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from hardware.bus.servo_bus import Bus
 from hardware.control_table.table import ControlTable
 from hardware.errors import ServoError
+from hardware.rig.identities import describe_errors, hardware_errors
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import RigScale
-from hardware.rig.switching import describe_errors, hardware_errors
 
 _SHOWN_EVERY = 1.0  # s
 _FORCE = ("present_current", "present_load")

@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 
 from hardware.control_table.servo_traits import TRAITS
 from hardware.rig.dynamixel_rig import WATCHDOG_UNIT
+from hardware.rig.identities import describe_errors
 from hardware.rig.readings import Readings
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array
 from hardware.rig.supervision.servo_states import CONDITIONS
-from hardware.rig.switching import describe_errors
 
 Mask = NDArray[np.bool_]
 

@@ -1,0 +1,105 @@
+"""Whether the servos of a rig are there, are those of the rig file, answer, and are well."""
+
+from __future__ import annotations
+
+from hardware.bus.servo_bus import Bus
+from hardware.control_table.servo_traits import TRAITS
+from hardware.errors import RigError, ServoError
+from hardware.rig.registers import list_joints, read_each, tell_all
+from hardware.rig.rig_file import RigConfig, RigJoint
+
+_ANSWER_EVERYTHING = 2
+_HARDWARE_ERRORS = {1: "input voltage", 4: "overheated", 8: "encoder", 16: "electrical shock", 32: "overload"}
+
+
+def check_identities(config: RigConfig, bus: Bus) -> None:
+    """Pings every servo of the rig file, and names all that are missing or of another model in one error."""
+    found = {joint.id: bus.ping(joint.id) for joint in config.joints}
+    missing = [joint for joint in config.joints if found[joint.id] is None]
+    if missing:
+        raise RigError(
+            f"no answer on {bus.port.name} at {bus.baud} baud from {list_joints(missing)}. "
+            "Check power, cables and ids; motiondeck rig doctor finds servos at other baud rates."
+        )
+    others = [
+        f"{joint.name} (id {joint.id}) is a {identity.model}, not a {joint.model}"
+        for joint in config.joints
+        if (identity := found[joint.id]) is not None and identity.model != joint.model
+    ]
+    if others:
+        raise RigError(f"{'; '.join(others)}. Correct the model in the rig file.")
+
+
+def have_answer(config: RigConfig, bus: Bus) -> None:
+    """Has servos answer every instruction: one set to keep silent would look like one that is missing."""
+    tell_all(config.only(_answer_by_ram(config)), bus, "status_return_level", _ANSWER_EVERYTHING)
+
+
+def have_old_answer(config: RigConfig, bus: Bus) -> None:
+    """Sets old servos that answer only a ping, or only reads: of these a ping does not tell the model.
+
+    The level is in EEPROM, whose cells wear out, so it is written only where it is wrong.
+    """
+    newer = _answer_by_ram(config)
+    for index, joint in enumerate(config.joints):
+        if index in newer:
+            continue
+        level = joint.table["status_return_level"]
+        try:
+            right = level.decode(bus.read(joint.id, level.address, level.length).params) == _ANSWER_EVERYTHING
+        except ServoError:
+            right = False
+        if not right:
+            tell_all(config.only([index]), bus, "torque_enable", 0)
+            tell_all(config.only([index]), bus, "status_return_level", _ANSWER_EVERYTHING)
+
+
+def _answer_by_ram(config: RigConfig) -> list[int]:
+    """The joints whose status return level is in RAM, as it is but in the old models."""
+    return [i for i, joint in enumerate(config.joints) if joint.table["status_return_level"].memory == "RAM"]
+
+
+def knows_fast_reads(config: RigConfig, bus: Bus) -> bool:
+    """Whether model and firmware of every servo answer fast sync reads.
+
+    Raises:
+        RigError: if a servo does not answer.
+        SerialPortError: if the port vanishes.
+    """
+    asked = config.only([index for index, joint in enumerate(config.joints) if joint.table.protocol == 2])
+    since = [TRAITS[joint.model].fast_read if joint.model in TRAITS else None for joint in asked.joints]
+    if None in since:
+        return False
+    try:
+        found = read_each(asked, bus, "firmware_version")
+    except ServoError as error:
+        raise RigError(str(error)) from error
+    return all(first is not None and firmware >= first for firmware, first in zip(found, since, strict=True))
+
+
+def refuse_shut_down(config: RigConfig, bus: Bus) -> None:
+    """Names the servos that a hardware problem has switched off."""
+    down = [
+        f"{joint.name} (id {joint.id}: {describe_errors(found)})"
+        for joint, mask in zip(config.joints, read_each(config, bus, "shutdown"), strict=True)
+        if (found := hardware_errors(joint, bus)) & joint.table.problems(mask)
+    ]
+    if down:
+        raise RigError(f"shut down: {'; '.join(down)}. Mend the cause, then switch the servo's power off and on.")
+
+
+def hardware_errors(joint: RigJoint, bus: Bus) -> int:
+    """The problems that a servo reports, in the bits of `describe_errors`.
+
+    Raises:
+        NoReplyError: if it does not answer.
+        SerialPortError: if the port vanishes.
+    """
+    register = joint.table["torque_enable" if joint.table.protocol == 1 else "hardware_error_status"]
+    status = bus.read(joint.id, register.address, register.length)
+    return status.hardware if joint.table.protocol == 1 else joint.table.problems(register.decode(status.params))
+
+
+def describe_errors(bits: int) -> str:
+    """The hardware error bits in words."""
+    return ", ".join(text for bit, text in _HARDWARE_ERRORS.items() if bits & bit) or "no error"

@@ -1,0 +1,47 @@
+"""One register of every servo of a rig: read and written one by one, or told to all at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from hardware.bus.servo_bus import Bus
+from hardware.rig.rig_file import RigConfig, RigJoint
+
+
+def read_each(config: RigConfig, bus: Bus, name: str) -> list[int]:
+    """A register of every servo."""
+    rows = [(joint.id, joint.table[name]) for joint in config.joints]
+    return [row.decode(bus.read(id, row.address, row.length).params) for id, row in rows]
+
+
+def write_each(config: RigConfig, bus: Bus, name: str, values: Sequence[int]) -> None:
+    """Writes a register of every servo that has it and waits for each answer."""
+    for joint, value in zip(config.joints, values, strict=True):
+        register = joint.table.registers.get(name)
+        if register is None:
+            continue
+        bus.write(joint.id, register.address, register.encode(value))
+
+
+def tell_all(config: RigConfig, bus: Bus, name: str, value: int) -> bool:
+    """Writes one value into a register of every servo that has it, unanswered, without waiting; False if not sent."""
+    sent = True
+    for (_, address, length), members in same_place(config, name).items():
+        data = config.joints[members[0]].table[name].encode(value)
+        entries = b"".join(bytes((config.joints[index].id,)) + data for index in members)
+        sent &= bus.sync_write(address, length, entries)
+    return sent
+
+
+def same_place(config: RigConfig, name: str) -> dict[tuple[int, int, int], list[int]]:
+    """The joints that have a register, by protocol, address and length of it, so that one sync write is for each."""
+    groups: dict[tuple[int, int, int], list[int]] = {}
+    for index, joint in enumerate(config.joints):
+        if (place := joint.table.place(name)) is not None:
+            groups.setdefault((joint.table.protocol, *place), []).append(index)
+    return groups
+
+
+def list_joints(joints: Iterable[RigJoint]) -> str:
+    """Joints in words, each with its ID."""
+    return ", ".join(f"{joint.name} (id {joint.id})" for joint in joints)
