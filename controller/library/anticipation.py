@@ -7,7 +7,7 @@ What is seen may be like nothing that the network knows. How far it is to be tru
 itself: each of its motions is predicted from the others alone, and at each distance from the nearest known moment the
 least squares tell how much of the network's movement, and of the last velocity, comes true (`Trust`). The rest of the
 prediction is the last pose, held. While a recording goes on, what came true of earlier predictions of it corrects these
-shares (`Experience`): where the network was no better than the last velocity or pose, it is left to them.
+shares (`Experience`), and where last velocity and pose did better alone, it is left to them.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.library.anticipation_trust import AHEAD_FRAMES, Experience, Trust
+from controller.library.anticipation_trust import AHEAD_FRAMES, Experience, Forecast, Trust
 from controller.library.motion_library import MotionLibrary
 from controller.measures.motion_matching import joint_features
 from controller.networks.centralized.centralized_frames import CentralizedNetwork
@@ -74,9 +74,12 @@ class Anticipator:
 
         Both are `joint_features`, mm. Nothing is known of the recording before these frames.
         """
+        return past[-1] + self.forecast(past, Experience()).movement
+
+    def forecast(self, past: Array, experience: Experience) -> Forecast:
+        """The same as movements away from the last frame, by what is known of the recording already."""
         network, distance = self.by_network(past)
-        of_network, of_velocity = self.trust.at(distance)
-        return past[-1] + of_network[:, None] * (network - past[-1]) + of_velocity[:, None] * _moved(past)
+        return experience.forecast(self.trust, distance, network - past[-1], _moved(past))
 
     def by_network(self, past: Array, without: int = -1) -> tuple[Array, float]:
         """As the motions of the network go on, trusted fully, and how far the nearest of them was, mm.
@@ -155,22 +158,19 @@ def foresight(anticipator: Anticipator, channels: Array, rate: float, every_s: f
         )
     missed, trusted, measured = np.zeros((4, AHEAD_FRAMES)), np.zeros((2, AHEAD_FRAMES)), 0
     experience = Experience()
-    open_predictions: deque[tuple[int, Array, Array]] = deque(maxlen=AHEAD_FRAMES)
+    forecasts: deque[tuple[int, Forecast]] = deque(maxlen=AHEAD_FRAMES)
     for start in starts:
         past, came = features[start - PAST_FRAMES : start], features[start : start + AHEAD_FRAMES]
-        held, moved = past[-1], _moved(past)
-        for before, network_then, moved_then in open_predictions:
-            ahead = start - before
-            experience.add(ahead, network_then[ahead - 1], moved_then[ahead - 1], held - features[before - 1])
-        network, distance = anticipator.by_network(past)
-        open_predictions.append((start, network - held, moved))
+        held = past[-1]
+        for before, forecast in forecasts:
+            experience.add(start - before, forecast, held - features[before - 1])
+        forecast = anticipator.forecast(past, experience)
+        forecasts.append((start, forecast))
         if (start - PAST_FRAMES) % round(every_s * RATE):
             continue
-        shares = experience.correct(*anticipator.trust.at(distance))
-        anticipated = held + shares[0][:, None] * (network - held) + shares[1][:, None] * moved
-        ways = (anticipated, network, held, held + moved)
-        missed += [np.abs(predicted - came).mean(1) for predicted in ways]
-        trusted += shares
+        ways = (forecast.movement, forecast.network, 0.0, forecast.velocity)
+        missed += [np.abs(held + movement - came).mean(1) for movement in ways]
+        trusted += forecast.shares.T
         measured += 1
     rows = np.vstack([missed, trusted]) / measured
     at = [round(ahead * RATE) - 1 for ahead in (0.1, 0.2, 0.3, 0.4, 0.5)]

@@ -172,6 +172,9 @@ def anticipate(
         alone = f"{row['network']:15.1f} {row['hold']:6.1f} {row['velocity']:10.1f}"
         relied = f"{100 * row['trust']:18.0f} % {100 * row['line']:6.0f} %"
         print(f"{row['ahead_s']:8.1f} {row['anticipated']:13.1f} {alone} {relied}")
+    worse = [f"{row['ahead_s']:.1f}" for row in rows if row["anticipated"] > min(row["hold"], row["velocity"])]
+    if worse:
+        print(f"{', '.join(worse)} s ahead the better of last pose and last velocity was nearer in this recording")
     if rows[2]["trust"] < 0.5:
         print("the recording is unlike what the library knows: mostly its last pose and velocity are relied on")
 

@@ -5,10 +5,11 @@ from itertools import pairwise
 import msgspec
 import numpy as np
 import pytest
+from scipy.optimize import nnls
 
 import synthetic
 from controller.library.anticipation import Anticipator, foresight
-from controller.library.anticipation_trust import Experience, Trust
+from controller.library.anticipation_trust import Experience, Trust, shares_of
 from controller.library.motion_index import load_index, save_index
 from controller.library.motion_library import MotionLibrary, load_library, save_library
 from controller.library.motion_signature import part_weights, signature
@@ -93,21 +94,66 @@ def test_trust_never_rises_with_the_distance():
     assert (np.diff(trust.network, axis=0) <= 1e-12).all()
     assert np.all(trust.at(0.0)[0] == 1.0)
     assert (trust.at(1000.0)[0] < trust.at(100.0)[0]).all()
+    assert np.allclose(Trust.learn(distance, network, 2.0 * came, came).alone, 0.5)
     assert np.all(Trust.learn(np.zeros(0), came[:0], came[:0], came[:0]).at(50.0)[0] == 1.0)
+
+
+def test_shares_are_those_of_least_squares_without_negative_ones():
+    rng = np.random.default_rng(0)
+    ways, came = rng.normal(size=(50, 2, 6)), rng.normal(size=(50, 6))
+    shares = shares_of(ways @ ways.swapaxes(1, 2), (ways @ came[..., None])[..., 0])
+    expected = [nnls(two.T, one)[0] for two, one in zip(ways, came, strict=True)]
+    assert np.allclose(shares, np.minimum(expected, 1.0))
+    assert (np.count_nonzero(shares, axis=1) < 2).any()
+    alike = shares_of(np.ones((2, 2)), np.full(2, 0.5))
+    assert alike.sum() == pytest.approx(0.5)
+
+
+def foretold(trust, ways, shares, count=60, ahead=6):
+    """The forecast after so many predictions of which came what these shares of network and velocity make."""
+    rng, experience = np.random.default_rng(0), Experience()
+    for _ in range(count):
+        network, velocity = ways(rng)
+        forecast = experience.forecast(trust, 50.0, network, velocity)
+        experience.add(ahead, forecast, (shares[0] * network + shares[1] * velocity)[ahead - 1])
+    return experience.forecast(trust, 50.0, *ways(rng))
+
+
+def trusted(network=0.9, velocity=0.1, alone=0.4):
+    """The same trust at every distance and frame ahead."""
+    return Trust(np.zeros(1), np.full((1, 30), network), np.full((1, 30), velocity), np.full(30, alone))
+
+
+def unlike(rng):
+    return rng.normal(size=(2, 30, 40))
 
 
 def test_what_came_of_earlier_predictions_corrects_the_trust():
     """The network says nothing that comes true, half of the last velocity does; at 0.3 s nothing is known yet."""
-    rng, experience = np.random.default_rng(0), Experience()
-    library = np.full(30, 0.9), np.full(30, 0.1)
-    assert np.array_equal(experience.correct(*library), library)
-    for _ in range(60):
-        network, velocity = rng.normal(size=(2, 40))
-        experience.add(6, network, velocity, 0.5 * velocity)
-    of_network, of_velocity = experience.correct(*library)
-    assert of_network[5] < 0.1
-    assert of_velocity[5] == pytest.approx(0.5, abs=0.05)
-    assert (of_network[17], of_velocity[17]) == (0.9, 0.1)
+    first = foretold(trusted(), unlike, (0.0, 0.5), count=0)
+    say = 0.9**3
+    assert np.allclose(first.shares, [say * 0.9, say * 0.1 + (1 - say) * 0.4])
+    assert np.allclose(first.movement, say * 0.9 * first.network + (say * 0.1 + (1 - say) * 0.4) * first.velocity)
+    after = foretold(trusted(), unlike, (0.0, 0.5))
+    assert after.shares[5, 0] < 0.1
+    assert after.shares[5, 1] == pytest.approx(0.5, abs=0.05)
+    assert np.allclose(after.shares[17], first.shares[17])
+
+
+@pytest.mark.parametrize(("network", "told"), [(0.9, 0.0), (0.2, 1.0)])
+def test_who_errs_more_loses_its_say(network, told):
+    """Trusted or not at first, the network gets its say by what it tells of: nothing of what comes, or all of it."""
+
+    def ways(rng):
+        # The network's movement is mixed with the velocity's, so that no shares of both undo what it does.
+        came = rng.normal(size=(30, 40))
+        return (came, 0.3 * rng.normal(size=(30, 40))) if told else (rng.normal(size=(30, 40)), came)
+
+    shares = (1.0, 0.0) if told else (0.0, 1.0)
+    before = foretold(trusted(network, 0.0), ways, shares, count=0)
+    after = foretold(trusted(network, 0.0), ways, shares, count=20)
+    assert before.say[5] == pytest.approx(network**3)
+    assert (after.say[5] > 0.95) if told else (after.say[5] < 0.05)
 
 
 def test_a_motion_takes_on_the_frequencies_of_another(library, tmp_path):
