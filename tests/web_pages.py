@@ -21,6 +21,11 @@ def until(condition, what, seconds=60.0):
     return found
 
 
+def coarse(address):
+    """The address of a page whose scene is drawn with a tenth of its pixels: without a graphics card they take long."""
+    return f"{address.rstrip('/')}/?fixedDpr=0.3"
+
+
 def drop(page, *files):
     """Drops files on a page, as from a file manager."""
     given = [(file.name, base64.b64encode(file.read_bytes()).decode()) for file in files]

@@ -41,18 +41,26 @@ class DrawnModel:
             position, orientation = poses(model, self.data, batch)
             # The same solids, flattened, are their own shadow: there is no shadow map for a slow computer to filter.
             looks = (
-                ("robot", _linear(batch.colour), 1.0, 0.0, None if batch.opacity == 1.0 else batch.opacity),
-                ("shadow", SHADOW, 1e-3, 0.002 * height, None if batch.opacity == 1.0 else 0.5 * batch.opacity),
+                ("robot", batch.mesh, _linear(batch.colour), 1.0, 0.0, None if batch.opacity == 1.0 else batch.opacity),
+                (
+                    "shadow",
+                    batch.shadow,
+                    SHADOW,
+                    1e-3,
+                    0.002 * height,
+                    None if batch.opacity == 1.0 else 0.5 * batch.opacity,
+                ),
             )
             self._handles[shape] = [
                 page.scene.add_batched_meshes_simple(
                     f"/{look}{name}/{shape}",
-                    *batch.mesh,
+                    *mesh,
                     batched_wxyzs=orientation,
                     batched_positions=position,
                     batched_scales=batch.scale,
                     batched_colors=colour,
-                    flat_shading=not batch.smooth,
+                    # A shadow of smooth sides would have dark edges, where they are upright.
+                    flat_shading=look == "shadow" or not batch.smooth,
                     lod="off",
                     cast_shadow=False,
                     receive_shadow=False,
@@ -60,7 +68,7 @@ class DrawnModel:
                     position=(0.0, 0.0, lift),
                     opacity=opacity,
                 )
-                for look, colour, thickness, lift, opacity in looks
+                for look, mesh, colour, thickness, lift, opacity in looks
             ]
 
     def show(self, qpos: Array, centre: Array) -> None:

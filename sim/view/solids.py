@@ -1,7 +1,8 @@
 """The solids of a MuJoCo model as a few meshes that are drawn many times each, ready for a 3-D page.
 
-A capsule is a cylinder between two spheres, because stretching a capsule would flatten its ends; so a humanoid of a
-hundred primitives is three batches: spheres, cylinders and boxes.
+A capsule is a mantle between two caps, because stretching a capsule would flatten its ends; so a humanoid of a hundred
+primitives is a few batches: caps, mantles, spheres and boxes. A browser without a graphics card spends its time on
+vertices, so nothing is drawn that the next solid hides, and shadows are coarser than what casts them.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -16,13 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.rotations import Array, multiply, rotate
-from sim.models.scenery import body_height
 
 Triangles = tuple[NDArray[np.float32], NDArray[np.uint32]]
 
 LAST_VISIBLE_GROUP = 2
-# Spheres below this share of the body's height do with fewer triangles.
-SMALL = 0.035
 
 
 @dataclass(frozen=True)
@@ -31,6 +29,7 @@ class SolidBatch:
 
     Attributes:
         mesh: vertices (V, 3) and triangles (F, 3).
+        shadow: the same solid with fewer triangles.
         smooth: whether its surface is round.
         geom: the geom each copy belongs to, shape (N,).
         offset: where each copy is in the frame of its geom, shape (N, 3), m.
@@ -40,6 +39,7 @@ class SolidBatch:
     """
 
     mesh: Triangles
+    shadow: Triangles
     smooth: bool
     geom: NDArray[np.int64]
     offset: Array
@@ -51,13 +51,15 @@ class SolidBatch:
 def batches(model: mujoco.MjModel) -> dict[str, SolidBatch]:
     """What is to be drawn of a model, by shape and opacity; floors and other planes are left out."""
     copies: dict[tuple[str, float], list[tuple[int, list[float], list[float]]]] = {}
-    meshes: dict[str, Triangles] = {
-        "sphere": sphere(12, 20),
-        "small sphere": sphere(8, 14),
-        "cylinder": cylinder(20),
-        "box": box(),
+    # Each with the mesh of its shadow.
+    meshes: dict[str, tuple[Triangles, Triangles]] = {
+        "sphere": (sphere(10, 18), sphere(4, 8)),
+        "cap up": (cap(1.0, 3, 16), cap(1.0, 2, 8)),
+        "cap down": (cap(-1.0, 3, 16), cap(-1.0, 2, 8)),
+        "mantle": (mantle(16), mantle(8)),
+        "cylinder": (cylinder(16), cylinder(8)),
+        "box": (box(), box()),
     }
-    small = SMALL * body_height(model)
 
     def add(shape: str, geom: int, scale: list[float], up: float = 0.0) -> None:
         opacity = round(float(_colour(model, geom)[3]), 2)
@@ -69,13 +71,13 @@ def batches(model: mujoco.MjModel) -> dict[str, SolidBatch]:
         a, b, c = (float(size) for size in model.geom_size[geom])
         match model.geom_type[geom]:
             case mujoco.mjtGeom.mjGEOM_SPHERE:
-                add("sphere" if a > small else "small sphere", geom, [a, a, a])
+                add("sphere", geom, [a, a, a])
             case mujoco.mjtGeom.mjGEOM_ELLIPSOID:
-                add("sphere" if max(a, b, c) > small else "small sphere", geom, [a, b, c])
+                add("sphere", geom, [a, b, c])
             case mujoco.mjtGeom.mjGEOM_CAPSULE:
-                add("small sphere", geom, [a, a, a], up=b)
-                add("small sphere", geom, [a, a, a], up=-b)
-                add("cylinder", geom, [a, a, b])
+                add("cap up", geom, [a, a, a], up=b)
+                add("cap down", geom, [a, a, a], up=-b)
+                add("mantle", geom, [a, a, b])
             case mujoco.mjtGeom.mjGEOM_CYLINDER:
                 add("cylinder", geom, [a, a, b])
             case mujoco.mjtGeom.mjGEOM_BOX:
@@ -85,15 +87,17 @@ def batches(model: mujoco.MjModel) -> dict[str, SolidBatch]:
                 first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
                 face, faces = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
                 name = f"mesh{mesh}"
-                meshes[name] = (
+                drawn = (
                     model.mesh_vert[first : first + count].astype(np.float32),
                     model.mesh_face[face : face + faces].astype(np.uint32),
                 )
+                meshes[name] = (drawn, drawn)
                 add(name, geom, [1.0, 1.0, 1.0])
     return {
         shape if opacity == 1.0 else f"{shape} {opacity:g}": SolidBatch(
-            mesh=meshes[shape],
-            smooth=shape in ("sphere", "small sphere", "cylinder"),
+            mesh=meshes[shape][0],
+            shadow=meshes[shape][1],
+            smooth=shape != "box" and not shape.startswith("mesh"),
             geom=np.array([geom for geom, _, _ in found]),
             offset=np.array([offset for _, offset, _ in found]),
             scale=np.array([scale for _, _, scale in found]),
@@ -113,13 +117,28 @@ def poses(model: mujoco.MjModel, data: mujoco.MjData, batch: SolidBatch) -> tupl
 def sphere(rings: int, segments: int) -> Triangles:
     """A sphere of radius 1."""
     polar = np.linspace(0.0, np.pi, rings + 1)
-    radius, height = np.sin(polar), np.cos(polar)
-    return _surface(radius, height, segments)
+    return _surface(np.sin(polar), np.cos(polar), segments)
+
+
+def cap(up: float, rings: int, segments: int) -> Triangles:
+    """The upper (up = 1) or lower (-1) half of a sphere of radius 1, and one ring more.
+
+    That ring lies within the mantle that the cap closes, and makes its shading go on smoothly there.
+    """
+    polar = np.append(np.linspace(0.0, 0.5 * np.pi, rings + 1), 2.0 / 3.0 * np.pi)
+    if up < 0.0:
+        polar = np.pi - polar[::-1]
+    return _surface(np.sin(polar), np.cos(polar), segments)
+
+
+def mantle(segments: int) -> Triangles:
+    """The mantle of a cylinder of radius 1 from z = -1 to 1, without lids."""
+    return _surface(np.array([1.0, 1.0]), np.array([1.0, -1.0]), segments)
 
 
 def cylinder(segments: int) -> Triangles:
     """The mantle of a cylinder of radius 1 from z = -1 to 1, with lids."""
-    vertices, faces = _surface(np.array([1.0, 1.0]), np.array([1.0, -1.0]), segments)
+    vertices, faces = mantle(segments)
     lid, lid_faces = _surface(np.array([0.0, 1.0]), np.array([1.0, 1.0]), segments)
     floor, floor_faces = _surface(np.array([1.0, 0.0]), np.array([-1.0, -1.0]), segments)
     count = len(vertices)
@@ -154,7 +173,11 @@ def _surface(radius: Array, height: Array, segments: int) -> Triangles:
         for here in range(segments):
             there = (here + 1) % segments
             a, b = level * segments + here, level * segments + there
-            faces += [[a, a + segments, b + segments], [a, b + segments, b]]
+            # At a pole all corners of a ring are one point.
+            if radius[level + 1] > 1e-9:
+                faces.append([a, a + segments, b + segments])
+            if radius[level] > 1e-9:
+                faces.append([a, b + segments, b])
     return vertices.astype(np.float32), np.array(faces, dtype=np.uint32)
 
 

@@ -1,8 +1,9 @@
 import mujoco
 import numpy as np
 
+from controller.rotations import rotate
 from sim.models.mannequin.mannequin import build_mannequin
-from sim.view.solids import batches, box, cylinder, poses, sphere
+from sim.view.solids import batches, box, cap, cylinder, mantle, poses, sphere
 from simulated_bodies import human
 
 XML = """
@@ -41,14 +42,31 @@ def test_solids_are_closed_and_face_outwards():
         assert np.allclose(np.abs(mesh[0]).max(axis=0), 1.0, atol=0.05)
 
 
-def test_a_capsule_is_a_cylinder_between_two_spheres():
+def test_the_parts_of_a_capsule_face_outwards():
+    for part in (cap(1.0, 3, 16), cap(-1.0, 3, 16), mantle(16)):
+        assert outward(part)
+    assert cap(1.0, 3, 16)[0][:, 2].max() == 1.0
+    assert cap(-1.0, 3, 16)[0][:, 2].min() == -1.0
+
+
+def test_a_capsule_is_a_mantle_between_two_caps():
     model, data, found = figure()
-    ends = np.concatenate([poses(model, data, found[shape])[0] for shape in found if "sphere" in shape])
     # The body lies along x, so the ends of the capsule do.
-    assert any(np.allclose(end, [1.4, 0, 0]) for end in ends)
-    assert any(np.allclose(end, [0.6, 0, 0]) for end in ends)
-    assert len(found["cylinder"].geom) == 2
-    assert found["cylinder"].colour[0].tolist() == [255, 0, 0]
+    (up, way), (down, _) = (poses(model, data, found[shape]) for shape in ("cap up", "cap down"))
+    assert np.allclose(up, [[1.4, 0, 0]])
+    assert np.allclose(down, [[0.6, 0, 0]])
+    # Each cap reaches farthest where the capsule ends.
+    for end, shape, sign in ((up, "cap up", 1.0), (down, "cap down", -1.0)):
+        corners = end[0] + rotate(way[0], found[shape].scale[0] * found[shape].mesh[0].astype(float))
+        assert np.isclose((sign * corners[:, 0]).max(), sign * (1.0 + sign * 0.5))
+    assert len(found["mantle"].geom) == len(found["cylinder"].geom) == 1
+    assert found["mantle"].colour[0].tolist() == [255, 0, 0]
+
+
+def test_a_shadow_has_fewer_triangles_and_the_same_size():
+    for shape, batch in figure()[2].items():
+        assert len(batch.shadow[1]) < len(batch.mesh[1]) or shape == "box"
+        assert np.allclose(np.ptp(batch.shadow[0], axis=0), np.ptp(batch.mesh[0], axis=0), rtol=0.08)
 
 
 def test_floors_hidden_groups_and_the_invisible_are_left_out():
@@ -68,4 +86,5 @@ def test_a_box_stands_where_its_geom_does():
 def test_a_mannequin_is_a_few_batches():
     found = batches(build_mannequin(human()).compile())
     assert len(found) <= 4
+    assert sum(len(batch.geom) * len(batch.mesh[1]) for batch in found.values()) < 16_000
     assert sum(len(batch.geom) for batch in found.values()) > 60

@@ -34,7 +34,7 @@ from sim.models.mannequin.mannequin import build_mannequin
 from sim.view.scene import Follower
 from sim.view.viewer import main
 from simulated_bodies import human
-from web_pages import free_port
+from web_pages import coarse, free_port
 
 MOTIONS = ["walk", "jog", "waltz"]
 NUMBERS = ["tick", "time_s", "motion", "mode", "tempo", "phase", "paused", "rate_hz", "overruns"]
@@ -157,7 +157,7 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
     page.set_default_timeout(1000.0 * PATIENCE)
     try:
         until(lambda: reachable(port), "the page")
-        page.goto(f"http://127.0.0.1:{port}/")
+        page.goto(coarse(f"http://127.0.0.1:{port}"))
         until(lambda: figure_share(page) > IN_VIEW, "the figure")
         # The loop's figures are in a folder that is closed at first.
         assert not page.get_by_text("200.0 Hz").is_visible()

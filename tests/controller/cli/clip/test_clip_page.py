@@ -8,6 +8,7 @@ import pytest
 from playwright.sync_api import Error
 
 from recordings import BVH
+from web_pages import coarse
 
 
 @pytest.fixture
@@ -33,7 +34,7 @@ def test_the_bar_the_steps_and_the_button(browser, address):
     page = browser.new_page(viewport={"width": 800, "height": 600})
     for _ in range(100):
         try:
-            page.goto(address)
+            page.goto(coarse(address))
             break
         except Error:
             page.wait_for_timeout(100)

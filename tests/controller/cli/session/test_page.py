@@ -19,7 +19,7 @@ from controller.mocap.formats.writing import bvh_text
 from controller.wire.command_socket import CommandClient
 from controller.wire.messages import GetStatus
 from motiondeck_base.shipped import find_rig
-from web_pages import drop
+from web_pages import coarse, drop
 
 
 def free_port():
@@ -77,7 +77,7 @@ def page(browser, address):
     page = browser.new_page(viewport={"width": 1130, "height": 600})
     for _ in range(100):
         try:
-            page.goto(address)
+            page.goto(coarse(address))
             break
         except Error:
             page.wait_for_timeout(100)
@@ -145,6 +145,7 @@ def test_a_dropped_recording_is_played_within_a_minute(page, emulator):
     swing.write_text(bvh_text(waving(30.0, 4.0, still=1.0)))
     began = time.monotonic()
     page.get_by_role("tab", name="Learn").click()
+    page.get_by_text("Drop a recording").wait_for()
     drop(page, swing)
     page.get_by_role("button", name="Learn it").click()
     page.get_by_role("button", name="Play it").click()
