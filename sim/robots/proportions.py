@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 
 from controller.rotations import Array
+from sim.models.kinematic_tree import hinges_between
 from sim.retargeting.robot_limbs import RobotLimbs
 from sim.robots.limb_directions import LimbDirections
 
@@ -22,6 +23,9 @@ HUMAN = {"thigh": 0.245, "shank": 0.246, "upper_arm": 0.186, "forearm": 0.146}
 # Twins may differ by this share of their length. A segment is odd outside the first range of shares of a human's, and
 # implausible outside the second.
 TWINS, ODD, IMPLAUSIBLE = 0.1, (0.6, 1.8), (0.2, 4.0)
+# The ranges of twins, seen in a mirror, differ by less than this, rad.
+ALIKE = 0.25
+TWIN_AXES = 0.9  # the least cosine between their axes, seen in a mirror
 # A robot's arms may end in long hands that no joint tells from the forearm.
 ODD_FOREARM = 2.8
 
@@ -108,4 +112,34 @@ def doubts(parts: dict[str, str], segments: list[SegmentPair], directions: LimbD
                 bend = "knee" if segment.part == "shank" else "elbow"
                 words = f"its {bend} is taken to be '{hinge}', but '{other}' folds the limb more"
                 found.append(Doubt(f"{side}_{segment.part}", words, True))
+    return found
+
+
+def unlike_ranges(model: mujoco.MjModel, parts: dict[str, str], standing: mujoco.MjData) -> list[Doubt]:
+    """Hinges of a left leg or arm whose ranges are not those of the right one seen in a mirror, such as a knee's that
+    was given the sign of the other knee's axis.
+
+    Args:
+        model: the robot.
+        parts: part to body.
+        standing: the robot as it stands, facing x.
+    """
+    found = []
+    for trunk, ends in (("pelvis", ("foot", "shank")), ("chest", ("hand", "forearm"))):
+        end = next((end for end in ends if f"r_{end}" in parts and f"l_{end}" in parts), None)
+        if end is None:
+            continue
+        above = model.body(parts[trunk]).id
+        pair = [hinges_between(model, above, model.body(parts[f"{side}_{end}"]).id) for side in "rl"]
+        for right, left in zip(*pair, strict=len(pair[0]) == len(pair[1])):
+            # A mirror across y turns the axis of a rotation about x or z round.
+            same = float(standing.xaxis[left] @ (standing.xaxis[right] * (-1.0, 1.0, -1.0)))
+            if abs(same) < TWIN_AXES or not (model.jnt_limited[right] and model.jnt_limited[left]):
+                continue
+            meant = np.sort(np.sign(same) * model.jnt_range[right])
+            if np.abs(model.jnt_range[left] - meant).max() > ALIKE:
+                one, other = (model.joint(joint).name for joint in (right, left))
+                ranges = "from {:.2f} to {:.2f}, not from {:.2f} to {:.2f} rad".format(*model.jnt_range[left], *meant)
+                words = f"'{other}' turns {ranges} as '{one}' does, seen in a mirror; if one of them is wrong, give its"
+                found.append(Doubt("", f"{words} lower and upper under [limits.joints.NAME]", False))
     return found

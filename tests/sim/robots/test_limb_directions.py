@@ -162,6 +162,20 @@ def test_what_does_not_fit_a_human_is_doubted(tmp_path, was, becomes, part, word
     assert found.sound
 
 
+def test_a_knee_with_the_range_of_the_other_way_round_is_doubted(tmp_path):
+    path, knee = tmp_path / "robot.xml", 'name="left_knee" axis="0 1 0" range="0 2.4"'
+    for text, words in (
+        (humanoid(), ()),
+        (humanoid().replace(knee, knee.replace("0 2.4", "-2.4 0")), ("'left_knee' turns from -2.40 to 0.00, not",)),
+        # The same knee with its axis the other way round is as it should be.
+        (humanoid().replace(knee, 'name="left_knee" axis="0 -1 0" range="-2.4 0"'), ()),
+    ):
+        path.write_text(text)
+        said = [doubt.words for doubt in calibrate(path).doubts if "mirror" in doubt.words]
+        assert len(said) == len(words)
+        assert all(one.startswith(start) for one, start in zip(said, words, strict=True))
+
+
 def test_a_humanoid_of_human_proportions_is_not_doubted(tmp_path):
     (tmp_path / "robot.xml").write_text(full_humanoid())
     found = calibrate(tmp_path / "robot.xml")
