@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from controller.deck.deck import Deck
 from controller.deck.joins.deck_motions import Motion, read_motions
@@ -17,7 +18,7 @@ from controller.library.motion_library import MotionLibrary
 from controller.mocap.clip import Clip
 from controller.mocap.posture import Pose
 from controller.mocap.skeleton import Skeleton
-from controller.rotations import Array, multiply, rotate, yaw
+from controller.rotations import Array, continuous, multiply, normalise, rotate, yaw
 from sim.robots.robot import Robot, load_robot
 
 T = TypeVar("T")
@@ -124,6 +125,32 @@ def onward(poses: Sequence[Pose]) -> Iterator[Pose]:
             root = place + rotate(facing, pose.root_position - first.root_position) + first.root_position
             yield Pose(root, pose.heading + angle, multiply(facing, pose.rotation))
         place, angle = place + rotate(facing, there - first.root_position), angle + turn
+
+
+def targets_at(played: PlayedMotion, tempo: float, tick: float) -> Array:
+    """The targets at a tempo, a tick, s, from one to the next, shape (K, J), rad."""
+    k, share = _ticks(played, tempo, tick)
+    return played.targets[k] + share[:, None] * (played.targets[k + 1] - played.targets[k])
+
+
+def poses_at(played: PlayedMotion, tempo: float, tick: float) -> list[Pose]:
+    """The poses at a tempo, a tick, s, from one to the next, length K."""
+    k, share = _ticks(played, tempo, tick)
+    root = np.array([pose.root_position for pose in played.poses])
+    heading = np.unwrap([float(pose.heading) for pose in played.poses])
+    rotation = continuous(np.array([pose.rotation for pose in played.poses]))
+    root = root[k] + share[:, None] * (root[k + 1] - root[k])
+    heading = heading[k] + share * (heading[k + 1] - heading[k])
+    # From sample to sample a bone turns so little that linear interpolation is enough.
+    rotation = normalise(rotation[k] + share[:, None, None] * (rotation[k + 1] - rotation[k]))
+    return [Pose(*pose) for pose in zip(root, heading, rotation, strict=True)]
+
+
+def _ticks(played: PlayedMotion, tempo: float, tick: float) -> tuple[NDArray[np.int64], Array]:
+    """Which sample comes before each of the K ticks of a loop, and how far the tick is on the way to the next one."""
+    at = np.arange(0.0, len(played.targets) - 1, tick * tempo / DT)
+    before = at.astype(np.int64)
+    return before, at - before
 
 
 def _copied(what: T, robot: Robot) -> T:

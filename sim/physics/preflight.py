@@ -9,7 +9,7 @@ Findings about standing are judged if the root is free, and only reported otherw
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from itertools import chain, repeat
@@ -21,13 +21,12 @@ from numpy.typing import NDArray
 
 from controller.deck.interfaces import JointLimits
 from controller.loop.safety.safety_envelope import SafetyEnvelope
-from controller.mocap.posture import Pose
-from controller.rotations import Array, continuous, normalise
+from controller.rotations import Array
 from sim.models.servo_motor import ROOM
 from sim.physics.loads import Loads, loads_of
 from sim.physics.physics_model import feet_of
 from sim.physics.playback import PhysicsPlayback
-from sim.physics.played_motions import DT, PlayedMotion, onward
+from sim.physics.played_motions import DT, PlayedMotion, onward, poses_at, targets_at
 from sim.robots.robot import Robot
 from sim.robots.self_collision import OVERLAP, SelfCollision
 
@@ -164,24 +163,24 @@ class Preflight:
 
     def simulated(self, played: PlayedMotion, tempo: float) -> list[Finding]:
         """Findings of playing it in physics: whether the servos follow, and whether a free robot stands."""
-        astray, joint, _ = self.play(played, tempo, self._carried(), rounds=1)
+        astray, joint, _ = self.play(played, tempo, self._carried())
         found = [_finding("physics: off target", astray, ASTRAY, "rad", self.robot.joints[joint])]
         if self.walk:
             found += self._walked_findings(played, tempo)
         elif self.root == "free":
-            _, _, fell = self.play(played, tempo, "free", rounds=None)
+            _, _, fell = self.play(played, tempo, "free", FALL_SECONDS)
             stood = FALL_SECONDS if fell is None else fell
             found.append(replace(Finding("physics: stands", stood, FALL_SECONDS, "s"), ok=fell is None))
         return found
 
     def _follows(self, played: PlayedMotion, tempo: float) -> bool:
         """Whether all that `simulated` finds is within its limits; it stops as soon as something is not."""
-        astray, _, _ = self.play(played, tempo, self._carried(), rounds=1, until=ASTRAY)
+        astray, _, _ = self.play(played, tempo, self._carried(), until=ASTRAY)
         if astray > ASTRAY or self.root != "free":
             return astray <= ASTRAY
         if self.walk:
             return all(finding.ok for finding in self._walked_findings(played, tempo))
-        return self.play(played, tempo, "free", rounds=None)[2] is None
+        return self.play(played, tempo, "free", FALL_SECONDS)[2] is None
 
     def _walked_findings(self, played: PlayedMotion, tempo: float) -> list[Finding]:
         """Findings of walking it on the robot's own feet for FALL_SECONDS."""
@@ -205,19 +204,9 @@ class Preflight:
 
     def walked(self, played: PlayedMotion, tempo: float) -> PhysicsPlayback:
         """The robot after it has walked a motion for FALL_SECONDS, or has fallen."""
-        targets, poses = _targets(played, tempo), _poses(played, tempo)
-        envelope = SafetyEnvelope(self.limits, TICK)
-        envelope.start(np.clip(targets[0], self.limits.lower, self.limits.upper))
-        if self.robot.footing is not None:
-            self.robot.footing.reset(TICK)
-        stage = PhysicsPlayback(self.robot, TICK, "free", walk=True, compiled=self._models.get("free"))
-        self._models["free"] = stage.model
-        rounds = onward(poses) if played.loop else chain(poses, repeat(poses[-1]))
-        for k, pose in zip(range(round(FALL_SECONDS / TICK)), rounds, strict=False):
-            at = k % len(targets) if played.loop else min(k, len(targets) - 1)
-            stage.write(envelope(targets[at]), pose)
-            if stage.fell_s is not None:
-                break
+        stage = self._stage("free", walk=True)
+        for _ in self._played(stage, played, tempo, FALL_SECONDS):
+            pass
         return stage
 
     def _carried(self) -> str:
@@ -225,9 +214,9 @@ class Preflight:
         return self.root if self.root != "free" else "gantry"
 
     def play(
-        self, played: PlayedMotion, tempo: float, root: str, rounds: int | None, until: float = np.inf
+        self, played: PlayedMotion, tempo: float, root: str, seconds: float | None = None, until: float = np.inf
     ) -> tuple[float, int, float | None]:
-        """Plays a motion in physics, once, or for FALL_SECONDS if `rounds` is None.
+        """Plays a motion in physics, once or for some seconds.
 
         It ends when the robot falls, or when a joint has been farther than `until`, rad, from its target for longer
         than BRIEFLY.
@@ -235,28 +224,34 @@ class Preflight:
         Returns:
             how far a joint was from its target for longer than BRIEFLY, rad; which; when the robot fell, s, or None.
         """
-        targets, poses = _targets(played, tempo), _poses(played, tempo)
+        stage = self._stage(root)
+        worst = _lasting_until(self._played(stage, played, tempo, seconds), until)
+        return float(worst.max()), int(np.argmax(worst)), stage.fell_s
+
+    def _stage(self, root: str, *, walk: bool = False) -> PhysicsPlayback:
+        balance = self.balance and root == "free" and not walk
+        stage = PhysicsPlayback(self.robot, TICK, root, balance, walk=walk, compiled=self._models.get(root))
+        self._models[root] = stage.model
+        return stage
+
+    def _played(
+        self, stage: PhysicsPlayback, played: PlayedMotion, tempo: float, seconds: float | None
+    ) -> Iterator[Array]:
+        """Plays a motion on a stage until the robot falls: how far joints are from their targets in each tick (J,)."""
+        targets, poses = targets_at(played, tempo, TICK), poses_at(played, tempo, TICK)
+        inside = np.clip(targets, self.limits.lower, self.limits.upper)
         envelope = SafetyEnvelope(self.limits, TICK)
-        envelope.start(np.clip(targets[0], self.limits.lower, self.limits.upper))
+        envelope.start(inside[0])
         if self.robot.footing is not None:
             self.robot.footing.reset(TICK)
-        stage = PhysicsPlayback(
-            self.robot, TICK, root, self.balance and root == "free", compiled=self._models.get(root)
-        )
-        self._models[root] = stage.model
-        ticks = len(targets) if rounds is not None else round(FALL_SECONDS / TICK)
-        off = np.zeros((ticks, targets.shape[1]))
-        lost = np.zeros(targets.shape[1], dtype=np.int64)
-        for k in range(ticks):
-            # A one-shot holds its end, a loop goes round.
+        # A one-shot holds its end, a loop goes round.
+        rounds = onward(poses) if played.loop else chain(poses, repeat(poses[-1]))
+        for k, pose in zip(range(len(targets) if seconds is None else round(seconds / TICK)), rounds, strict=False):
             at = k % len(targets) if played.loop else min(k, len(targets) - 1)
-            stage.write(envelope(targets[at]), poses[at])
-            off[k] = np.abs(stage.measured() - np.clip(targets[at], self.limits.lower, self.limits.upper))
-            lost = np.where(off[k] > until, lost + 1, 0)
-            if stage.fell_s is not None or lost.max() >= _window(ticks, TICK):
+            stage.write(envelope(targets[at]), pose)
+            yield np.abs(stage.measured() - inside[at])
+            if stage.fell_s is not None:
                 break
-        worst = _lasting(off)
-        return float(worst.max()), int(np.argmax(worst)), stage.fell_s
 
     def _joints(self, played: PlayedMotion, loads: Loads, tempo: float) -> list[Finding]:
         joints, limits = self.robot.joints, self.limits
@@ -277,7 +272,7 @@ class Preflight:
 
         It ends when a joint has been kept farther than `until`, rad, for so long.
         """
-        targets = _targets(played, tempo)
+        targets = targets_at(played, tempo, TICK)
         inside = np.clip(targets, self.limits.lower, self.limits.upper)
         envelope = SafetyEnvelope(self.limits, TICK)
         envelope.start(inside[0])
@@ -285,13 +280,8 @@ class Preflight:
         first = min(len(targets) - 1, round(STARTING / TICK))
         for target in targets[:first]:
             envelope(target)
-        off, lost = np.zeros((len(targets) - first, targets.shape[1])), np.zeros(targets.shape[1], dtype=np.int64)
-        for k in range(len(off)):
-            off[k] = np.abs(envelope(targets[first + k]) - inside[first + k])
-            lost = np.where(off[k] > until, lost + 1, 0)
-            if lost.max() >= _window(len(off), TICK):
-                break
-        return _lasting(off)
+        off = (np.abs(envelope(target) - goal) for target, goal in zip(targets[first:], inside[first:], strict=True))
+        return _lasting_until(off, until)
 
     def _servos(self, loads: Loads, tempo: float) -> list[Finding]:
         servo, joints = self.robot.servo, self.robot.joints
@@ -335,36 +325,22 @@ class Preflight:
         return [finding for finding in found if np.isfinite(finding.value)]
 
 
-def _ticks(played: PlayedMotion, tempo: float) -> tuple[NDArray[np.int64], Array]:
-    """Which sample comes before each of the K ticks of a loop, and how far the tick is on the way to the next one."""
-    at = np.arange(0.0, len(played.targets) - 1, TICK * tempo / DT)
-    before = at.astype(np.int64)
-    return before, at - before
-
-
-def _targets(played: PlayedMotion, tempo: float) -> Array:
-    """The targets at the ticks, shape (K, J), rad."""
-    k, share = _ticks(played, tempo)
-    return played.targets[k] + share[:, None] * (played.targets[k + 1] - played.targets[k])
-
-
-def _poses(played: PlayedMotion, tempo: float) -> list[Pose]:
-    """The poses at the ticks, length K."""
-    k, share = _ticks(played, tempo)
-    root = np.array([pose.root_position for pose in played.poses])
-    heading = np.unwrap([float(pose.heading) for pose in played.poses])
-    rotation = continuous(np.array([pose.rotation for pose in played.poses]))
-    root = root[k] + share[:, None] * (root[k + 1] - root[k])
-    heading = heading[k] + share * (heading[k + 1] - heading[k])
-    # From sample to sample a bone turns so little that linear interpolation is enough.
-    rotation = normalise(rotation[k] + share[:, None, None] * (rotation[k + 1] - rotation[k]))
-    return [Pose(*pose) for pose in zip(root, heading, rotation, strict=True)]
-
-
 def _lasting(off: Array, dt: float = TICK) -> Array:
     """The largest value that each column of (T, J) exceeds for a whole BRIEFLY, shape (J,)."""
     windows = np.lib.stride_tricks.sliding_window_view(off, _window(len(off), dt), axis=0)
     return windows.min(axis=-1).max(axis=0)
+
+
+def _lasting_until(off: Iterable[Array], until: float) -> Array:
+    """The same of rows (J,), a tick each; it looks no further when a column has been above `until` for so long."""
+    rows: list[Array] = []
+    long = np.zeros(1, dtype=np.int64)
+    for row in off:
+        rows.append(row)
+        long = np.where(row > until, long + 1, 0)
+        if long.max() >= round(BRIEFLY / TICK):
+            break
+    return _lasting(np.array(rows))
 
 
 def _window(count: int, dt: float) -> int:

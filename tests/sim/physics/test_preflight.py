@@ -90,11 +90,12 @@ def test_what_is_out_of_reach_for_an_instant_only_is_let_pass():
 
 
 def test_poses_go_evenly_from_tick_to_tick():
-    from sim.physics.preflight import TICK, _poses
+    from sim.physics.played_motions import poses_at
+    from sim.physics.preflight import TICK
 
     turns = 0.02 * np.arange(9)
     poses = tuple(Pose(np.array([0.01 * k, 0.0, 1.0]), turns[k], yaw(turns[k])[None]) for k in range(9))
-    played = _poses(PlayedMotion("go", False, np.zeros((9, 1)), poses), 0.7)
+    played = poses_at(PlayedMotion("go", False, np.zeros((9, 1)), poses), 0.7, TICK)
     x = np.array([pose.root_position[0] for pose in played])
     assert np.allclose(np.diff(x), 0.7 * TICK)
     assert np.allclose([pose.rotation[0] for pose in played], [yaw(float(pose.heading)) for pose in played], atol=1e-6)
@@ -204,8 +205,8 @@ def test_a_play_that_is_astray_ends_early_and_with_the_same_verdict():
     judge = Preflight(SERVO20, SERVO20.limits)
     for rate in (2.0, 25.0):
         played = swinging(rate, seconds=0.8)
-        whole, _, _ = judge.play(played, 1.0, "gantry", rounds=1)
-        cut, _, _ = judge.play(played, 1.0, "gantry", rounds=1, until=ASTRAY)
+        whole, _, _ = judge.play(played, 1.0, "gantry")
+        cut, _, _ = judge.play(played, 1.0, "gantry", until=ASTRAY)
         assert (cut > ASTRAY) == (whole > ASTRAY)
         assert cut < whole if rate == 25.0 else cut == whole
 
