@@ -30,6 +30,7 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
         spread: its standard deviation over seeds.
         per_class: the share within each class.
         confusion: row = what it was, column = what it was taken for; counts over all folds and seeds.
+        by_fold: the accuracy in each fold for each seed.
         seconds: for preparing and scoring all folds of one seed, features not counted.
     """
 
@@ -39,6 +40,7 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     spread: float
     per_class: dict[str, float]
     confusion: list[list[int]]
+    by_fold: list[list[float]]
     seconds: float
 
 
@@ -52,6 +54,7 @@ def measure(name: str, candidates: Seeded, dataset: Dataset, protocol: Protocol,
     """
     classes, labels = dataset.classes, dataset.labels
     shares: list[float] = []
+    by_fold: list[list[float]] = []
     confusion = np.zeros((len(classes), len(classes)), dtype=np.int64)
     seconds = 0.0
     for seed in seeds:
@@ -60,9 +63,12 @@ def measure(name: str, candidates: Seeded, dataset: Dataset, protocol: Protocol,
         start = time.perf_counter()
         scorers = [m.prepare(s, labels, len(classes)) for m, s in zip(methods, signals, strict=True)]
         own = np.zeros_like(confusion)
+        by_fold.append([])
         for learn, ask in folds(protocol, labels, dataset.actors, seed):
             score = chosen(scorers, learn, labels, dataset.actors, seed)
-            np.add.at(own, (labels[ask], score(learn, ask).argmin(1)), 1)
+            named = score(learn, ask).argmin(1)
+            np.add.at(own, (labels[ask], named), 1)
+            by_fold[-1].append(float((named == labels[ask]).mean()))
         seconds += time.perf_counter() - start
         shares.append(float(np.trace(own)) / int(own.sum()))
         confusion += own
@@ -74,6 +80,7 @@ def measure(name: str, candidates: Seeded, dataset: Dataset, protocol: Protocol,
         spread=float(np.std(shares)),
         per_class={c: float(confusion[i, i] / asked[i]) for i, c in enumerate(classes) if asked[i]},
         confusion=confusion.tolist(),
+        by_fold=by_fold,
         seconds=seconds / len(seeds),
     )
 

@@ -16,8 +16,10 @@ from controller.recognition.splits import inner_folds
 from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
-# A known motion is called unknown this often, by its own training set.
+# A known motion of somebody new is called unknown this often, by the training set; where that has one actor only, a
+# motion of the same actor that was never learned is taken for a known one this often.
 FALSE_REJECTIONS = 0.05
+FALSE_ACCEPTANCES = 0.1
 LEAST_CONFIDENCE = -1e3  # nothing falls short of it
 SHORTEST_STRETCH, LONGEST_STRETCH = 0.1, 10.0
 
@@ -92,8 +94,7 @@ def train_recognizer(
 ) -> Recognizer:
     """A recognizer of the classes of a dataset.
 
-    Its threshold is set so that of the training clips, each asked of experts that have not seen its actor, a share of
-    FALSE_REJECTIONS is called unknown.
+    Its threshold is that of `rejection_threshold`.
 
     Args:
         dataset: what is learned.
@@ -141,16 +142,26 @@ def _trained_bank(
 
 
 def rejection_threshold(signals: list[list[Array]], dataset: Dataset, experts: ExpertRecipe) -> float:
-    """The confidence that a share of FALSE_REJECTIONS of the known motions falls short of, by cross-validation.
+    """The confidence below which a motion is called unknown, by cross-validation.
 
-    LEAST_CONFIDENCE, which rejects nothing, where the set is too small to be split.
+    With several actors a share of FALSE_REJECTIONS of the clips falls short of it, each asked of experts that have not
+    seen its actor. The clips of a single actor do not tell how far others' fall short, but what is not known falls
+    short of it in whoever does it: all but FALSE_ACCEPTANCES of the clips, each asked of experts that have not seen its
+    class. LEAST_CONFIDENCE, which rejects nothing, where the set is too small to be split.
     """
-    seen: list[Array] = []
-    try:
-        splits = inner_folds(dataset.labels, dataset.actors)
-    except MotiondeckError:
-        return LEAST_CONFIDENCE
-    for learn, ask in splits:
+
+    def seen(learn: Iterable[int], ask: Iterable[int]) -> Array:
         bank = _trained_bank(signals, learn, dataset, experts)
-        seen.append(bank.confidences(bank.costs([signal for i in ask for signal in signals[i]])))
-    return float(np.quantile(np.concatenate(seen), FALSE_REJECTIONS))
+        return bank.confidences(bank.costs([signal for i in ask for signal in signals[i]]))
+
+    labels = dataset.labels
+    if len(np.unique(dataset.actors)) == 1 and len(dataset.classes) > 2:
+        splits = [(np.flatnonzero(labels != c), np.flatnonzero(labels == c)) for c in range(len(dataset.classes))]
+        share = 1.0 - FALSE_ACCEPTANCES
+    else:
+        share = FALSE_REJECTIONS
+        try:
+            splits = inner_folds(labels, dataset.actors)
+        except MotiondeckError:
+            return LEAST_CONFIDENCE
+    return float(np.quantile(np.concatenate([seen(learn, ask) for learn, ask in splits]), share))

@@ -86,6 +86,7 @@ def segment(
     cut = (
         _by_experts(clip, marked, recognizer) if method is SegmentMethod.EXPERTS else _unsupervised(clip, method, count)
     )
+    learned: bool = cut.pop("learned", False)
     said: dict[str, Any] = {"file": str(file), "method": method.value, "frames": len(clip), **cut}
     if marked is not None:
         import numpy as np
@@ -102,6 +103,7 @@ def segment(
             "precision": score.precision,
             "recall": score.recall,
             "f1": score.f1,
+            "learned": learned,
         }
     if plot is not None:
         from controller.cli.pictures.curve_plots import draw_segments
@@ -118,6 +120,8 @@ def segment(
         if score["marked"]:
             given = f"{score['found']} given, F1 {score['f1']:.2f}"
             print(f"borders{where}: {score['hits']} of {score['marked']} found, {given}")
+            if score["learned"]:
+                print(f"the recognizer has learned a recording called {file.name}: if it is this one, that is no test")
         else:
             print(f"no border{where} is marked")
     if "accuracy" in cut:
@@ -141,8 +145,10 @@ def _by_experts(clip: Clip, marked: Labels | None, recognizer: Path | None) -> d
     )
     from motiondeck_base.errors import MotiondeckError
 
+    learned = False
     if recognizer is not None:
         loaded = load_recognizer(recognizer)
+        learned = clip.source in loaded.sources
         look, bank = loaded.recipe, loaded.bank
         signal = features(clip, look)
     elif marked is not None:
@@ -157,7 +163,9 @@ def _by_experts(clip: Clip, marked: Labels | None, recognizer: Path | None) -> d
     costs = frame_costs(bank, signal)
     path = viterbi(costs, CHANGE_COST * look.rate)
     said: dict[str, Any] = {"segments": _segments(path, stride, clip, bank.classes)}
-    if recognizer is None and marked is not None:
+    if learned:
+        said["learned"] = True
+    if marked is not None:
         truth = marked.of_frames(stride)[: len(signal)]
         ask = ~first_occurrences(marked, stride)[: len(truth)]
         right = path[: len(truth)] == truth

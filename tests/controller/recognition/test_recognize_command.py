@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -6,6 +7,7 @@ from typer.testing import CliRunner
 
 from controller.cli.main import app
 from controller.recognition.labelled_recordings import read_dataset
+from controller.recognition.recognizer_file import load_recognizer, save_recognizer
 from motiondeck_base.errors import MotiondeckError
 from recognition_examples import amc, write_folder
 
@@ -153,9 +155,19 @@ def test_segment_finds_the_borders(long_recording, method):
 def test_segment_with_a_recognizer_and_in_words(long_recording, folder, tmp_path):
     out = tmp_path / "two.safetensors"
     invoke("recognize", "train", folder, "--out", out)
-    shown = invoke("segment", long_recording / "P1_all.amc", "--method", "experts", "--recognizer", out).stdout
+    asked = ("segment", long_recording / "P1_all.amc", "--method", "experts", "--recognizer")
+    shown = invoke(*asked, out).stdout
     assert "leg" in shown
     assert "arm" in shown
+    labels = ("--labels", long_recording / "labels.txt")
+    assert "that is no test" not in invoke(*asked, out, *labels).stdout
+    taught = load_recognizer(out)
+    save_recognizer(replace(taught, sources=("P1_all.amc",)), out)
+    assert (
+        "has learned a recording called P1_all.amc: if it is this one, that is no test"
+        in invoke(*asked, out, *labels).stdout
+    )
+    assert json.loads(invoke(*asked, out, *labels, "--json").stdout)["score"]["learned"]
     words = ("--method", "cross-prediction", "--labels", long_recording / "labels.txt")
     assert "borders: 3 of 3 found" in invoke("segment", long_recording / "P1_all.amc", *words).stdout
 

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from safetensors import safe_open
 from safetensors.numpy import save_file
 
-from controller.recognition.experts import ExpertRecipe
+from controller.recognition.expert_bank import teach
+from controller.recognition.experts import STRETCHED_LEAK, ExpertRecipe
 from controller.recognition.features import FeatureRecipe
 from controller.recognition.recognizer import train_recognizer
 from controller.recognition.recognizer_file import KEY, load_recognizer, save_recognizer
@@ -19,6 +20,12 @@ from recognition_examples import clip, dataset
 @pytest.fixture(scope="module")
 def trained():
     return train_recognizer(dataset(("ann", "bob")), FeatureRecipe(), ExpertRecipe(neurons=50))
+
+
+@pytest.fixture(scope="module")
+def shown_by_ann():
+    experts = ExpertRecipe(neurons=64, groups=4, leak=STRETCHED_LEAK)
+    return train_recognizer(dataset(("ann",)), FeatureRecipe(), experts, (0.5, 1.0, 2.0))
 
 
 @pytest.fixture(scope="module")
@@ -34,6 +41,26 @@ def test_somebody_new_is_recognized_at_another_pace(trained, motion, pace):
     verdict = trained.recognize(clip(motion, "cem", pace, 5))
     assert (verdict.motion, verdict.known) == (motion, True)
     assert min(verdict.costs, key=verdict.costs.get) == motion
+
+
+@pytest.mark.parametrize("pace", [0.5, 1.3, 2.0])
+def test_what_one_person_has_shown_is_known_in_others_at_any_tempo(shown_by_ann, pace):
+    for motion in ("bow", "march", "wave"):
+        for who in ("bob", "cem"):
+            verdict = shown_by_ann.recognize(clip(motion, who, pace, 5))
+            assert (verdict.motion, verdict.known) == (motion, True)
+
+
+def test_the_threshold_of_one_persons_motions_rejects_what_that_person_has_not_shown(shown_by_ann):
+    """Nine of ten clips of each motion left out in turn fall short of it, so it is above most of their confidences."""
+    bank = shown_by_ann.bank
+    signals = {m: [shown_by_ann.look(clip(m, "ann", pace, 7)) for pace in (0.6, 1.0, 1.6)] for m in bank.classes}
+    short = []
+    for left_out in bank.classes:
+        learned = [(s, m) for m in bank.classes if m != left_out for s in signals[m]]
+        without = teach(bank.recipe, [s for s, _ in learned], [m for _, m in learned])
+        short.extend(without.confidences(without.costs(signals[left_out])) < shown_by_ann.threshold)
+    assert np.mean(short) > 0.6
 
 
 def test_a_motion_that_was_never_learned_has_a_smaller_margin(trained):
