@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from threading import Lock
 
@@ -35,6 +35,7 @@ from motiondeck_base.errors import MotiondeckError
 from sim.view.ghost import WAYS
 from sim.view.motions.motion_controls import MotionControls
 from sim.view.recognition_text import what_is_seen
+from sim.view.scene import CAMERAS
 from sim.view.web.page_style import STYLE
 from sim.view.web.parts import PageParts
 from sim.view.web.private_page import PrivatePage
@@ -66,6 +67,7 @@ class Panel:
         joints: list[str],
         commands: CommandClient,
         *,
+        look_from: Callable[[viser.ClientHandle, str], None],
         has_human: bool = False,
         has_phase: bool = False,
         has_network: bool = False,
@@ -77,6 +79,7 @@ class Panel:
         self._lock = Lock()
         self._state = RunState()
         self._moved = 0.0  # when a hand was on the tempo, s
+        self._noticed: dict[str, float] = {}  # when a notice was shown last, s
         gui = page.gui
         gui.configure_theme(show_share_button=False, show_logo=False, brand_color=CURRENT)
         gui.add_html(STYLE)
@@ -110,6 +113,7 @@ class Panel:
             )
             self._steps = gui.add_checkbox("footprints and contacts", False)
             self._follow = gui.add_checkbox("camera follows", True)
+            self._add_cameras(look_from)
         with gui.add_folder("loop", expand_by_default=False):
             self._health = gui.add_html("")
         self._seen = gui.add_html("")
@@ -123,6 +127,15 @@ class Panel:
         ]
         if self._tap is not None:
             self._controls.append((self._tap, BY_WORD["beat"]))
+
+    def _add_cameras(self, look_from: Callable[[viser.ClientHandle, str], None]) -> None:
+        """A button for each place to look from; it moves the camera of the browser that pressed it."""
+        cameras = self._page.gui.add_button_group("camera", tuple(CAMERAS))
+
+        @cameras.on_click
+        def _(event: viser.GuiEvent) -> None:
+            if event.client is not None:
+                look_from(event.client, str(cameras.value))
 
     def _add_keys(self) -> None:
         """Esc, space and the digits, also found in the page's command palette."""
@@ -230,6 +243,11 @@ class Panel:
             self._send(message)
 
     def _notify(self, title: str, text: str, *, alarming: bool = True) -> None:
+        """Shows a notice; not twice while the same is still on the page."""
+        now = time.monotonic()
+        if now - self._noticed.get(text, -NOTICE_SECONDS) < NOTICE_SECONDS:
+            return
+        self._noticed = {old: at for old, at in self._noticed.items() if now - at < NOTICE_SECONDS} | {text: now}
         for client in self._page.get_clients().values():
             client.add_notification(title, text, auto_close_seconds=NOTICE_SECONDS, color="red" if alarming else "blue")
 

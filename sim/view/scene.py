@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+import viser
 from numpy.typing import NDArray
 
 from controller.rotations import Array
@@ -19,6 +20,13 @@ ZENITH, HORIZON = (214, 225, 238), (242, 245, 248)
 FOG = (226, 232, 239)
 FLOOR = (214, 220, 228), (190, 199, 210)
 SQUARES = 36
+# Where one looks from, in heights of the robot that faces +x, and the height that one looks at.
+CAMERAS = {
+    "three": ((1.75, -1.05, 0.80), 0.46),
+    "front": ((2.15, 0.0, 0.60), 0.46),
+    "side": ((0.0, -2.15, 0.60), 0.46),
+    "top": ((0.0, -0.01, 2.60), 0.0),
+}
 TELEPORT = 3.0  # m: too far to have been walked between two pictures
 
 
@@ -67,9 +75,18 @@ class Scene:
         for parity, colour in enumerate(FLOOR):
             scene.add_mesh_simple(f"/floor/{parity}", *_tiles(self._cell, parity), color=colour, flat_shading=True)
         self._robot = DrawnModel(page, model, height)
-        page.initial_camera.position = (1.75 * height, -1.05 * height, 0.80 * height)
-        page.initial_camera.look_at = (0.0, 0.0, 0.46 * height)
+        page.initial_camera.position, page.initial_camera.look_at = self._camera("three")
         page.initial_camera.fov = np.radians(42.0)
+
+    def _camera(self, way: str) -> tuple[Array, Array]:
+        """Where a camera stands and what it looks at, m."""
+        place, aim = CAMERAS[way]
+        return self.height * np.array(place), np.array([0.0, 0.0, self.height * aim])
+
+    def look_from(self, client: viser.ClientHandle, way: str) -> None:
+        """Has one browser look from one of CAMERAS."""
+        with client.atomic():
+            client.camera.position, client.camera.look_at = self._camera(way)
 
     @property
     def data(self) -> mujoco.MjData:

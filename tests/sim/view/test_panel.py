@@ -7,7 +7,7 @@ from contextlib import closing
 import numpy as np
 
 from controller.wire.command_socket import CommandClient, CommandServer
-from controller.wire.messages import Accepted, EmergencyStop, Switch
+from controller.wire.messages import Accepted, EmergencyStop, Event, Switch
 from controller.wire.run_recording import MODES
 from sim.view.panel import Panel
 from sim.view.web.private_page import PrivatePage
@@ -57,7 +57,8 @@ def test_two_browsers_see_what_happens_and_both_command(browser):
 
         deck = threading.Thread(target=answer)
         deck.start()
-        panel = Panel(page, MOTIONS, [], client, has_phase=True)
+        looks = []
+        panel = Panel(page, MOTIONS, [], client, has_phase=True, look_from=lambda _, way: looks.append(way))
         panel.show(state())
         tabs = [browser.new_page(viewport={"width": width, "height": 700}) for width in (900, 390)]
         try:
@@ -83,6 +84,15 @@ def test_two_browsers_see_what_happens_and_both_command(browser):
             until(lambda: (Switch, "jog") in heard, "the first browser's command")
             phone.keyboard.press("Escape")
             until(lambda: (EmergencyStop, "") in heard, "the second browser's emergency stop")
+
+            wide.get_by_text("view", exact=True).click()
+            wide.get_by_role("button", name="front", exact=True).click()
+            until(lambda: looks == ["front"], "the camera in front")
+            for _ in range(2):
+                panel.tell(Event("fault", "id 3 is hot", "walk", 1.0, 1))
+            panel.tell(Event("fault", "id 4 is hot", "walk", 1.0, 2))
+            wide.get_by_text("id 4 is hot").wait_for()
+            assert wide.get_by_text("id 3 is hot").count() == 1
 
             phone.reload()
             phone.locator("#state-line").get_by_text("PLAYING").wait_for()

@@ -1,0 +1,151 @@
+"""What the page shows of a deck: the robot and who stands beside it, the panel, the rig and the last minutes."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import viser
+
+from controller.rotations import Array
+from controller.wire.command_socket import CommandClient
+from controller.wire.messages import Event
+from motiondeck_base.errors import FileFormatError
+from sim.view.drawn_model import DrawnModel
+from sim.view.ghost import Ghost
+from sim.view.learning.learn_panel import LearnPanel
+from sim.view.live_footprints import LiveSteps
+from sim.view.network_view import NetworkView
+from sim.view.panel import Panel
+from sim.view.rig.joint_glow import JointGlow
+from sim.view.rig.rig_panel import RigPanel
+from sim.view.scene import Follower, Scene
+from sim.view.timeline import Timeline
+from sim.view.web.private_page import PrivatePage
+
+HEALTH_PER_SECOND = 4.0
+BESIDE = 0.75  # of the robot's height: so far aside a follower, or the human, is drawn
+LONGEST_STEP = 0.1  # s that pass for the camera between two pictures, however late the second is
+SIDE_WIDTH = 330  # pixels
+
+
+class DeckView:
+    """All that is on the page of a deck.
+
+    Args:
+        page: where it is put.
+        description: what the deck says of itself in its state file.
+        commands: to the deck.
+        dropped: the folder where dropped recordings are kept.
+
+    Raises:
+        FileFormatError: if MuJoCo refuses a model file of the deck.
+    """
+
+    def __init__(self, page: PrivatePage, description: Mapping[str, Any], commands: CommandClient, dropped: Path):
+        self._page = page
+        self._motions = [str(motion) for motion in description["motions"]]
+        model = _model(str(description["model_file"]))
+        self._scene = Scene(page, model)
+        height = self._scene.height
+        files = [str(file) for file in description.get("followers", ())]
+        self._followers = [DrawnModel(page, _model(file), height, f" {k}") for k, file in enumerate(files)]
+        self._ghost = None
+        if about := description.get("human"):
+            human = _model(str(about["file"]))
+            # Followers stand to the right of the robot, on the side that the panel does not cover.
+            aside = (BESIDE if files else -BESIDE) * height
+            self._ghost = Ghost(DrawnModel(page, human, height, " human"), human, about, aside)
+        library = description.get("library")
+        self._network = NetworkView(page, Path(str(library)), height) if library else None
+        self._steps = LiveSteps(page, model, np.array(description.get("rest", model.qpos0)), height)
+        self._panel = Panel(
+            page,
+            self._motions,
+            [str(joint) for joint in description.get("joints", ())],
+            commands,
+            look_from=self._scene.look_from,
+            has_human=self._ghost is not None,
+            has_phase=bool(description.get("has_phase")),
+            has_network=self._network is not None,
+            library=Path(file) if (file := description.get("library_file")) else None,
+            recognizable=description.get("recognizable", ()),
+        )
+        self._add_side(model, description, dropped)
+        self._follower, self._centre = Follower(), np.zeros(2)
+        self._last_picture = self._last_health = 0.0
+
+    def _add_side(self, model: mujoco.MjModel, description: Mapping[str, Any], dropped: Path) -> None:
+        """Puts the servos and the learning of new motions on the left, and the last minutes below."""
+        gui, parts = self._page.gui, self._panel.parts
+        servos, learn = description.get("rig"), description.get("learn")
+        self._rig = self._glow = None
+        side = gui.add_panel() if servos or learn else None
+        if side is not None and servos:
+            with side.add_tab("Rig", viser.Icon.ENGINE):
+                self._rig = RigPanel(self._page, parts, servos, self._panel.ask)
+            joints = [servo["joint"] for servo in servos["servos"]]
+            self._glow = JointGlow(self._page, model, joints, self._scene.height)
+        if side is not None and learn:
+            with side.add_tab("Learn", viser.Icon.SCHOOL):
+                LearnPanel(self._page, parts, learn, Path(description["library_file"]), dropped, self._panel.ask)
+        self._timeline = Timeline(parts)
+        if side is not None:
+            side.dock_left()
+            side.set_width(SIDE_WIDTH)
+
+    def show(self, latest: dict[str, Array], now: float) -> None:
+        """Draws a published state at a time, s; or, while someone looks back, what was shown then."""
+        playing = self._motions[int(latest["playing"][0])] if "playing" in latest else ""
+        self._timeline.keep(latest, playing, now)
+        self._draw(self._timeline.seen(latest), latest, playing, min(now - self._last_picture, LONGEST_STEP))
+        self._last_picture = now
+        if now - self._last_health < 1.0 / HEALTH_PER_SECOND:
+            return
+        self._last_health = now
+        self._panel.show(latest)
+        self._timeline.show()
+        if self._rig is not None and self._glow is not None:
+            self._glow.mark(self._rig.show(latest, now), self._scene.data, self._centre)
+
+    def _draw(self, seen: Mapping[str, Array], latest: Mapping[str, Array], playing: str, dt: float) -> None:
+        """Draws the bodies of one state, and the network and the rig as they are now, dt seconds after the last."""
+        if self._panel.follows:
+            self._centre = self._follower.follow(seen["qpos"][:2], dt)
+        centre = self._centre
+        self._scene.show(seen["qpos"], centre)
+        with self._page.atomic():
+            beside = np.array([0.0, -BESIDE * self._scene.height])
+            for k, other in enumerate(self._followers):
+                qpos = seen[f"qpos {k}"].copy()
+                qpos[:2] = seen["qpos"][:2] + (k + 1) * beside
+                other.show(qpos, centre)
+            if self._ghost is not None:
+                self._ghost.show(self._panel.human, seen["human_root"], seen["human_turn"], seen["qpos"][:2], centre)
+            if self._network is not None:
+                self._network.show(latest["activation"], playing, visible=self._panel.shows_network)
+            self._steps.show(self._scene.data, centre, dt, visible=self._panel.marks_steps)
+            if self._glow is not None:
+                self._glow.show(self._scene.data, centre)
+
+    def tell(self, event: Event) -> None:
+        """Shows an event of the deck."""
+        self._panel.tell(event)
+        self._timeline.tell(event)
+
+    def end(self, reason: str) -> None:
+        """Shows that the run has ended, and why."""
+        self._panel.end(reason)
+
+
+def _model(file: str) -> mujoco.MjModel:
+    try:
+        return mujoco.MjModel.from_xml_path(file)
+    except ValueError as error:
+        raise FileFormatError(f"{file}: MuJoCo refuses it: {error}") from error
