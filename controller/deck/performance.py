@@ -15,7 +15,7 @@ from controller.deck.joins.deck_motions import Motion, read_motions, tempos_in_s
 from controller.deck.joins.join_limits import FASTEST, JoinLimits
 from controller.deck.joins.joining import Joining
 from controller.deck.joins.posture_blend import PostureBlend
-from controller.deck.joins.transition import Bounds, Fade, best_anchor, difference, extrapolated
+from controller.deck.joins.transition import PLANNED_SHARE, Bounds, Fade, best_anchor, difference, extrapolated
 from controller.deck.root_path import advance, at_origin
 from controller.deck.tracks.track import Track
 from controller.library.motion_library import MotionLibrary
@@ -35,11 +35,12 @@ MORPH_SECONDS = 1.0
 # How often a join that becomes too fast is replaced by a longer fade.
 MOST_CORRECTIONS = 6
 
-# From which share of the limits of a join on it is replaced: a body that is slowed down gets a little faster at first.
-CORRECTED_FROM = 0.8
+# From which share of the limits of a join on it is replaced: halfway from what a fade means to use to all of them. One
+# that uses no more than it means to is left alone: replaced while it speeds up, a body would swing farther still.
+CORRECTED_FROM = 0.5 * (PLANNED_SHARE + 1.0)
 
-# From which share of the limits on a blend weight changes more slowly, how slowly at least, and how soon it does, s.
-EASED_FROM, SLOWEST, EASING_SECONDS = 0.7, 0.2, 0.1
+# Between which shares of the limits a blend weight changes more and more slowly, how slowly at least, and how soon, s.
+EASED_FROM, EASED_TO, SLOWEST, EASING_SECONDS = 0.7, 0.8, 0.2, 0.1
 
 # While the weight of a blend changes, it is given up beyond so many times the limits of a join.
 BLEND_TURNS_OVER = 2.0
@@ -175,7 +176,7 @@ class Performance:
         # Played faster, the motions themselves go beyond what they need at their own tempo.
         use = self._limits.use(self._next, dt) / max(1.0, abs(tempo)) if self._limits is not None else 0.0
         if self.crossing:
-            wanted = 1.0 - (use - EASED_FROM) / (CORRECTED_FROM - EASED_FROM)
+            wanted = 1.0 - (use - EASED_FROM) / (EASED_TO - EASED_FROM)
             self._weight_pace += (min(max(wanted, SLOWEST), 1.0) - self._weight_pace) * min(1.0, dt / EASING_SECONDS)
         if blending and use > BLEND_TURNS_OVER:
             self.blend_problem = "turns over"

@@ -3,7 +3,8 @@
 At the switch the target motion is started where it resembles the present body most (`best_anchor`), and for each bone
 the rotation that leads from the target to what was shown is kept as a rotation vector, with its rate of change. From
 then on the target is shown turned by that vector while it runs out along a quintic that starts with the same value and
-slope and ends with neither (inertialisation, Bollo 2018). Since bones are turned and never mixed, they keep their
+slope and ends with neither (inertialisation, Bollo 2018). What slope it starts with may run out sooner than the
+difference in place, where a body would swing too far otherwise. Since bones are turned and never mixed, they keep their
 length.
 
 The vectors stay fixed in the world. The heading would be no frame for them: it is that of the hips, and flies round
@@ -33,9 +34,14 @@ from controller.rotations import (
 SHORTEST, LONGEST = 0.2, 1.6
 
 # The part of the bounds that a fade may use: it is looked at at some moments only.
-_SHARE = 0.8
+PLANNED_SHARE = 0.8
 
-# At how many moments speed and acceleration of a fade are computed, and the least factor by which it is lengthened.
+# What a body was doing is slowed down as long as the difference fades, or within these shares of that time, which lets
+# it swing less far but accelerates it more.
+_SLOWED_WITHIN = (1.0, 0.5, 0.25)
+
+# At how many moments until its rate has run out a fade's speed and acceleration are computed, and by which factor it is
+# lengthened at least.
 _SAMPLES = 16
 _LONGER = 1.1
 
@@ -59,12 +65,14 @@ class Fade:
 
     Attributes:
         duration: how long it takes, s.
+        slowing: how long until nothing is left of its rate, s, at most the duration.
         turn, turn_rate: of the root and of each bone, seen from the heading at the switch, shape (1 + B, 3), rad and
             rad/s.
         drift, drift_rate: of height and velocity, seen from there too, shape (3,).
     """
 
     duration: float
+    slowing: float
     turn: Array
     turn_rate: Array
     drift: Array
@@ -74,8 +82,7 @@ class Fade:
         """The target with what is left of the difference after some seconds, its heading turned by some rad since."""
         if elapsed >= self.duration:
             return target
-        value, slope = run_out(elapsed / self.duration)
-        slope *= self.duration
+        value, slope = self.left(np.array(elapsed))
         back = yaw(-turned)
         left = rotate(back, value * self.turn + slope * self.turn_rate)
         height, *velocity = value * self.drift + slope * self.drift_rate
@@ -85,6 +92,12 @@ class Fade:
             velocity=target.velocity + rotate(back, np.array([*velocity, 0.0]))[:2],
             rotation=multiply(from_rotation_vector(left), target.rotation),
         )
+
+    def left(self, elapsed: Array) -> tuple[Array, Array]:
+        """What is left of the difference after some seconds, and of the way on which its rate leads until then, s."""
+        value, _ = run_out(elapsed / self.duration)
+        _, slope = run_out(np.minimum(elapsed / self.slowing, 1.0))
+        return value, self.slowing * slope
 
     def onset(self, elapsed: float) -> float:
         """The share of the tempo at which a one-shot gets going.
@@ -109,7 +122,8 @@ def difference(
     """The fade that leads from what is shown to a target, in the shortest time that keeps joints in bounds.
 
     Speed and acceleration are found by looking at the fade over what the target does next: from SHORTEST on it is made
-    longer until it is in bounds. If none up to LONGEST is, it is the one that comes nearest.
+    longer until it is in bounds. If none up to LONGEST is, its rate runs out in half of the time, and then in a
+    quarter. If none of these is, it is the one that comes nearest.
 
     Args:
         shown, target: each the postures dt seconds ago and now.
@@ -123,22 +137,27 @@ def difference(
     turn_rate = (turn - nearest_rotation_vector(_turn(before.rotation, aim.rotation), turn)) / dt
     drift = _drift(shown[1]) - _drift(target[1])
     drift_rate = (drift - _drift(before) + _drift(aim)) / dt
-    fade = Fade(SHORTEST, turn, turn_rate, drift, drift_rate)
-    best, least = fade, np.inf
-    while True:
-        speeds, acceleration = peaks(fade, ahead, limbs)
-        # A body that is already faster than that is slowed down by no choice of the duration.
-        fastest = max(_SHARE * bounds.speed, float(speeds[0]))
-        # What a difference in place costs goes with 1 / T in speed and 1 / T^2 in acceleration, one in speed goes with
-        # 1 and 1 / T: the former never overshoots. But what moves fast away from the target goes the farther the
-        # longer it is given.
-        beyond = max(acceleration / (_SHARE * bounds.acceleration), (float(speeds.max()) / fastest) ** 2)
-        if beyond < least:
-            best, least = fade, beyond
-        if beyond <= 1.0 or fade.duration >= LONGEST:
-            return best
-        longer = fade.duration * max(_LONGER, np.sqrt(beyond))
-        fade = replace(fade, duration=float(min(LONGEST, longer)))
+    best, least, already = Fade(SHORTEST, SHORTEST, turn, turn_rate, drift, drift_rate), np.inf, 0.0
+    for share in _SLOWED_WITHIN:
+        fade = replace(best, duration=SHORTEST, slowing=share * SHORTEST)
+        while True:
+            speeds, acceleration = peaks(fade, ahead, limbs)
+            # A body that is already faster than that is slowed down by no choice of the duration.
+            already = already or float(speeds[0])
+            fastest = max(PLANNED_SHARE * bounds.speed, already)
+            # What a difference in place costs goes with 1 / T in speed and 1 / T^2 in acceleration, one in speed goes
+            # with 1 and 1 / T: the former never overshoots. But what moves fast away from the target goes the farther
+            # the longer it is given.
+            beyond = max(acceleration / (PLANNED_SHARE * bounds.acceleration), (float(speeds.max()) / fastest) ** 2)
+            if beyond < least:
+                best, least = fade, beyond
+            if beyond <= 1.0:
+                return best
+            if fade.duration >= LONGEST:
+                break
+            longer = min(LONGEST, fade.duration * max(_LONGER, float(np.sqrt(beyond))))
+            fade = replace(fade, duration=longer, slowing=share * longer)
+    return best
 
 
 def extrapolated(before: Posture, now: Posture, dt: float) -> Posture:
@@ -162,13 +181,13 @@ def peaks(fade: Fade, ahead: Callable[[Array], Posture], limbs: Callable[[Array]
         ahead, limbs: as for `difference`.
 
     Returns:
-        The speed of the fastest joint in each part of the fade, shape (_SAMPLES,), m/s; the largest acceleration beyond
+        The speed of the fastest joint in each part of the fade, shape (parts,), m/s; the largest acceleration beyond
         the target's own, m/s^2.
     """
-    step = fade.duration / _SAMPLES
-    time: Array = step * np.arange(_SAMPLES + 1.0)
-    value, slope = run_out((time / fade.duration)[:, None, None])
-    slope = slope * fade.duration
+    samples = round(_SAMPLES * fade.duration / fade.slowing)
+    step = fade.duration / samples
+    time: Array = step * np.arange(samples + 1.0)
+    value, slope = (left[:, None, None] for left in fade.left(time))
     target = ahead(time)
     heading = step * (np.cumsum(target.turn_rate) - 0.5 * (target.turn_rate + target.turn_rate[0]))
     facing = yaw(heading)

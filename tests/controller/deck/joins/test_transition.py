@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from controller.deck.joins import transition
 from controller.deck.joins.transition import LONGEST, SHORTEST, Bounds, Fade, best_anchor, difference, peaks
 from controller.mocap.posture import Posture
 from controller.rotations import conjugate, from_rotation_vector, multiply, normalise, rotate, to_rotation_vector, yaw
@@ -132,6 +133,25 @@ def test_no_joint_gets_faster_than_the_bound(seed, bound):
     assert np.linalg.norm(np.diff(places, axis=0), axis=-1).max() / dt <= bound
 
 
+@pytest.mark.parametrize("sooner", [True, False])
+def test_what_moves_against_each_other_is_slowed_down_before_it_swings_too_far(sooner, monkeypatch):
+    """A body sinks while its bones turn up. Slowed down as long as the fade, both swing on, and come back too fast."""
+    if not sooner:
+        monkeypatch.setattr(transition, "_SLOWED_WITHIN", (1.0,))
+    dt, swing, bound = 1e-3, np.array([0.0, 9.0, 0.0]), 4.0
+
+    def body(t):
+        turn = np.tile(np.array([0.0, -2.0, 0.0]) + t * swing, (BONES, 1))
+        return replace(STILL, height=np.array(1.8 - 2.7 * t), rotation=from_rotation_vector(turn))
+
+    fade = difference((body(-dt), body(0.0)), (STILL, STILL), dt, staying(STILL), limbs, Bounds(bound, 300.0))
+    shown = series([fade.apply(STILL, t, 0.0) for t in np.arange(0.0, fade.duration, 2.5e-3)])
+    places = limbs(shown.rotation) + shown.height[:, None, None] * np.array([0.0, 0.0, 1.0])
+    fastest = np.linalg.norm(np.diff(places, axis=0), axis=-1).max() / 2.5e-3
+    assert (fade.slowing < fade.duration) is sooner
+    assert bool(fastest <= bound) is sooner
+
+
 def test_a_larger_bound_makes_a_shorter_fade():
     lengths = [fade_of(3, bound)[0].duration for bound in (5.0, 20.0, 80.0)]
     assert lengths == sorted(lengths, reverse=True)
@@ -192,19 +212,21 @@ def quintic(duration, value, slope):
 STILL = Posture(np.array(1.0), np.zeros(2), np.array(0.0), np.tile([1.0, 0.0, 0.0, 0.0], (BONES, 1)))
 
 
-@given(st.integers(0, 200), st.floats(SHORTEST, LONGEST), st.floats(0.0, 1.0))
-def test_what_is_left_runs_out_along_a_quintic_that_stays_fixed_in_the_world(seed, duration, share):
+@given(st.integers(0, 200), st.floats(SHORTEST, LONGEST), st.floats(0.0, 1.0), st.sampled_from([1.0, 0.5, 0.25]))
+def test_what_is_left_runs_out_along_a_quintic_that_stays_fixed_in_the_world(seed, duration, share, sooner):
     rng = np.random.default_rng(seed)
     turn, turn_rate = 0.5 * rng.standard_normal((2, BONES, 3))
     drift, drift_rate = rng.standard_normal((2, 3))
-    fade = Fade(duration, turn, turn_rate, drift, drift_rate)
+    slowing = sooner * duration
+    fade = Fade(duration, slowing, turn, turn_rate, drift, drift_rate)
     t, turned = share * duration, float(rng.uniform(-3.0, 3.0))
     shown = fade.apply(STILL, t, turned)
     assert fade.lasts(t) == (share < 1.0)
     back = yaw(-turned)
 
     def left(value, slope):
-        return np.array([quintic(duration, *pair)(t) for pair in zip(value, slope, strict=True)])
+        rates = [quintic(slowing, 0.0, rate)(min(t, slowing)) for rate in slope]
+        return np.array([quintic(duration, place, 0.0)(t) for place in value]) + np.array(rates)
 
     for bone in range(BONES):
         found = to_rotation_vector(shown.rotation[bone])
@@ -215,7 +237,7 @@ def test_what_is_left_runs_out_along_a_quintic_that_stays_fixed_in_the_world(see
 
 
 def test_a_one_shot_gets_going_while_the_fade_lasts():
-    fade = Fade(0.8, *np.zeros((4, 1, 3)))
+    fade = Fade(0.8, 0.8, *np.zeros((4, 1, 3)))
     pace = [fade.onset(t) for t in (0.0, 0.2, 0.4, 0.8, 3.0)]
     assert pace == pytest.approx([0.0, 0.0625, 0.25, 1.0, 1.0])
     assert [fade.lasts(t) for t in (0.0, 0.79, 0.8, 3.0)] == [True, True, False, False]
@@ -225,7 +247,7 @@ def test_a_one_shot_gets_going_while_the_fade_lasts():
 def test_the_peaks_that_are_foreseen_are_those_of_the_fade_itself(seed):
     """Seen finely in the world, over a target that walks on, rises, turns round and turns its bones."""
     rng = np.random.default_rng(seed)
-    fade = Fade(0.7, *rng.standard_normal((2, BONES, 3)) * 0.7, *rng.standard_normal((2, 3)))
+    fade = Fade(0.7, 0.7 if seed % 4 else 0.35, *rng.standard_normal((2, BONES, 3)) * 0.7, *rng.standard_normal((2, 3)))
     spin = np.tile([0.0, 0.0, 0.0 if seed % 2 else 4.0], (BONES, 1))
     turn_rate = 0.0 if seed % 3 else 2.0
 
