@@ -14,8 +14,9 @@ from sim.retargeting.human_soles import Sole, Soles
 
 # In lengths of the leg: how far a sole may seem to be off the floor and still stand on it.
 STANDS = 0.02
-# Heel or ball is still if it is slower than this, in lengths of the leg a second.
-STILL = 0.3
+# Lengths of the leg a second: heel or ball is still below the first; a foot stands flat whose ankle and ball are slower
+# than the second.
+STILL, FLAT = 0.5, 0.15
 NEAR = 0.05  # lengths of the leg above the other foot: so high a still foot hardly stands
 # So fast the floor follows a foot upwards, 1/s, that has been still for so long, s: at the top of a leap it is still
 # for a moment. Down it follows any foot at once.
@@ -76,7 +77,7 @@ class HumanStance:
         self._before, self._at = soles, (x, y)
 
     def _look(self, soles: list[Sole], before: list[Sole]) -> None:
-        slow = STILL * self.leg * self._dt
+        slow, flat_below = STILL * self.leg * self._dt, FLAT * self.leg * self._dt
         still, flat, self.rolled, self.heights = [], [], [], []
         for foot, (now, then) in enumerate(zip(soles, before, strict=True)):
             heel, ball = dist(now.heel, then.heel), dist(now.ball, then.ball)
@@ -85,7 +86,7 @@ class HumanStance:
             self.rolled.append(rolled)
             self.heights.append((1.0 - rolled) * now.heel[2] + rolled * now.ball[2])
             flat.append(1.0 / (1.0 + (max(heel, ball) / slow) ** 8))
-            if max(ball, dist(now.ankle, then.ankle)) < 0.5 * slow and now is not then:
+            if max(ball, dist(now.ankle, then.ankle)) < flat_below and now is not then:
                 self.flat.stood(foot, now.slope)
         lows = [sole.lowest for sole in soles]
         low = min(lows)

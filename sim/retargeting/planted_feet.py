@@ -18,7 +18,7 @@ from sim.retargeting.human_stance import HumanStance
 from sim.retargeting.robot_limbs import FEET, SIDES, RobotLimbs
 
 # How soon a foot that stands is held, and let go, s; how soon what is held goes along with a foot that does not stand.
-SETTLES, GOES_ALONG = 0.06, 0.01
+SETTLES, GOES_ALONG = 0.03, 0.01
 # A foot that stands by more than this is held in full; by less than this, not at all.
 SURE, DOUBTFUL = 0.6, 0.2
 # A foot is to be as high above the other one as the human's while it is near the floor: in lengths of the leg.

@@ -19,7 +19,7 @@ import numpy as np
 
 from controller.rotations import Array
 from sim.models.kinematic_tree import below, hinges_at, hinges_between
-from sim.models.limb_geometry import centre_of, end_hinge, farthest, level_with
+from sim.models.limb_geometry import centre_of, end_hinge, level_with
 from sim.models.surface import Surface
 from sim.retargeting.human_limbs import LIMBS
 
@@ -28,6 +28,8 @@ SEGMENTS = {"leg": ("thigh", "shank"), "arm": ("upper_arm", "forearm")}
 MEAN_LIMIT, WORST_LIMIT = 15.0, 45.0
 # A hinge is turned this far either way at most, rad; in so many steps.
 TURN, STEPS = 2.6, 11
+# Of a limb's length from its end: what counts as its tip where no joint tells.
+TIP = 0.1
 # Of the robot's height: an arm's joint so close to the middle of the body is the clavicle's.
 CLAVICLE = 0.03
 
@@ -183,8 +185,13 @@ class LimbDirections:
         return float(np.ptp(reach))
 
     def _tip(self, end: int, start: Array) -> Array:
+        """The middle of what is farthest from the start: a single corner of a hand would turn the forearm."""
         points = self._surface.part(np.array(below(self._model, end))).positions(self.standing)
-        return farthest(list(points), start) if len(points) else self.standing.xpos[end].copy()
+        if not len(points):
+            return self.standing.xpos[end].copy()
+        away = np.linalg.norm(points - start, axis=1)
+        middle: Array = points[away > (1.0 - TIP) * away.max()].mean(axis=0)
+        return middle
 
 
 def degrees_between(a: Array, b: Array) -> Array:
