@@ -16,7 +16,7 @@ from sim.retargeting.human_soles import Sole, Soles
 STANDS = 0.02
 # Lengths of the leg a second: heel or ball is still below the first; a foot stands flat whose ankle and ball are slower
 # than the second.
-STILL, FLAT = 0.5, 0.15
+STILL, FLAT = 0.4, 0.15
 NEAR = 0.05  # lengths of the leg above the other foot: so high a still foot hardly stands
 # So fast the floor follows a foot upwards, 1/s, that has been still for so long, s: at the top of a leap it is still
 # for a moment. Down it follows any foot at once.

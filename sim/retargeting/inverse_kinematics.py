@@ -30,12 +30,12 @@ from sim.retargeting.robot_limbs import FEET, SIDES, RobotLimbs
 from sim.retargeting.stuck_limbs import StuckLimbs
 
 # How much a vector counts that is as long as a leg.
-WEIGHT = {"leg": 3.0, "thigh": 2.0, "arm": 3.0, "upper_arm": 1.5, "head": 1.5, "chest": 3.0}
+WEIGHT = {"leg": 2.5, "thigh": 2.0, "arm": 3.0, "upper_arm": 1.5, "head": 1.5, "chest": 3.0}
 # A sole must be level where the human's is. Where its toes point is shared with the plane of the knee: few robots can
 # turn a foot in its ankle.
 WEIGHT |= {"foot_up": 2.5, "foot_ahead": 0.4}
 # Of feet that stand: how far they are apart along the floor, how much higher one is, and, besides, where toes point.
-APART, HIGHER, TURNED = 12.0, 3.0, 3.0
+APART, HIGHER, TURNED = 10.0, 3.0, 3.0
 WEIGHT |= {"upper_arm_start": 2.0, "thigh_start": 2.0}
 # What it costs a joint to be 1 rad away from rest, or to move by 1 rad in a step.
 POSTURE = 3e-4
