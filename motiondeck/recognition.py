@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.mocap.clip import Clip
-from controller.recognition.experts import ExpertRecipe
+from controller.recognition.experts import STRETCHES, committee_recipe
 from controller.recognition.features import FeatureRecipe
 from controller.recognition.labelled_recordings import Dataset, Example, read_dataset
 from controller.recognition.online_recognizer import OnlineRecognizer
@@ -105,10 +105,10 @@ def learn_recognizer(
     recordings: str | Path | Mapping[str, Collection[Clip]],
     *,
     rate: float = 30.0,
-    stretches: Collection[float] = (1.0,),
+    stretches: Collection[float] = STRETCHES,
     seed: int = 1,
 ) -> Recognizer:
-    """Learns to tell motions apart.
+    """Learns to tell motions apart, as `motiondeck recognize train` does.
 
     Args:
         recordings: a folder with one folder of recordings a motion, or the clips of each motion by its name.
@@ -120,7 +120,9 @@ def learn_recognizer(
         MotiondeckError: if there are fewer than two motions, or a recording cannot be used.
     """
     dataset = read_dataset(Path(recordings)) if isinstance(recordings, str | Path) else _labelled(recordings)
-    return Recognizer(train_recognizer(dataset, FeatureRecipe(rate=rate), ExpertRecipe(seed=seed), tuple(stretches)))
+    stretches = tuple(dict.fromkeys(stretches))
+    experts = committee_recipe(stretches, seed=seed)
+    return Recognizer(train_recognizer(dataset, FeatureRecipe(rate=rate), experts, stretches))
 
 
 def load_recognizer(path: str | Path) -> Recognizer:

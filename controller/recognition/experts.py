@@ -83,6 +83,14 @@ class ExpertRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_o
             raise MotiondeckError("experts need a leak in (0, 1], a positive ridge, and a spectral radius below 10")
 
 
+def committee_recipe(
+    stretches: Sequence[float] = STRETCHES, *, neurons: int = 200, groups: int = 8, seed: int = 1
+) -> ExpertRecipe:
+    """How experts of people's recordings are made, unless other things are asked for."""
+    leak = STRETCHED_LEAK if len(set(stretches)) > 1 else ExpertRecipe().leak
+    return ExpertRecipe(neurons=neurons, groups=groups, seed=seed, leak=leak)
+
+
 def expert_reservoir(recipe: ExpertRecipe, channels: int) -> Reservoir:
     """The reservoir that all experts of a recipe share."""
     return random_reservoir(

@@ -68,9 +68,7 @@ def train(
 
     Example:  motiondeck recognize train hdm05 --out hdm05.safetensors
     """
-    import msgspec
-
-    from controller.recognition.experts import STRETCHED_LEAK, STRETCHES, ExpertRecipe
+    from controller.recognition.experts import STRETCHES, committee_recipe
     from controller.recognition.features import FeatureRecipe
     from controller.recognition.recognizer import train_recognizer
     from controller.recognition.recognizer_file import save_recognizer
@@ -81,9 +79,7 @@ def train(
     look = FeatureRecipe(rate=rate, joints=tuple(name.strip() for name in joints.split(",") if name.strip()))
     dataset = read(data)
     stretches = tuple(dict.fromkeys(stretch or STRETCHES))
-    experts = ExpertRecipe(neurons=neurons, seed=seed, groups=groups)
-    if len(stretches) > 1:
-        experts = msgspec.structs.replace(experts, leak=STRETCHED_LEAK)
+    experts = committee_recipe(stretches, neurons=neurons, groups=groups, seed=seed)
     recognizer = train_recognizer(dataset, look, experts, stretches)
     save_recognizer(recognizer, out, licence)
     said = describe(recognizer) | {"written": str(out), "skipped": dataset.skipped}
