@@ -30,6 +30,7 @@ from controller.wire.messages import (
     LockState,
     Message,
     Pause,
+    Push,
     Queue,
     Refused,
     Reset,
@@ -225,6 +226,14 @@ class LiveDeck:
             CommandError: if the network runs by itself, or the time is further away.
         """
         self._request(GiveBeat(ago=time.monotonic() - at if at is not None else 0.0))
+
+    def push(self, side: Literal["front", "back", "left", "right"], impulse: float = 0.0) -> None:
+        """Pushes the simulated body from one of its sides with an impulse, N s; 0 for a good push.
+
+        Raises:
+            CommandError: if nothing is simulated, or only its kinematics, or its root is fixed.
+        """
+        self._request(Push(side, impulse))
 
     def pause(self) -> None:
         """Comes to a standstill."""

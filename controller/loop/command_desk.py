@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import msgspec
 
@@ -33,6 +33,7 @@ from controller.wire.messages import (
     Message,
     Mode,
     PhaseNow,
+    Push,
     Queue,
     Refused,
     Reply,
@@ -43,6 +44,7 @@ from controller.wire.messages import (
     SetInput,
     SetTempo,
     Settled,
+    Side,
     State,
     Stop,
     Subscribe,
@@ -61,6 +63,15 @@ class RigServos(Protocol):
 
     def restart(self, joint: str) -> None:
         """Has the servo of a joint restarted."""
+        ...
+
+
+@runtime_checkable
+class Pushable(Protocol):
+    """A simulated body that can be pushed; the call does not wait."""
+
+    def push_from(self, side: Side, impulse: float) -> None:
+        """Pushes it from a side with an impulse, N s."""
         ...
 
 
@@ -100,6 +111,7 @@ class CommandDesk:
         seen: the motion that is recognized and the confidence, or None.
         now: a steady clock, s.
         servos: of the rig, if there is one.
+        body: what is simulated, if it can be pushed.
         restarts: whether the run can be started again with another library.
     """
 
@@ -111,11 +123,12 @@ class CommandDesk:
         seen: Callable[[], tuple[str, float] | None] | None = None,
         now: Callable[[], float] = time.monotonic,
         servos: RigServos | None = None,
+        body: Pushable | None = None,
         restarts: bool = False,
     ) -> None:
         self._deck = deck
         self._restarts = restarts
-        self._servos = servos
+        self._servos, self._body = servos, body
         self._servers = servers
         self._note = note
         self._seen = seen
@@ -259,6 +272,8 @@ class CommandDesk:
                     self._load(message, stop, remote)
                 case RestartServo(joint=joint):
                     self._rig.restart(joint)
+                case Push(side=side, impulse=impulse):
+                    self._push(side, impulse)
                 case _:
                     progress = self._play(message, stop)
         except MotiondeckError as error:
@@ -277,6 +292,11 @@ class CommandDesk:
             raise MotiondeckError(f"{message.library}: there is no such file; give the whole path")
         stop.ask(f"starts again with {message.to} of {Path(message.library).name}")
         stop.then = message.library, message.to
+
+    def _push(self, side: Side, impulse: float) -> None:
+        if self._body is None:
+            raise MotiondeckError("nothing can be pushed here: play with a robot in simulated physics")
+        self._body.push_from(side, impulse)
 
     @property
     def _rig(self) -> RigServos:

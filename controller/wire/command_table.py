@@ -15,6 +15,7 @@ import msgspec
 from controller.wire.messages import (
     LOCK_SOURCES,
     MOST_BYTES,
+    SIDES,
     Blend,
     CommandError,
     EmergencyStop,
@@ -29,6 +30,7 @@ from controller.wire.messages import (
     Message,
     Mode,
     Pause,
+    Push,
     Queue,
     Reset,
     RestartServo,
@@ -279,6 +281,13 @@ COMMANDS = (
         RestartServo,
         (MotionName("joint", "JOINT", kind="joint"),),
         "restart a servo of the rig and set it up again; the others hold meanwhile",
+    ),
+    DeckCommand(
+        "push",
+        Push,
+        (Choice("side", "SIDE", SIDES), Number("impulse", "IMPULSE", 0.0, 1000.0, optional=True)),
+        "push the simulated body from its front, back, left or right with IMPULSE N s (without: a good push)",
+        ALWAYS,
     ),
     DeckCommand(
         "load",

@@ -226,6 +226,23 @@ class RestartServo(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag=
     id: Number = 0
 
 
+Side = Literal["front", "back", "left", "right"]
+SIDES: tuple[Side, ...] = get_args(Side)
+
+
+class Push(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="push"):
+    """Push the simulated body.
+
+    Attributes:
+        side: of the body, where the push meets it.
+        impulse: N s; 0 for one that a person would have to step against.
+    """
+
+    side: Side
+    impulse: float = 0.0
+    id: Number = 0
+
+
 class LoadLibrary(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="load"):
     """Come to rest, and start again with another library.
 
@@ -420,6 +437,7 @@ Message = (
     | GetPhase
     | ServoTorque
     | RestartServo
+    | Push
     | LoadLibrary
 )
 Reply = Accepted | Refused | Settled | State | PhaseNow | Event

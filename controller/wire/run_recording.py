@@ -31,7 +31,7 @@ up to 3 what it is locked to lacks."""
 COMMANDS = (
     *("switch", "queue", "tempo", "pause", "resume", "home", "estop", "reset", "stop", "blend", "jump"),
     *("input", "beat", "lock", "unlock"),
-    *("torque", "restart", "load"),
+    *("torque", "restart", "load", "push"),
 )
 """The field `command` is an index into these, counted from 1; 0 is a tick without a command."""
 MODES = ("playing", "home", "held", "emergency stop")

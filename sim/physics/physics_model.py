@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import mujoco
@@ -33,6 +34,15 @@ def feet_of(robot: Robot) -> tuple[Foot, ...]:
     data = mujoco.MjData(robot.model)
     robot.layout.place(robot.rest, data.qpos)
     return find_feet(robot.model, data.qpos)
+
+
+def usual_push(model: mujoco.MjModel) -> float:
+    """The impulse, N s, of a push that a body of this mass and height has to step against.
+
+    0.05 m sqrt(g h), with the root's height h where the model has it: 0.24 N s for servo20, 16 N s for the mannequin.
+    """
+    height = float(model.body(int(model.jnt_bodyid[0])).pos[2])
+    return 0.05 * float(model.body_mass.sum()) * math.sqrt(9.81 * height)
 
 
 def check_root(root: str) -> None:

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from controller.mocap.posture import Pose
 from controller.rotations import Array, rotate
+from controller.wire.messages import Side
 from motiondeck_base.errors import MotiondeckError
 from sim.models.surface import LowestPoint
 from sim.physics.balance import Balance
-from sim.physics.physics_model import Alteration, feet_of, physics_model
+from sim.physics.physics_model import Alteration, feet_of, physics_model, usual_push
 from sim.physics.simulated_servos import Servos
 from sim.physics.walking.preview import AHEAD
 from sim.physics.walking.senses import Sensors
@@ -31,6 +32,10 @@ _BROKEN = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, m
 # by so much more than it is played, rad.
 FALLEN_HEIGHT = 0.6
 FALLEN_TILT = 1.0
+
+# How long a push on command lasts, s, and where it drives the body, rad to the left of its own heading.
+PUSH_LASTS = 0.1
+PUSHES_TOWARDS: dict[Side, float] = {"back": 0.0, "right": 0.5 * np.pi, "front": np.pi, "left": -0.5 * np.pi}
 
 
 class KinematicPlayback:
@@ -164,6 +169,8 @@ class PhysicsPlayback:
         self.fell_s: float | None = None
         self.incidents: list[str] = []
         self._lost = False
+        self._heading = 0.0  # of the motion, rad
+        self._pushed = 0  # ticks for which the push under way still lasts
         self._square_sum, self._worst = 0.0, 0.0
         robot.layout.place(robot.rest, self.data.qpos)
         self.placed[:] = self.data.qpos[:7]
@@ -182,6 +189,7 @@ class PhysicsPlayback:
         The first write puts the robot in place. A state that is no longer finite is put in place anew and counted.
         """
         robot, data = self._robot, self.data
+        self._heading = float(pose.heading)
         self._goal, self._goal_before = self._goal_before, self._goal
         robot.place(targets, pose, self._goal)
         if not self._started:
@@ -191,7 +199,7 @@ class PhysicsPlayback:
             data.mocap_quat[0] = self._goal[3:7]
         self.placed[:] = self._goal[:7]
         if self._legs is not None:
-            self._legs.adjust(data, self._goal, float(pose.heading))
+            self._legs.adjust(data, self._goal, self._heading)
         if self._servos is not None:
             self._goal[:] = self._servos.delayed(self._goal)
         self._aim()
@@ -204,6 +212,10 @@ class PhysicsPlayback:
             mujoco.mj_step(self.model, data)
             if self._servos is not None:
                 self._servos.note(data)
+        if self._pushed > 0:
+            self._pushed -= 1
+            if self._pushed == 0:
+                self.push(np.zeros(3))
         broken = not np.logical_and.reduce(np.isfinite(data.qpos))
         for warning in self._warnings:
             broken |= warning.number > 0
@@ -240,6 +252,23 @@ class PhysicsPlayback:
         """Pushes the root with a force (3,), N, in the world, until the next call."""
         root = int(self.model.jnt_bodyid[0])
         self.data.xfrc_applied[root, :3] = force
+
+    def push_from(self, side: Side, impulse: float) -> None:
+        """Pushes the root for PUSH_LASTS seconds, level, from a side of the body as the motion heads.
+
+        Args:
+            side: where the push meets it.
+            impulse: N s; 0 for `usual_push`.
+
+        Raises:
+            MotiondeckError: if the root is fixed.
+        """
+        if self._root == "fixed":
+            raise MotiondeckError("a fixed root cannot be pushed: play with --root gantry or free")
+        away = self._heading + PUSHES_TOWARDS[side]
+        impulse = impulse or usual_push(self._robot.model)
+        self.push(impulse / PUSH_LASTS * np.array([np.cos(away), np.sin(away), 0.0]))
+        self._pushed = round(PUSH_LASTS / self._dt)
 
     def report(self) -> Mapping[str, object]:
         """Tracking errors of the servos: root mean square over joints and time, and the largest of any joint."""

@@ -74,6 +74,7 @@ class DeckView:
             has_human=self._ghost is not None,
             has_phase=bool(description.get("has_phase")),
             has_network=self._network is not None,
+            push_ns=float(description.get("push_ns", 0.0)),
             library=Path(file) if (file := description.get("library_file")) else None,
             recognizable=description.get("recognizable", ()),
         )

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from threading import Lock
+from typing import cast
 
 import numpy as np
 import viser
@@ -16,6 +17,7 @@ from controller.wire.command_table import BY_WORD, TEMPO
 from controller.wire.messages import (
     LOCK_SOURCES,
     LOCK_STAGES,
+    SIDES,
     EmergencyStop,
     Event,
     GiveBeat,
@@ -23,10 +25,12 @@ from controller.wire.messages import (
     LockState,
     Message,
     Pause,
+    Push,
     Refused,
     Reset,
     Resume,
     SetTempo,
+    Side,
     Stop,
     Switch,
     Unlock,
@@ -57,7 +61,8 @@ NOTICE_SECONDS = 8.0
 class Panel:
     """Buttons and figures beside the scene; with `has_human` the human whose motion is played can be shown, too.
 
-    With `has_phase` motions can be played backwards and sent to a phase; with `has_network` one can look inside it.
+    With `has_phase` motions can be played backwards and sent to a phase; with `has_network` one can look inside it. A
+    body in physics can be pushed; a good push is `push_ns`, N s, and 0 means that there is none.
     """
 
     def __init__(
@@ -71,6 +76,7 @@ class Panel:
         has_human: bool = False,
         has_phase: bool = False,
         has_network: bool = False,
+        push_ns: float = 0.0,
         library: Path | None = None,
         recognizable: Sequence[str] = (),
     ) -> None:
@@ -114,6 +120,8 @@ class Panel:
             self._steps = gui.add_checkbox("footprints and contacts", False)
             self._follow = gui.add_checkbox("camera follows", True)
             self._add_cameras(look_from)
+        if push_ns:
+            self._add_pushes(push_ns)
         with gui.add_folder("loop", expand_by_default=False):
             self._health = gui.add_html("")
         self._seen = gui.add_html("")
@@ -127,6 +135,15 @@ class Panel:
         ]
         if self._tap is not None:
             self._controls.append((self._tap, BY_WORD["beat"]))
+
+    def _add_pushes(self, usual: float) -> None:
+        """A button for each side to push the body from, and how hard, N s."""
+        gui = self._page.gui
+        with gui.add_folder("push", expand_by_default=False):
+            step = usual / 20.0
+            impulse = gui.add_slider("N s", min=step, max=3.0 * usual, step=step, initial_value=usual)
+            sides = gui.add_button_group("from the", SIDES, hint=BY_WORD["push"].help)
+        sides.on_click(lambda _: self._send(Push(cast(Side, sides.value), float(impulse.value))))
 
     def _add_cameras(self, look_from: Callable[[viser.ClientHandle, str], None]) -> None:
         """A button for each place to look from; it moves the camera of the browser that pressed it."""

@@ -48,6 +48,8 @@ def test_commands_change_the_status_and_appear_as_events(library):
     with motiondeck.play(library, "march", physics=False, rate=100.0) as deck:
         with pytest.raises(MotiondeckError, match=r"unknown motion 'mrach'\. Did you mean march"):
             deck.queue("mrach")
+        with pytest.raises(MotiondeckError, match="nothing can be pushed here"):  # its physics are off
+            deck.push("left", 0.1)
         with pytest.raises(MotiondeckError, match=r"from -3 to 3, not 9"):
             deck.set_tempo(9.0)
         deck.tempo = -0.5

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-import numpy as np
 
 from controller.cli.common.progress import progress
 from controller.deck.deck import Deck
@@ -15,12 +14,10 @@ from controller.mocap.formats.writing import write_file
 from motiondeck_base.errors import UnknownNameError
 from motiondeck_base.shipped import find_library
 from sim.models.walk_settings import with_walk_table
+from sim.physics.physics_model import usual_push
 from sim.physics.walk_trial import play_course
 from sim.physics.walk_tuning import EDGE, HALVINGS, tune_walk
 from sim.robots.robot import load_robot
-
-# The usual push, as a share of mass times sqrt(g height): 0.24 N s for servo20, 16 N s for the mannequin.
-PUSH = 0.05
 
 
 def tune(file: Path, library: str, motions: list[str], seconds: float, rounds: int, seed: int) -> dict[str, Any]:
@@ -34,8 +31,7 @@ def tune(file: Path, library: str, motions: list[str], seconds: float, rounds: i
         if motion not in loaded.network.motions:
             raise UnknownNameError.among("motion", motion, loaded.network.motions)
     robot = load_robot(file, loaded.skeleton)
-    height = float(robot.model.body(int(robot.model.jnt_bodyid[0])).pos[2])
-    impulse = PUSH * float(robot.model.body_mass.sum()) * float(np.sqrt(9.81 * height))
+    impulse = usual_push(robot.model)
     with progress(f"playing {', '.join(motions)}", len(motions)) as tick:
         courses = []
         for motion in motions:

@@ -197,6 +197,7 @@ class Page:
         The library's file is where the view finds the network that plays; servos are those of the first robot. With
         `learns` recordings can be learned on the page, in a process of their own.
         """
+        from sim.physics.physics_model import usual_push
         from sim.view.ghost import draw_ghost
 
         shown = [simulation.robot for simulation in _simulations(robots)]
@@ -230,6 +231,8 @@ class Page:
             description["library_file"] = str(library.resolve())
         if learns and library is not None:
             description["learn"] = [sys.executable, "-P", "-m", "controller.cli.session.page_learning"]
+        if robots[0].pushable is not None:
+            description["push_ns"] = usual_push(robot.model)
         if servos is not None:
             description["rig"] = servos.description
             numbers |= dict.fromkeys(_OF_SERVOS, len(servos.description["servos"]))

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 from controller.cli.session.rig_output import open_rig
 from controller.deck.interfaces import JointLimits, Output, Retargeter
 from controller.library.motion_library import MotionLibrary
+from controller.loop.command_desk import Pushable
 from controller.loop.ensemble import RobotOutput
 from controller.loop.output_channel import Channel
 from controller.rotations import Array
@@ -116,6 +117,14 @@ class RobotOnDeck:
     def joints(self) -> list[str]:
         """The names of its joints, distinct from those of another robot."""
         return [self.prefix + joint for joint in self.own_joints]
+
+    @property
+    def pushable(self) -> Pushable | None:
+        """Its simulation, where that has masses and nothing holds it fast."""
+        if self.simulation is None or self.simulation.root == "fixed":
+            return None
+        stage = self.simulation.stage
+        return stage if isinstance(stage, Pushable) else None
 
     @property
     def outputs(self) -> list[Channel]:

@@ -208,6 +208,7 @@ class Session:
             self._recorder.note if self._recorder else None,
             seen := (lambda watch=self._watch: watch.seen) if self._watch else None,
             servos=servos,
+            body=self._first.pushable,
             restarts=settings.restarts,
         )
         self._news = RunNews(self._desk, self._clock, self._channels, servers, seen)

@@ -24,6 +24,7 @@ from controller.wire.messages import (
     Jump,
     LockPhase,
     Message,
+    Push,
     Queue,
     Refused,
     Reply,
@@ -100,6 +101,8 @@ class TickRecorder:
                 argument = phase
             case SetInput(value=value):
                 argument = value
+            case Push(impulse=impulse):
+                argument = impulse
             case _:
                 argument = math.nan
         fields["argument"][0] = argument

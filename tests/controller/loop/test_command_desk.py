@@ -16,6 +16,7 @@ from controller.wire.messages import (
     Heartbeat,
     LoadLibrary,
     Pause,
+    Push,
     Refused,
     Reset,
     RestartServo,
@@ -227,6 +228,20 @@ def test_a_servo_can_be_switched_off_in_an_emergency_stop_but_not_on(desk):
     desk.stop.mode = "playing"
     desk.ask(RestartServo("knee"))
     assert servos.done == [("knee", False), ("knee", "restarted")]
+
+
+def test_a_simulated_body_is_pushed_in_any_mode_and_nothing_else(desk):
+    assert "nothing can be pushed" in desk.ask(Push("left")).reason
+
+    class Body:
+        def push_from(self, side, impulse):
+            self.pushed = side, impulse
+
+    body = Body()
+    desk = Desk(body=body)
+    desk.ask(EmergencyStop())
+    assert desk.ask(Push("left", 0.2)) == Accepted(0)
+    assert body.pushed == ("left", 0.2)
 
 
 def test_another_library_ends_the_run_where_it_can_be_started_again(desk, tmp_path):

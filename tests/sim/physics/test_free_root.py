@@ -98,6 +98,34 @@ def test_with_balance_it_stands_where_it_would_fall_and_when_it_is_pushed(name):
     assert output.report()["faults"] == 0
 
 
+@pytest.mark.parametrize(
+    ("side", "towards"), [("back", (1, 0)), ("left", (0, -1)), ("front", (-1, 0)), ("right", (0, 1))]
+)
+def test_a_push_from_a_side_gives_the_body_its_impulse_away_from_it(side, towards):
+    robot, pose = load("servo20"), bent_pose(human())
+    turned = PhysicsPlayback(robot, DT, "free")
+    pose.heading[...] = heading = 0.7
+    turned.model.opt.gravity[:] = 0.0  # nothing but the push
+    turned.write(robot.rest, pose)
+    mass, before = float(robot.model.body_mass.sum()), momentum(turned)
+    turned.push_from(side, 0.1 * mass)
+    for _ in range(round(0.2 / DT)):
+        turned.write(robot.rest, pose)
+    away = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]]) @ towards
+    assert np.allclose((momentum(turned) - before)[:2] / mass, 0.1 * away, atol=0.01)
+
+
+def momentum(output):
+    """Of the whole body, kg m/s."""
+    mujoco.mj_subtreeVel(output.model, output.data)
+    return output.model.body_mass.sum() * output.data.subtree_linvel[0]
+
+
+def test_what_is_fixed_cannot_be_pushed():
+    with pytest.raises(MotiondeckError, match="fixed root cannot be pushed"):
+        PhysicsPlayback(load("servo20"), DT, "fixed").push_from("left", 0.1)
+
+
 def test_only_a_free_robot_with_two_feet_can_balance():
     with pytest.raises(MotiondeckError, match="root is gantry need not balance"):
         PhysicsPlayback(load("servo20"), DT, "gantry", balance=True)

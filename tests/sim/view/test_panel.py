@@ -7,7 +7,7 @@ from contextlib import closing
 import numpy as np
 
 from controller.wire.command_socket import CommandClient, CommandServer
-from controller.wire.messages import Accepted, EmergencyStop, Event, Switch
+from controller.wire.messages import Accepted, EmergencyStop, Event, Push, Switch
 from controller.wire.run_recording import MODES
 from sim.view.panel import Panel
 from sim.view.web.private_page import PrivatePage
@@ -52,13 +52,16 @@ def test_two_browsers_see_what_happens_and_both_command(browser):
         def answer():
             while not over.wait(0.01):
                 for message, sender in server.poll():
-                    heard.append((type(message), getattr(message, "to", "")))
+                    what = f"{message.side} {message.impulse:g}" if isinstance(message, Push) else ""
+                    heard.append((type(message), getattr(message, "to", what)))
                     server.reply(sender, Accepted(message.id))
 
         deck = threading.Thread(target=answer)
         deck.start()
         looks = []
-        panel = Panel(page, MOTIONS, [], client, has_phase=True, look_from=lambda _, way: looks.append(way))
+        panel = Panel(
+            page, MOTIONS, [], client, has_phase=True, push_ns=0.25, look_from=lambda _, way: looks.append(way)
+        )
         panel.show(state())
         tabs = [browser.new_page(viewport={"width": width, "height": 700}) for width in (900, 390)]
         try:
@@ -88,6 +91,9 @@ def test_two_browsers_see_what_happens_and_both_command(browser):
             wide.get_by_text("view", exact=True).click()
             wide.get_by_role("button", name="front", exact=True).click()
             until(lambda: looks == ["front"], "the camera in front")
+            wide.get_by_text("push", exact=True).click()
+            wide.get_by_role("button", name="left", exact=True).click()
+            until(lambda: (Push, "left 0.25") in heard, "the push")
             for _ in range(2):
                 panel.tell(Event("fault", "id 3 is hot", "walk", 1.0, 1))
             panel.tell(Event("fault", "id 4 is hot", "walk", 1.0, 2))
