@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from motiondeck.libraries import Library, MotionGenerator, learn, learn_recipe, load_library
     from motiondeck.live import CommandedMotion, DeckEvent, DeckStatus, LiveDeck, LockState
     from motiondeck.recognition import (
+        PoseStream,
         RecognitionStream,
         RecognitionVerdict,
         Recognizer,
@@ -38,6 +39,7 @@ __all__ = [
     "LockState",
     "MotionGenerator",
     "MotiondeckError",
+    "PoseStream",
     "RecognitionStream",
     "RecognitionVerdict",
     "Recognizer",
@@ -65,6 +67,7 @@ _HOMES = {
     "motiondeck.live": ("CommandedMotion", "DeckEvent", "DeckStatus", "LiveDeck", "LockState"),
     "motiondeck.starting": ("play",),
     "motiondeck.recognition": (
+        "PoseStream",
         "RecognitionStream",
         "RecognitionVerdict",
         "Recognizer",

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.mocap.clip import Clip
+from controller.mocap.skeleton import Skeleton
+from controller.recognition.body_recognizer import BodyRecognizer
 from controller.recognition.experts import STRETCHES, committee_recipe
 from controller.recognition.features import FeatureRecipe
 from controller.recognition.labelled_recordings import Dataset, Example, read_dataset
@@ -19,8 +21,12 @@ from controller.recognition.recognizer import RecognitionVerdict, train_recogniz
 from controller.recognition.recognizer import Recognizer as TrainedRecognizer
 from controller.recognition.recognizer_file import load_recognizer as load_recognizer_file
 from controller.recognition.recognizer_file import save_recognizer
+from motiondeck_base.errors import MotiondeckError
 
-__all__ = ["RecognitionStream", "RecognitionVerdict", "Recognizer", "learn_recognizer", "load_recognizer"]
+__all__ = ["PoseStream", "RecognitionStream", "RecognitionVerdict", "Recognizer", "learn_recognizer", "load_recognizer"]
+
+
+LONGEST_STEP = 10.0  # s
 
 
 @dataclass(frozen=True)
@@ -50,6 +56,14 @@ class Recognizer:
         """Recognizes frame by frame."""
         model = self.model
         return RecognitionStream(self, OnlineRecognizer(model.bank, model.threshold, model.recipe.rate))
+
+    def watch(self, skeleton: Skeleton) -> PoseStream:
+        """Recognizes the poses of a body while they come, at any pace.
+
+        Raises:
+            MotiondeckError: if the skeleton lacks a joint that is looked at.
+        """
+        return PoseStream(BodyRecognizer(self.model, skeleton), len(skeleton))
 
     def frames(self, clip: Clip) -> NDArray[np.float64]:
         """What a stream is fed with: the features of a clip at `rate` frames per second, shape (T, C)."""
@@ -99,6 +113,44 @@ class RecognitionStream:
     def reset(self) -> None:
         """Forgets everything that was seen."""
         self._online.reset()
+
+
+@dataclass
+class PoseStream:
+    """Recognition of poses while they come."""
+
+    _body: BodyRecognizer = field(repr=False)
+    _bones: int = field(repr=False)
+
+    def update(self, root_position: NDArray[np.float64], rotation: NDArray[np.float64], dt: float) -> str | None:
+        """Takes the next pose; the motion that is seen, or None while nothing is sure.
+
+        A pose with a number that is not finite is left out.
+
+        Args:
+            root_position: m, z up, shape (3,).
+            rotation: of the root and of each bone in the world, unit quaternions, shape (1 + B, 4), as in `Clip`.
+            dt: how long after the last pose it is, s.
+
+        Raises:
+            MotiondeckError: if a shape is wrong, or dt is negative or longer than LONGEST_STEP.
+        """
+        shapes = (np.shape(root_position), np.shape(rotation))
+        if shapes != ((3,), (1 + self._bones, 4)):
+            raise MotiondeckError(f"a pose of this body has shapes (3,) and ({1 + self._bones}, 4), not {shapes}")
+        if not 0.0 <= dt <= LONGEST_STEP:
+            raise MotiondeckError(f"a pose {dt:g} s after the last one cannot be recognized; at most {LONGEST_STEP:g}")
+        return self._body.update(root_position, rotation, dt)
+
+    @property
+    def motion(self) -> str | None:
+        """The motion that is seen, or None while nothing is sure."""
+        return self._body.seen
+
+    @property
+    def confidence(self) -> float:
+        """How far the best motion is ahead of the second, in [0, 1)."""
+        return self._body.confidence
 
 
 def learn_recognizer(

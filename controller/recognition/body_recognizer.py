@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from controller.mocap.clip import Clip
-from controller.mocap.posture import Pose
 from controller.mocap.skeleton import Skeleton
 from controller.recognition.features import POSITION_UNIT, VELOCITY_UNIT, still_features
 from controller.recognition.frame_times import FrameTimes
@@ -55,13 +54,22 @@ class BodyRecognizer:
         """How much smaller the best expert's error is than the second's, in [0, 1)."""
         return self.online.confidence
 
-    def update(self, pose: Pose, dt: float) -> str | None:
+    def update(self, root_position: Array, rotation: Array, dt: float) -> str | None:
         """Takes the pose dt >= 0 seconds after the last one; what is `seen` then.
 
-        A frame for the experts is read between two poses where it is due, linearly.
+        A frame for the experts is read between two poses where it is due, linearly. A pose with a number that is not
+        finite is left out, and the time it stands for with it.
+
+        Args:
+            root_position: shape (3,), m.
+            rotation: of the root and of each bone in the world, shape (1 + B, 4).
+            dt: s.
         """
+        if not (np.isfinite(root_position).all() and np.isfinite(rotation).all()):
+            self.online.skipped += 1
+            return self.seen
         self._root[0], self._rotation[0] = self._root[1], self._rotation[1]
-        self._root[1], self._rotation[1] = pose.root_position, pose.rotation
+        self._root[1], self._rotation[1] = root_position, rotation
         if not self._begun:
             self._begun = True
             self._take(self._still()[1])

@@ -177,6 +177,25 @@ def test_clips_and_streams_are_recognized(library, tmp_path):
     assert stream.motion is None
 
 
+def test_poses_that_come_live_are_recognized(library):
+    """At 50 and then at 170 poses a second, one of them broken."""
+    clips = {motion: library.generate_clip(motion, seconds=2.0) for motion in ("march", "wave")}
+    stream = motiondeck.learn_recognizer({motion: [clip] for motion, clip in clips.items()}).watch(library.skeleton)
+    seen = []
+    for motion, rate in (("march", 50.0), ("wave", 170.0)):
+        live = library.generate_clip(motion, seconds=2.0, rate=rate, tempo=1.1)
+        poses = zip(live.root_position, live.rotation, strict=True)
+        seen.append([stream.update(root, rotation, 1.0 / rate) for root, rotation in poses])
+        assert stream.update(np.full(3, np.nan), live.rotation[0], 0.01) == stream.motion
+    assert set(seen[0][25:]) == {"march"}
+    assert set(seen[1][100:]) == {"wave"}
+    assert 0.0 < stream.confidence < 1.0
+    with pytest.raises(MotiondeckError, match=r"shapes \(3,\) and \(9, 4\), not"):
+        stream.update(np.zeros(3), np.zeros((4, 4)), 0.01)
+    with pytest.raises(MotiondeckError, match="-1 s after"):
+        stream.update(np.zeros(3), live.rotation[0], -1.0)
+
+
 def test_a_simulated_rig_is_moved_without_waiting():
     with motiondeck.open_rig("servo20", servos="simulated") as rig:
         joint, other = rig.joints[3], rig.joints[5]

@@ -53,7 +53,7 @@ class BodyWatch:
         if dt <= 0.0 and self._time is not None:
             return
         self._time = deck.time
-        seen = self._body.update(state.pose, dt) or ""
+        seen = self._body.update(state.pose.root_position, state.pose.rotation, dt) or ""
         self._spent[deck.playing, seen] += 1
         if seen != (self._spans[-1][1] if self._spans else ""):
             self._spans = [*self._spans[1 - MOST_KEPT :], (deck.time, seen)]
