@@ -52,8 +52,12 @@ def test_what_is_too_short_is_refused():
         find_segments(np.zeros((20, 6)), 120.0)
 
 
-def test_a_recorded_sequence_is_cut_where_people_cut_it(mocap_data):
-    clip = read_clip(mocap_data / "cmu/86/86_01.amc")
+@pytest.fixture(scope="module")
+def clip(mocap_data):
+    return read_clip(mocap_data / "cmu/86/86_01.amc")
+
+
+def test_a_recorded_sequence_is_cut_where_people_cut_it(mocap_data, clip):
     marked = read_labels(mocap_data / "cmu/86/labels/barbic_01_ground_truth.txt").borders
     features = body_features(clip)
 
@@ -65,8 +69,7 @@ def test_a_recorded_sequence_is_cut_where_people_cut_it(mocap_data):
     assert score().f1 >= 0.8
 
 
-def test_features_do_not_see_where_a_body_stands_or_faces(mocap_data):
-    clip = read_clip(mocap_data / "cmu/86/86_01.amc")
+def test_features_do_not_see_where_a_body_stands_or_faces(clip):
     features = body_features(clip)
     # Root and its height aside, nothing is further from the root than a body is tall.
     assert np.abs(features[:, 3 : features.shape[1] // 2]).max() < 2.5

@@ -108,17 +108,21 @@ def test_variance_keeps_what_varies_and_principal_axes_are_orthonormal():
     assert (frames @ axes).var(0)[0] > 20.0
 
 
-def test_a_recognizer_of_acclaim_joints_reads_other_bodies_by_the_canonical_ones(mocap_data):
+@pytest.fixture(scope="module")
+def recorded(mocap_data):
+    """A BVH and markers."""
+    return [read_clip(mocap_data / file) for file in ("bvh/bandai/walk_normal_001.bvh", "c3d/0803_walk.c3d")]
+
+
+def test_a_recognizer_of_acclaim_joints_reads_other_bodies_by_the_canonical_ones(recorded):
     """Trained on CMU's names, it looks at the same joints of a BVH and of markers."""
     recipe = FeatureRecipe(joints=JOINTS)
-    for file in ("bvh/bandai/walk_normal_001.bvh", "c3d/0803_walk.c3d"):
-        clip = read_clip(mocap_data / file)
-        by_name = features(to_canonical(clip), FeatureRecipe(joints=tuple(CANONICAL[joint] for joint in JOINTS)))
-        assert np.array_equal(features(clip, recipe), by_name)
+    for one in recorded:
+        by_name = features(to_canonical(one), FeatureRecipe(joints=tuple(CANONICAL[joint] for joint in JOINTS)))
+        assert np.array_equal(features(one, recipe), by_name)
 
 
-def test_recordings_of_several_kinds_share_the_canonical_joints(mocap_data):
-    one = read_clip(mocap_data / "bvh/bandai/walk_normal_001.bvh")
-    other = read_clip(mocap_data / "c3d/0803_walk.c3d")
+def test_recordings_of_several_kinds_share_the_canonical_joints(recorded):
+    one, other = recorded
     assert common_joints([one, one]) == one.skeleton.bones
     assert set(common_joints([one, other])) <= set(to_canonical(one).skeleton.bones)
