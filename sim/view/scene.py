@@ -27,6 +27,9 @@ CAMERAS = {
     "side": ((0.0, -2.15, 0.60), 0.46),
     "top": ((0.0, -0.01, 2.60), 0.0),
 }
+# On a page narrower than this share of its height, a phone's, the panel covers the lower half: there the camera stands
+# farther away by this factor and lower by so many heights, which puts the robot into the upper half.
+PHONE, PHONE_DISTANCE, PHONE_LOWER = 0.8, 2.0, 0.85
 TELEPORT = 3.0  # m: too far to have been walked between two pictures
 
 
@@ -78,6 +81,11 @@ class Scene:
         page.initial_camera.position, page.initial_camera.look_at = self._camera("three")
         page.initial_camera.fov = np.radians(42.0)
 
+        @page.on_client_connect
+        def _(client: viser.ClientHandle) -> None:
+            if client.camera.aspect < PHONE:
+                self.look_from(client, "three")
+
     def _camera(self, way: str) -> tuple[Array, Array]:
         """Where a camera stands and what it looks at, m."""
         place, aim = CAMERAS[way]
@@ -85,8 +93,12 @@ class Scene:
 
     def look_from(self, client: viser.ClientHandle, way: str) -> None:
         """Has one browser look from one of CAMERAS."""
+        place, aim = self._camera(way)
+        if client.camera.aspect < PHONE:
+            down = np.array([0.0, 0.0, PHONE_LOWER * self.height]) if way != "top" else np.zeros(3)
+            place, aim = aim + PHONE_DISTANCE * (place - aim) - down, aim - down
         with client.atomic():
-            client.camera.position, client.camera.look_at = self._camera(way)
+            client.camera.position, client.camera.look_at = place, aim
 
     @property
     def data(self) -> mujoco.MjData:

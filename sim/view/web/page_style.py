@@ -22,5 +22,5 @@ div[style*="pointer-events: none"] #{STATE_LINE}::before {{
   content: "NO CONNECTION"; display: block; margin: -8px -12px 4px; padding: 2px 12px; background: black;
   font-weight: 800; font-size: 17px; }}
 div:has(> #{STATE_LINE}) + div + div {{ margin-right: calc(50% + 2px) !important; }}
-div:has(> #{STATE_LINE}) + div + div + div {{ margin-left: calc(50% + 2px) !important; margin-top: -33px; }}
+div:has(> #{STATE_LINE}) + div + div + div {{ margin-left: calc(50% + 2px) !important; margin-top: -2.25em; }}
 </style>"""
