@@ -10,7 +10,8 @@ silent for longer, the servos stop and hold, and get no more goals until `attach
 went on without it.
 
 A servo that is silent under its own ID may listen to another's, and would take the speed of that joint for its own. So
-speeds are sent only while every servo answers, and again as soon as all do after a silence.
+speeds are sent only while every servo answers, and again as soon as all do after a silence. Where a servo turns out to
+be silent right behind such a write, all are told the slowest of the silent ones' speeds meanwhile.
 """
 
 from __future__ import annotations
@@ -81,6 +82,7 @@ class DynamixelRig:
         self._goals = list(_groups(config, "goal_position"))
         self._speeds = list(_groups(config, "profile_velocity"))
         self.pace, self._paced = np.ones(len(self._ids)), True
+        self._unproven = False  # whether not all have answered since speeds were sent
         self.left_out = np.zeros(len(self._ids), dtype=np.bool_)
         self.readings = Readings(config, self._scale, self.faults)
         self._last_word = 0.0
@@ -241,20 +243,28 @@ class DynamixelRig:
             self._paced = False
         data = _frames(self._goals, self._scale.pulses(goals))
         missed = self.readings.missed_in_a_row
-        if np.logical_or.reduce(missed) and np.logical_or.reduce(missed[~self.left_out]):
-            self._paced = False
+        if np.logical_or.reduce(missed) and np.logical_or.reduce(silent := (missed > 0) & ~self.left_out):
+            if self._unproven:
+                data = self._speed_frames(silent) + data
+            self._paced = self._unproven = False
         elif not self._paced and self._ask(self._speed_frames() + data):
-            self._paced = True
+            self._paced = self._unproven = True
             return True
         if self._ask(data):
+            self._unproven = False
             return True
         self._last_word = now
         return self.bus.port.send(data)
 
-    def _speed_frames(self) -> bytes:
-        """What tells each servo the part of its speed limit that it keeps."""
+    def _speed_frames(self, silent: NDArray[np.bool_] | None = None) -> bytes:
+        """What tells each servo the part of its speed limit that it keeps, or none more than a silent one keeps."""
         joints = zip(self.config.joints, self.pace.tolist(), strict=True)
-        return _frames(self._speeds, np.array([speed_counts(joint, pace) for joint, pace in joints]))
+        counts = np.array([speed_counts(joint, pace) for joint, pace in joints])
+        if silent is not None:
+            for group in self._speeds:
+                own = counts[group.joints]
+                counts[group.joints] = np.minimum(own, own[silent[group.joints]].min(initial=own.max()))
+        return _frames(self._speeds, counts)
 
     def _ask(self, before: bytes = b"") -> bool:
         """Sends the next question if it is due, behind these frames; False if nothing was sent."""
