@@ -8,8 +8,9 @@
 3. By how much the weighted sum is off on both sides of the gap is carried over it, by a cubic or by a line.
 4. How much ridge the weights get, and which of the two it is, is found without the gap: stretches as long as it are
    hidden where the marker is seen, and filled in every way. The largest ridge leaves nothing but the marker's mean.
-5. A cubic or a line through the marker's own path in the world is among these ways: where the network was no better in
-   the hidden stretches, it has no say, and the gap says so.
+5. A cubic or a line through the marker's own path in the world is tried there, too. What fills the gap is a mean of
+   the best of both kinds, each weighted by how well it filled the hidden stretches; which one has more weight, the gap
+   says.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.special import expit
 
 from controller.ridge import ridge
 from controller.rotations import Array
@@ -39,6 +41,7 @@ ITERATIONS = 60
 SCORES = 24
 
 HIDDEN = 8  # stretches that are hidden to find the way
+EAGERNESS = 1.0  # log weight for an error by so much larger as the smaller of the two is
 EDGE = 4  # frames on each side of a gap that its cubic starts from
 
 FEWEST_SEEN = 30  # frames of a marker, to learn its weights from
@@ -77,7 +80,7 @@ class Gap:
         expected: mean absolute error of a coordinate, in the unit of the markers, with which stretches as long as the
             gap were filled where the truth is known; None if there was none to try, or the gap could not be filled.
         filled: whether it was.
-        by: what filled it: "network", or the marker's own path alone, as a "cubic" or a "line".
+        by: what filled it for the greater part: "network", or the marker's own path, as a "cubic" or a "line".
     """
 
     marker: int
@@ -160,15 +163,16 @@ def _fill_group(markers: Array, filled: Array, group: list[Gap], rate: float) ->
             continue
         world = part[:, gap.marker]
         body = _turned(world - base, turn)
-        way, expected = _choose(scores, body, world, hole, gap.frames)
+        chosen = _choose(scores, body, world, hole, gap.frames)
         inside = slice(gap.first - begin, gap.end - begin)
-        if way.ridge_share is None:
-            found, by = _fill(scores, world, hole, way)[inside], "cubic" if way.cubic else "line"
-        else:
-            predicted, by = _fill(scores, body, hole, way)[inside], "network"
-            found = _turned(predicted, np.swapaxes(turn[inside], 1, 2)) + base[inside]
+        found = _fill(scores, world, hole, chosen.path)[inside]
+        if chosen.share > 0.0:
+            predicted = _fill(scores, body, hole, chosen.network)[inside]
+            by_network = _turned(predicted, np.swapaxes(turn[inside], 1, 2)) + base[inside]
+            found = chosen.share * by_network + (1.0 - chosen.share) * found
         filled[gap.first : gap.end, gap.marker] = found
-        done.append(Gap(gap.marker, gap.first, gap.end, expected, filled=True, by=by))
+        by = "network" if chosen.share > 0.5 else "cubic" if chosen.path.cubic else "line"
+        done.append(Gap(gap.marker, gap.first, gap.end, chosen.expected, filled=True, by=by))
     return done
 
 
@@ -214,8 +218,21 @@ def _predicted(target: Array, rate: float) -> Array:
     return response @ ridge_readout(response, target - middle).T + middle
 
 
-def _choose(scores: Array, body: Array, world: Array, missing: Flags, gap: int) -> tuple[FillMethod, float | None]:
-    """The way in which hidden stretches as long as a gap are filled best, and their mean absolute error.
+@dataclass(frozen=True)
+class _Mixture:
+    """What fills a gap: the best way by the network, the best along the marker's own path, and the former's share.
+
+    Of `expected`, the mean absolute error of both by their shares, the mixture has at most as much.
+    """
+
+    network: FillMethod
+    path: FillMethod
+    share: float
+    expected: float | None
+
+
+def _choose(scores: Array, body: Array, world: Array, missing: Flags, gap: int) -> _Mixture:
+    """How to fill a gap, by how well hidden stretches as long as it are filled in every way.
 
     Where the marker is never seen for so long, shorter stretches are hidden.
 
@@ -228,7 +245,7 @@ def _choose(scores: Array, body: Array, world: Array, missing: Flags, gap: int) 
     longest = max((end - first for first, end in _runs(~missing)), default=0)
     length = min(gap, longest - 2 * EDGE)
     if length < 1:
-        return FillMethod(None, cubic=False), None
+        return _Mixture(WAYS[0], FillMethod(None, cubic=False), 0.0, None)
     starts = [k for first, end in _runs(~missing) for k in range(first + EDGE, end - length - EDGE + 1)]
     tried = np.unique(np.linspace(0, len(starts) - 1, HIDDEN).astype(int))
     missed = np.zeros(len(WAYS))
@@ -239,8 +256,13 @@ def _choose(scores: Array, body: Array, world: Array, missing: Flags, gap: int) 
         for index, way in enumerate(WAYS):
             path = world if way.ridge_share is None else body
             missed[index] += np.abs(_fill(scores, path, holes, way)[hidden] - path[hidden]).mean()
-    best = int(missed.argmin())
-    return WAYS[best], float(missed[best] / len(tried))
+    missed /= len(tried)
+    own_path = np.array([way.ridge_share is None for way in WAYS])
+    network = int(np.where(own_path, np.inf, missed).argmin())
+    path = int(np.where(own_path, missed, np.inf).argmin())
+    both = missed[[network, path]]
+    share = float(expit(EAGERNESS * (both[1] - both[0]) / max(both.min(), 1e-9)))
+    return _Mixture(WAYS[network], WAYS[path], share, float(share * both[0] + (1.0 - share) * both[1]))
 
 
 def _fill(scores: Array, path: Array, missing: Flags, way: FillMethod) -> Array:
