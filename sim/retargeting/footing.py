@@ -23,7 +23,7 @@ from controller.mocap.posture import Pose
 from controller.rotations import Array
 from sim.models.kinematic_tree import Scratch, below
 from sim.models.surface import LowestPoint, Surface
-from sim.models.upright_pelvis import UprightPelvis
+from sim.models.upright_pelvis import UPRIGHT, UprightPelvis
 from sim.retargeting.flat_feet import FlatFeet
 from sim.retargeting.human_stance import HumanStance
 
@@ -60,7 +60,9 @@ class Footing:
         """
         self.stance = stance
         self._model, self._data = model, Scratch(model)
-        self._turned, self._scale, self._pelvis = root_rotation.tolist(), scale, pelvis
+        # A root whose own axes are those of an upright robot is turned as the human's.
+        self._turned = root_rotation.tolist() if np.any(root_rotation != UPRIGHT) else None
+        self._scale, self._pelvis = scale, pelvis
         self._touches = TOUCHES * stance.leg * scale
         self._surface, self._lowest = Surface.of(model), LowestPoint(model)
         self._find_soles(feet)
@@ -104,7 +106,8 @@ class Footing:
 
     def place(self, pose: Pose, qpos: Array) -> None:
         """Writes the root's position and rotation into qpos (nq,), whose joints are in place already."""
-        qpos[3:7] = _product(pose.rotation[0].tolist(), self._turned)
+        human = pose.rotation[0]
+        qpos[3:7] = human if self._turned is None else _product(human.tolist(), self._turned)
         if len(pose.rotation) == 1:
             # Of a run recorded by version 1 only the human's root is known: the robot goes along its path.
             qpos[:3] = self._scale * pose.root_position
@@ -116,7 +119,7 @@ class Footing:
         if self._pelvis is None:
             mujoco.mj_kinematics(self._model, data)
         else:
-            self._pelvis.place(data, pose.rotation[0])
+            self._pelvis.place(data, human)
             qpos[3:7] = data.qpos[3:7]
         points = np.matmul(data.xmat.take(self._bodies, axis=0).reshape(-1, 3, 3), self._points)
         points += data.xpos.take(self._bodies, axis=0)[:, :, None]
@@ -140,8 +143,8 @@ class Footing:
         touching = float(np.maximum.reduce(weight, axis=None))
         weight *= weight
         total = float(np.add.reduce(weight, axis=None))
-        gone = (points - self._before)[:, :2] * weight[:, None]
-        gone_x, gone_y = np.add.reduce(gone, axis=(0, 2)).tolist()
+        gone = np.matmul(points[:, :2] - self._before[:, :2], weight[:, :, None])
+        gone_x, gone_y = np.add.reduce(gone)[:, 0].tolist()
         others = self._others_gone(bounds, height)
         if others is not None:
             gone_x, gone_y, total = gone_x + others[0], gone_y + others[1], total + others[2]
