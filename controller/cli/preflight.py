@@ -40,6 +40,14 @@ def preflight(
         bool, typer.Option("--walk", help="A free robot goes where the motion goes, on its own two feet.")
     ] = False,
     tempo: Annotated[float, typer.Option("--tempo", metavar="TEMPO", help="The tempo to judge at, 0.1 to 3.")] = 1.0,
+    jobs: Annotated[
+        str | None,
+        typer.Option(
+            "--jobs",
+            metavar="N|dask://HOST:PORT",
+            help="Parallel processes, -1 for one per core, or a Dask scheduler; without: as many as pay.",
+        ),
+    ] = None,
     motions_only: Annotated[bool, typer.Option("--motions-only", help="Check no switches.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw it (.png, .svg, .pdf).")] = None,
@@ -58,6 +66,7 @@ def preflight(
       motiondeck preflight thesis15 --robot servo20 --root free --walk --motions-only
     """
     from controller.cli.preflight_run import PreflightRun, loaded
+    from controller.jobs import Jobs
     from controller.wire.command_table import TEMPO
     from motiondeck_base.errors import MotiondeckError
     from sim.physics.physics_model import check_root
@@ -75,12 +84,13 @@ def preflight(
         from controller.cli.pictures.figures import check_picture
 
         check_picture(plot)
+    where = Jobs.parse(jobs) if jobs is not None else None
     run = PreflightRun(library, robot, rig, root, balance, walk, tempo)
     played, judge = loaded(run)
     names = list(played.network.motions)
     verdicts: list[PreflightVerdict] = []
     with progress("motions", len(names)) as tick:
-        for verdict in run.motions(names):
+        for verdict in run.motions(names, where):
             verdicts.append(verdict)
             if not as_json:
                 _print_motion(verdict)
@@ -88,7 +98,7 @@ def preflight(
     motions = len(verdicts)
     if not motions_only:
         with progress("switches", count_switches(played)) as tick:
-            for verdict in run.switches(names):
+            for verdict in run.switches(names, where):
                 verdicts.append(verdict)
                 if not as_json:
                     _print_switch(verdict)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from controller.deck.interfaces import JointLimits
+    from controller.jobs import Jobs
     from controller.library.motion_library import MotionLibrary
     from sim.physics.preflight import Preflight, PreflightVerdict
     from sim.robots.robot import Robot
@@ -30,23 +31,23 @@ class PreflightRun:
     walk: bool
     tempo: float
 
-    def motions(self, names: Sequence[str]) -> Iterator[PreflightVerdict]:
-        """The verdicts on motions, in order; they are played in physics too."""
-        for verdicts in self._spread(_motion, names):
+    def motions(self, names: Sequence[str], jobs: Jobs | None = None) -> Iterator[PreflightVerdict]:
+        """The verdicts on motions, in order; they are played in physics too. None takes as many processes as pay."""
+        for verdicts in self._spread(_motion, names, jobs):
             yield from verdicts
 
-    def switches(self, names: Sequence[str]) -> Iterator[PreflightVerdict]:
-        """The verdicts on the direct switches from motions, in order."""
-        for verdicts in self._spread(_switches, names):
+    def switches(self, names: Sequence[str], jobs: Jobs | None = None) -> Iterator[PreflightVerdict]:
+        """The verdicts on the direct switches from motions, in order. None takes as many processes as pay."""
+        for verdicts in self._spread(_switches, names, jobs):
             yield from verdicts
 
-    def _spread(self, judge: Any, names: Sequence[str]) -> Iterator[list[PreflightVerdict]]:
+    def _spread(self, judge: Any, names: Sequence[str], jobs: Jobs | None) -> Iterator[list[PreflightVerdict]]:
         from joblib import cpu_count, delayed
 
         from controller.jobs import Jobs, spread
 
-        tasks = (delayed(judge)(self, name) for name in names)
-        yield from spread(tasks, Jobs(max(1, min(cpu_count(), len(names) // WORTH))), ordered=True)
+        where = jobs or Jobs(max(1, min(cpu_count(), len(names) // WORTH)))
+        yield from spread((delayed(judge)(self, name) for name in names), where, ordered=True)
 
 
 def _motion(run: PreflightRun, name: str) -> list[PreflightVerdict]:

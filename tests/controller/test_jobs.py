@@ -8,8 +8,11 @@ import time
 import numpy as np
 import pytest
 from joblib import delayed
+from typer.testing import CliRunner
 
+import synthetic
 from bodies import waving
+from controller.cli.main import app
 from controller.jobs import ALONE, ClusterError, Jobs, spread
 from controller.library.motion_library import save_library
 from controller.mocap.clip import Clip
@@ -149,6 +152,35 @@ def test_files_are_carried_on_a_cluster_as_here_though_a_worker_is_killed(cluste
     here, there = carry("here", ALONE), carry("there", jobs, kill)
     assert len(here[1]) == 5
     assert here == there
+
+
+def test_an_index_is_the_same_wherever_recordings_are_read(cluster, tmp_path):
+    takes = tmp_path / "takes"
+    takes.mkdir()
+    for number in range(4):
+        (takes / f"{number}.bvh").write_text(bvh_text(waving(60.0, 2.0 + 0.5 * number)))
+    (takes / "broken.bvh").write_text("HIERARCHY\n")
+    files = []
+    for where in ("1", cluster.scheduler_address.replace("tcp", "dask")):
+        files.append(tmp_path / f"{len(files)}.index")
+        run = CliRunner().invoke(app, ["library", "index", str(takes), "--out", str(files[-1]), "--jobs", where])
+        assert run.exit_code == 0, run.output
+        assert "4 motions" in run.stdout
+        assert "left out" in run.stderr
+    assert files[0].read_bytes() == files[1].read_bytes()
+
+
+def test_a_preflight_on_a_cluster_comes_to_the_same_verdicts(cluster, tmp_path):
+    file = tmp_path / "small.safetensors"
+    save_library(synthetic.small_library(), file)
+    said = [
+        CliRunner().invoke(
+            app, ["preflight", str(file), "--robot", "mannequin", "--json", "--motions-only", "--jobs", where]
+        )
+        for where in ("1", cluster.scheduler_address.replace("tcp", "dask"))
+    ]
+    assert said[0].stdout.startswith("{")
+    assert said[0].stdout == said[1].stdout
 
 
 def test_few_tasks_are_made_before_they_are_needed(jobs):

@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from controller.cli.common.options import JobsOption
+from controller.cli.common.progress import progress
 from controller.cli.library.commands import LibraryArgument, app
 
 if TYPE_CHECKING:
@@ -69,37 +71,40 @@ def index(
         list[str], typer.Argument(metavar="SOURCE...", help="Libraries, recordings, and folders of recordings.")
     ],
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The index to write (.index).")],
+    jobs: JobsOption = "1",
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Store the frequencies and ranges of many motions in a file that `similar` searches quickly.
 
     Recordings that cannot be read or are too short are named and skipped.
 
-    Example:  motiondeck library index cmu86 recordings --out all.index
+    Example:  motiondeck library index cmu86 recordings --out all.index --jobs -1
     """
     import numpy as np
+    from joblib import delayed
 
+    from controller.jobs import Jobs, spread
     from controller.library.motion_index import save_index
-    from controller.library.motion_signature import signature
-    from controller.mocap.encodings.encoding import encoding_of
     from motiondeck_base.errors import MotiondeckError
 
     if out.suffix != INDEX:
         raise MotiondeckError(f"{out}: an index is called something{INDEX}")
+    where = Jobs.parse(jobs)
     names: list[str] = []
-    rows: list[Any] = []
+    rows: list[Array] = []
     left_out: dict[str, str] = {}
     for source in sources:
         files = _recordings(Path(source))
-        for file in files:
-            try:
-                clip = _cut(file, None, None)
-                encoding = encoding_of(clip.skeleton)
-                rows.append(signature(encoding, encoding.encode(clip), clip.rate))
-                names.append(str(file))
-            except MotiondeckError as error:
-                left_out[str(file)] = str(error)
-                print(f"motiondeck: left out: {error}", file=sys.stderr)
+        tasks = (delayed(_signature_of)(file) for file in files)
+        with progress("reading", len(files)) as tick:
+            for file, (found, reason) in zip(files, spread(tasks, where, ordered=True), strict=True):
+                if found is not None:
+                    names.append(str(file))
+                    rows.append(found)
+                else:
+                    left_out[str(file)] = reason
+                    print(f"motiondeck: left out: {reason}", file=sys.stderr)
+                tick()
         if not files and not Path(source).is_dir():
             more, numbers = _of_library(source)
             names += [f"{source}/{name}" for name in more]
@@ -111,6 +116,20 @@ def index(
         print(json.dumps({"written": str(out), "motions": len(names), "left_out": left_out}))
     else:
         print(f"wrote {out} ({len(names)} motions)")
+
+
+def _signature_of(file: Path) -> tuple[Array | None, str]:
+    """What a recording is known by; or None, and why it is left out."""
+    from controller.library.motion_signature import signature
+    from controller.mocap.encodings.encoding import encoding_of
+    from motiondeck_base.errors import MotiondeckError
+
+    try:
+        clip = _cut(file, None, None)
+        encoding = encoding_of(clip.skeleton)
+        return signature(encoding, encoding.encode(clip), clip.rate), ""
+    except MotiondeckError as error:
+        return None, str(error)
 
 
 @app.command("anticipate")
