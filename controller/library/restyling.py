@@ -1,15 +1,29 @@
-"""Carries the frequencies of one motion to another (Vakulenko et al. 2017, section 4)."""
+"""Carries what is particular about one motion to another: its frequencies, or its style as a direction.
+
+Frequencies are those of the centers of a centralized network (Vakulenko et al. 2017, section 4). A style is the
+difference of two motions that were recorded with it and without it, such as an old walk and a walk. In a network that a
+phase drives it is added to what a third motion reads out:
+
+    y(n) = R x(n) + r + s (mean of y in the style - mean of y without it)
+
+Only the means are carried over: how a walk and a bow change with the phase has nothing in common. Velocities are left
+as they are.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import msgspec
 import numpy as np
 
 from controller.library.motion_library import MotionLibrary
+from controller.library.network_arrays import AnyNetwork
 from controller.measures.motion_matching import joint_features
 from controller.networks.centralized.centralized_frames import CentralizedNetwork
+from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
+from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
 UNTAUGHT = "nobody has taught it: there is nothing to test it by"
@@ -28,10 +42,7 @@ def restyled(library: MotionLibrary, motion: str, like: str) -> tuple[MotionLibr
     network = library.network
     if not isinstance(network, CentralizedNetwork):
         raise MotiondeckError(f"library '{library.info.name}' holds no centralized network, and so no frequencies")
-    part, other = network[motion], network[like]
-    name = f"{motion}-like-{like}"[:40]
-    if name in network.motions:
-        raise MotiondeckError(f"library '{library.info.name}' has a motion '{name}' already")
+    part, other, name = network[motion], network[like], _new_name(library, motion, like)
     styled = part.with_frequencies(other.frequency)
     frames = round(styled.seconds * network.rate)
     # A library counts whole frames: the period is rounded to them, and all centers with it.
@@ -41,8 +52,58 @@ def restyled(library: MotionLibrary, motion: str, like: str) -> tuple[MotionLibr
         joint_features(library.encoding, p.at(np.arange(0.0, p.seconds, 1.0 / network.rate))) for p in (part, styled)
     )
     outside = max(0.0, float((after - before.max(0)).max()), float((before.min(0) - after).max()))
+    parts = {m: network[m] for m in network.motions} | {name: styled}
+    return _grown(library, motion, name, frames, CentralizedNetwork(parts, network.rate)), outside
+
+
+def in_the_style(
+    library: MotionLibrary, motion: str, like: str, unlike: str, strength: float = 1.0
+) -> tuple[MotionLibrary, float]:
+    """The library with one more motion, and how far its joints are from where they were, mean, mm.
+
+    Args:
+        library: of phase-driven motions without inputs.
+        motion: what is changed.
+        like, unlike: the same action with the style and without it.
+        strength: s; 1 is the whole difference, and more exaggerates it.
+
+    Raises:
+        MotiondeckError: if no phase drives the network, the new motion is there already, or the strength is not finite.
+        UnknownNameError: if there is no such motion.
+    """
+    network = library.network
+    if not isinstance(network, PhaseDrivenNetwork):
+        raise MotiondeckError(f"library '{library.info.name}' holds a network without a phase: it takes no style")
+    if not np.isfinite(strength):
+        raise MotiondeckError(f"a style of strength {strength}: give a finite number")
+    part, name = network[motion], _new_name(library, motion, like)
+    direction = strength * (_mean(network, like) - _mean(network, unlike))
+    direction[library.encoding.velocities] = 0.0
+    readout = part.stored.readout.copy()
+    readout[:, :, -1] += direction.astype(np.float32)
+    styled = type(part)(replace(part.stored, readout=readout), part.course, part.reservoir, part.driving)
+    grown = network.with_motions({name: styled})
+    before, after = (joint_features(library.encoding, grown.settled(one)) for one in (motion, name))
+    moved = np.linalg.norm((after - before)[:, :-1].reshape(len(after), -1, 3), axis=-1)
+    return _grown(library, motion, name, len(styled), grown), float(moved.mean())
+
+
+def _mean(network: PhaseDrivenNetwork[Any], motion: str) -> Array:
+    """The mean of what a motion reads out while it moves, shape (C,)."""
+    frames = network.settled(motion)
+    return frames[: len(frames) - network[motion].course.held].mean(0)
+
+
+def _new_name(library: MotionLibrary, motion: str, like: str) -> str:
+    name = f"{motion}-like-{like}"[:40]
+    if name in library.network.motions:
+        raise MotiondeckError(f"library '{library.info.name}' has a motion '{name}' already")
+    return name
+
+
+def _grown(library: MotionLibrary, motion: str, name: str, frames: int, network: AnyNetwork) -> MotionLibrary:
+    """The library with a network that plays one more motion, made from another."""
     known = next(info for info in library.info.motions if info.name == motion)
     info = msgspec.structs.replace(known, name=name, frames=frames, passed=False, reason=UNTAUGHT)
-    parts = {m: network[m] for m in network.motions} | {name: styled}
     header = msgspec.structs.replace(library.info, motions=[*library.info.motions, info])
-    return MotionLibrary(header, CentralizedNetwork(parts, network.rate), library.encoding), outside
+    return MotionLibrary(header, network, library.encoding)

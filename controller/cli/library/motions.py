@@ -202,22 +202,42 @@ def anticipate(
 def restyle(
     library: LibraryArgument,
     motion: Annotated[str, typer.Argument(metavar="MOTION", help="The motion to change.")],
-    like: Annotated[str, typer.Option("--like", metavar="OTHER", help="The motion whose frequencies it gets.")],
+    like: Annotated[
+        str, typer.Option("--like", metavar="OTHER", help="The motion whose frequencies or style it gets.")
+    ],
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The library to write, with one more motion.")],
+    unlike: Annotated[
+        str | None, typer.Option("--unlike", metavar="NEUTRAL", help="The same action as OTHER without its style.")
+    ] = None,
+    strength: Annotated[
+        float, typer.Option("--strength", metavar="S", help="How much of the style, with --unlike; 1 is all of it.")
+    ] = 1.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """Write a library with one more motion: MOTION with the frequencies of OTHER.
+    """Write a library with one more motion: MOTION with the frequencies of OTHER, or in its style.
 
-    Satellites and weights stay, centers turn as in OTHER: the tempo is another, and so is the rhythm. How far joints
-    leave the places they had in MOTION is printed, for a network may be driven to where it has not been trained.
+    With --unlike, in a library that a phase drives, the mean posture of MOTION is changed by what tells OTHER from
+    NEUTRAL, and how far that moves joints is printed. Without it, in a centralized library, satellites and weights
+    stay, and centers turn as in OTHER: the tempo is another, and so is the rhythm. How far joints leave the places they
+    had in MOTION is printed, for a network may be driven to where it has not been trained.
 
     Example:  motiondeck library restyle cmu86 walk --like run --out styled.safetensors
     """
     from controller.library.motion_library import load_library, save_library
-    from controller.library.restyling import restyled
+    from controller.library.restyling import in_the_style, restyled
     from motiondeck_base.shipped import find_library
 
-    styled, outside = restyled(load_library(find_library(library)), motion, like)
+    loaded = load_library(find_library(library))
+    if unlike is not None:
+        styled, moved = in_the_style(loaded, motion, like, unlike, strength)
+        save_library(styled, out)
+        name = styled.info.motions[-1].name
+        if as_json:
+            print(json.dumps({"written": str(out), "motion": name, "moved_mm": moved}))
+        else:
+            print(f"wrote {out}: {name}, joints {moved:.0f} mm from where they were in {motion} on average")
+        return
+    styled, outside = restyled(loaded, motion, like)
     save_library(styled, out)
     name = styled.info.motions[-1].name
     if as_json:
