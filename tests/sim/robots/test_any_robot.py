@@ -72,6 +72,17 @@ def test_a_calibrated_robot_stands_as_a_human_does(tmp_path):
     assert found.root_height == pytest.approx(0.4 * np.cos(0.08) + 0.03, abs=0.01)
 
 
+def test_the_axes_of_a_sole_are_as_long_as_each_other_and_upright_though_the_shank_leans(tmp_path):
+    text = humanoid().replace('_sole" pos="0 0 -0.2"', '_sole" pos="-0.08 0 -0.18"')
+    limbs = load_robot(robot_file(tmp_path, text), human(), "ik").retarget.solver._limbs
+    vectors = limbs.vectors
+    ahead, up = (vectors.rest[vectors.names.index(f"l_foot_{axis}")] for axis in ("ahead", "up"))
+    assert np.linalg.norm(ahead) == pytest.approx(np.linalg.norm(up))
+    assert ahead @ up == pytest.approx(0.0, abs=1e-9)
+    # The sole of the file is level.
+    assert up / np.linalg.norm(up) == pytest.approx([0.0, 0.0, 1.0], abs=1e-6)
+
+
 def test_a_joint_that_rests_at_the_very_end_of_its_range_can_be_loaded(tmp_path):
     path = robot_file(tmp_path, humanoid().replace('range="0 2.5"', 'range="0.71234549 2.5"'))
     robot = load_robot(path, human())
