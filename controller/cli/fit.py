@@ -50,7 +50,7 @@ def fit(
             "--tolerance",
             metavar="MM",
             min=0.01,
-            help="The smallest phase-driven network that keeps every motion's joints so near, in the mean.",
+            help="The smallest phase-driven network whose mean error of every motion is at most this.",
         ),
     ] = None,
     plot: Annotated[
@@ -75,7 +75,7 @@ def fit(
 
     Clips recorded by `motiondeck rig teach` need no recipe: each becomes a motion with the name of its file, a loop or
     a one-shot as it was taught. Clips named NAME.clip, NAME.2.clip and so on are takes of one motion and are averaged.
-    Of a loop the part is learned that comes back to its start best; what is left out is said.
+    Of a loop the part that returns best to its start is learned; what is left out is printed.
 
     [bold]Examples[/]
 

@@ -140,7 +140,9 @@ def _typed(message: Message) -> str:
 def gamepad(
     device: Annotated[
         Path | None,
-        typer.Option("--device", metavar="FILE", help="/dev/input/event7, say; by default the first gamepad."),
+        typer.Option(
+            "--device", metavar="FILE", help="A device such as /dev/input/event7; default: the first gamepad."
+        ),
     ] = None,
     command_port: Annotated[
         int, typer.Option("--command-port", metavar="PORT", help="The deck's command port.")

@@ -51,9 +51,9 @@ def learn(
     """Learn a library from recordings: nothing to choose, no recipe to write.
 
     Still ends are trimmed; a recording whose best seam is close becomes a loop, any other a one-shot that ends in a
-    pose; all are brought to 120 Hz and carried to one body. Every motion is then tested. Recordings that cannot be
-    read are left out, with the reason; what looks wrong about a body is told as a doubt. --unit, --up, --rename and
-    --skeleton overrule what was found out, for all recordings that are given. --jobs shares the reading of recordings.
+    pose; all are resampled to 120 Hz and carried to one body. Every motion is then tested. Recordings that cannot be
+    read are left out, with the reason; what looks wrong about a body is printed as a doubt. --unit, --up, --rename and
+    --skeleton overrule what was detected, for all given recordings. --jobs shares the reading of recordings.
 
     [bold]Examples[/]
 

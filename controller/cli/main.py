@@ -33,10 +33,10 @@ _WELCOME = """Plays learned human motions live on simulated humanoids and servo 
 
 Three things to try:
 
-  motiondeck play                a humanoid on a page, a button a motion
+  motiondeck play                a humanoid on a page, with a button per motion
   motiondeck learn walk.bvh      learn a recording of your own, to play it
   motiondeck play --robot servo20 --rig emulated
-                                 twenty emulated servos do it too
+                                 the same on twenty emulated servos
 
 `motiondeck COMMAND --help` explains a command and has examples.
 """

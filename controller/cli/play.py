@@ -76,16 +76,16 @@ def play(
         typer.Option(
             "--ghost",
             rich_help_panel="Film",
-            help="In a film: the robot as it is told to be, over the one that tries to.",
+            help="In a film: draw the target pose too, translucent.",
         ),
     ] = False,
     footprints: Annotated[
-        bool, typer.Option("--footprints", rich_help_panel="Film", help="In a film: where the feet stood.")
+        bool, typer.Option("--footprints", rich_help_panel="Film", help="In a film: draw where the feet stood.")
     ] = False,
     direct: Annotated[
         bool,
         typer.Option(
-            "--direct", rich_help_panel="Switching", help="Switch at once and straight, never by way of other motions."
+            "--direct", rich_help_panel="Switching", help="Switch at once and directly, never by way of other motions."
         ),
     ] = False,
     record: Annotated[
@@ -106,7 +106,7 @@ def play(
         typer.Option(
             "--lower-rate",
             rich_help_panel="Real-time loop",
-            help="Where the network is too large for --rate, play at one that it holds.",
+            help="If the network is too large for --rate, play at a rate that it holds.",
         ),
     ] = False,
     kinematic: Annotated[
@@ -123,7 +123,7 @@ def play(
         typer.Option(
             "--balance",
             rich_help_panel="Simulation",
-            help="Keep a free robot's feet in place and its weight above them.",
+            help="Keep a free robot's feet in place and its centre of mass above them.",
         ),
     ] = False,
     walk: Annotated[
@@ -131,7 +131,7 @@ def play(
         typer.Option(
             "--walk",
             rich_help_panel="Simulation",
-            help="Let a free robot go where the motion goes, on its own feet, 1.2 s behind.",
+            help="Let a free robot walk where the motion goes, 1.2 s behind it.",
         ),
     ] = False,
     realtime: Annotated[
@@ -148,7 +148,7 @@ def play(
             "--core",
             rich_help_panel="Real-time loop",
             metavar="N",
-            help="Run the loop on this core of the CPU, and all else on the others.",
+            help="Run the loop on this core of the CPU, all other processes on the others.",
         ),
     ] = None,
     overruns: Annotated[
@@ -156,7 +156,7 @@ def play(
         typer.Option(
             "--overruns",
             rich_help_panel="Real-time loop",
-            help="After a tick that took too long: skip what was missed, or make up for it.",
+            help="After a tick that took too long: skip the missed ticks, or catch up.",
         ),
     ] = "skip",
     follow: Annotated[
@@ -203,7 +203,7 @@ def play(
             "--recognizer",
             rich_help_panel="Recognition",
             metavar="FILE",
-            help="Recognize what the body does with a trained recognizer (`recognize train`), and show it.",
+            help="Recognize the played motion with a trained recognizer (`recognize train`), and show it.",
         ),
     ] = None,
     on_mismatch: Annotated[
@@ -211,7 +211,7 @@ def play(
         typer.Option(
             "--on-mismatch",
             rich_help_panel="Recognition",
-            help="With --recognize: warn or stop when the joints do something else.",
+            help="With --recognize: warn or stop when the joints show another motion.",
         ),
     ] = OnMismatch.WARN,
     mismatch_after: Annotated[
@@ -220,7 +220,7 @@ def play(
             "--mismatch-after",
             rich_help_panel="Recognition",
             metavar="SECONDS",
-            help="How long the joints must do something else before that, s.",
+            help="How long the joints must show another motion before that, s.",
         ),
     ] = 0.5,
     listen: Annotated[

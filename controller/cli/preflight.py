@@ -34,11 +34,9 @@ def preflight(
     ] = None,
     root: RootOption = "gantry",
     balance: Annotated[
-        bool, typer.Option("--balance", help="A free robot keeps its feet in place and its weight above them.")
+        bool, typer.Option("--balance", help="A free robot keeps its feet in place and its centre of mass above them.")
     ] = False,
-    walk: Annotated[
-        bool, typer.Option("--walk", help="A free robot goes where the motion goes, on its own two feet.")
-    ] = False,
+    walk: Annotated[bool, typer.Option("--walk", help="A free robot walks where the motion goes.")] = False,
     tempo: Annotated[float, typer.Option("--tempo", metavar="TEMPO", help="The tempo to judge at, 0.1 to 3.")] = 1.0,
     jobs: Annotated[
         str | None,
@@ -52,11 +50,11 @@ def preflight(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw it (.png, .svg, .pdf).")] = None,
 ) -> None:
-    """Check before a robot plays a library what would go wrong, and at which tempo it goes well.
+    """Check what would go wrong if a robot played a library, and at which tempo it would not.
 
     Every motion and every switch is checked against limits of position and speed, torque, heat and collisions with
-    itself; motions are also played in physics. With `--root free` it counts whether the robot stands, with `--walk`
-    also how far it goes and how near it is to a fall. The exit code is 1 if anything is not all right.
+    itself; motions are also played in physics. With `--root free` the robot must stand; with `--walk` the table also
+    shows how far it goes and how near it is to a fall. The exit code is 1 if a check fails.
 
     [bold]Examples[/]
 

@@ -92,7 +92,7 @@ def events(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object a line.")] = False,
 ) -> None:
-    """Print what happens on the running deck, as it happens, until it has ended or Ctrl-C.
+    """Print the events of the running deck until it ends or Ctrl-C.
 
     With --heartbeat the deck comes to a standstill when this program ends or the network between them fails.
 

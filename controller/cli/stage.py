@@ -45,7 +45,7 @@ def stage(
     host: Host = None,
     token_file: TokenFile = None,
 ) -> None:
-    """Command the running deck by OSC and MIDI, as a stage file maps them, until it has ended or Ctrl-C.
+    """Command the running deck by OSC and MIDI, as a stage file maps them, until it ends or Ctrl-C.
 
     OSC is taken from programs of this user on this machine only. For a deck on another machine run this where the
     sound desk is, with --host and --token-file. Needs the extra `stage`: pip install "motiondeck\\[stage]".

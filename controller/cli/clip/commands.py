@@ -47,7 +47,7 @@ def show(
     rename: RenameOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
 ) -> None:
-    """Show what a recording holds: its body, rate and length, where it goes, and of markers the gaps and the fit.
+    """Show what a recording holds: its body, rate, length and path, and for markers the gaps and the fit.
 
     It also shows which bone was taken for which part of the body, and what looks wrong about it.
 
@@ -141,7 +141,7 @@ def view(
     up: UpOption = None,
     rename: RenameOption = None,
     robot: Annotated[
-        str | None, typer.Option("--robot", metavar="ROBOT", help="A robot that does the same beside the human.")
+        str | None, typer.Option("--robot", metavar="ROBOT", help="A robot beside the human that follows it.")
     ] = None,
     video: Annotated[
         Path | None, typer.Option("--video", metavar="FILM", help="Film it off screen instead: .mp4 or .gif.")
@@ -153,7 +153,7 @@ def view(
         int, typer.Option("--port", metavar="PORT", help="The page's port; 0 for any free one.")
     ] = PAGE_PORT,
 ) -> None:
-    """View a recording in the browser: the human with its bones, and with --robot a robot doing the same beside it.
+    """View a recording in the browser: the human with its bones, and with --robot a robot beside it that follows it.
 
     The page has a time bar, single steps, a tempo, footprints and contacts, and a camera that follows. It is served
     on 127.0.0.1 only; Ctrl-C ends it.

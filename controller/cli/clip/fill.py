@@ -26,11 +26,10 @@ def fill(
 ) -> None:
     """Fill in markers that were lost for a while, from those that were seen.
 
-    A centralized network learns the other markers around each gap; the lost one follows their frequencies and meets
-    itself on both sides. A line or a cubic along its own path has as much weight as it deserves. Beside each marker
-    stands the error to expect: that of equally long stretches that were hidden where the marker was seen. A gap stays
-    open, and is named, where fewer than three other markers were seen through it or its own marker was hardly seen
-    around it.
+    A centralized network learns the other markers around each gap; the lost one follows their frequencies and joins
+    its path on both sides. A line or a cubic along its own path counts too, by how well it does on hidden stretches of
+    the same length; so is the expected error of each marker measured, which the table shows. A gap stays open, and is
+    named, if fewer than three other markers were seen throughout it or its own marker was hardly seen around it.
 
     In a .c3d everything else stays as it is; filled points have the residual 0. A .csv holds time in s and x, y, z of
     every marker in m, in the file's own axes; what is still missing is left empty.

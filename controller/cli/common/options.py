@@ -22,10 +22,10 @@ SkeletonOption = Annotated[
 ]
 UnitOption = Annotated[
     float | None,
-    typer.Option("--unit", metavar="METRES", help="Length of one unit of the file, m; default: found out."),
+    typer.Option("--unit", metavar="METRES", help="Length of one unit of the file, m; default: detected."),
 ]
 UpOption = Annotated[
-    Literal["y", "z"] | None, typer.Option("--up", help="The axis of the file that is up; default: found out.")
+    Literal["y", "z"] | None, typer.Option("--up", help="The axis of the file that is up; default: detected.")
 ]
 RenameOption = Annotated[
     list[str] | None,
@@ -37,25 +37,25 @@ SizeOption = Annotated[
         "--size",
         rich_help_panel="Film",
         metavar="WIDTHxHEIGHT",
-        help="Of a film, pixels; default: 1920x1080, gif 400x300.",
+        help="Size of the film in pixels; default: 1920x1080, gif 400x300.",
     ),
 ]
 FpsOption = Annotated[
     float | None,
     typer.Option(
-        "--fps", rich_help_panel="Film", metavar="FPS", help="Pictures a second of a film; default: 30, gif 20."
+        "--fps", rich_help_panel="Film", metavar="FPS", help="Frames per second of the film; default: 30, gif 20."
     ),
 ]
 CameraOption = Annotated[
     Literal["follow", "front", "side", "three"],
-    typer.Option("--camera", rich_help_panel="Film", help="Where a film is seen from; three: all of them."),
+    typer.Option("--camera", rich_help_panel="Film", help="Camera of the film; three: all side by side."),
 ]
 SolverOption = Annotated[
     Literal["angles", "ik"] | None,
     typer.Option(
         "--solver",
         rich_help_panel="Simulation",
-        help="How motions are carried onto the robot, in place of what its file says.",
+        help="How to carry motions onto the robot; default: as its file says.",
     ),
 ]
 JobsOption = Annotated[

@@ -114,8 +114,8 @@ def add(
 ) -> None:
     """Add a motion to a library without training the others again: their weights do not change.
 
-    An autonomous conceptor network loads the motion into what is left of its reservoir, which is printed;
-    other networks get one more readout or one more motion. The new motion has to pass the self-test.
+    An autonomous conceptor network loads the motion into the free part of its reservoir, whose size is printed; other
+    networks get one more readout or one more motion. The new motion has to pass the self-test.
 
     Example:  motiondeck library add my.safetensors skip.bvh --name skip
     """
@@ -180,7 +180,7 @@ def sheet(
         typer.Option("--blend", metavar="'A B WEIGHT'", help="Draw this blend instead of the motions; repeatable."),
     ] = None,
 ) -> None:
-    """Draw a contact sheet: one row a motion, eight moments each, as the network plays them.
+    """Draw a contact sheet: one row per motion, eight moments each, as the network plays it.
 
     [bold]Examples[/]
 

@@ -147,10 +147,10 @@ def anticipate(
 ) -> None:
     """Predict each moment of a recording half a second ahead, and print the errors.
 
-    A centralized network's motions are laid beside the last 0.4 s and go on, as far as they are trusted: what is like
-    nothing known, or was predicted badly so far, is left to the last velocity and pose. Beside it: the network alone,
-    holding the last pose, and going on at the last velocity. A recording that the network has learned is no test; give
-    other --frames.
+    A centralized network's motions are matched to the last 0.4 s and continued, as far as they are trusted: where no
+    motion matches, or predictions were bad so far, the last velocity and pose predict. For comparison: the network
+    alone, the last pose held, and the last velocity. A recording that the network has learned is no test; give other
+    --frames.
 
     Example:  motiondeck library anticipate cmu86 86_01.amc --frames 1152 1960
     """
@@ -216,10 +216,10 @@ def restyle(
 ) -> None:
     """Write a library with one more motion: MOTION with the frequencies of OTHER, or in its style.
 
-    With --unlike, in a library that a phase drives, the mean posture of MOTION is changed by what tells OTHER from
+    With --unlike, in a phase-driven library, the mean posture of MOTION is changed by the difference of OTHER and
     NEUTRAL, and how far that moves joints is printed. Without it, in a centralized library, satellites and weights
-    stay, and centers turn as in OTHER: the tempo is another, and so is the rhythm. How far joints leave the places they
-    had in MOTION is printed, for a network may be driven to where it has not been trained.
+    stay and centers turn as in OTHER, so tempo and rhythm change. The network may be driven outside its training, so
+    the distance of joints from their places in MOTION is printed.
 
     Example:  motiondeck library restyle cmu86 walk --like run --out styled.safetensors
     """

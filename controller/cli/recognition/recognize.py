@@ -63,8 +63,8 @@ def train(
 
     The folder has one folder per motion, with recordings of any format. Skeletons (.asf) lie beside the recordings or
     above them; the name of a recording begins with the name of its skeleton. A file that cannot be used is named and
-    skipped; the exit code is then 3. Every recording is also learned faster and slower, so that motions are known at
-    half and at twice their tempo; --stretch 1 leaves that out.
+    skipped; the exit code is then 3. Every recording is also learned faster and slower, so that motions are recognized
+    at half and at twice their tempo; --stretch 1 leaves that out.
 
     Example:  motiondeck recognize train hdm05 --out hdm05.safetensors
     """

@@ -50,10 +50,10 @@ def segment(
 ) -> None:
     """Cut a recording into its behaviours.
 
-    planes: segments nearest to planes of four dimensions, the best of all segmentations; --segments says how many.
+    planes: segments nearest to planes of four dimensions, the best of all segmentations; --segments sets their number.
     change-points: segments that vary least within themselves. cross-prediction: borders across which prediction fails.
     experts: every frame is recognized, by a trained recognizer, or by experts that learn the first occurrence of each
-    behaviour from --labels; these are scored on borders between frames that they have not learned.
+    behaviour from --labels; these are scored on borders between frames that they did not learn.
 
     Labels have the format of Barbic et al. 2004: earliest, best and latest acceptable frame of each border.
 

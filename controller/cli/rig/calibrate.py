@@ -34,8 +34,8 @@ def calibrate(
 ) -> None:
     """Find every joint's zero, direction and range by moving them by hand, torque off, and write a new rig file.
 
-    What is measured is kept in FILE.part; after an error or Ctrl-C the same command goes on from there. Homing
-    offset and drive mode that another program left in the servos are set to 0.
+    Measurements are kept in FILE.part; after an error or Ctrl-C the same command continues from there. A homing offset
+    and drive mode of another program in the servos are set to 0.
 
     Example:  motiondeck rig calibrate servo20 --out my-rig.toml
     """

@@ -91,7 +91,7 @@ def monitor(
     rig: RigArgument,
     port: PortOption = None,
     seconds: Annotated[
-        float, typer.Option("--seconds", metavar="SECONDS", help="Stop after so many seconds; 0 runs until Ctrl-C.")
+        float, typer.Option("--seconds", metavar="SECONDS", help="Stop after this many seconds; 0 runs until Ctrl-C.")
     ] = 0.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a second.")] = False,
 ) -> None:
@@ -119,12 +119,12 @@ def monitor(
 
 @app.command("stop")
 def stop(rig: RigArgument, port: PortOption = None, as_json: JsonOption = False) -> None:
-    """Take the torque off every servo of a rig, now; exit 1 if one did not confirm it.
+    """Switch the torque of every servo of a rig off, now; exit code 1 if one did not confirm it.
 
     Only while no other program has the port. A rig that plays is stopped by Ctrl-C there, or from another
     terminal by `motiondeck send stop` (as Ctrl-C) or `motiondeck send estop` (brake and hold).
 
-    After a program was killed, the servos' watchdogs stop them but leave torque on: this takes it off.
+    After a program was killed, the servos' watchdogs stop them but leave the torque on: this switches it off.
 
     Example:  motiondeck rig stop servo20
     """

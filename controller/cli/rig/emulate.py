@@ -43,19 +43,17 @@ def emulate(
         Literal["fixed", "free"] | None,
         typer.Option("--root", help="With --robot: fixed in the air (default), or free to fall."),
     ] = None,
-    fresh: Annotated[
-        bool, typer.Option("--fresh", help="Only the first servo, as it comes from the box: id 1, 57600 baud.")
-    ] = False,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Only the first servo, as new: id 1, 57600 baud.")] = False,
 ) -> None:
     """Emulate a rig: print the port to open, and serve any client until Ctrl-C or SIGTERM.
 
     It goes on in the background (&) when the shell that started it ends, and with nohup when the terminal closes.
 
     What you type moves joints that have no torque, as hands would: `swing pan 0.5 every 2`, `move pan 1 tilt 0 in 1.5`
-    (rad and s), `rest`; `where` tells where they are. `pull pan` takes a servo's cable out, `plug pan` puts it back,
+    (rad and s), `rest`; `where` prints their angles. `pull pan` takes a servo's cable out, `plug pan` puts it back,
     `warm pan 70` heats it up (degC).
 
-    With --robot the servos turn a body with masses, so they feel load, stall and fall: as current, heat and sag.
+    With --robot the servos turn a simulated body with masses, so load, stall and falls show as current, heat and sag.
 
     [bold]Examples[/]
 

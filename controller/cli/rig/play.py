@@ -44,10 +44,10 @@ def play(
     ] = DEFAULT_PORT,
     as_json: JsonOption = False,
 ) -> None:
-    """Play a taught clip once, or a library for as long as you like, on a rig alone.
+    """Play a taught clip once, or a library until Ctrl-C, on a rig without a simulated robot.
 
-    No robot is simulated and there is no page. The approach to the first pose is slow; every target keeps to the rig
-    file's limits. A clip ends at its last frame, even if limits have held it back.
+    There is no page. The approach to the first pose is slow; every target keeps to the rig file's limits. A clip ends
+    at its last frame, even if limits have held it back.
 
     `motiondeck send switch nod` (or pause, tempo 0.5, home, estop) commands it.
 

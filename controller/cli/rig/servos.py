@@ -25,7 +25,7 @@ def scan(
 ) -> None:
     """List every servo that answers on a port, at any baud rate and protocol; with --out, write a rig file of them.
 
-    The rig file has the adapter's lasting name, each servo's whole turn as its range, and 2 rad/s as its speed: name
+    The rig file has the adapter's permanent name, each servo's whole turn as its range, and 2 rad/s as its speed: name
     the joints in an editor, then calibrate.
 
     [bold]Examples[/]
@@ -65,14 +65,16 @@ def setup(
     baud: Annotated[int, typer.Option("--baud", metavar="BAUD", help="The baud rate it gets.")] = 1_000_000,
     rig: Annotated[
         Path | None,
-        typer.Option("--rig", metavar="FILE", help="Write the adapter's lasting name into this rig file as its port."),
+        typer.Option(
+            "--rig", metavar="FILE", help="Write the adapter's permanent name into this rig file as its port."
+        ),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Give the only servo on a port its ID and baud rate.
 
-    The lasting name of an adapter (/dev/serial/by-id/...) has its serial number, and stays when the system calls it
-    ttyUSB1 the next time.
+    The permanent name of an adapter (/dev/serial/by-id/...) has its serial number, and stays the same when the system
+    calls it ttyUSB1 the next time.
 
     Example:  motiondeck rig setup /dev/ttyUSB0 --id 7 --baud 4000000 --rig my-rig.toml
     """
@@ -109,9 +111,9 @@ def import_calibration(
 ) -> None:
     """Write a rig file from a calibration of LeRobot and the servos on a port; changes nothing in them.
 
-    Names, directions and ranges are LeRobot's, models and baud rate are asked from the servos. A reversed motor stays
+    Names, directions and ranges are LeRobot's, models and baud rate are read from the servos. A reversed motor stays
     reversed: its angle grows as LeRobot's does. Angle 0 is in the middle of the range. LeRobot's homing offsets and
-    drive modes are still in the servos: `motiondeck rig doctor RIG --fix` sets them to what the rig file counts on.
+    drive modes are still in the servos: `motiondeck rig doctor RIG --fix` sets them as the rig file needs them.
 
     Example:  motiondeck rig import koch_follower.json --port /dev/ttyUSB0 --out arm.toml
     """

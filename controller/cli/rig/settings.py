@@ -32,7 +32,7 @@ def restore(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="What `rig backup` wrote.")],
     port: PortOption = None,
 ) -> None:
-    """Write the EEPROM registers of a backup into the servos, but their IDs and baud rates; torque must be off.
+    """Write the EEPROM registers of a backup into the servos, except IDs and baud rates; torque must be off.
 
     Example:  motiondeck rig restore my-rig.toml servos.json
     """

@@ -34,7 +34,7 @@ def teach(
     port: PortOption = None,
     seconds: Annotated[
         float | None,
-        typer.Option("--seconds", metavar="SECONDS", help="Begin at once and record for so long, without asking."),
+        typer.Option("--seconds", metavar="SECONDS", help="Begin at once and record for this long, without asking."),
     ] = None,
     once: Annotated[
         bool | None,
@@ -49,9 +49,9 @@ def teach(
     ] = True,
     as_json: JsonOption = False,
 ) -> None:
-    """Teach a rig by hand: torque off, you move the joints, and what they did becomes a clip.
+    """Teach a rig by hand: with torque off you move the joints, and the movement becomes a clip.
 
-    Hold what would fall before the torque goes off. After each recording you may save it, have it again, undo the
+    Hold what would fall before the torque goes off. After each recording you may save it, record it again, undo the
     trim, or record another take: takes of one motion (wave.clip, wave.2.clip ...) are averaged when they are learned.
     With a folder as --out, motions are named and recorded one after the other.
 

@@ -58,7 +58,7 @@ def list_robots(
 
 @app.command("show")
 def show(robot: RobotArgument, as_json: JsonOption = False) -> None:
-    """Show a robot's joints, their limits and rest, its parts and how motions are carried onto it.
+    """Show a robot's joints, their limits and rest positions, its parts and its solver.
 
     Example:  motiondeck robot show servo20
     """
@@ -114,9 +114,11 @@ def calibrate(
     ] = None,
     package: Annotated[
         list[str] | None,
-        typer.Option("--package", metavar="NAME=DIR", help="Where a package is that a URDF's meshes are in."),
+        typer.Option(
+            "--package", metavar="NAME=DIR", help="The folder of a package that a URDF's meshes are named by."
+        ),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace a robot file that is there.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing robot file.")] = False,
     picture: Annotated[
         Path | None, typer.Option("--picture", metavar="FILE", help="Draw robot and human side by side (.png).")
     ] = None,
@@ -128,7 +130,7 @@ def calibrate(
         str, typer.Option("--motion", metavar="MOTION", help="The motion that picture and view show.")
     ] = "walk",
     library: Annotated[
-        str, typer.Option("--library", metavar="LIBRARY", help="Where that motion is from.")
+        str, typer.Option("--library", metavar="LIBRARY", help="The library of that motion.")
     ] = "thesis15",
     as_json: JsonOption = False,
 ) -> None:
@@ -181,17 +183,17 @@ def calibrate(
 def tune_walk(
     robot: RobotArgument,
     motion: Annotated[
-        list[str] | None, typer.Option("--motion", help="What it is to walk; again for another one. By default walk.")
+        list[str] | None, typer.Option("--motion", help="A motion to walk; repeatable. Default: walk.")
     ] = None,
-    library: Annotated[str, typer.Option("--library", help="Whose motions.")] = "thesis15",
-    seconds: Annotated[float, typer.Option("--seconds", help="How long each trial is.")] = 60.0,
-    rounds: Annotated[int, typer.Option("--rounds", help="How many settings are tried.")] = 40,
-    seed: Annotated[int, typer.Option("--seed", help="Of the search.")] = 0,
+    library: Annotated[str, typer.Option("--library", help="The library of the motions.")] = "thesis15",
+    seconds: Annotated[float, typer.Option("--seconds", help="Length of each trial, s.")] = 60.0,
+    rounds: Annotated[int, typer.Option("--rounds", help="Number of settings to try.")] = 40,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the search.")] = 0,
     as_json: JsonOption = False,
 ) -> None:
     """Find the settings with which a robot walks on its own feet, under pushes, and write them into its file.
 
-    Longer and longer steps are tried until it falls; what is kept stays 15 % below that. `play --root free --walk`
+    Longer and longer steps are tried until it falls; the kept ones stay 15 % below that. `play --root free --walk`
     uses them.
 
     Example:  motiondeck robot tune-walk my-robot.toml --motion walk --motion waltz
@@ -217,7 +219,7 @@ def check(
     solver: SolverOption = None,
     seconds: Annotated[
         float | None,
-        typer.Option("--seconds", metavar="SECONDS", help="Check only the first so many seconds of each recording."),
+        typer.Option("--seconds", metavar="SECONDS", help="Check only this many first seconds of each recording."),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:

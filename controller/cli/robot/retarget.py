@@ -35,13 +35,14 @@ def retarget(
 ) -> None:
     """Carry recordings onto a robot and write each as a motion file for training.
 
-    npz: fps, joint_names, root_pos, root_quat (w x y z) and joint_pos. csv: at 30 Hz, a row a frame: root x y z,
-    quaternion x y z w, joints, as Unitree's retargeted LAFAN1 set. mjlab: the npz of its tracking task, at 50 Hz. qpos:
-    fps, qpos and qvel of MuJoCo. npz and qpos keep the recording's rate. Joints are in the order of the robot's model.
+    npz: fps, joint_names, root_pos, root_quat (w x y z) and joint_pos. csv: at 30 Hz, a row per frame: root x y z,
+    quaternion x y z w, joints, as Unitree's retargeted LAFAN1 set. mjlab: the npz of its tracking task, at 50 Hz.
+    qpos: fps, qpos and qvel of MuJoCo. npz and qpos keep the recording's rate. Joints are in the order of the robot's
+    model.
 
-    All cores work, or with --jobs dask://HOST:PORT a cluster whose workers see the same folders. The run can be stopped
-    at any time: the same command goes on where it was, and carries a recording again only if it has changed.
-    motions.jsonl beside the files says what became of each.
+    All cores work, or with --jobs dask://HOST:PORT a cluster whose workers see the same folders. The run can be
+    stopped at any time: the same command continues, and repeats a recording only if it has changed. motions.jsonl
+    beside the files has the result of each.
 
     The table shows the angles between the robot's limbs and the human's (mean/worst, of the worse side, degrees), steps
     faster than a joint may go (fast), how deep anything sinks into the floor (mm) and how fast standing soles slide
