@@ -50,7 +50,7 @@ class Library:
 
     @property
     def loops(self) -> tuple[str, ...]:
-        """The names of the motions that go on for ever; the others are one-shots, which end in a pose and hold it."""
+        """The names of the loops; the other motions are one-shots, which end in a pose and hold it."""
         return tuple(motion.name for motion in self.model.info.motions if motion.plays == "loop")
 
     @property
@@ -82,8 +82,8 @@ class Library:
 
         Args:
             motion: its name.
-            seconds: how long.
-            rate: frames per second, Hz; the library's own where none is given.
+            seconds: length, s.
+            rate: frames per second, Hz; by default the library's own.
             tempo: 1 is as fast as recorded; negative plays backwards, where the network has a phase.
             phase: where in the motion to begin, in [0, 1].
             inputs: values of the motion's inputs besides the phase, such as {"speed": 1.4}.
@@ -113,7 +113,7 @@ class Library:
     def generator(
         self, motion: str, *, tempo: float = 1.0, phase: float = 0.0, inputs: Mapping[str, float] | None = None
     ) -> MotionGenerator:
-        """The same step by step: `step(dt)` goes dt seconds on and gives the channels there, shape (C,)."""
+        """The same step by step: `step(dt)` advances by dt seconds and returns the channels, shape (C,)."""
         return MotionGenerator(self.model, motion, tempo=tempo, phase=phase, inputs=inputs)
 
     def save(self, path: str | Path) -> None:
@@ -144,16 +144,16 @@ def learn(
 ) -> Library:
     """Learns a library from recordings of any format, rate and skeleton, as `motiondeck learn` does.
 
-    Still ends are trimmed, and each recording becomes a loop or a one-shot, whichever it is. A recording that cannot be
-    used is left out; see `Library.left_out`. Where that has to be decided by hand, use `learn_recipe`.
+    Still ends are trimmed, and each recording is detected as a loop or a one-shot. A recording that cannot be used is
+    left out; see `Library.left_out`. To decide this yourself, use `learn_recipe`.
 
     Args:
-        recordings: files and folders that hold some; each motion bears its file's name.
+        recordings: files, and folders of them; each motion has its file's name.
         name: of the library.
         network: its kind and sizes: a `PhaseRecipe`, `PhaseEchoStateRecipe`, `ConceptorRecipe`, `EchoStateRecipe`,
-            `RandomFeatureRecipe` or `CentralizedRecipe` of `motiondeck.networks`; None for what suits any motion.
+            `RandomFeatureRecipe` or `CentralizedRecipe` of `motiondeck.networks`; None for the default.
         seeds: tried in turn until every motion passes the self-test; see `Library.failed`.
-        progress: called with each step in a few words.
+        progress: called with a short description of each step.
 
     Raises:
         MotiondeckError: if there is no recording, or none can be used.

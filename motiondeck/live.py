@@ -61,7 +61,7 @@ class CommandedMotion:
 
     Attributes:
         motion: its name, or "walk + jog" for a blend.
-        after: the one-shot whose end is awaited first, or "".
+        after: the one-shot that has to end first, or "".
         via: the motions on the way.
     """
 
@@ -71,7 +71,7 @@ class CommandedMotion:
     _wait: Callable[[float], float]
 
     def wait(self, timeout: float = 30.0) -> float:
-        """Waits until nothing is left of the motion before; the seconds that took since the command.
+        """Waits until the switch has settled; returns the seconds since the command.
 
         Raises:
             CommandError: if another command overtook this one.
@@ -130,11 +130,11 @@ class LiveDeck:
         return reply
 
     def switch(self, motion: str, *, direct: bool = False) -> CommandedMotion:
-        """Plays another motion now, or when the present one-shot has ended; what was queued is forgotten.
+        """Plays another motion now, or when the present one-shot has ended; the queue is cleared.
 
         Args:
             motion: its name.
-            direct: go there at once and straight, however far it is.
+            direct: switch at once, without motions in between.
 
         Raises:
             CommandError: if it cannot be done now, or there is no such motion; it names the nearest.
@@ -169,14 +169,14 @@ class LiveDeck:
 
     @property
     def phase(self) -> float | None:
-        """How far the motion is: [0, 1) in a loop, 0 to 1 in a one-shot; None if the network runs by itself."""
+        """The phase of the motion: [0, 1) in a loop, 0 to 1 in a one-shot; None if the network has none."""
         return self.status().phase
 
     def jump(self, phase: float) -> None:
-        """Goes to a phase, from 0 to 1, of the motion that is played; what is shown fades to it.
+        """Goes to a phase, from 0 to 1, of the present motion, by a transition.
 
         Raises:
-            CommandError: if the network runs by itself and has no phase, or two motions are blended.
+            CommandError: if the network has no phase, or two motions are blended.
         """
         self._request(Jump(phase))
 
@@ -186,15 +186,15 @@ class LiveDeck:
         return self.status().inputs
 
     def set_input(self, name: str, value: float) -> None:
-        """Gives an input another value, which is reached within a second.
+        """Changes an input; the new value is reached within a second.
 
         Raises:
-            CommandError: if no motion has such an input, or the value lies outside of what was learned.
+            CommandError: if no motion has such an input, or the value is outside the learned range.
         """
         self._request(SetInput(name, value))
 
     def lock(self, source: Literal["beat", "deck", "body"], phase: float = 0.0, steps: int = 0) -> None:
-        """Locks the phase of loops to something else than the commanded tempo ([how](docs/deck.md#locks)).
+        """Locks the phase of loops to beats, another deck or the body ([how](docs/deck.md#locks)).
 
         Args:
             source: "beat" for the times that `beat` is given, "body" for the measured joints, "deck" for the deck
@@ -213,7 +213,7 @@ class LiveDeck:
 
     @property
     def locked_to(self) -> LockState | None:
-        """What the phase is locked to: `source`, `state`, `error_ms` and `per_minute`; None if to nothing."""
+        """What the phase is locked to: `source`, `state`, `error_ms` and `per_minute`; None without a lock."""
         return self.status().lock
 
     def beat(self, at: float | None = None) -> None:
@@ -223,12 +223,12 @@ class LiveDeck:
             at: when it was by `time.monotonic()`, s, up to 2 s ago or ahead; None for now.
 
         Raises:
-            CommandError: if the network runs by itself, or the time is further away.
+            CommandError: if the network has no phase, or the time is further away.
         """
         self._request(GiveBeat(ago=time.monotonic() - at if at is not None else 0.0))
 
     def push(self, side: Literal["front", "back", "left", "right"], impulse: float = 0.0) -> None:
-        """Pushes the simulated body from one of its sides with an impulse, N s; 0 for a good push.
+        """Pushes the simulated body from one of its sides with an impulse, N s; 0 for one that forces a step.
 
         Raises:
             CommandError: if nothing is simulated, or only its kinematics, or its root is fixed.
@@ -256,7 +256,7 @@ class LiveDeck:
         self._request(Reset())
 
     def events(self) -> Iterator[DeckEvent]:
-        """What happens on the deck from this call on, as it happens, until it has ended.
+        """The events of the deck from this call on, as they happen, until it has ended.
 
         Raises:
             MotiondeckError: if the deck has ended already.

@@ -48,7 +48,7 @@ class Recognizer:
         """The motion that a clip shows, how sure that is, and whether it is a known one at all.
 
         Raises:
-            MotiondeckError: if the clip's skeleton lacks a joint that is looked at, or the clip is too short.
+            MotiondeckError: if the clip's skeleton lacks a joint that is compared, or the clip is too short.
         """
         return self.model.recognize(clip)
 
@@ -58,7 +58,7 @@ class Recognizer:
         return RecognitionStream(self, OnlineRecognizer(model.bank, model.threshold, model.recipe.rate))
 
     def watch(self, skeleton: Skeleton) -> PoseStream:
-        """Recognizes the poses of a body while they come, at any pace.
+        """Recognizes the poses of a body one by one, at any rate.
 
         Raises:
             MotiondeckError: if the skeleton lacks a joint that is looked at.
@@ -66,12 +66,12 @@ class Recognizer:
         return PoseStream(BodyRecognizer(self.model, skeleton), len(skeleton))
 
     def frames(self, clip: Clip) -> NDArray[np.float64]:
-        """What a stream is fed with: the features of a clip at `rate` frames per second, shape (T, C)."""
+        """The input of a stream: the features of a clip at `rate` frames per second, shape (T, C)."""
         return self.model.look(clip)
 
     @property
     def rate(self) -> float:
-        """Frames per second that are looked at, Hz."""
+        """Frames per second that are compared, Hz."""
         return self.model.recipe.rate
 
     def save(self, path: str | Path, licence: str = "") -> None:
@@ -102,7 +102,7 @@ class RecognitionStream:
 
     @property
     def nearest(self) -> str | None:
-        """The motion that it looks like most, however sure that is; None before the second frame."""
+        """The most similar motion, even if it is not sure; None before the second frame."""
         return self._online.motion
 
     @property
@@ -125,12 +125,12 @@ class PoseStream:
     def update(self, root_position: NDArray[np.float64], rotation: NDArray[np.float64], dt: float) -> str | None:
         """Takes the next pose; the motion that is seen, or None while nothing is sure.
 
-        A pose with a number that is not finite is left out.
+        A pose with a NaN or infinite number is skipped.
 
         Args:
             root_position: m, z up, shape (3,).
             rotation: of the root and of each bone in the world, unit quaternions, shape (1 + B, 4), as in `Clip`.
-            dt: how long after the last pose it is, s.
+            dt: time since the last pose, s.
 
         Raises:
             MotiondeckError: if a shape is wrong, or dt is negative or longer than LONGEST_STEP.
@@ -163,9 +163,9 @@ def learn_recognizer(
     """Learns to tell motions apart, as `motiondeck recognize train` does.
 
     Args:
-        recordings: a folder with one folder of recordings a motion, or the clips of each motion by its name.
-        rate: frames per second that are looked at, Hz.
-        stretches: each clip is learned as if it took so many times as long, once for each factor.
+        recordings: a folder with one folder of recordings per motion, or the clips of each motion by its name.
+        rate: frames per second that are compared, Hz.
+        stretches: each clip is learned once for each factor, at so many times its duration.
         seed: of the reservoir.
 
     Raises:

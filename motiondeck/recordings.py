@@ -33,8 +33,8 @@ def read_recording(
         path: the file.
         skeleton: for .amc, the .asf file it belongs to (None looks in the same folder and the one above); for .npz,
             the body model (None takes average proportions).
-        unit: what one length of the file is, m, such as 0.01; None finds out.
-        up: the file's axis that is up; None finds out.
+        unit: length of one unit of the file, m, such as 0.01; None detects it.
+        up: the axis of the file that is up; None detects it.
         rename: other names for joints, bones or markers, by the names in the file.
 
     Raises:

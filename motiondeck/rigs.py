@@ -84,9 +84,9 @@ class Rig:
         self._goal = goal
 
     def wait(self, seconds: float) -> None:
-        """Lets time pass and keeps the servos' watchdogs fed; a simulated rig does not keep you waiting.
+        """Waits and feeds the servos' watchdogs; a simulated rig returns at once.
 
-        Successive calls keep their pace whatever happens in between: a loop of `write` and `wait(0.01)` runs at 100 Hz.
+        Successive calls keep a steady pace: a loop of `write` and `wait(0.01)` runs at 100 Hz, whatever else it does.
         """
         rig = self._rig
         if isinstance(rig, SimulatedRig):
@@ -106,7 +106,7 @@ class Rig:
 
         Args:
             angles: as for `write`.
-            seconds: how long; position, speed and acceleration have no jump.
+            seconds: duration, s; position, speed and acceleration have no jump.
 
         Raises:
             UnknownNameError, RigError: as `write`.

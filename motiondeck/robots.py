@@ -28,7 +28,7 @@ class Robot:
     Attributes:
         file: the robot file.
         name: what it is called.
-        solver: how motions are carried onto it, "angles" or "ik", in place of what its file chooses.
+        solver: how motions are carried onto it, "angles" or "ik"; overrides its file.
     """
 
     file: Path
@@ -67,15 +67,15 @@ def retarget_files(
     format: Literal["npz", "csv", "mjlab", "qpos"] = "npz",
     jobs: str = "-1",
 ) -> Iterator[RetargetedFile]:
-    """Recordings, and folders that hold some, carried onto a robot: a motion file of each, for training.
+    """Carries recordings, and folders of them, onto a robot: a motion file of each, for training.
 
-    Yields what became of each as soon as it is done: the file, how far the robot's limbs point from the human's, and
-    why the robot cannot do it as it is, if so. Called again it goes on where it was stopped, and carries a recording
-    again only if it has changed. In a script of your own call it under `if __name__ == "__main__":`.
+    Yields the result of each as soon as it is done: the file, the angles between the robot's limbs and the human's,
+    and, if the robot cannot do it, why. Called again it continues where it was stopped, and repeats a recording only
+    if it has changed. In a script call it under `if __name__ == "__main__":`.
 
     Args:
         paths: recordings and folders.
-        robot: who is to do it.
+        robot: the robot to carry them onto.
         out: the folder for the files.
         format: of the files.
         jobs: how many processes, "-1" for one per core, or a Dask cluster, "dask://HOST:PORT", that sees the folders.

@@ -38,21 +38,21 @@ def play(
 ) -> LiveDeck:
     """Starts a live deck and returns when it plays.
 
-    The deck ends with its `with` block, with `seconds`, and with the program that started it, whatever becomes of that.
+    The deck ends with its `with` block, after `seconds`, or with the program that started it, even if that is killed.
 
     Args:
         library: a shipped one by its name, a file, or one in memory.
-        motion: what is played first; `walk` where there is one.
+        motion: the first motion; by default `walk`, or the library's first.
         robot: a shipped one by its name ("mannequin", "servo20"), or a robot file.
         rig: its servos: "emulated", a shipped rig or a rig file; None for none.
         page: whether there is a page in the browser, on a free port or on this one; see `LiveDeck.page`.
         seconds: how long to play; None until it is closed.
         record: the file in which every tick is recorded, for `motiondeck replay` and `plot`.
         rate: ticks of the loop a second, Hz.
-        physics: whether the simulated robot moves by servos and masses, or exactly along its targets.
-        root: what holds it: a gantry, nothing that moves, or nothing at all.
+        physics: whether servos and masses are simulated; without them the robot is exactly at its targets.
+        root: what holds the simulated robot: a gantry, a fixed stand, or nothing.
         balance: whether a free robot keeps its balance.
-        walk: whether a free robot goes where the motion goes, on its own feet.
+        walk: whether a free robot walks where the motion goes.
         command_port: where commands come in; 0 for a free port.
         lock_to: "beat", "body", another deck or its command port: what the phase is locked to from the start.
 
