@@ -1,4 +1,4 @@
-"""A style carried from one action to another, beside the recording of that action in the style.
+"""A style carried to another action, beside the recording of it.
 
 Walk and bow were recorded in an old person's style and in another one. What tells the two walks apart is added to the
 other bow and compared with the old bow, and what tells the bows apart to the walk. The error is the mean distance of
