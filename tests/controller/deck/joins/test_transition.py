@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controller.deck.joins import transition
@@ -87,6 +87,7 @@ def accelerations(fade, target, dt=2.5e-3):
     return np.linalg.norm(np.diff(places, n=2, axis=0), axis=-1) / dt**2
 
 
+@settings(max_examples=40)
 @given(st.integers(0, 200), st.floats(20.0, 500.0))
 def test_no_joint_is_accelerated_beyond_the_bound(seed, bound):
     rng = np.random.default_rng(seed)
@@ -119,6 +120,7 @@ def test_a_target_that_turns_takes_longer():
     assert found.duration > difference((shown, shown), (target, target), dt, staying(target), limbs, bounds).duration
 
 
+@settings(max_examples=40)
 @given(st.integers(0, 200), st.floats(2.0, 8.0))
 def test_no_joint_gets_faster_than_the_bound(seed, bound):
     rng = np.random.default_rng(seed)
