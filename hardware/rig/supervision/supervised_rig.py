@@ -42,7 +42,10 @@ from hardware.rig.timings import Timings
 _MENDED_WITHIN = 2.0  # s, for all but a vanished port
 _PAUSE = 0.05  # s between two tries
 _CATCHING_UP = 0.25  # of the speed limit
-_CAUGHT_UP = 0.02  # rad
+_CAUGHT_UP = 0.02  # rad between goal and target
+# A goal may reach its target while the joint still turns away from it. One has caught up when it is no farther behind
+# than so many seconds at its slower speed and so many rad, or, if load or a hand keeps it there, after a while.
+_LAG, _PLAY, _PATIENCE = 0.15, 0.05, 2.0
 _LONGEST_STEP = 2.0  # ticks' worth of way for an eased joint after a stall: the servo would take it at full speed
 
 
@@ -99,6 +102,10 @@ class SupervisedRig:
         self._ease = Easing(config)
         self._strain = Strain(config)
         self._catching_up = np.zeros(len(self.names), dtype=np.bool_)
+        self._arrived = np.full(
+            len(self.names), np.inf
+        )  # since when the goal of one that catches up is at its target, s
+        self._near = _PLAY + _LAG * _CATCHING_UP * self._speed
         self._last_write = self._rig.now()
         self._health = Health(config, self._last_write)
         self._job: threading.Thread | None = None
@@ -369,8 +376,11 @@ class SupervisedRig:
         self._rig.write(targets, self._speed * part * np.where(part < 1.0, eased_for, passed))
         if np.logical_or.reduce(self._catching_up):
             # A joint that stands at a limit has caught up with a target beyond it.
-            off = np.abs(np.clip(targets, self._lower, self._upper) - self._rig.goals)
-            self._catching_up &= strain.yielding | ~(off < _CAUGHT_UP)
+            goals = self._rig.goals
+            arrived = np.abs(np.clip(targets, self._lower, self._upper) - goals) < _CAUGHT_UP
+            self._arrived = np.where(arrived & self._catching_up, np.minimum(self._arrived, now), np.inf)
+            there = np.abs(goals - self._rig.positions) < self._near
+            self._catching_up &= strain.yielding | ~(arrived & (there | (now - self._arrived > _PATIENCE)))
             self._keep_pace()
 
     def _keep_pace(self) -> None:

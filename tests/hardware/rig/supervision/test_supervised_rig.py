@@ -119,6 +119,27 @@ def test_a_joint_that_turns_back_while_it_catches_up_does_not_hurry(build):
     assert drive.speed[0] / joint.pulses_per_radian > 0.9 * 2.5
 
 
+@pytest.mark.parametrize("back", [0.3, 0.6])
+def test_a_joint_whose_goal_arrives_before_it_does_not_hurry_after_it(build, back):
+    """The port is lost in full swing: the joint runs on past its target, and the goal has gone back there meanwhile."""
+    joint = RigJoint("hand", 1, "XM430-W350", 1, 2048, -1.3, 1.3, velocity=2.5, acceleration=4.0)
+    rig, port = build("unplug:at=2.3,for=0.05", joints=(joint,))
+    drive, speeds = port.bus.devices[0].bank.drive, []
+    play(rig, port, [-1.2], 1.8)
+    play(rig, port, [1.2], 0.5)
+    assert rig.recoveries == 1
+    target = float(rig._rig.goals[0]) - back
+    for _ in range(250):
+        play(rig, port, [target], TICK)
+        speeds.append(float(drive.speed[0]) / joint.pulses_per_radian)
+    assert max(speeds) > 1.5  # it was still turning away
+    quarter, swing = 0.25 * 2.5, 0.1  # rad/s; a shaft swings about its path
+    assert quarter - swing < -min(speeds) < quarter + swing
+    assert abs(rig.positions[0] - target) < 0.02
+    play(rig, port, [1.2], 1.0)
+    assert drive.speed[0] / joint.pulses_per_radian > 1.5
+
+
 @pytest.mark.parametrize(("at", "misled"), [(0.55, 0.0), (0.75, 0.0), (0.95, 0.0), (1.068, 0.1)])
 def test_a_servo_that_takes_the_id_of_a_faster_joint_keeps_its_own_speed(build, rig_of_four, at, misled):
     """It shares that joint's goals then. Only if speeds are just under way does it take them, for less than 0.1 s."""
