@@ -55,7 +55,7 @@ SolverOption = Annotated[
     typer.Option(
         "--solver",
         rich_help_panel="Simulation",
-        help="How to carry motions onto the robot; default: as its file says.",
+        help="How to carry motions onto the robot; without it, as its file says.",
     ),
 ]
 JobsOption = Annotated[

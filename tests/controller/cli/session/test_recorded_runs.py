@@ -187,7 +187,7 @@ def test_a_run_that_is_killed_leaves_what_it_did(folder):
         (("plot", "pyproject.toml"), "this is not a recording"),
         (("play", "--headless", "--record", "none/x.rec", "--command-port", "0"), "none/x.rec: cannot be written"),
         (("play", "--video", "x.mp4", "--record", "x.rec"), "no ticks to record"),
-        (("play", "--script", "none.toml"), "none.toml: cannot be read"),
+        (("play", "--headless", "--script", "none.toml"), "none.toml: cannot be read"),
     ],
 )
 def test_a_mistake_ends_in_one_line(arguments, says):
