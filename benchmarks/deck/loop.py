@@ -41,7 +41,7 @@ import numpy as np  # noqa: E402
 from benchmarks.deck._c_loop import CLoop  # noqa: E402
 from benchmarks.deck._machine_load import hog, stolen_ms  # noqa: E402
 from benchmarks.deck._peer_clock import PeerClock, limiters  # noqa: E402
-from controller.cli.session.robot_on_deck import RobotSetup, open_robots  # noqa: E402
+from controller.cli.session.robots.robot_on_deck import RobotSetup, open_robots  # noqa: E402
 from controller.cli.session.script import Timed  # noqa: E402
 from controller.cli.session.session import RunSettings, Session  # noqa: E402
 from controller.deck.deck import Deck  # noqa: E402

@@ -20,8 +20,8 @@ from copy import deepcopy
 
 import numpy as np
 
-from controller.cli.session.recognition_watch import MismatchPolicy, RecognitionWatch
-from controller.cli.session.rig_output import RigOutput, narrowed
+from controller.cli.session.recognition.recognition_watch import MismatchPolicy, RecognitionWatch
+from controller.cli.session.robots.rig_output import RigOutput, narrowed
 from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
 from controller.loop.clock import VirtualClock

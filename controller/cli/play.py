@@ -306,9 +306,9 @@ def play(
         # The page takes longest to start, so it does that while all the rest is imported and loaded.
         shown = not headless and video is None and core is None
         page = early.enter_context(page_process(page_port)) if shown else None
-        from controller.cli.session.recognition_watch import MismatchPolicy
+        from controller.cli.session.recognition.recognition_watch import MismatchPolicy
         from controller.cli.session.report import summary
-        from controller.cli.session.robot_on_deck import open_robots
+        from controller.cli.session.robots.robot_on_deck import open_robots
         from controller.cli.session.session import RunSettings, Session
         from controller.cli.session.setup import check_seconds, checked_rate, robot_setup
         from controller.deck.deck import Deck

@@ -87,7 +87,7 @@ def on_rig(body: Robot, rig: str | None) -> tuple[Robot, JointLimits]:
         return body, body.limits
     import msgspec
 
-    from controller.cli.session.rig_output import narrowed
+    from controller.cli.session.robots.rig_output import narrowed
     from hardware.rig.rig_file import load_rig
     from motiondeck_base.shipped import find_rig
 

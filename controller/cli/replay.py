@@ -55,7 +55,7 @@ def replay(
     Example:  motiondeck replay show.rec --rig emulated
     """
     from controller.cli.session.report import summary
-    from controller.cli.session.robot_on_deck import open_robots
+    from controller.cli.session.robots.robot_on_deck import open_robots
     from controller.cli.session.session import RunSettings, Session
     from controller.cli.session.setup import robot_setup
     from controller.deck.recorded_deck import RecordedDeck

@@ -83,7 +83,7 @@ def play(
 
 def play_clip(config: RigConfig, ports: list[str], clip: Clip, settings: RunSettings) -> dict[str, Any]:
     """Plays a taught clip once on a rig; the report of the run."""
-    from controller.cli.session.rig_on_deck import open_rig_alone, recorded_deck
+    from controller.cli.session.robots.rig_on_deck import open_rig_alone, recorded_deck
     from controller.cli.session.session import Session
 
     with Session(
@@ -99,7 +99,7 @@ def play_library(
     config: RigConfig, ports: list[str], library: MotionLibrary, first: str, robot: str, settings: RunSettings
 ) -> dict[str, Any]:
     """Plays a library on a rig until the time is over or somebody stops it; the report of the run."""
-    from controller.cli.session.rig_on_deck import open_rig_alone
+    from controller.cli.session.robots.rig_on_deck import open_rig_alone
     from controller.cli.session.session import Session
     from controller.deck.deck import Deck
 

@@ -85,7 +85,7 @@ def play_live(request: LiveRequest) -> None:
         MotiondeckError: if it cannot begin.
     """
     os.environ.setdefault("MUJOCO_GL", "disable")  # nothing is drawn here, and MuJoCo starts sooner without OpenGL
-    from controller.cli.session.robot_on_deck import open_robots
+    from controller.cli.session.robots.robot_on_deck import open_robots
     from controller.cli.session.session import RunSettings, Session
     from controller.cli.session.setup import check_seconds, checked_rate, first_motion, robot_setup
     from controller.deck.deck import Deck

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from controller.cli.session.robot_on_deck import RobotOnDeck
+from controller.cli.session.robots.robot_on_deck import RobotOnDeck
 from controller.cli.session.tick_recorder import TickRecorder, recording
 from controller.deck.lockable import Lockable
 from controller.wire.command_socket import CommandServer

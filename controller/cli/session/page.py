@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from controller.cli.session.child_process import free_port
-from controller.cli.session.rig_output import RigOutput
-from controller.cli.session.robot_on_deck import RobotOnDeck, Simulation
-from controller.cli.session.watch import NUMBERS, Watch
+from controller.cli.session.recognition.watch import NUMBERS, Watch
+from controller.cli.session.robots.rig_output import RigOutput
+from controller.cli.session.robots.robot_on_deck import RobotOnDeck, Simulation
 from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
 from controller.mocap.posture import Pose

@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from controller.cli.session.recognition_watch import summary_lines
+from controller.cli.session.recognition.recognition_watch import summary_lines
 from controller.deck.switch import CommandedSwitch
 from controller.loop.clock import Clock
 from controller.loop.command_desk import CommandDesk

@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from controller.cli.session.body_watch import BodyWatch
 from controller.cli.session.child_process import PageProcess, child_process, kept_tty, page_process
 from controller.cli.session.openings import lock_deck, open_recorder, open_servers
 from controller.cli.session.page import HEALTH_EVERY, PICTURE_HZ, Page, Showable
-from controller.cli.session.recognition_watch import MismatchPolicy, RecognitionWatch
+from controller.cli.session.recognition.body_watch import BodyWatch
+from controller.cli.session.recognition.recognition_watch import MismatchPolicy, RecognitionWatch
+from controller.cli.session.recognition.watch import Watch
 from controller.cli.session.report import RunNews, run_report
-from controller.cli.session.rig_output import RigOutput
-from controller.cli.session.robot_on_deck import RobotOnDeck, channels_of
+from controller.cli.session.robots.rig_output import RigOutput
+from controller.cli.session.robots.robot_on_deck import RobotOnDeck, channels_of
 from controller.cli.session.script import Timed
 from controller.cli.session.tick_recorder import TickRecorder
-from controller.cli.session.watch import Watch
 from controller.deck.interfaces import Retargeter
 from controller.deck.lockable import Lockable
 from controller.deck.recorded_deck import RecordedDeck

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.cli.session.robot_on_deck import RobotSetup
+from controller.cli.session.robots.robot_on_deck import RobotSetup
 from controller.library.motion_library import MotionLibrary
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from motiondeck_base.shipped import find_rig, find_robot

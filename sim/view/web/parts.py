@@ -20,7 +20,7 @@ from sim.view.web.private_page import PrivatePage
 Ask = Callable[[viser.GuiEvent, str, str, str, Message], None]
 """Asks the one who clicked (event, title, text, yes), and then sends a message."""
 
-SCRIPTS = Path(__file__).parent
+SCRIPTS = Path(__file__).parent / "scripts"
 MOST_CHARACTERS = 2000  # of an event; what is longer no part has sent
 _EVENTS = "part-events"
 

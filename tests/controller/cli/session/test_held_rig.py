@@ -4,7 +4,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from controller.cli.session.rig_output import RigOutput, narrowed
+from controller.cli.session.robots.rig_output import RigOutput, narrowed
 from controller.deck.deck import Deck
 from controller.deck.locks.phase_error import wrapped
 from controller.library.motion_library import load_library

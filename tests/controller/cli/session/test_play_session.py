@@ -6,7 +6,7 @@ import signal
 import pytest
 
 import synthetic
-from controller.cli.session.robot_on_deck import RobotSetup, open_robots
+from controller.cli.session.robots.robot_on_deck import RobotSetup, open_robots
 from controller.cli.session.session import RunSettings, Session
 from controller.deck.deck import Deck
 from controller.loop.clock import VirtualClock

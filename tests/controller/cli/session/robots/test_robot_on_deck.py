@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from controller.cli.session import robot_on_deck
+from controller.cli.session.robots import robot_on_deck
 from motiondeck_base.shipped import find_rig, find_robot
 from simulated_bodies import bent_pose, human
 

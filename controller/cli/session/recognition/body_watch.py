@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from controller.cli.session.watch import NOTHING_SURE, WatchedDeck
+from controller.cli.session.recognition.watch import NOTHING_SURE, WatchedDeck
 from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
 from controller.mocap.skeleton import Skeleton

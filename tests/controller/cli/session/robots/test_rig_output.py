@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from controller.cli.main import app
-from controller.cli.session.rig_output import RigOutput, narrowed
+from controller.cli.session.robots.rig_output import RigOutput, narrowed
 from controller.deck.interfaces import JointLimits
 from controller.loop.loop import run
 from controller.loop.output_channel import Channel

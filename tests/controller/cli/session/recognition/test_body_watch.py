@@ -6,9 +6,9 @@ import pytest
 
 import recognition_examples as examples
 import synthetic
-from controller.cli.session.body_watch import BodyWatch
+from controller.cli.session.recognition.body_watch import BodyWatch
 from controller.cli.session.report import summary
-from controller.cli.session.robot_on_deck import RobotSetup, open_robots
+from controller.cli.session.robots.robot_on_deck import RobotSetup, open_robots
 from controller.cli.session.script import Timed
 from controller.cli.session.session import RunSettings, Session
 from controller.deck.deck import Deck

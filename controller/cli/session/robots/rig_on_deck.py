@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from controller.cli.session.rig_output import RigOutput, close_rig, narrowed
-from controller.cli.session.robot_on_deck import RobotOnDeck
+from controller.cli.session.robots.rig_output import RigOutput, close_rig, narrowed
+from controller.cli.session.robots.robot_on_deck import RobotOnDeck
 from controller.deck.interfaces import JointLimits, Retargeter
 from controller.deck.recorded_deck import RecordedDeck
 from controller.library.motion_library import MotionLibrary

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from controller.cli.session.recognition_watch import MismatchPolicy, RecognitionWatch, summary_lines
-from controller.cli.session.watch import NUMBERS
+from controller.cli.session.recognition.recognition_watch import MismatchPolicy, RecognitionWatch, summary_lines
+from controller.cli.session.recognition.watch import NUMBERS
 from controller.deck.deck import Deck
 from controller.deck.interfaces import JointLimits
 from controller.loop.clock import VirtualClock

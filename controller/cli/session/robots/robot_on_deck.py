@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from controller.cli.session.rig_output import open_rig
+from controller.cli.session.robots.rig_output import open_rig
 from controller.deck.interfaces import JointLimits, Output, Retargeter
 from controller.library.motion_library import MotionLibrary
 from controller.loop.command_desk import Pushable

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.cli.session.robot_on_deck import RobotOnDeck
-from controller.cli.session.watch import STANDING_STILL, WatchedDeck
+from controller.cli.session.recognition.watch import STANDING_STILL, WatchedDeck
+from controller.cli.session.robots.robot_on_deck import RobotOnDeck
 from controller.deck.interfaces import JointLimits, Retargeter
 from controller.library.motion_library import MotionLibrary
 from controller.loop.loop import LoopState
