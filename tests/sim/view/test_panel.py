@@ -92,8 +92,9 @@ def test_two_browsers_see_what_happens_and_both_command(browser):
             wide.get_by_role("button", name="front", exact=True).click()
             until(lambda: looks == ["front"], "the camera in front")
             wide.get_by_text("push", exact=True).click()
-            wide.get_by_role("button", name="left", exact=True).click()
-            until(lambda: (Push, "left 0.25") in heard, "the push")
+            left = wide.get_by_role("button", name="left", exact=True)
+            # While the folder opens, a click may fall beside the button.
+            until(lambda: left.click() or (Push, "left 0.25") in heard, "the push")
             for _ in range(2):
                 panel.tell(Event("fault", "id 3 is hot", "walk", 1.0, 1))
             panel.tell(Event("fault", "id 4 is hot", "walk", 1.0, 2))
