@@ -37,6 +37,7 @@ def learn(
             help="The library to write (.safetensors); its recipe is written beside it (.toml).",
         ),
     ] = Path("mine.safetensors"),
+    force: Annotated[bool, typer.Option("--force", help="Replace the library and the recipe if they exist.")] = False,
     play: Annotated[bool, typer.Option("--play", help="Play the first motion afterwards.")] = False,
     robot: Annotated[
         str | None, typer.Option("--robot", metavar="ROBOT", help="The robot that plays: a robot file or name.")
@@ -76,9 +77,15 @@ def learn(
     if out.suffix.lower() != ".safetensors":
         raise MotiondeckError(f"{out}: a library ends in .safetensors. Name the file so.")
     check_folder(out)
+    recipe = out.with_suffix(".toml")
     where = Jobs.parse(jobs)
     if robot is not None and not play:
         raise MotiondeckError("--robot names who plays: give --play too")
+    if not force and (there := [file for file in (recipe, out) if file.exists()]):
+        raise MotiondeckError(
+            f"{there[0]} is there already; give another --out, or --force to replace it. "
+            f"A recipe that you have edited is trained with: motiondeck fit {recipe}"
+        )
     options = reading_options(skeleton, unit, up, rename)
     console = Console(stderr=True)
     columns = (TextColumn("{task.description:44}"), BarColumn(), TimeElapsedColumn())
@@ -92,7 +99,6 @@ def learn(
         learned = learning.learn(recordings, out.stem, options=options, progress=progress, jobs=where)
     save_library(learned.library, out)
     worst = worst_join(learned.library)
-    recipe = out.with_suffix(".toml")
     write_file(recipe, recipe_text(learned.recipe).encode())
     if as_json:
         told = {"motions": _rows(learned), "warnings": warnings(learned.recipe)}

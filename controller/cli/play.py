@@ -59,7 +59,12 @@ def play(
         ),
     ] = None,
     seconds: Annotated[
-        float | None, typer.Option("--seconds", metavar="SECONDS", help="Stop after so many seconds.")
+        float | None,
+        typer.Option(
+            "--seconds",
+            metavar="SECONDS",
+            help="Stop after so many seconds of the motion; approach and end come on top.",
+        ),
     ] = None,
     headless: Annotated[bool, typer.Option("--headless", help="No page and no terminal.")] = False,
     video: Annotated[

@@ -119,7 +119,9 @@ def print_report(found: Calibration, file: Path, off: Directions) -> None:
         print(f"{'error' if doubt.fatal else 'warning'}: {part}{doubt.words}{where}")
     if beyond_limits(off):
         print(f"warning: limbs point elsewhere than the human's: {'; '.join(beyond_limits(off))}")
-        print(f"`robot check` fails beyond {MEAN_LIMIT:.0f} degrees on average or {WORST_LIMIT:.0f} at worst")
+        print(
+            f"`robot check` fails beyond {MEAN_LIMIT:.0f} degrees on average or {WORST_LIMIT:.0f} at worst in its reach"
+        )
     if found.mended:
         print("some masses or inertias of the model are zero or cannot be: they are balanced (MuJoCo's balanceinertia)")
     if found.unlimited:

@@ -49,6 +49,8 @@ def read_bvh(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
     lines = [Line(path, number, text.split()) for number, text in enumerate(head.split("\n"), 1)]
     found = (index for index, line in enumerate(lines) if line.words and line.words[0].upper() == "MOTION")
     motion = next(found, None)
+    if not any(line.words and line.words[0].upper() == "HIERARCHY" for line in lines[: motion or None]):
+        raise FileFormatError(f"{path}: this is no BVH file: there is no HIERARCHY section. Is it the right file?")
     if motion is None:
         raise FileFormatError(f"{path}: there is no MOTION section. The file is cut short: fetch it again.")
     joints = _hierarchy(path, lines[:motion])

@@ -109,6 +109,7 @@ class LearnPanel:
                 self._show_recording(news, seconds, moving)
             case Learned(text=text):
                 self._learned = news
+                self._library = Path(news.library)  # the next motion comes beside this one
                 self._say(text)
                 self._play.visible = True
             case NotLearned(reason=reason):

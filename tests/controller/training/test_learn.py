@@ -191,6 +191,19 @@ def test_the_first_motion_is_played_on_the_robot_that_is_named(folder, tmp_path,
     assert "give --play too" in str(refused.exception)
 
 
+def test_a_recipe_that_may_have_been_edited_is_replaced_only_on_request(folder, tmp_path):
+    out = tmp_path / "mine.safetensors"
+    out.with_suffix(".toml").write_text("# edited by hand")
+    command = ["learn", str(folder / "swing.bvh"), "--out", str(out)]
+    refused = str(CliRunner().invoke(app, command).exception)
+    assert "mine.toml is there already; give another --out, or --force" in refused
+    assert f"motiondeck fit {out.with_suffix('.toml')}" in refused
+    assert out.with_suffix(".toml").read_text() == "# edited by hand"
+    assert not out.exists()
+    assert CliRunner().invoke(app, [*command, "--force"]).exit_code == 0
+    assert "swing" in out.with_suffix(".toml").read_text()
+
+
 def test_any_file_is_added_to_what_was_learned(folder, tmp_path):
     out = tmp_path / "mine.safetensors"
     assert CliRunner().invoke(app, ["learn", str(folder / "swing.bvh"), "--out", str(out)]).exit_code == 0

@@ -102,6 +102,7 @@ def test_exporters_files_are_read_to_the_last_joint(mocap_data, file, unit, off)
     ("change", "problem"),
     [
         (("MOTION", ""), "no MOTION"),
+        (("HIERARCHY", "NOTES"), "this is no BVH file"),
         (("Frames: 2", "Frames: 3"), "line 72: 3 frames of 37 channels are announced, but 74 numbers follow"),
         (("Frame Time: .0083333", "Frame Time: 0"), "line 73: a frame time of 0 s"),
         (("Frame Time: .0083333", ""), "'Frame Time:' is missing"),
