@@ -46,22 +46,6 @@ def pytest_configure(config):
     config.pluginmanager.register(FrozenAfterCollection())
 
 
-def pytest_collection_modifyitems(items):
-    """Spreads the files with browsers and live decks evenly over the others.
-
-    They wait and draw for long: two at a time are late, and at the end of the run they leave a worker without work.
-    """
-    files = {}
-    for item in items:
-        files.setdefault(item.path, []).append(item)
-    slow = [path for path, tests in files.items() if path.name in LIVE or "browser" in tests[0].fixturenames]
-    order = [path for path in files if path not in set(slow)]
-    for number, path in enumerate(slow):
-        order.insert((number * (len(files) - 1)) // max(len(slow), 1), path)
-    items[:] = [item for path in order for item in files[path]]
-
-
-LIVE = ("test_first_rig_page.py", "test_first_motion_page.py", "test_live.py", "test_examples.py", "test_wheel.py")
 RECORDINGS = Path(os.environ.get("MOTIONDECK_DATA") or Path(__file__).parents[2] / "shared" / "data")
 
 

