@@ -57,7 +57,7 @@ def mocap_data() -> Path:
     return RECORDINGS
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def browser():
     """A headless Chromium, where one is installed and can be started."""
     playwright = pytest.importorskip("playwright.sync_api")

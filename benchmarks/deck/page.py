@@ -26,6 +26,18 @@ from benchmarks.command import run
 
 CLOCK_TICKS = os.sysconf("SC_CLK_TCK")
 SETTLES = 4.0  # s until all that a browser gets at first has arrived
+CAMERA = {  # what viser's own page says first
+    "type": "ViewerCameraMessage",
+    "wxyz": (1.0, 0.0, 0.0, 0.0),
+    "position": (1.0, 0.0, 0.0),
+    "fov": 1.0,
+    "near": 0.1,
+    "far": 10.0,
+    "image_height": 768,
+    "image_width": 1366,
+    "look_at": (0.0, 0.0, 0.0),
+    "up_direction": (0.0, 0.0, 1.0),
+}
 ASKED = {"page_percent": 10.0, "kilobytes_per_s": 150.0}
 
 
@@ -45,19 +57,7 @@ class Browser:
             max_size=None,
             compression=None,
         )
-        camera = {
-            "type": "ViewerCameraMessage",
-            "wxyz": (1.0, 0.0, 0.0, 0.0),
-            "position": (1.0, 0.0, 0.0),
-            "fov": 1.0,
-            "near": 0.1,
-            "far": 10.0,
-            "image_height": 768,
-            "image_width": 1366,
-            "look_at": (0.0, 0.0, 0.0),
-            "up_direction": (0.0, 0.0, 1.0),
-        }
-        self._link.send(msgspec.msgpack.encode(camera))
+        self._link.send(msgspec.msgpack.encode(CAMERA))
         threading.Thread(target=self._take, daemon=True).start()
 
     def _take(self) -> None:

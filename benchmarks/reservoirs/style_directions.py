@@ -37,8 +37,7 @@ def on_the_way(library: MotionLibrary, motion: str) -> Array:
     """Joints of a motion while it moves, shape (PLACES, F), mm."""
     network = library.network
     assert isinstance(network, PhaseDrivenNetwork)
-    frames = network.settled(motion)
-    joints = joint_features(library.encoding, frames[: len(frames) - network[motion].course.held])
+    joints = joint_features(library.encoding, network.moving(motion))
     at, places = np.linspace(0, len(joints) - 1, PLACES), np.arange(len(joints))
     return np.stack([np.interp(at, places, channel) for channel in joints.T], axis=1)
 

@@ -1,8 +1,7 @@
 """How long motions on the spot stand with a free root, under pushes.
 
-Every PERIOD seconds the root is pushed for 0.1 s, in turn from behind, the right, the front and the left, with an
-impulse in proportion to the robot's mass and the speed at which a pendulum of its height falls: PUSH * mass *
-sqrt(g * height).
+Every 5 seconds the root is pushed for 0.1 s with the robot's `usual_push`, in turn from behind, the right, the front
+and the left (`walk_trial.pushes`).
 """
 
 from __future__ import annotations
@@ -24,8 +23,9 @@ from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.mocap.posture import Pose
 from controller.rotations import Array
 from motiondeck_base.shipped import find_library, find_robot
-from sim.physics.physics_model import feet_of
+from sim.physics.physics_model import feet_of, usual_push
 from sim.physics.playback import PhysicsPlayback
+from sim.physics.walk_trial import pushes
 from sim.robots.robot import Robot, load_robot
 
 CASES = (
@@ -41,9 +41,6 @@ CASES = (
     ("made up", "squat", "mannequin"),
 )
 TICK = 0.005
-PERIOD, LASTS = 5.0, 0.1
-PUSH = 0.05
-GRAVITY = 9.81
 
 
 @dataclass(frozen=True)
@@ -63,17 +60,11 @@ class Row:
     rms_current_a: float | None
 
 
-def push_of(robot: Robot) -> float:
-    """The impulse of a push, N s."""
-    height = float(robot.model.body(int(robot.model.jnt_bodyid[0])).pos[2])
-    return PUSH * float(robot.model.body_mass.sum()) * float(np.sqrt(GRAVITY * height))
-
-
 def stand(
     robot: Robot, play: Callable[[float], tuple[Array, Pose]], seconds: float, balance: bool, impulse: float
 ) -> tuple[float, PhysicsPlayback, list[Array], float]:
     """Plays until the robot falls or time is over; how long it stood, its simulation, pictures, and its turn, rad."""
-    stage = PhysicsPlayback(robot, TICK, "free", balance)
+    stage, force = PhysicsPlayback(robot, TICK, "free", balance), pushes(impulse, seed=0)
     envelope = SafetyEnvelope(robot.limits, TICK)
     targets, pose = play(TICK)
     envelope.start(np.clip(targets, robot.limits.lower, robot.limits.upper))
@@ -82,11 +73,7 @@ def stand(
     lines: list[float] = []
     often = round((0.25 if not balance else 1.0) / TICK)
     for tick in range(round(seconds / TICK)):
-        at = tick * TICK
-        count, since = divmod(at, PERIOD)
-        angle = 0.5 * np.pi * (count - 1.0)
-        force = impulse / LASTS * np.array([np.cos(angle), np.sin(angle), 0.0])
-        stage.push(force if count > 0 and since < LASTS else np.zeros(3))
+        stage.push(force(tick * TICK))
         stage.write(envelope(targets), pose)
         x, y, _ = stage.data.xpos[feet[1]] - stage.data.xpos[feet[0]]
         lines.append(float(np.arctan2(y, x)))
@@ -115,7 +102,7 @@ def player(
 def measure(library: str, motion: str, name: str, seconds: float, push: float) -> tuple[Row, list[Array], list[Array]]:
     """One case, and pictures of it played plainly and with balance."""
     robot, fresh = player(library, motion, name)
-    impulse = push * push_of(robot)
+    impulse = push * usual_push(robot.model)
     plain, _, lying, _ = stand(robot, fresh(), seconds, False, 0.0)
     balanced, stage, standing, turned = stand(robot, fresh(), seconds, True, impulse)
     servos = stage.report().get("servos")

@@ -17,6 +17,7 @@ from controller.cli.common.options import (
     UnitOption,
     UpOption,
     check_folder,
+    check_new,
     reading_options,
 )
 
@@ -81,11 +82,8 @@ def learn(
     where = Jobs.parse(jobs)
     if robot is not None and not play:
         raise MotiondeckError("--robot names who plays: give --play too")
-    if not force and (there := [file for file in (recipe, out) if file.exists()]):
-        raise MotiondeckError(
-            f"{there[0]} is there already; give another --out, or --force to replace it. "
-            f"A recipe that you have edited is trained with: motiondeck fit {recipe}"
-        )
+    trained = f". A recipe that you have edited is trained with: motiondeck fit {recipe}"
+    check_new(recipe, out, force=force, hint=trained)
     options = reading_options(skeleton, unit, up, rename)
     console = Console(stderr=True)
     columns = (TextColumn("{task.description:44}"), BarColumn(), TimeElapsedColumn())

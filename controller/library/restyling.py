@@ -13,7 +13,6 @@ as they are.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import msgspec
 import numpy as np
@@ -23,7 +22,6 @@ from controller.library.network_arrays import AnyNetwork
 from controller.measures.motion_matching import joint_features
 from controller.networks.centralized.centralized_frames import CentralizedNetwork
 from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
-from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
 UNTAUGHT = "nobody has taught it: there is nothing to test it by"
@@ -77,7 +75,7 @@ def in_the_style(
     if not np.isfinite(strength):
         raise MotiondeckError(f"a style of strength {strength}: give a finite number")
     part, name = network[motion], _new_name(library, motion, like)
-    direction = strength * (_mean(network, like) - _mean(network, unlike))
+    direction = strength * (network.moving(like).mean(0) - network.moving(unlike).mean(0))
     direction[library.encoding.velocities] = 0.0
     readout = part.stored.readout.copy()
     readout[:, :, -1] += direction.astype(np.float32)
@@ -86,12 +84,6 @@ def in_the_style(
     before, after = (joint_features(library.encoding, grown.settled(one)) for one in (motion, name))
     moved = np.linalg.norm((after - before)[:, :-1].reshape(len(after), -1, 3), axis=-1)
     return _grown(library, motion, name, len(styled), grown), float(moved.mean())
-
-
-def _mean(network: PhaseDrivenNetwork[Any], motion: str) -> Array:
-    """The mean of what a motion reads out while it moves, shape (C,)."""
-    frames = network.settled(motion)
-    return frames[: len(frames) - network[motion].course.held].mean(0)
 
 
 def _new_name(library: MotionLibrary, motion: str, like: str) -> str:

@@ -38,7 +38,7 @@ class BodyRecognizer:
         # The last pose and this one.
         self._root, self._rotation = np.zeros((2, 3)), np.zeros((2, 1 + len(skeleton), 4))
         self._rotation[..., 0] = 1.0
-        self._still()
+        self._still()  # names a joint that is missing, before anything moves
         self._begun = False
         self._verdict: str | None = None
         self._steady = 0.0

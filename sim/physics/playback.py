@@ -33,7 +33,7 @@ _BROKEN = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, m
 FALLEN_HEIGHT = 0.6
 FALLEN_TILT = 1.0
 
-# How long a push on command lasts, s, and where it drives the body, rad to the left of its own heading.
+# How long a push lasts, s, and where one on command drives the body, rad to the left of its own heading.
 PUSH_LASTS = 0.1
 PUSHES_TOWARDS: dict[Side, float] = {"back": 0.0, "right": 0.5 * np.pi, "front": np.pi, "left": -0.5 * np.pi}
 
@@ -266,8 +266,7 @@ class PhysicsPlayback:
         if self._root == "fixed":
             raise MotiondeckError("a fixed root cannot be pushed: play with --root gantry or free")
         away = self._heading + PUSHES_TOWARDS[side]
-        impulse = impulse or usual_push(self._robot.model)
-        self.push(impulse / PUSH_LASTS * np.array([np.cos(away), np.sin(away), 0.0]))
+        self.push(push_force(impulse or usual_push(self._robot.model), away))
         self._pushed = round(PUSH_LASTS / self._dt)
 
     def report(self) -> Mapping[str, object]:
@@ -334,6 +333,11 @@ class PhysicsPlayback:
         self._writes += 1
         self._square_sum += float(error @ error)
         self._worst = max(self._worst, float(np.maximum.reduce(error)), -float(np.minimum.reduce(error)))
+
+
+def push_force(impulse: float, towards: float) -> Array:
+    """The force (3,), N, of a push with an impulse, N s, in a direction on the ground, rad."""
+    return impulse / PUSH_LASTS * np.array([np.cos(towards), np.sin(towards), 0.0])
 
 
 def has_fallen(qpos: Array, played: Array) -> bool:

@@ -19,13 +19,12 @@ from controller.rotations import Array
 from sim.models.kinematic_tree import path_to
 from sim.models.walk_settings import WalkSettings
 from sim.physics.physics_model import feet_of
-from sim.physics.playback import PhysicsPlayback
+from sim.physics.playback import PUSH_LASTS, PhysicsPlayback, push_force
 from sim.physics.walk_conditions import AS_MODELLED, CONDITIONS, Condition
 from sim.physics.walking.preview import AHEAD
 from sim.robots.robot import DT, Robot
 
-# A push lasts so long, and the next one comes after so long, s.
-LASTS, PERIOD = 0.1, 5.0
+PERIOD = 5.0  # s from one push to the next
 # Of a push from behind, the right, the front and the left each comes in turn.
 SIDES = 4
 
@@ -97,10 +96,9 @@ def pushes(impulse: float, seed: int) -> Callable[[float], Array]:
 
     def force(now: float) -> Array:
         count, since = divmod(now - late, PERIOD)
-        if count < 1.0 or since >= LASTS:
+        if count < 1.0 or since >= PUSH_LASTS:
             return np.zeros(3)
-        angle = first + 2.0 * np.pi * (count - 1.0) / SIDES
-        return impulse / LASTS * np.array([np.cos(angle), np.sin(angle), 0.0])
+        return push_force(impulse, first + 2.0 * np.pi * (count - 1.0) / SIDES)
 
     return force
 

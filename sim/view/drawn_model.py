@@ -41,15 +41,8 @@ class DrawnModel:
             position, orientation = poses(model, self.data, batch)
             # The same solids, flattened, are their own shadow: there is no shadow map for a slow computer to filter.
             looks = (
-                ("robot", batch.mesh, _linear(batch.colour), 1.0, 0.0, None if batch.opacity == 1.0 else batch.opacity),
-                (
-                    "shadow",
-                    batch.shadow,
-                    SHADOW,
-                    1e-3,
-                    0.002 * height,
-                    None if batch.opacity == 1.0 else 0.5 * batch.opacity,
-                ),
+                ("robot", batch.mesh, _linear(batch.colour), 1.0, 0.0, 1.0),
+                ("shadow", batch.shadow, SHADOW, 1e-3, 0.002 * height, 0.5),
             )
             self._handles[shape] = [
                 page.scene.add_batched_meshes_simple(
@@ -66,9 +59,9 @@ class DrawnModel:
                     receive_shadow=False,
                     scale=(1.0, 1.0, thickness),
                     position=(0.0, 0.0, lift),
-                    opacity=opacity,
+                    opacity=None if batch.opacity == 1.0 else share * batch.opacity,
                 )
-                for look, mesh, colour, thickness, lift, opacity in looks
+                for look, mesh, colour, thickness, lift, share in looks
             ]
 
     def show(self, qpos: Array, centre: Array) -> None:

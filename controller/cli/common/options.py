@@ -92,6 +92,17 @@ def reading_options(
     return ReadingOptions(skeleton, unit, up, names)
 
 
+def check_new(*files: Path, force: bool, hint: str = "") -> None:
+    """Checks, before anything is computed, that files do not exist yet or may be replaced; a hint ends the message.
+
+    Raises:
+        MotiondeckError: if one does, without `force`.
+    """
+    for file in files:
+        if file.exists() and not force:
+            raise MotiondeckError(f"{file} is there already; give another --out, or --force to replace it{hint}")
+
+
 def check_folder(*files: Path | None) -> None:
     """Checks, before anything is computed, that the folders exist that files are to be written to.
 

@@ -229,21 +229,17 @@ def restyle(
 
     loaded = load_library(find_library(library))
     if unlike is not None:
-        styled, moved = in_the_style(loaded, motion, like, unlike, strength)
-        save_library(styled, out)
-        name = styled.info.motions[-1].name
-        if as_json:
-            print(json.dumps({"written": str(out), "motion": name, "moved_mm": moved}))
-        else:
-            print(f"wrote {out}: {name}, joints {moved:.0f} mm from where they were in {motion} on average")
-        return
-    styled, outside = restyled(loaded, motion, like)
+        styled, distance = in_the_style(loaded, motion, like, unlike, strength)
+        field, words = "moved_mm", f"joints {distance:.0f} mm from where they were in {motion} on average"
+    else:
+        styled, distance = restyled(loaded, motion, like)
+        field, words = "outside_mm", f"joints at most {distance:.0f} mm outside of where they were in {motion}"
     save_library(styled, out)
     name = styled.info.motions[-1].name
     if as_json:
-        print(json.dumps({"written": str(out), "motion": name, "outside_mm": outside}))
+        print(json.dumps({"written": str(out), "motion": name, field: distance}))
     else:
-        print(f"wrote {out}: {name}, joints at most {outside:.0f} mm outside of where they were in {motion}")
+        print(f"wrote {out}: {name}, {words}")
 
 
 def _weight(given: str) -> tuple[str, float]:

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from controller.cli.common.options import check_new
 from controller.cli.common.tables import show_table
 from controller.library.motion_library import load_library
-from motiondeck_base.errors import MotiondeckError
+from controller.mocap.formats.writing import write_file
 from motiondeck_base.shipped import find_library
 from sim.models.robot_file import read_robot_file
 from sim.physics.played_motions import as_clip
@@ -28,14 +29,8 @@ WORDS = ("body (left)", "hinge (left)", "axis")  # the columns of the table that
 
 def write_robot_file(found: Calibration, file: Path, force: bool) -> None:
     """Writes the robot file; MotiondeckError if it is there already and not to be replaced, or cannot be written."""
-    if file.exists() and not force:
-        raise MotiondeckError(f"{file} is there already; give another --out, or --force to replace it")
-    unfinished = file.with_name(f".{file.name}.unfinished")
-    try:
-        unfinished.write_text(found.to_toml(file.parent), encoding="utf-8")
-        unfinished.replace(file)
-    except OSError as error:
-        raise MotiondeckError(f"{file}: cannot be written ({error.strerror})") from None
+    check_new(file, force=force)
+    write_file(file, found.to_toml(file.parent).encode())
 
 
 def directions_of(file: Path) -> Directions:

@@ -217,6 +217,11 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
         """The frames of a motion as it is played once it has settled, shape (frames, channels)."""
         return self[motion].read()
 
+    def moving(self, motion: str) -> Channels:
+        """The same without the last pose of a one-shot, which it holds."""
+        frames = self.settled(motion)
+        return frames[: len(frames) - self[motion].course.held]
+
     def cue(self, motion: str, anchor: int) -> None:
         """Goes to an anchor; the next `advance` gives the frame after it."""
         self._place(self[motion], anchor * ANCHOR_EVERY)

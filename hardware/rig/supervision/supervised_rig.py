@@ -102,9 +102,8 @@ class SupervisedRig:
         self._ease = Easing(config)
         self._strain = Strain(config)
         self._catching_up = np.zeros(len(self.names), dtype=np.bool_)
-        self._arrived = np.full(
-            len(self.names), np.inf
-        )  # since when the goal of one that catches up is at its target, s
+        # Since when the goal of a joint that catches up has been at its target, s.
+        self._arrived = np.full(len(self.names), np.inf)
         self._near = _PLAY + _LAG * _CATCHING_UP * self._speed
         self._last_write = self._rig.now()
         self._health = Health(config, self._last_write)

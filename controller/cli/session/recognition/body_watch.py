@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -35,7 +35,7 @@ class BodyWatch:
         self._body = BodyRecognizer(recognizer, skeleton)
         self._time: float | None = None
         self._spent: Counter[tuple[str, str]] = Counter()  # ticks, by what was played and what was seen
-        self._spans: list[tuple[float, str]] = []
+        self._spans: deque[tuple[float, str]] = deque(maxlen=MOST_KEPT)
 
     @property
     def names(self) -> Sequence[str]:
@@ -56,7 +56,7 @@ class BodyWatch:
         seen = self._body.update(state.pose.root_position, state.pose.rotation, dt) or ""
         self._spent[deck.playing, seen] += 1
         if seen != (self._spans[-1][1] if self._spans else ""):
-            self._spans = [*self._spans[1 - MOST_KEPT :], (deck.time, seen)]
+            self._spans.append((deck.time, seen))
 
     def show(self, fields: dict[str, Array]) -> None:
         """Writes NUMBERS: nothing is commanded that these motions could miss."""

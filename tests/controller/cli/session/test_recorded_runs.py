@@ -44,15 +44,22 @@ say = "resume"
 """
 
 
-def process(*arguments):
-    return subprocess.run(
+def started(*arguments):
+    """A command that runs on its own."""
+    return subprocess.Popen(
         [sys.executable, "-m", "controller.cli.main", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        timeout=110,
         stdin=subprocess.DEVNULL,
-        check=False,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     )
+
+
+def printed(command):
+    """What a command printed, once it has ended well."""
+    out, error = command.communicate(timeout=110)
+    assert command.returncode == 0, error
+    return out
 
 
 @pytest.fixture(scope="module")
@@ -64,13 +71,22 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def run(folder):
-    done = process(
+def runs(folder):
+    """Two runs at once: they mostly wait for their time to pass."""
+    show = started(
         *("play", "--library", folder / "small.safetensors", "--headless", "--command-port", "0", "--seconds", "3"),
         *("--rate", "100", "--script", folder / "show.toml", "--record", folder / "show.rec", "--json"),
     )
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+    servo = started(
+        *("play", "walk", "--robot", "servo20", "--headless", "--kinematic", "--command-port", "0", "--seconds", "1.5"),
+        *("--rate", "100", "--record", folder / "servo.rec", "--recognize", "--lock-to", "body", "--json"),
+    )
+    return json.loads(printed(show)), json.loads(printed(servo))
+
+
+@pytest.fixture(scope="module")
+def run(runs):
+    return runs[0]
 
 
 def test_every_tick_is_recorded_with_its_commands(run, folder):
@@ -88,24 +104,18 @@ def test_every_tick_is_recorded_with_its_commands(run, folder):
 
 
 def test_a_recording_is_replayed(run, folder):
-    done = process(
+    replay = started(
         *("replay", folder / "show.rec", "--library", folder / "small.safetensors", "--headless", "--kinematic"),
         *("--command-port", "0", "--json"),
     )
-    assert done.returncode == 0, done.stderr
-    report = json.loads(done.stdout)
+    report = json.loads(printed(replay))
     assert report["reason"] == "played to the end"
     assert sum(report["limited"].values()) < 0.25 * report["ticks"]  # of 24 targets a tick
 
 
 @pytest.fixture(scope="module")
-def servo_run(folder):
+def servo_run(runs, folder):
     """A run of a robot that is placed by its feet, with what its joints looked like."""
-    done = process(
-        *("play", "walk", "--robot", "servo20", "--headless", "--kinematic", "--command-port", "0", "--seconds", "1.5"),
-        *("--rate", "100", "--record", folder / "servo.rec", "--recognize", "--lock-to", "body", "--json"),
-    )
-    assert done.returncode == 0, done.stderr
     return load_recording(folder / "servo.rec")
 
 

@@ -11,6 +11,7 @@ import viser
 import websockets.exceptions
 import websockets.sync.client
 
+from benchmarks.deck.page import CAMERA
 from sim.view.web.private_page import PagePortError, PrivatePage
 from web_pages import free_port
 
@@ -23,20 +24,6 @@ def open_socket(port, **more):
 
 def own_page(port):
     return {"origin": f"http://127.0.0.1:{port}"}
-
-
-CAMERA = {
-    "type": "ViewerCameraMessage",
-    "wxyz": (1.0, 0.0, 0.0, 0.0),
-    "position": (1.0, 0.0, 0.0),
-    "fov": 1.0,
-    "near": 0.1,
-    "far": 10.0,
-    "image_height": 10,
-    "image_width": 10,
-    "look_at": (0.0, 0.0, 0.0),
-    "up_direction": (0.0, 0.0, 1.0),
-}
 
 
 class Tunnels:
