@@ -16,6 +16,7 @@ import mujoco
 import numpy as np
 
 from motiondeck_base.errors import FileFormatError
+from sim.models.guessed_servo import guess_servo
 from sim.models.kinematic_tree import path_to
 from sim.models.surface import Surface
 from sim.models.urdf_packages import with_resolved_packages
@@ -27,9 +28,6 @@ LAST_SHOWN_GROUP = 2
 
 # What a body weighs at least, kg, and its least moment of inertia, kg m^2, where a file has less.
 LEAST_MASS, LEAST_INERTIA = 1e-4, 1e-7
-
-# A joint without a position servo of its own gets one of this bandwidth, rad/s, critically damped.
-SERVO_BANDWIDTH = 30.0
 
 
 def read_model(path: Path, packages: Mapping[str, Path] | None = None) -> mujoco.MjSpec:
@@ -195,8 +193,14 @@ def _servos(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
             body = model.body(int(model.jnt_bodyid[joint])).name
             raise FileFormatError(f"{path}: a joint of body '{body}' has no name; give it one")
         servo = spec.add_actuator(trntype=mujoco.mjtTrn.mjTRN_JOINT, target=name)
-        kp, kv, force = _gains(model, int(joint), driven.get(int(joint)))
-        servo.set_to_position(kp=kp, kv=kv)
+        force, gains = _own_servo(model, int(joint), driven.get(int(joint)))
+        if gains is None:
+            guess = guess_servo(model, int(joint))
+            gains = guess.kp, guess.kv
+            turning = spec.joint(name)
+            lacking = guess.rotor - float(model.dof_M0[model.jnt_dofadr[joint]])
+            turning.armature = turning.armature + max(lacking, 0.0)
+        servo.set_to_position(kp=gains[0], kv=gains[1])
         if np.isfinite(force):
             servo.forcelimited, servo.forcerange = True, [-force, force]
     new = spec.actuators[len(old) :]
@@ -206,8 +210,8 @@ def _servos(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
         servo.name = model.joint(int(joint)).name
 
 
-def _gains(model: mujoco.MjModel, joint: int, actuator: int | None) -> tuple[float, float, float]:
-    """Stiffness, damping and greatest torque of a joint's servo: the file's own where it has a position servo."""
+def _own_servo(model: mujoco.MjModel, joint: int, actuator: int | None) -> tuple[float, tuple[float, float] | None]:
+    """The greatest torque of a joint, and stiffness and damping where its actuator is a position servo."""
     force = float("inf")
     if model.jnt_actfrclimited[joint]:
         force = float(np.abs(model.jnt_actfrcrange[joint]).max())
@@ -218,8 +222,7 @@ def _gains(model: mujoco.MjModel, joint: int, actuator: int | None) -> tuple[flo
         bias = model.actuator_biasprm[actuator]
         gain = float(model.actuator_gainprm[actuator, 0])
         if bias[1] < 0.0 < gain:
-            return gain * gear**2, -float(bias[2]) * gear**2, force
+            return force, (gain * gear**2, -float(bias[2]) * gear**2)
         if model.actuator_ctrllimited[actuator]:
             force = min(force, gear * gain * float(np.abs(model.actuator_ctrlrange[actuator]).max()))
-    felt = float(model.dof_M0[model.jnt_dofadr[joint]])
-    return felt * SERVO_BANDWIDTH**2, 2.0 * felt * SERVO_BANDWIDTH, force
+    return force, None
