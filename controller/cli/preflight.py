@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from dataclasses import asdict
 from itertools import pairwise
 from pathlib import Path
@@ -64,6 +63,7 @@ def preflight(
       motiondeck preflight thesis15 --robot servo20 --root free --walk --motions-only
     """
     from controller.cli.preflight_run import PreflightRun, loaded
+    from controller.cli.preflight_words import print_motion, print_summary, print_switch
     from controller.jobs import Jobs
     from controller.wire.command_table import TEMPO
     from motiondeck_base.errors import MotiondeckError
@@ -91,7 +91,7 @@ def preflight(
         for verdict in run.motions(names, where):
             verdicts.append(verdict)
             if not as_json:
-                _print_motion(verdict)
+                print_motion(verdict, tempo)
             tick()
     motions = len(verdicts)
     if not motions_only:
@@ -99,7 +99,7 @@ def preflight(
             for verdict in run.switches(names, where):
                 verdicts.append(verdict)
                 if not as_json:
-                    _print_switch(verdict)
+                    print_switch(verdict, tempo)
                 tick()
         verdicts += _by_their_parts({v.name: v for v in verdicts}, switches_by_way_of(played))
     report = _report(
@@ -108,7 +108,7 @@ def preflight(
     if as_json:
         print(json.dumps(report, allow_nan=False))
     else:
-        _print(verdicts, motions, report)
+        print_summary(verdicts, motions, report, judge.robot)
     if plot is not None:
         from controller.cli.pictures.preflight_plot import draw
 
@@ -154,6 +154,7 @@ def _report(
             "by_way_of": list(verdict.by_way_of),
             "troubles": sorted({finding.check for finding in verdict.troubles}),
             "findings": findings,
+            "obstacles": [asdict(finding) for finding in verdict.obstacles],
         }
 
     return {
@@ -166,76 +167,3 @@ def _report(
         "motions": [said(verdict) for verdict in verdicts[:motions]],
         "switches": [said(verdict) for verdict in verdicts[motions:]],
     }
-
-
-def _print_motion(verdict: PreflightVerdict) -> None:
-    """A line as soon as a motion is judged, and one more for each of its troubles."""
-    _say(f"{verdict.name}: {_remedy(verdict)}")
-    for finding in verdict.troubles:
-        where = f" ({finding.where})" if finding.where else ""
-        _say(f"{verdict.name}: [red]{finding.check}[/] {finding.value:.3g} {finding.unit}{where}")
-
-
-def _print_switch(verdict: PreflightVerdict) -> None:
-    """A line as soon as a switch is judged that is not all right."""
-    if not verdict.ok:
-        checks = ", ".join(sorted({finding.check for finding in verdict.troubles}))
-        _say(f"[red]{verdict.name}[/]: {checks}; {_remedy(verdict)}")
-
-
-def _say(line: str) -> None:
-    """Prints a line at once, in a pipe too."""
-    from rich.console import Console
-
-    Console(soft_wrap=True).print(line, highlight=False)
-    sys.stdout.flush()
-
-
-def _print(verdicts: list[PreflightVerdict], motions: int, report: dict[str, Any]) -> None:
-    """What all of it comes to: a row a motion, green where all is well, and how many switches are."""
-    from rich.console import Console
-
-    from controller.cli.common.tables import show_table
-
-    held = {"gantry": "on a gantry", "fixed": "fixed"}.get(
-        report["root"], "free" + ", balancing" * report["balance"] + ", walking" * report["walk"]
-    )
-    every = [finding for verdict in verdicts[:motions] for finding in verdict.findings]
-    judged = {finding.check for finding in every if finding.limit is not None or finding.check == "speed"}
-    title = f"{report['library']} on {report['robot']}, {held}, at tempo {report['tempo']:g}"
-    for words, among in ((title, judged), ("for information", {finding.check for finding in every} - judged)):
-        units = {finding.check: finding.unit for finding in every if finding.check in among}
-        tempo = ("passes at",) if among is judged else ()
-        rows = []
-        for verdict in verdicts[:motions]:
-            found = {finding.check: _cell(finding.value, finding.limit, finding.ok) for finding in verdict.findings}
-            passes = (_tempo(verdict),) if among is judged else ()
-            rows.append((verdict.name, *passes, *(found.get(check, "-") for check in units)))
-        headings = ("", *tempo, *(f"{check}\n[dim]{unit}[/]" for check, unit in units.items()))
-        show_table(headings, rows, title=words)
-    console = Console()
-    switches = verdicts[motions:]
-    if switches:
-        right = sum(verdict.ok for verdict in switches)
-        console.print(f"{right} of {len(switches)} switches are all right at this tempo")
-        console.print("Switches by way of other motions are judged by their parts.", style="dim")
-    console.print("Where each number comes from: --json. What it means: docs/physics.md", style="dim")
-    if not report["ok"]:
-        console.print("A number in red is beyond its limit; slower: `tempo TEMPO` at the prompt or with `send`.")
-
-
-def _cell(value: float, limit: float | None, ok: bool) -> str:
-    words = f"{value:.2f}" if abs(value) < 10.0 else f"{value:.0f}"
-    return words if limit is None else f"[{'green' if ok else 'red'}]{words}[/]"
-
-
-def _tempo(verdict: PreflightVerdict) -> str:
-    if verdict.passes_at is None:
-        return "[red]no tempo[/]"
-    return f"[{'green' if verdict.ok else 'yellow'}]{verdict.passes_at:.2f}[/]"
-
-
-def _remedy(verdict: PreflightVerdict) -> str:
-    if verdict.passes_at is None:
-        return "no slower tempo mends it"
-    return f"passes at tempo {verdict.passes_at:.2f}"

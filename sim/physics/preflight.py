@@ -61,6 +61,7 @@ class Finding:
         unit: of both.
         where: the joint or the bodies concerned, or "".
         ok: whether it is within its limit.
+        cause: why it fails even at the slowest tempo, in words, or "".
     """
 
     check: str
@@ -69,6 +70,7 @@ class Finding:
     unit: str
     where: str = ""
     ok: bool = True
+    cause: str = ""
 
 
 @dataclass(frozen=True)
@@ -80,12 +82,14 @@ class PreflightVerdict:
         findings: all of them.
         passes_at: the largest tempo, up to the judged one, at which all passes; None if no slower tempo helps.
         by_way_of: the motions on the way of a switch that is not direct; it is judged by its parts.
+        obstacles: where no tempo passes, the findings that fail even at the slowest.
     """
 
     name: str
     findings: tuple[Finding, ...]
     passes_at: float | None
     by_way_of: tuple[str, ...] = ()
+    obstacles: tuple[Finding, ...] = ()
 
     @property
     def ok(self) -> bool:
@@ -134,8 +138,9 @@ class Preflight:
         findings = self.findings(played, loads, tempo, simulate=simulate)
         if all(finding.ok for finding in findings):
             return PreflightVerdict(played.name, findings, tempo)
-        if any(finding.check in _AT_ANY_TEMPO for finding in findings if not finding.ok):
-            return PreflightVerdict(played.name, findings, None)
+        lasting = tuple(finding for finding in findings if finding.check in _AT_ANY_TEMPO and not finding.ok)
+        if lasting:
+            return PreflightVerdict(played.name, findings, None, obstacles=lasting)
 
         def by_numbers(slow: float) -> bool:
             return self._passes(played, loads, slow)
@@ -146,7 +151,30 @@ class Preflight:
         passes = fastest_passing(by_numbers, tempo, _WITHIN)
         if simulate and passes is not None and not in_physics(passes):
             passes = fastest_passing(in_physics, passes, _WITHIN_IN_PHYSICS)
-        return PreflightVerdict(played.name, findings, passes)
+        obstacles = self._obstacles(played, loads, simulate=simulate) if passes is None else ()
+        return PreflightVerdict(played.name, findings, passes, obstacles=obstacles)
+
+    def _obstacles(self, played: PlayedMotion, loads: Loads, *, simulate: bool) -> tuple[Finding, ...]:
+        """The findings that fail at the slowest tempo: those of a simulation only if the others do not tell."""
+        by_numbers = self.findings(played, loads, SLOWEST, simulate=False)
+        found = by_numbers if not simulate or not all(one.ok for one in by_numbers) else self.simulated(played, SLOWEST)
+        torque = np.abs(loads.torque(SLOWEST)).max(axis=0)
+        return tuple(replace(one, cause=self._cause(one, torque)) for one in found if not one.ok)
+
+    def _cause(self, finding: Finding, torque: Array) -> str:
+        """What a joint lacks that is asked for so much torque (J,), N m, or ""."""
+        if finding.check not in ("torque", "physics: off target") or finding.where not in self.robot.joints:
+            return ""
+        joint = self.robot.joints.index(finding.where)
+        needs, servo = float(torque[joint]), self.robot.servo
+        most = float(strength(self.robot.model)[joint]) if servo is None else servo.most
+        stiffness = float(self.robot.model.actuator_gainprm[joint, 0])
+        if needs > most:
+            return f"it needs {needs:.3g} N m to carry its limb and has {most:.3g}"
+        if stiffness > 0.0 and needs / stiffness > 0.5 * ASTRAY:
+            sag = needs / stiffness
+            return f"its servo is soft: under {needs:.3g} N m its {stiffness:.3g} N m/rad give way by {sag:.2f} rad"
+        return ""
 
     def findings(self, played: PlayedMotion, loads: Loads, tempo: float, *, simulate: bool) -> tuple[Finding, ...]:
         """All findings at a tempo."""
@@ -287,6 +315,9 @@ class Preflight:
         servo, joints = self.robot.servo, self.robot.joints
         torque = loads.torque(tempo)
         if servo is None:
+            share = _lasting(np.abs(torque), DT) / strength(self.robot.model)
+            if share.any():
+                return [_finding("torque", 100.0 * float(share.max()), 100.0, "%", _of(joints, share))]
             peak = np.abs(torque).max(axis=0)
             return [Finding("torque", float(peak.max()), None, "N m", _of(joints, peak))]
         velocity = np.clip(tempo * loads.velocity, -self.limits.velocity, self.limits.velocity)
@@ -323,6 +354,12 @@ class Preflight:
         ]
         # A robot without feet, or with its feet in the air most of the time, has no margin.
         return [finding for finding in found if np.isfinite(finding.value)]
+
+
+def strength(model: mujoco.MjModel) -> Array:
+    """The torque that the model file allows each actuator, shape (J,), N m; inf where it says nothing."""
+    limited = model.actuator_forcelimited.astype(bool)
+    return np.where(limited, np.abs(model.actuator_forcerange).max(axis=1), np.inf)
 
 
 def _lasting(off: Array, dt: float = TICK) -> Array:

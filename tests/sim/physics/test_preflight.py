@@ -71,6 +71,39 @@ def test_a_weak_servo_is_found_out_by_its_torque_and_its_heat():
     assert {"torque", "heat in 10 min"} <= checks(verdict)
 
 
+def test_a_torque_limit_of_the_model_file_is_judged_and_the_joint_named():
+    model = deepcopy(SERVO20.model)
+    shoulder = SERVO20.joints.index("l_shoulder_roll")
+    model.actuator_forcelimited[:], model.actuator_forcerange[:] = 1, (-50.0, 50.0)
+    model.actuator_forcerange[shoulder] = (-0.05, 0.05)
+    weak = replace(SERVO20, servo=None, model=model)
+    targets = np.tile(weak.rest, (40, 1))
+    targets[:, shoulder] += 1.2  # an arm held out
+    played = PlayedMotion("hold", True, targets, (bent_pose(human()),) * 40)
+    verdict = Preflight(weak, weak.limits).judge(played, simulate=False)
+    assert verdict.passes_at is None
+    (obstacle,) = verdict.obstacles
+    assert (obstacle.check, obstacle.where) == ("torque", "l_shoulder_roll")
+    assert obstacle.value > 100.0 == obstacle.limit
+    assert obstacle.cause.endswith("N m to carry its limb and has 0.05")
+    needed = float(obstacle.cause.split()[2])
+    assert obstacle.value == pytest.approx(100.0 * needed / 0.05, rel=0.02)
+
+
+def test_a_soft_servo_is_named_as_the_cause():
+    spec = SERVO20.spec.copy()
+    servo = next(one for one in spec.actuators if one.name == "l_shoulder_roll")
+    servo.set_to_position(kp=0.1, kv=0.01)
+    soft = replace(SERVO20, servo=None, spec=spec, model=spec.compile())
+    targets = np.tile(soft.rest, (40, 1))
+    targets[:, soft.joints.index("l_shoulder_roll")] += 1.2
+    played = PlayedMotion("hold", True, targets, (bent_pose(human()),) * 40)
+    (obstacle,) = Preflight(soft, soft.limits).judge(played, simulate=True).obstacles
+    assert (obstacle.check, obstacle.where) == ("physics: off target", "l_shoulder_roll")
+    assert "soft" in obstacle.cause
+    assert "0.1 N m/rad" in obstacle.cause
+
+
 def test_joints_that_a_rig_does_not_let_so_far_are_out_of_reach():
     narrow = replace(SERVO20.limits, upper=np.minimum(SERVO20.limits.upper, 0.3))
     verdict = Preflight(SERVO20, narrow).judge(swinging(1.0, seconds=3.0), simulate=False)
