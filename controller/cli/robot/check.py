@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -20,8 +21,17 @@ from sim.robots.limb_causes import Cause, limb_causes
 from sim.robots.limb_directions import LimbDirections, beyond_limits
 from sim.robots.robot import RobotLoader
 
-MUST_BE_ZERO = ("bad", "beyond", "too_fast", "jumps")
+MUST_BE_ZERO = {
+    "bad": "targets that are NaN or infinite",
+    "beyond": "targets beyond a joint's range",
+    "too_fast": "steps faster than a joint may go",
+    "jumps": "a joint jumps where the human does not",
+}
 OUT_OF_REACH: Cause = "out of reach"
+WHY: dict[str, str] = {
+    "held back": "because limits of speed hold joints back",
+    "carried wrongly": "though joints could turn there ([parts] of the robot file may be wrong)",
+}
 
 
 def recordings(paths: Sequence[Path]) -> list[Path]:
@@ -62,11 +72,30 @@ def check(robot: Path, files: Sequence[Path], solver: Solver | None, seconds: fl
             yield {"clip": str(file), "frames": len(clip), "error": f"{type(error).__name__}: {error}"}
 
 
-def passes(row: dict[str, Any]) -> bool:
-    """Whether it was read, all is zero that must be zero, and no limb points further off than it may and must."""
-    if "unread" in row or "error" in row:
-        return False
-    return not any(row[name] for name in MUST_BE_ZERO) and not off_limits(row).keys() - {OUT_OF_REACH}
+def faults(row: dict[str, Any]) -> list[str]:
+    """Why a recording fails the check, in words; nothing if it passes.
+
+    It was read, all is zero that must be zero, and no limb points further off than it may and must.
+    """
+    if "unread" in row:
+        return ["cannot be read"]
+    if "error" in row:
+        return ["cannot be carried onto the robot"]
+    found = [words for name, words in MUST_BE_ZERO.items() if row[name]]
+    return found + [f"limbs point elsewhere {WHY[cause]}" for cause in off_limits(row) if cause != OUT_OF_REACH]
+
+
+def verdict(rows: Sequence[dict[str, Any]]) -> str:
+    """One line: PASSED, or FAILED with the number of recordings for each reason."""
+    found = [faults(row) for row in rows]
+    failed = [words for words in found if words]
+    if not failed:
+        short = sum(OUT_OF_REACH in off_limits(row) for row in rows)
+        beside = f"; in {short}, limbs point elsewhere because the joints cannot reach" if short else ""
+        return f"PASSED: {len(rows)} of {len(rows)} recordings{beside}"
+    reasons = Counter(reason for words in failed for reason in words)
+    said = "; ".join(f"{reason}: {count}" for reason, count in reasons.most_common())
+    return f"FAILED: {len(failed)} of {len(rows)} recordings. {said}"
 
 
 def off_limits(row: dict[str, Any]) -> dict[str, list[str]]:

@@ -225,10 +225,10 @@ def check(
 ) -> None:
     """Retarget recordings onto a robot and measure how well it follows: one row each.
 
-    The exit code is 1 if a recording could not be read, if one of these counts is not zero, or if a limb points
-    further off than 15 degrees on average or 45 at worst though its joints' ranges would let it come closer: bad (NaN
-    or infinite), beyond (targets outside a joint's range), fast (steps faster than a joint may go), jumps (a joint
-    goes far in one frame though the human does not).
+    The last line says PASSED, or FAILED and why. A recording fails if it cannot be read, if one of these counts is not
+    zero, or if a limb points further off than 15 degrees on average or 45 at worst though its joints' ranges would let
+    it come closer: bad (NaN or infinite), beyond (targets outside a joint's range), fast (steps faster than a joint may
+    go), jumps (a joint goes far in one frame though the human does not). The exit code is 1 if one fails.
 
     changed is the share of targets that the safety envelope had to slow down. short and worst are how far inverse
     kinematics missed the ends of the limbs (rms and worst, mm); past is how many goals of the angle solver lay outside
@@ -243,7 +243,7 @@ def check(
     """
     from controller.cli.common.progress import progress
     from controller.cli.robot.check import check as rows_of
-    from controller.cli.robot.check import passes, recordings
+    from controller.cli.robot.check import faults, recordings, verdict
     from motiondeck_base.shipped import find_robot
     from sim.models.robot_file import solver_named
 
@@ -257,10 +257,12 @@ def check(
             rows.append(row)
             tick()
     if as_json:
-        print(json.dumps({"robot": robot, "solver": solver, "recordings": rows}))
+        judged = [row | {"faults": faults(row)} for row in rows]
+        print(json.dumps({"robot": robot, "solver": solver, "verdict": verdict(rows), "recordings": judged}))
     else:
         _print_rows(rows)
-    if not all(passes(row) for row in rows):
+        print(verdict(rows))
+    if any(faults(row) for row in rows):
         raise typer.Exit(1)
 
 

@@ -131,6 +131,7 @@ def test_the_check_fails_when_a_knee_is_moved_to_the_yaw_hinge(tmp_path):
     assert run("calibrate", tmp_path / "full.xml", "--out", file).exit_code == 0
     result = run("check", file, tmp_path / "squats.bvh")
     assert result.exit_code == 0, result.stdout
+    assert result.stdout.strip().splitlines()[-1].startswith("PASSED: 1 of 1 recordings")
     text = file.read_text()
     for side, name in (("l", "left"), ("r", "right")):
         text = text.replace(f'{side}_thigh = "{name}_hip_yaw"', f'{side}_thigh = "{name}_hip_roll"')
@@ -140,6 +141,10 @@ def test_the_check_fails_when_a_knee_is_moved_to_the_yaw_hinge(tmp_path):
     assert result.exit_code == 1
     assert "limbs point elsewhere" in result.stdout
     assert "l_thigh" in result.stdout
+    assert result.stdout.strip().splitlines()[-1].startswith("FAILED: 1 of 1 recordings. ")
+    failed = json.loads(run("check", file, tmp_path / "squats.bvh", "--json").stdout)
+    assert failed["verdict"] == result.stdout.strip().splitlines()[-1]
+    assert failed["recordings"][0]["faults"]
 
 
 def test_calibrate_shows_what_limbs_measure_and_which_line_to_edit(tmp_path):
@@ -176,6 +181,10 @@ def test_check_finds_recordings_in_folders_and_goes_past_what_it_cannot_read(fil
     assert result.exit_code == 1
     assert "1 recordings" in result.stdout
     assert "not read" in result.stdout
+    last = result.stdout.strip().splitlines()[-1]
+    assert last.startswith("FAILED: ")
+    assert " of 2 recordings" in last
+    assert "cannot be read: 1" in last
 
 
 def test_help_says_what_it_means():
