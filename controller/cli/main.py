@@ -51,6 +51,8 @@ _COMMANDS = {
     "events": "send",
     "gamepad": "gamepad",
     "stage": "stage",
+    "conduct": "conduct",
+    "fleet": "fleet",
     "replay": "replay",
     "plot": "plot",
     "learn": "learn",
@@ -65,7 +67,7 @@ _COMMANDS = {
     "recognize": "recognition.recognize",
     "segment": "recognition.segment",
 }
-_GROUPS = ("library", "clip", "rig", "robot", "recognize")
+_GROUPS = ("library", "clip", "rig", "robot", "recognize", "fleet")
 
 
 def command_line(words: Sequence[str] = ()) -> typer.Typer:

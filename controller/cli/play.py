@@ -246,6 +246,16 @@ def play(
             help="The token; only you may read the file.",
         ),
     ] = None,
+    show: Annotated[
+        str | None,
+        typer.Option(
+            "--show",
+            rich_help_panel="Commands from elsewhere",
+            metavar="SHOW/DECK",
+            help="Take part in a show (`conduct`) under this name; for one on several machines: the deck's folder of "
+            "certificates.",
+        ),
+    ] = None,
     stop_input: Annotated[
         Path | None,
         typer.Option(
@@ -300,6 +310,7 @@ def play(
       motiondeck play --recognizer gestures.safetensors
       motiondeck play --lock-to body --rig emulated --robot servo20
       motiondeck play --command-port 47811 --port 0 --lock-to 47810
+      motiondeck play --show gala/left --command-port 0 --port 0
       motiondeck play --video walk.mp4 --seconds 6
       motiondeck play --robot g1.toml --video g1.mp4 --camera three --footprints --size 1280x720
     """
@@ -329,6 +340,8 @@ def play(
             raise MotiondeckError("--root, --balance and --walk are for simulated servos: leave --kinematic")
         if walk and (ghost or lock_to == "body"):
             raise MotiondeckError("with --walk the body is 1.2 s behind its targets: leave --ghost and --lock-to body")
+        if show is not None and lock_to is not None:
+            raise MotiondeckError("with --show the show says what loops keep step with: leave --lock-to")
         if recognize and recognizer is not None:
             raise MotiondeckError("--recognize looks at the joints and --recognizer at the body: leave one")
         if not 0.0 < mismatch_after < 1e4:
@@ -378,6 +391,8 @@ def play(
             token=read_token(token_file) if token_file is not None else None,
             stop_input=_wired_stop(stop_input) if stop_input is not None else None,
             lock_to=lock_to,
+            show=show,
+            robot=Path(robot).stem,
             library=library_file,
             restarts=not (headless or as_json),
         )

@@ -123,6 +123,10 @@ class CommandServer:
                 self._waiting.pop()
                 self._traffic.flooded += 1
 
+    def fileno(self) -> int:
+        """Readable when something has arrived, for `select`."""
+        return self._listener.fileno()
+
     def connected(self, sender: Address) -> bool:
         """Whether a sender is still there, as far as that is known."""
         return self._listener.connected(sender)  # pyright: ignore[reportArgumentType] (one of its own)
@@ -204,6 +208,14 @@ class CommandClient:
         """
         data = self._connection.receive(timeout_s)
         return read_reply(data) if data is not None else None
+
+    def fileno(self) -> int:
+        """Readable when a reply has arrived, for `select`; a command must have been sent before.
+
+        Raises:
+            SocketError: if no deck is running there.
+        """
+        return self._connection.fileno()
 
     def close(self) -> None:
         """Closes the socket; may be called twice."""

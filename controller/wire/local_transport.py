@@ -145,6 +145,10 @@ class LocalListener:
         client.connection.close()
         return b""
 
+    def fileno(self) -> int:
+        """Readable when there is something to receive."""
+        return self._ready.fileno()
+
     def connected(self, sender: LocalClient) -> bool:
         """Whether a sender is still there."""
         return sender.connection.fileno() >= 0
@@ -224,6 +228,16 @@ class LocalConnection:
             pass
         self.close()
         raise self._nobody()
+
+    def fileno(self) -> int:
+        """Readable when there is something to receive.
+
+        Raises:
+            PeerGoneError: if it is not connected.
+        """
+        if self._socket is None:
+            raise self._nobody()
+        return self._socket.fileno()
 
     def close(self) -> None:
         """Closes the connection; may be called twice."""

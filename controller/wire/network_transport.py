@@ -110,6 +110,10 @@ class NetworkListener:
             else:
                 self.unsigned += 1
 
+    def fileno(self) -> int:
+        """Readable when there is something to receive."""
+        return self._socket.fileno()
+
     def connected(self, sender: RemoteClient) -> bool:
         """Always true: nothing tells that a sender over a network is gone."""
         return True
@@ -194,6 +198,10 @@ class NetworkConnection:
                 self._pending = b""
                 return body[_REPLY.size :]
         return None
+
+    def fileno(self) -> int:
+        """Readable when there is something to receive."""
+        return self._socket.fileno()
 
     def close(self) -> None:
         """Closes the socket; may be called twice."""

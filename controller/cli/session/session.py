@@ -24,6 +24,7 @@ from controller.cli.session.report import RunNews, run_report
 from controller.cli.session.robots.rig_output import RigOutput
 from controller.cli.session.robots.robot_on_deck import RobotOnDeck, channels_of
 from controller.cli.session.script import Timed
+from controller.cli.session.show_member import ShowMember, show_member
 from controller.cli.session.tick_recorder import TickRecorder
 from controller.deck.interfaces import Retargeter
 from controller.deck.lockable import Lockable
@@ -93,6 +94,9 @@ class RunSettings:
         restarts: whether the caller starts the run again when another library is asked for.
         lock_to: what the phase is locked to from the start: "beat", "body", the command port of another deck of
             this machine, or None.
+        show: the show that the deck takes part in and its name there, or its folder of certificates; see
+            `controller.fleet.membership`.
+        robot: what the robot is called in that show.
     """
 
     rate: float
@@ -111,6 +115,8 @@ class RunSettings:
     token: bytes | None = None
     stop_input: WiredStop | None = None
     lock_to: str | None = None
+    show: str | None = None
+    robot: str = ""
     library: Path | None = None
     restarts: bool = False
 
@@ -185,6 +191,7 @@ class Session:
             opening.callback(settings.stop_input.close)
         servers, self.command_port = open_servers(opening, settings.command_port, settings.listen, settings.token)
         page_state = self._start_page(opening)
+        member = self._take_part(opening)
         self.robots = self._open_robots(opening)
         self._first = self.robots[0]
         rig = self._first.rig.output if self._first.rig is not None else None
@@ -194,6 +201,8 @@ class Session:
         if isinstance(self._deck, Lockable):
             self._deck.measured = self._measured
             lock_deck(opening, self._deck, settings.lock_to)
+            if member is not None:
+                member.lead(opening, self._deck)
         self._envelope = SafetyEnvelope(all_limits([robot.limits for robot in self.robots]), self._clock.period)
         self._watch = self._open_watch()
         if page_state is not None:
@@ -241,6 +250,15 @@ class Session:
         recorder = open_recorder(opening, file, self._first, self._source_name, self._deck.motions, names, rate)
         self._children.append(("the recorder", recorder.process))
         return recorder
+
+    def _take_part(self, opening: ExitStack) -> ShowMember | None:
+        """Starts the part in a show, if there is one; it opens while the robots do."""
+        show, source = self._settings.show, self._source
+        if show is None or not isinstance(source, MotionLibrary):
+            return None
+        member = opening.enter_context(show_member(show, self.command_port, source, self._settings.robot))
+        self._children.append(("the part in the show", member.process))
+        return member
 
     def _start_terminal(self, opening: ExitStack) -> None:
         if not self._settings.terminal:

@@ -1,0 +1,198 @@
+"""`motiondeck conduct`: conducts a show of many decks; `--stop` stops all of them."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from motiondeck_base.printable import printable
+
+if TYPE_CHECKING:
+    from controller.fleet.conductor import Conductor, SeenDeck, Told
+    from controller.fleet.link import Link
+    from controller.fleet.membership import Membership
+
+_HELP = "go | hold | stop (emergency stop of all) | status | DECK or GROUP COMMAND, such as: all pause | quit"
+_STOP_WITHIN = 3.0  # s for decks to be found and to say that they have stopped
+_STOP_AT_LEAST = 1.0  # s for those that are found later than the first
+
+
+def conduct(
+    file: Annotated[Path, typer.Argument(metavar="SHOW.toml", help="The show file.")],
+    certificates: Annotated[
+        Path | None,
+        typer.Option(
+            "--certificates",
+            metavar="FOLDER",
+            help="The conductor's folder of `motiondeck fleet certificates`, for decks on other machines.",
+        ),
+    ] = None,
+    begin_at: Annotated[
+        str | None, typer.Option("--from", metavar="CUE", help="Begin at this cue, by its name or number.")
+    ] = None,
+    stop: Annotated[
+        bool, typer.Option("--stop", help="Emergency stop of all decks, beside a running conductor or without one.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what happens as JSON objects, one a line.")] = False,
+) -> None:
+    """Conduct a show: decks that were started with `play --show` take its cues at the same time.
+
+    Type `go` at hold points, `stop` for an emergency stop of all decks, `status`, or a deck or group and a command.
+    Decks on this machine are found by themselves. Needs the extra `fleet`: pip install "motiondeck\\[fleet]".
+
+    Examples:  motiondeck conduct gala.toml      motiondeck conduct gala.toml --stop
+    """
+    from controller.fleet.conductor import Conductor
+    from controller.fleet.cue_list import cue_named
+    from controller.fleet.link import Link
+    from controller.fleet.show_file import read_show
+
+    show = read_show(file)
+    first = cue_named(show.cues, begin_at) if begin_at is not None else 0
+    member = _member(show.show, file, certificates, listens=not stop)
+    if stop:
+        _stop_all(Link(member))
+        return
+    began = time.monotonic()
+
+    def tell(text: str) -> None:
+        at = time.monotonic() - began
+        line = json.dumps({"at": round(at, 3), "text": text}) if as_json else f"{at:7.2f} {printable(text)}"
+        print(line, flush=True)
+
+    conductor = Conductor(show, Link(member), tell, first)
+    tell(f"{show.show}: {len(show.cues)} cues; {_HELP}")
+    try:
+        _converse(conductor, tell, as_json=as_json)
+    except KeyboardInterrupt:
+        sys.exit(130)
+    finally:
+        conductor.close()
+
+
+def _member(show: str, file: Path, certificates: Path | None, *, listens: bool) -> Membership:
+    from controller.fleet.membership import CONDUCTOR, on_this_machine, with_certificates
+    from motiondeck_base.errors import FileFormatError, MotiondeckError
+
+    if certificates is None:
+        return on_this_machine(show, CONDUCTOR if listens else f"stop-{os.getpid()}", listens=listens)
+    member = with_certificates(certificates, listens=listens)
+    if member.show != show:
+        raise FileFormatError(
+            f"{file}: show = '{show}', but the certificates in {certificates} are for '{member.show}'"
+        )
+    if member.name != CONDUCTOR:
+        raise MotiondeckError(f"{certificates}: these are the certificates of '{member.name}', not of the conductor")
+    return member
+
+
+def _converse(conductor: Conductor, tell: Told, *, as_json: bool) -> None:
+    """Runs the show and takes what is typed until `quit`; a closed input only ends the typing."""
+    keyboard = sys.stdin.fileno() if sys.stdin is not None else None
+    typed, wait = b"", 0.0
+    while True:
+        inputs = [conductor.fileno(), *([keyboard] if keyboard is not None else [])]
+        ready, _, _ = select.select(inputs, [], [], wait)
+        if keyboard is not None and keyboard in ready:
+            data = os.read(keyboard, 4096)
+            if not data:
+                keyboard = None
+            *lines, typed = (typed + data).split(b"\n")
+            for line in lines:
+                if not _do(conductor, line.decode(errors="replace").strip(), tell, as_json=as_json):
+                    return
+        wait = conductor.step()
+
+
+def _do(conductor: Conductor, line: str, tell: Told, *, as_json: bool) -> bool:
+    """Does what was typed; False to end."""
+    from motiondeck_base.errors import MotiondeckError
+
+    words = line.split()
+    match words:
+        case []:
+            pass
+        case ["quit"]:
+            return False
+        case ["go"]:
+            tell(conductor.go())
+        case ["hold"]:
+            conductor.hold()
+        case ["stop"] | ["estop"]:
+            conductor.stop()
+        case ["status"]:
+            _show_status(conductor, as_json=as_json)
+        case ["help"]:
+            tell(_HELP)
+        case [names, *command] if command:
+            try:
+                tell(conductor.command(names.split(","), " ".join(command)))
+            except MotiondeckError as error:
+                tell(str(error))
+        case _:
+            tell(f"'{line}' is nothing to do here: {_HELP}")
+    return True
+
+
+def _show_status(conductor: Conductor, *, as_json: bool) -> None:
+    import msgspec
+
+    if as_json:
+        decks = {deck.name: {"here": deck.here, "health": deck.health} for deck in conductor.decks.values()}
+        print(msgspec.json.encode({"decks": decks}).decode(), flush=True)
+        return
+    for deck in sorted(conductor.decks.values(), key=lambda deck: deck.name):
+        print(f"        {deck.name:12} {_describe(deck)}", flush=True)
+
+
+def _describe(deck: SeenDeck) -> str:
+    health = deck.health
+    if not deck.here or health is None:
+        return "gone" if not deck.here else "says nothing yet"
+    doing = f"{'switching to' if health.switching else 'paused in' if health.paused else 'plays'} {health.motion}"
+    mode = "" if health.mode == "playing" else f"{health.mode}; "
+    lock = f", {health.lock}" if health.lock else ""
+    clock = "clock unknown"
+    if health.clock is not None:
+        clock = f"clock ±{health.clock.uncertainty_ms:.2f} ms, drift {health.clock.drift_ppm:+.0f} ppm"
+    return f"{mode}{doing}{lock}; {clock}" + (f"; {health.problem}" if health.problem else "")
+
+
+def _stop_all(link: Link) -> None:
+    """Says the emergency stop until every deck that is there reports it."""
+    from controller.fleet.member import STOP_AGAIN
+    from controller.fleet.messages import DeckHealth, EmergencyStopAll, encode, read
+    from motiondeck_base.errors import MotiondeckError
+
+    modes: dict[str, str] = {}
+
+    def heard(key: str, data: bytes) -> None:
+        health = read(data, DeckHealth)
+        if health is not None:
+            modes[key.removeprefix("health/")] = health.mode
+
+    link.hear("health/*", heard)
+    data = encode(EmergencyStopAll("conduct --stop", os.urandom(8).hex()))
+    began = time.monotonic()
+    try:
+        while time.monotonic() < began + _STOP_WITHIN:
+            link.say("stop", data)
+            time.sleep(STOP_AGAIN)
+            stopped = bool(modes) and all(mode == "emergency stop" for mode in modes.values())
+            if stopped and time.monotonic() > began + _STOP_AT_LEAST:
+                break
+    finally:
+        link.close()
+    reported = sorted(name for name, mode in modes.items() if mode == "emergency stop")
+    if moving := sorted(set(modes) - set(reported)):
+        raise MotiondeckError(f"no emergency stop is reported by: {', '.join(moving)}")
+    if not reported:
+        raise MotiondeckError("no deck of the show is reached")
+    print(f"emergency stop: {', '.join(reported)}")

@@ -1,0 +1,315 @@
+"""The conductor of a show: finds decks, tells them its time, and sends cues ahead of their times."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from controller.fleet.cue_list import CueList
+from controller.fleet.link import Link
+from controller.fleet.mailbox import Mailbox
+from controller.fleet.member import STOP_AGAIN, STOP_SAID
+from controller.fleet.membership import CONDUCTOR
+from controller.fleet.messages import About, CommonRound, DeckHealth, EmergencyStopAll, Time, TimedCue, encode, read
+from controller.fleet.show_file import Condition, Show, ShowCue, motions_of, show_command, wrong_motions
+from controller.fleet.standing import Standing
+from controller.wire.messages import CommandError, Message
+from motiondeck_base.errors import MotiondeckError, UnknownNameError
+
+SILENT_AFTER = 1.0
+"""A deck whose health is older than this is not counted on, s."""
+
+JOINS_EVERY = 1.0
+"""A deck that has missed a cue is given what stands so often, until it has it, s."""
+
+_SAID = 0.5  # s within which a deck that was told to stop says so
+_HISTORY = 16  # emergency stops that were seen
+
+Told = Callable[[str], None]
+
+
+@dataclass
+class SeenDeck:
+    """What the conductor knows of a deck.
+
+    Attributes:
+        name: of the deck.
+        here: whether it is connected.
+        about, health: what it says of itself; None before that.
+        heard: when its health came, s.
+        standing: what it should be doing.
+        joined: when it was last given that, s.
+        problem: the last one that was told.
+    """
+
+    name: str
+    here: bool = True
+    about: About | None = None
+    health: DeckHealth | None = None
+    heard: float = 0.0
+    standing: Standing = field(default_factory=Standing)
+    joined: float = 0.0
+    problem: str = ""
+
+
+class Conductor:
+    """Runs a show.
+
+    Args:
+        show: what is said when.
+        link: to the decks.
+        tell: is told what happens.
+        first: the number of the first cue, from 0.
+        now: a steady clock, s; the clock of the show.
+
+    Attributes:
+        decks: those that were seen, by name.
+        stopped: whether the emergency stop was given; `go` goes on.
+    """
+
+    def __init__(
+        self, show: Show, link: Link, tell: Told, first: int = 0, now: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._show, self._link, self._tell, self._now = show, link, tell, now
+        self._run = os.urandom(6).hex()
+        self._arrived = Mailbox[tuple[str, bytes]]()
+        self._cues = CueList(show.cues, show.lead, now(), first)
+        self._number = 0
+        self._sent: list[tuple[list[str], TimedCue]] = []
+        self._stopped_at = 0.0
+        self._stops: list[str] = []
+        self._to_say: list[tuple[float, bytes]] = []
+        self._told_waiting: ShowCue | None = None
+        self.decks: dict[str, SeenDeck] = {}
+        self.stopped = False
+        link.answer("clock", self._time)
+        link.hear("health/*", self._hear)
+        link.hear("stop", self._hear)
+        link.watch("deck/*", lambda key, here: self._arrived.put((f"here/{key}", b"1" if here else b"")))
+        link.announce(CONDUCTOR)
+
+    def fileno(self) -> int:
+        """Readable when there is something to do, for `select`."""
+        return self._arrived.fileno()
+
+    @property
+    def over(self) -> bool:
+        """Whether all cues were sent."""
+        return self._cues.next is None
+
+    def step(self) -> float:
+        """Does what there is to do; returns after how long to call again at the latest, s."""
+        for key, data in self._arrived.take():
+            self._take(key, data)
+        now = self._now()
+        for due in [due for due in self._to_say if due[0] <= now]:
+            self._to_say.remove(due)
+            self._link.say("stop", due[1])
+        if not self.stopped:
+            while (due := self._cues.due(now, self._holds)) is not None:
+                number, cue, at = due
+                self._send_show_cue(number, cue, at)
+            self._bring_in(now)
+        self._tell_waiting()
+        return 0.01
+
+    def close(self) -> None:
+        """Ends the show; what decks do then the show file says."""
+        self._link.close()
+        self._arrived.close()
+
+    # What a person says.
+
+    def go(self) -> str:
+        """Passes a hold point, or goes on after an emergency stop; what came of it."""
+        if self.stopped:
+            still = [deck.name for deck in self._present if self._is_stopped(deck)]
+            if still:
+                return f"first reset the emergency stop at: {', '.join(still)}"
+            self.stopped = False
+            self._sent.clear()
+            for deck in self.decks.values():
+                deck.standing = Standing()
+            self._cues.hold()
+            return "the emergency stop is over; go again for the next cue"
+        return "goes on" if self._cues.go(self._now()) else "the show does not wait for go"
+
+    def hold(self) -> None:
+        """Sends no more cues until `go`."""
+        self._cues.hold()
+
+    def command(self, names: list[str], line: str) -> str:
+        """Has decks and groups carry out a command together.
+
+        Returns:
+            What was done.
+
+        Raises:
+            MotiondeckError: if there is no such deck, or no such command.
+        """
+        decks = self._named(names)
+        command = show_command(line)
+        missing = [
+            (deck, motion) for deck in decks for motion in motions_of([command]) if not self._plays(deck, motion)
+        ]
+        for deck, motion in missing:
+            about = self.decks[deck].about
+            raise UnknownNameError(f"{deck}: {UnknownNameError.among('motion', motion, about.rounds if about else ())}")
+        self._send(line, self._now() + self._show.lead, names, decks, [command])
+        return f"{', '.join(decks)}: {line}"
+
+    def stop(self) -> None:
+        """Stops all decks at once."""
+        stop = EmergencyStopAll(CONDUCTOR, os.urandom(8).hex())
+        self._stops.append(stop.id)
+        now = self._now()
+        self._to_say = [(now + STOP_AGAIN * again, encode(stop)) for again in range(1, STOP_SAID)]
+        self._link.say("stop", encode(stop))
+        self._stopped_by(CONDUCTOR)
+
+    # What decks say.
+
+    def _hear(self, key: str, data: bytes) -> None:
+        self._arrived.put((key, data))
+
+    def _time(self) -> bytes:
+        return encode(Time(self._run, self._now(), self._show.if_lost, self._show.lost_after))
+
+    def _take(self, key: str, data: bytes) -> None:
+        kind, _, name = key.partition("/")
+        if kind == "here":
+            self._see(name.removeprefix("deck/"), here=bool(data))
+        elif kind == "deck" and (about := read(data, About)) is not None:
+            self._introduce(self._deck(name), about)
+        elif kind == "health" and (health := read(data, DeckHealth)) is not None:
+            deck = self._deck(name)
+            deck.health, deck.heard = health, self._now()
+            if health.problem not in ("", deck.problem):
+                self._tell(f"{name}: {health.problem}")
+            deck.problem = health.problem
+        elif kind == "stop" and (stop := read(data, EmergencyStopAll)) is not None and stop.id not in self._stops:
+            self._stops = [*self._stops[-_HISTORY:], stop.id]
+            self._link.say("stop", data)
+            self._stopped_by(stop.by)
+
+    def _deck(self, name: str) -> SeenDeck:
+        deck = self.decks.get(name)
+        if deck is None:
+            deck = self.decks[name] = SeenDeck(name)
+            for names, cue in self._sent:
+                if name in self._show.members(names, [name]):
+                    deck.standing.take(cue)
+        return deck
+
+    def _see(self, name: str, *, here: bool) -> None:
+        deck = self._deck(name)
+        deck.here = here
+        if not here:
+            deck.health = None
+            self._tell(f"{name} is gone")
+        else:
+            self._link.ask(f"deck/{name}", self._hear)
+
+    def _introduce(self, deck: SeenDeck, about: About) -> None:
+        deck.about = about
+        self._tell(f"{deck.name} is here: {about.robot}, {about.library}")
+        for problem in wrong_motions(self._show, {deck.name: about.rounds}):
+            self._tell(f"{self._show.show}: {problem}")
+
+    def _is_stopped(self, deck: SeenDeck) -> bool:
+        """Whether a deck is in the emergency stop, or has not said that it is not."""
+        return deck.health is None or deck.heard < self._stopped_at + _SAID or deck.health.mode == "emergency stop"
+
+    def _stopped_by(self, name: str) -> None:
+        self.stopped, self._stopped_at = True, self._now()
+        self._tell(f"emergency stop by {name}; reset each deck where it is, then: go")
+
+    # Cues.
+
+    @property
+    def _present(self) -> list[SeenDeck]:
+        return [deck for deck in self.decks.values() if deck.here]
+
+    def _named(self, names: list[str]) -> list[str]:
+        present = [deck.name for deck in self._present]
+        decks = self._show.members(names, present)
+        for name in decks:
+            if name not in present:
+                raise UnknownNameError.among("deck", name, [*present, *self._show.groups, "all"])
+        if not decks:
+            raise MotiondeckError("no deck is here yet")
+        return decks
+
+    def _plays(self, deck: str, motion: str) -> bool:
+        about = self.decks[deck].about
+        return about is None or motion in about.rounds
+
+    def _send_show_cue(self, number: int, cue: ShowCue, at: float) -> None:
+        name = cue.name or f"cue {number + 1}"
+        decks = self._show.members(cue.to, [deck.name for deck in self._present])
+        try:
+            say = cue.commands
+        except CommandError as error:  # the file was checked when it was read
+            self._tell(f"{name}: {error}")
+            return
+        self._send(name, at, cue.to, decks, say, self._step_of(cue, decks, at))
+        self._tell(f"{name}: {', '.join(decks) or 'no deck is here'}")
+
+    def _step_of(self, cue: ShowCue, decks: list[str], at: float) -> CommonRound | None:
+        if cue.in_step is False:
+            return None
+        if cue.in_step is not True:
+            return CommonRound(at, cue.in_step)
+        for motion in motions_of(cue.commands):
+            for name in decks:
+                about = self._deck(name).about
+                if about is not None and (seconds := about.rounds.get(motion, 0.0)) > 0.0:
+                    return CommonRound(at, seconds)
+        self._tell(f"{cue.name or 'the cue'}: no deck knows how long a round takes, so none are in step")
+        return None
+
+    def _send(
+        self, name: str, at: float, to: list[str], decks: list[str], say: list[Message], step: CommonRound | None = None
+    ) -> None:
+        self._number += 1
+        cue = TimedCue(self._run, self._number, name, at, decks, say, step)
+        for deck in decks:
+            self._deck(deck).standing.take(cue)
+        self._sent.append((to, cue))
+        self._link.say("cue", encode(cue))
+
+    def _bring_in(self, now: float) -> None:
+        """Gives decks that have missed cues, or are new, what stands."""
+        for deck in self._present:
+            health, standing = deck.health, deck.standing
+            if health is None or health.clock is None or health.mode == "emergency stop" or not standing.number:
+                continue
+            done = health.cue if health.run == self._run else 0
+            since = now - max(standing.at, deck.joined)
+            if done < standing.number and since > JOINS_EVERY and deck.heard > standing.at:
+                deck.joined = now + self._show.lead
+                self._link.say("cue", encode(standing.cue(self._run, deck.name, deck.joined)))
+                self._tell(f"{deck.name} joins")
+
+    def _holds(self, condition: Condition, cue: ShowCue) -> bool:
+        now = self._now()
+        for name in self._show.members(cue.to, [deck.name for deck in self._present]):
+            deck = self._deck(name)
+            health = deck.health
+            if health is None or health.clock is None or now - deck.heard > SILENT_AFTER:
+                return False
+            current = (health.run, health.cue) == (self._run, deck.standing.number) or not deck.standing.number
+            if condition != "here" and (not current or health.switching):
+                return False
+            if condition == "in step" and not health.lock.startswith("locked"):
+                return False
+        return bool(self._present)
+
+    def _tell_waiting(self) -> None:
+        cue = self._cues.next if self._cues.waits else None
+        if cue is not self._told_waiting:
+            self._told_waiting = cue
+            if cue is not None:
+                self._tell(f"waits for go: {cue.name or cue.say}")

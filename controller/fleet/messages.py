@@ -1,0 +1,171 @@
+"""What the members of a show tell each other: typed, and JSON on the wire.
+
+deck/DECK           token of a deck, and its About as an answer
+conductor           token of the conductor
+clock               the conductor's Time as an answer
+cue                 TimedCue, from the conductor
+health/DECK         a deck's DeckHealth, four times a second
+stop                EmergencyStopAll, from any member
+"""
+
+from __future__ import annotations
+
+from typing import Literal, TypeVar
+
+import msgspec
+
+from controller.wire.command_table import checked
+from controller.wire.messages import (
+    Blend,
+    CommandError,
+    Home,
+    Jump,
+    Message,
+    Mode,
+    Pause,
+    Push,
+    Queue,
+    Resume,
+    SetInput,
+    SetTempo,
+    Stop,
+    Switch,
+    Unlock,
+)
+
+CUE_COMMANDS = (Switch, Queue, Blend, SetTempo, SetInput, Jump, Unlock, Pause, Resume, Home, Push, Stop)
+"""What a show may command: nothing that releases an emergency stop, switches torque or loads files."""
+
+Lost = Literal["go on", "hold", "stop"]
+"""What a deck does that has lost the conductor: nothing, a pause, or an emergency stop of its own."""
+
+T = TypeVar("T")
+
+
+class About(msgspec.Struct, frozen=True):
+    """A deck.
+
+    Attributes:
+        robot, library: their names.
+        rounds: of each motion that is a loop, how long a round takes at tempo 1, s; 0 for a one-shot.
+    """
+
+    robot: str
+    library: str
+    rounds: dict[str, float]
+
+
+class Time(msgspec.Struct, frozen=True):
+    """What a conductor answers.
+
+    Attributes:
+        run: of this conductor; another one is another clock.
+        seconds: its time.
+        lost: what to do when it does not answer any more.
+        after: and after how long, s.
+    """
+
+    run: str
+    seconds: float
+    lost: Lost
+    after: float
+
+
+class CommonRound(msgspec.Struct, frozen=True):
+    """What loops keep step with.
+
+    Attributes:
+        began: when phase 0 was, in the conductor's time, s.
+        seconds: how long a round takes.
+    """
+
+    began: float
+    seconds: float
+
+    def phase(self, time: float) -> float:
+        """The phase at a conductor's time, [0, 1)."""
+        return ((time - self.began) / self.seconds) % 1.0
+
+
+class TimedCue(msgspec.Struct, frozen=True):
+    """Commands at a time.
+
+    Attributes:
+        run: of the conductor.
+        number: rises from cue to cue of a run.
+        name: for people.
+        at: when, in the conductor's time, s.
+        decks: whom it is for.
+        say: the commands.
+        step: what loops keep step with from then on; None for nothing.
+    """
+
+    run: str
+    number: int
+    name: str
+    at: float
+    decks: list[str]
+    say: list[Message]
+    step: CommonRound | None = None
+
+
+class ClockHealth(msgspec.Struct, frozen=True):
+    """How well a deck knows the conductor's time: uncertainty and shortest round trip, ms, and drift, ppm."""
+
+    uncertainty_ms: float
+    round_trip_ms: float
+    drift_ppm: float
+
+
+class DeckHealth(msgspec.Struct, frozen=True):
+    """How a deck is.
+
+    Attributes:
+        run, cue: the conductor and the number of the last cue that was carried out; "" and 0 for none.
+        motion, mode, phase, paused, switching, lock: as in `State`; lock is "" without one.
+        clock: how well the conductor's time is known; None if not at all.
+        problem: the latest refusal or cue that came too late, or "".
+    """
+
+    run: str
+    cue: int
+    motion: str
+    mode: Mode
+    phase: float | None
+    paused: bool
+    switching: bool
+    lock: str
+    clock: ClockHealth | None
+    problem: str = ""
+
+
+class EmergencyStopAll(msgspec.Struct, frozen=True):
+    """Everybody stops.
+
+    Attributes:
+        by: the member that says so.
+        id: of this stop, so that a member passes it on once.
+    """
+
+    by: str
+    id: str
+
+
+encode = msgspec.json.Encoder().encode
+
+
+def read(data: bytes, kind: type[T]) -> T | None:
+    """A message of a kind, or None where it is something else."""
+    try:
+        return msgspec.json.decode(data, type=kind)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+        return None
+
+
+def is_allowed(command: Message) -> bool:
+    """Whether a show may give a command, and its arguments are in their ranges."""
+    try:
+        checked(command)
+    except CommandError:
+        return False
+    return isinstance(command, CUE_COMMANDS)

@@ -1,0 +1,68 @@
+"""`motiondeck conduct`, `fleet certificates` and `play --show`: a whole show, and mistakes in one line."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from command_line import motiondeck
+
+pytest.importorskip("zenoh")
+
+SHOW = """
+show = "gala"
+[[cues]]
+when = "here"
+say = "switch jog"
+in_step = true
+"""
+
+
+def test_a_show_of_one_deck_from_its_first_cue_to_the_stop(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    (tmp_path / "gala.toml").write_text(SHOW)
+    command = [sys.executable, "-m", "motiondeck"]
+    options = ("walk", "--headless", "--kinematic", "--rate", "50", "--command-port", "0", "--seconds", "60")
+    deck = subprocess.Popen([*command, "play", *options, "--show", "gala/left"], stderr=subprocess.PIPE, text=True)
+    conductor = subprocess.Popen(
+        [*command, "conduct", "gala.toml"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(Path.cwd())},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        for line in conductor.stdout:
+            if "cue 1: left" in line:
+                break
+        conductor.stdin.write("left stop\n")
+        conductor.stdin.flush()
+        for line in conductor.stdout:
+            if "left is gone" in line:
+                break
+        conductor.stdin.write("quit\n")
+        conductor.stdin.close()
+        assert conductor.wait(10) == 0
+        assert deck.wait(10) == 0
+    finally:
+        for process in (conductor, deck):
+            process.kill()
+            process.wait()
+
+
+def test_mistakes_are_one_line(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    (tmp_path / "gala.toml").write_text(SHOW.replace("jog", "jog twice and more"))
+    wrong = motiondeck("conduct", tmp_path / "gala.toml")
+    assert (wrong.returncode, wrong.stderr.count("\n")) == (1, 1)
+    assert "gala.toml: cue 1: switch:" in wrong.stderr
+    (tmp_path / "gala.toml").write_text(SHOW)
+    monkeypatch.setattr("controller.cli.conduct._STOP_WITHIN", 0.2)
+    alone = motiondeck("conduct", tmp_path / "gala.toml", "--stop")
+    assert (alone.returncode, alone.stderr) == (1, "motiondeck: no deck of the show is reached\n")
+    nowhere = motiondeck("play", "--headless", "--show", "gala")
+    assert nowhere.returncode == 1
+    assert "give SHOW/DECK" in nowhere.stderr
