@@ -76,6 +76,7 @@ class Bus:
         self._pending: GroupRead | None = None  # the one whose reply is awaited
         self._due = 0.0  # when all of it has arrived, if nothing holds it up
         self._received = b""
+        self._told: set[int] = set()  # whose answers to it were given before all had come
         self._may_be_late = True  # whether bytes of an earlier answer may still come, so that they must be discarded
 
     @classmethod
@@ -180,6 +181,7 @@ class Bus:
         self._pending, self._may_be_late = request, True
         self._due = self.port.now() + (len(data) + request.needed) * self._byte_time
         self._received = b""
+        self._told.clear()
         return True
 
     def collect(self) -> WholeReply | GroupReply | None:
@@ -201,7 +203,21 @@ class Bus:
         reply = pending.understand(received, now >= self._due + self._margin)
         if reply is not None:
             self._pending = None
-        return reply
+        return self._new(reply) if reply is not None and self._told else reply
+
+    def collect_early(self) -> GroupReply | None:
+        """Who has answered `request` while another is overdue, each told once; None while nobody new has."""
+        pending = self._pending
+        if pending is None or not self._received or self.port.now() <= self._due:
+            return None
+        reply = pending.understand(self._received, True)
+        statuses = self._new(reply).statuses if reply is not None else {}
+        self._told.update(statuses)
+        return GroupReply(statuses, [], [], []) if statuses else None
+
+    def _new(self, reply: GroupReply) -> GroupReply:
+        """The reply without those that were told before."""
+        return reply._replace(statuses={id: each for id, each in reply.statuses.items() if id not in self._told})
 
     def ping_all(self) -> list[Identity]:
         """The servos of Protocol 2.0 that answer a broadcast ping, in order of ID; waits for the slowest of 253."""

@@ -168,7 +168,7 @@ class DynamixelRig:
             return False
         with self.read_us:
             try:
-                reply = self.bus.collect()
+                reply = self.bus.collect() or self.bus.collect_early()
             except SerialPortError:
                 self.gone = True
                 raise

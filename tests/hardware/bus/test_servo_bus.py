@@ -195,6 +195,19 @@ def test_a_request_ends_at_its_deadline(bus, servos, port):
 
 
 @pytest.mark.parametrize("fast", [True, False])
+def test_who_has_answered_is_told_while_another_is_overdue(bus, servos, port, fast):
+    servos[3].dead = True
+    bus.request(blocks(1, 2, 3), fast)
+    port.elapse(0.001)
+    assert bus.collect() is None and list(bus.collect_early().statuses) == [1, 2]
+    assert bus.collect() is None and bus.collect_early() is None
+    port.elapse(0.06)
+    reply = bus.collect()
+    assert (reply.statuses, reply.silent) == ({}, [3])
+    assert bus.collect_early() is None
+
+
+@pytest.mark.parametrize("fast", [True, False])
 def test_each_servo_may_be_asked_for_registers_of_its_own(bus, servos, fast):
     servos[2].fail(0x01)
     assert bus.request(((1, *POSITION), (2, 64, 7), (3, 146, 1)), fast)

@@ -182,6 +182,16 @@ def test_a_dead_servo_costs_only_itself(rig, port, dead):
     assert rig.faults.missed[alive].max() <= 1
 
 
+def test_a_servo_that_falls_silent_makes_nobody_elses_state_older(rig, port):
+    """Its answer is waited for; those of the servos before it in the line have come meanwhile."""
+    play(rig, port, [0.0] * 4, 5)
+    port.bus.devices[0].bank.drive.supply[:3] = 9.0
+    port.bus[4].dead = True
+    play(rig, port, [0.0] * 4, 2)
+    rig.collect_state()
+    assert rig.readings.voltages.tolist() == [9.0, 9.0, 9.0, 12.0]
+
+
 def test_a_servo_that_comes_back_is_heard_again(rig, port):
     play(rig, port, [0.0] * 4, 5)
     port.bus[1].dead = True
