@@ -38,10 +38,10 @@ SECONDS = 12.0
 _MODELS = ("XM430-W350", "XL330-M288", "XL430-W250", "XC330-T288", "MX-64", "XW540-T260")
 _OTHER_MODELS = ("MX-28(1.0)", "AX-12A", "XL-320", "PH54-200-S500")
 _WITH_OTHERS = 0.4  # part of the schedules whose rigs may have old servos and a P servo too
-_PASSING = ("drop", "corrupt", "truncate", "delay", "dead", "reboot", "brownout", "jam", "duplicate", "unplug",
-            "latency", "silence")  # fmt: skip
-_ABOUT_ONE = ("dead", "reboot", "jam", "duplicate")
-_LASTING = ("dead", "overheat", "alert", "unplug", "swap")
+_PASSING = ("drop", "corrupt", "truncate", "delay", "dead", "reboot", "brownout", "jam", "duplicate", "duplicate",
+            "swap", "swap", "unplug", "latency", "silence")  # fmt: skip
+_ABOUT_ONE = ("dead", "reboot", "jam", "duplicate", "swap")
+_LASTING = ("dead", "overheat", "alert", "unplug", "swap", "swap")
 _ENDS = ("close", "hold", "kill", "lasting", "lasting")
 _QUIET = 4.0  # s without faults before the end, in which every joint must come to follow
 _FOLLOWS = 0.15  # rad
@@ -59,8 +59,7 @@ class Schedule:
 
     Attributes:
         config: the rig.
-        faults: passing ones, and at most one that lasts; "silence" is a loop that stalls, "swap" another model's servo
-            that is there after the adapter was out.
+        faults: passing ones, and at most one that lasts; "silence" is a loop that stalls.
         end: "close", "hold" (close, and the joints hold), "kill" (nobody says a word any more) or "lasting".
         start, old_goal: where each joint stands and which goal it has when the rig is switched on, shape (J,), rad.
         targets: over time.
@@ -114,7 +113,7 @@ def schedule(seed: int) -> Schedule:
     if end == "lasting":
         kind, id = rng.choice(_LASTING), rng.choice(joints).id
         at = rng.uniform(SECONDS - _QUIET, SECONDS - 3.0)
-        if kind == "swap":
+        if kind == "swap" and rng.random() < 0.5:
             faults.append(Fault("unplug", None, at, 0.5))
         value = _ALERT if kind == "alert" else None
         faults.append(Fault(kind, None if kind == "unplug" else id, at, value=value))
@@ -206,7 +205,6 @@ def _play(seed: int, until_wrong: bool, turns: Turns) -> Outcome:
     ]
     rig = rigs[0] if len(rigs) == 1 else JoinedRig(config, rigs)
     stalls = sorted((fault for fault in plan.faults if fault.kind == "silence"), key=lambda fault: fault.at)
-    swaps = [fault for fault in plan.faults if fault.kind == "swap"]
     limits = np.array([joint.lower for joint in config.joints]), np.array([joint.upper for joint in config.joints])
     shortly_before = np.full(len(config.joints), np.nan)
     elapse(0.0)
@@ -220,8 +218,6 @@ def _play(seed: int, until_wrong: bool, turns: Turns) -> Outcome:
         except RigError as error:
             outcome.stopped = str(error)
             break
-        if swaps and now >= swaps[0].at:
-            _swap(buses, swaps.pop(0).id)
         if stalls and now >= stalls[0].at:
             elapse(stalls.pop(0).lasts)
         elapse(_TICK)
@@ -262,29 +258,23 @@ def _faults_of(plan: Schedule, part: RigConfig, seed: int) -> FaultPlan:
     """The faults of a port: its own servos', and in turns those of none."""
     ids = [joint.id for joint in part.joints]
     turn, ports = plan.config.ports.index(part.port), len(plan.config.ports)
-    swapped = next((fault.id for fault in plan.faults if fault.kind == "swap"), None)
+    last = plan.faults[-1] if plan.faults else None
+    swapped = last.id if last is not None and last.kind == "swap" and last.lasts == float("inf") else None
     own = []
     for index, fault in enumerate(plan.faults):
         here = fault.id in ids if fault.id is not None else index % ports == turn
         if fault.kind == "unplug" and swapped is not None and index == len(plan.faults) - 2:
             here = swapped in ids  # the servo is swapped while its own adapter is out
-        if here and fault.kind not in ("silence", "swap"):
+        if here and fault.kind != "silence":
             own.append(fault)
     return FaultPlan(own, seed)
 
 
-def _swap(buses: list[JudgedBus], id: int | None) -> None:
-    """Another model's servo takes the place of one: limp, and as it comes from the box."""
-    for bus in buses:
-        for device in bus.devices:
-            if device.id == id:
-                device["torque_enable"] = 0
-                device["model_number"] = 1190 if device["model_number"] != 1190 else 1200
-
-
 def _struck_at(plan: Schedule, place: NDArray[np.int64], now: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Which joints of a port a jam holds, or held a moment ago; which were cut off; see `schedule_judge.Struck`."""
-    return _struck(plan, ("jam",), _RELEASED, now)[place], _struck(plan, ("dead", "duplicate"), _MISLED, now)[place]
+    return _struck(plan, ("jam",), _RELEASED, now)[place], _struck(plan, ("dead", "duplicate", "swap"), _MISLED, now)[
+        place
+    ]
 
 
 def _struck(plan: Schedule, kinds: tuple[str, ...], after: float, now: float) -> NDArray[np.bool_]:

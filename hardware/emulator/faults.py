@@ -14,7 +14,7 @@ from hardware.emulator.servos.device import Device
 from hardware.errors import MotiondeckError
 
 ON_ANSWERS = ("drop", "corrupt", "truncate", "delay")
-ON_SERVOS = ("dead", "alert", "overheat", "brownout", "reboot", "jam", "duplicate", "cells")
+ON_SERVOS = ("dead", "alert", "overheat", "brownout", "reboot", "jam", "duplicate", "swap", "cells")
 ON_PORT = ("unplug", "latency")
 KINDS = {
     "drop": "answers are lost (chance)",
@@ -28,10 +28,12 @@ KINDS = {
     "reboot": "a servo restarts",
     "jam": "a servo's horn is blocked",
     "duplicate": "a servo takes the ID `value` of another",
+    "swap": "a servo is replaced by one from the box, of model number `value` (1190)",
     "cells": "a servo's indirect cells are not where its table says, as with a firmware that nobody knows",
     "unplug": "the adapter is pulled, and plugged in again when the time is over",
     "latency": "the USB adapter hands over every `value` ms only (16)",
 }
+_OTHER_MODELS = 1190, 1200  # XL330-M077 and -M288
 _KEYS = ("id", "at", "for", "chance", "value")
 
 
@@ -79,7 +81,7 @@ def parse_fault(text: str) -> Fault:
             raise FaultError(
                 f"fault '{text}': '{pair}' is not one of {', '.join(k + '=NUMBER' for k in _KEYS)}."
             ) from None
-    if kind in ("jam", "duplicate", "reboot", "dead", "alert", "overheat") and "id" not in values:
+    if kind in ("jam", "duplicate", "swap", "reboot", "dead", "alert", "overheat") and "id" not in values:
         raise FaultError(f"fault '{text}' needs the servo it is about: {kind}:id=NUMBER.")
     id = int(values["id"]) if "id" in values else None
     lasts = values.get("for", float("inf"))
@@ -196,6 +198,11 @@ def _strike(fault: Fault, device: Device, bus: EmulatedBus, now: float) -> Calla
         case "jam":
             drive.jammed[row] = True
             return lambda: drive.jammed.__setitem__(row, False)
+        case "swap":
+            first = device["model_number"]
+            other = next(number for number in _OTHER_MODELS if number != first) if value is None else int(value)
+            device.swap(other, fault.at + BOOT_TIME)
+            return lambda: device.swap(first, fault.at + fault.lasts + BOOT_TIME)
         case "cells":
             device.hide_cells()
         case "duplicate":

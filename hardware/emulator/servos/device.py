@@ -237,6 +237,11 @@ class Device:
         self.reboot(deaf_until)
         return True
 
+    def swap(self, model_number: int, deaf_until: float) -> None:
+        """Puts another servo in its place, as from the box but for id and baud rate, whose model number is this."""
+        self.factory_reset(RESET_BUT_ID_AND_BAUD, deaf_until)
+        self["model_number"] = model_number
+
     def clear(self, params: bytes) -> int:
         """Makes the present position one within a turn; the error number, 0 for none."""
         if params != CLEAR_TURNS:

@@ -110,6 +110,18 @@ def test_servos_that_took_each_others_ids_at_the_same_time_get_their_own_back(ri
     assert [bus.ping(id) is not None for id in (1, 2, 3, 4)] == [True] * 4
 
 
+@pytest.mark.parametrize(("fault", "other"), [("swap:id=2,at=1,for=1", 1190), ("swap:id=2,at=1,for=1,value=30", 30)])
+def test_a_swapped_servo_is_another_model_without_torque_until_the_first_is_back(rig_of_four, fault, other):
+    port = port_with(rig_of_four, fault)
+    bus = Bus(port, 1_000_000)
+    seen = []
+    for until in (0.9, 1.9, 2.9):
+        port.elapse(until - port.now())
+        seen.append((bus.ping(2).model_number, port.bus[2]["torque_enable"], port.bus[3]["model_number"]))
+        bus.write(2, 64, b"\x01")
+    assert seen == [(1020, 0, 1020), (other, 0, 1020), (1020, 0, 1020)]
+
+
 def test_of_two_faults_of_a_kind_the_longer_one_ends_it(rig_of_four):
     faults = "brownout:at=1,for=1,value=9", "brownout:at=1.5,for=1,value=9", "dead:id=1,at=1,for=1", "dead:id=1,at=1.5"
     port = port_with(rig_of_four, *faults)

@@ -22,7 +22,8 @@ def test_a_random_schedule_of_faults_ends_well(seed):
         ("no goal := present", 0, "from its goal"),
         ("no speed limit", 378, "was too fast"),
         ("no acceleration limit", 101, "was accelerated too hard"),
-        ("no braking distance", 114, "ran past the goal at which it was held"),
+        ("no braking distance", 101, "ran past the goal at which it was held"),
+        ("no identity check", 70005, "torque came on in another model's servo"),
     ],
 )
 def test_a_broken_source_is_noticed_while_it_runs(name, seed, noticed):
