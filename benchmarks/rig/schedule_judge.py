@@ -11,6 +11,7 @@ end        2 s after it every shaft stands; after a close torque is off, or the 
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -231,14 +232,8 @@ class ShaftJudge:
         return speeds / self._per_radian
 
     def _swings(self) -> Array:
-        """The speed of each shaft as a part of its path's when that turns back at full speed, shape (J,).
-
-        Of the change, 2 v, a loop of gain K and motor lag T overshoots by exp(-pi z / sqrt(1 - z^2)), where z is its
-        damping 1 / (2 sqrt(K T)).
-        """
-        loops = [_loop(device) for device in self._bus.devices]
-        damping = np.clip(0.5 / np.sqrt(np.maximum(loops, 1e-9)), 0.0, 0.999)
-        return 1.0 + 2.0 * np.exp(-np.pi * damping / np.sqrt(1.0 - damping * damping))
+        """The largest speed of each shaft as a part of the largest of its path, shape (J,)."""
+        return np.array([swings(_loop(device)) for device in self._bus.devices])
 
     def _goals(self) -> Array:
         """The goal registers of the servos, shape (J,), rad."""
@@ -319,6 +314,18 @@ class ShaftJudge:
                     at = entries[:: goal.length + 1].find(joint.id) * (goal.length + 1) + 1
                     beyond += at > 0 and not low <= goal.decode(entries[at : at + goal.length]) <= high
         return [f"{beyond} goals were beyond the limits"] if beyond else []
+
+
+def swings(loop: float) -> float:
+    """The largest speed of a shaft as a part of the largest of its path, for a loop gain (1/s) times motor lag (s).
+
+    The loop answers a change of its path's speed with swings, each smaller than the one before by
+    r = exp(-pi z / sqrt(1 - z^2)), with z = 1 / (2 sqrt(loop)). A path that turns back at each swing adds them up to
+    1 + 2 r + 2 r^2 + ... = (1 + r) / (1 - r); no path within that speed gives more.
+    """
+    damping = min(0.5 / math.sqrt(max(loop, 1e-9)), 0.999)
+    smaller = math.exp(-math.pi * damping / math.sqrt(1.0 - damping * damping))
+    return (1.0 + smaller) / (1.0 - smaller)
 
 
 def _loop(device: Device) -> float:

@@ -13,6 +13,8 @@ from collections import deque
 from heapq import heappop, heappush
 from typing import NamedTuple
 
+import msgspec
+
 from hardware.protocol2.crc import checksum
 from hardware.protocol2.stuffing import stuff, unstuff
 
@@ -36,7 +38,7 @@ class Frame(NamedTuple):
     params: bytes
 
 
-class StatusPacket(NamedTuple):
+class StatusPacket(msgspec.Struct, frozen=True, gc=False):
     """A servo's answer; a hot servo sets `alert`, which is no failure of the call.
 
     Attributes:

@@ -60,11 +60,10 @@ class WholeReply(NamedTuple):
         numbers, alerts = repeat(0), repeat(False)
         if any(errors):
             numbers, alerts = [error & ~ALERT for error in errors], [error >= ALERT for error in errors]
-        return dict(zip(ids, map(_status, zip(ids, numbers, alerts, data, repeat(0), strict=False)), strict=True))
+        return dict(zip(ids, map(StatusPacket, ids, numbers, alerts, data), strict=True))
 
 
 # What the constructors of named tuples call in the end, in a third of the time.
-_status = partial(tuple.__new__, StatusPacket)
 _whole = partial(tuple.__new__, WholeReply)
 
 

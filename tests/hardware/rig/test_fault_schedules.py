@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.rig.fault_schedules import run, schedule
+from benchmarks.rig.schedule_judge import swings
 from benchmarks.rig.source_mutants import MUTANTS, Mutant, mutated
 from hardware.rig.switching import hold_still
 
@@ -34,6 +35,21 @@ def test_a_broken_source_is_noticed_while_it_runs(name, seed, noticed):
 def test_a_source_that_leaves_torque_on_is_noticed_at_the_end():
     with mutated(MUTANTS["no switch-off"]):
         assert "wrong torque after the close" in "; ".join(run(0).problems)
+
+
+@pytest.mark.parametrize("loop", [0.3, 0.6, 0.88])
+def test_a_shaft_swings_about_its_path_at_most_as_much_as_the_judge_allows(loop):
+    """Against the loop in steps of 10 us, on a path that turns back at every swing."""
+    lag, dt = 0.015, 1e-5
+    half_swing = np.pi / np.sqrt(loop / lag**2 - 0.25 / lag**2)
+    shaft = speed = path = fastest = 0.0
+    for step in range(40_000):
+        pace = 1.0 if step * dt // half_swing % 2 else -1.0
+        path += pace * dt
+        speed += (loop / lag * (path - shaft) - speed) * dt / lag
+        shaft += speed * dt
+        fastest = max(fastest, abs(speed))
+    assert fastest == pytest.approx(swings(loop), rel=5e-3)
 
 
 @pytest.mark.parametrize("name", MUTANTS)
