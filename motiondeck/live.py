@@ -37,6 +37,7 @@ from controller.wire.messages import (
     Resume,
     SetInput,
     SetTempo,
+    Settled,
     Stop,
     Subscribe,
     Switch,
@@ -300,7 +301,7 @@ class LiveDeck:
             settled = self._client.wait_settled(reply.id, timeout)
             if isinstance(settled, Refused):
                 raise CommandError(settled.reason)
-            if settled is None:
+            if not isinstance(settled, Settled):
                 raise MotiondeckError(f"{motion} has not settled after {timeout:g} s")
             return settled.seconds
 

@@ -53,7 +53,17 @@ def send(
 
     from controller.cli.session.terminal import describe
     from controller.wire.command_table import parse_command
-    from controller.wire.messages import Accepted, Blend, Queue, Refused, Settled, Switch
+    from controller.wire.messages import (
+        Accepted,
+        Blend,
+        Queue,
+        ReadRegisters,
+        Refused,
+        ScanPorts,
+        Settled,
+        Switch,
+        WriteRegister,
+    )
     from motiondeck_base.errors import MotiondeckError
 
     request = parse_command(words)
@@ -66,6 +76,10 @@ def send(
             answer = client.wait_settled(answer.id, _LONGEST_WAIT)
             if answer is None:
                 raise MotiondeckError(f"it has not settled after {_LONGEST_WAIT:g} s; is the deck paused?")
+        elif isinstance(request, ReadRegisters | WriteRegister | ScanPorts) and isinstance(answer, Accepted):
+            answer = client.wait_settled(answer.id, _LONGEST_WAIT)
+            if answer is None:
+                raise MotiondeckError("the rig does not answer")
     finally:
         client.close()
     if as_json:

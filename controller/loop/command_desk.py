@@ -28,6 +28,7 @@ from controller.wire.messages import (
     Heartbeat,
     Home,
     Jump,
+    Last,
     LoadLibrary,
     LockPhase,
     Message,
@@ -35,11 +36,13 @@ from controller.wire.messages import (
     PhaseNow,
     Push,
     Queue,
+    ReadRegisters,
     Refused,
     Reply,
     Reset,
     RestartServo,
     Resume,
+    ScanPorts,
     ServoTorque,
     SetInput,
     SetTempo,
@@ -50,12 +53,21 @@ from controller.wire.messages import (
     Subscribe,
     Switch,
     Unlock,
+    WriteRegister,
 )
 from motiondeck_base.errors import MotiondeckError
 
 
+class Look(Protocol):
+    """A look at servos that is under way."""
+
+    def answer(self) -> Last | None:
+        """What came of it, or None as long as nothing has."""
+        ...
+
+
 class RigServos(Protocol):
-    """The servos of a rig, as commands need them; neither call waits."""
+    """The servos of a rig, as commands need them; no call waits."""
 
     def switch(self, joint: str, *, on: bool) -> None:
         """Takes the torque off a joint, or has it set up again."""
@@ -63,6 +75,14 @@ class RigServos(Protocol):
 
     def restart(self, joint: str) -> None:
         """Has the servo of a joint restarted."""
+        ...
+
+    def registers(self, joint: str, write: tuple[str, int] | None = None) -> Look:
+        """Has all registers of a servo read, and before that one of them written."""
+        ...
+
+    def scan(self) -> Look:
+        """Has everybody asked who is on the ports."""
         ...
 
 
@@ -77,8 +97,9 @@ class Pushable(Protocol):
 
 Awaited = Switch | Queue | Blend
 """Commands that are answered once more when they have settled."""
+_LOOKED_WITHIN = 15.0  # s, for a look at servos
 
-_MOST_AWAITED = 256  # switches whose second reply is still to come
+_MOST_AWAITED = 256  # switches, or looks, whose second reply is still to come
 _MOST_LISTENERS = 64
 _FORGOTTEN_AFTER = 60.0  # s that a subscriber over a network may be silent
 
@@ -134,10 +155,12 @@ class CommandDesk:
         self._seen = seen
         self._now = now
         self._awaited: deque[tuple[CommandServer, Address, Awaited, Progress]] = deque(maxlen=_MOST_AWAITED)
+        self._looks: deque[tuple[CommandServer, Address, int, Look, float]] = deque(maxlen=_MOST_AWAITED)
         self._listeners: dict[Address, _Listener] = {}
         self._number = 0
         self._told: tuple[Mode, bool] = ("playing", deck.paused)
         self._code = 0.0
+        self._look: Look | None = None  # that the command being carried out has begun
 
     def __call__(self, stop: StopRequest) -> None:
         """Carries out new commands, and tells what has happened since the last call."""
@@ -145,11 +168,15 @@ class CommandDesk:
             for message, sender in server.poll():
                 self._listen(message, server, sender)
                 reply, progress = self.carry_out(message, stop, remote=server.remote)
+                if self._look is not None:
+                    self._looks.append((server, sender, message.id, self._look, self._now()))
                 if progress is not None and isinstance(message, Awaited):
                     self._awaited.append((server, sender, message, progress))
                 server.reply(sender, reply)
         if self._awaited:
             self._reply_again()
+        if self._looks:
+            self._tell_looks()
         if self._listeners:
             self._miss_heartbeats()
         events = self._deck.events
@@ -164,6 +191,7 @@ class CommandDesk:
 
     def carry_out(self, message: Message, stop: StopRequest, *, remote: bool = False) -> tuple[Reply, Progress | None]:
         """Carries out one command; its reply, and for a switch its progress."""
+        self._look = None
         reply, progress = self._do(message, stop, remote)
         if self._note is not None:
             self._note(message, reply)
@@ -182,6 +210,18 @@ class CommandDesk:
                 server.reply(sender, Refused(f"another command has overtaken {_destination(message)}", message.id))
             else:
                 self._awaited.append((server, sender, message, progress))
+
+    def _tell_looks(self) -> None:
+        """Sends what looks at servos have found, or that nothing came of them."""
+        for _ in range(len(self._looks)):
+            server, sender, number, look, began = self._looks.popleft()
+            answer = look.answer()
+            if answer is None and self._now() - began > _LOOKED_WITHIN:
+                answer = Refused("the rig has not answered")
+            if answer is None:
+                self._looks.append((server, sender, number, look, began))
+            else:
+                server.reply(sender, msgspec.structs.replace(answer, id=number))
 
     def _listen(self, message: Message, server: CommandServer, sender: Address) -> None:
         """Notes that a client was heard from, and what it wants to be told or not to be missed for."""
@@ -272,6 +312,12 @@ class CommandDesk:
                     self._load(message, stop, remote)
                 case RestartServo(joint=joint):
                     self._rig.restart(joint)
+                case ReadRegisters(joint=joint):
+                    self._look = self._rig.registers(joint)
+                case WriteRegister(joint=joint, register=register, count=count):
+                    self._look = self._rig.registers(joint, (register, count))
+                case ScanPorts():
+                    self._look = self._rig.scan()
                 case Push(side=side, impulse=impulse):
                     self._push(side, impulse)
                 case _:

@@ -21,11 +21,11 @@ from controller.wire.messages import (
     MOST_BYTES,
     CommandError,
     EmergencyStop,
+    Last,
     Message,
     Number,
     Refused,
     Reply,
-    Settled,
     encode,
     read_reply,
 )
@@ -153,7 +153,7 @@ class CommandClient:
             LocalConnection(port) if host is None or token is None else NetworkConnection(port, host, token)
         )
         self._numbers = itertools.count(1)
-        self._settled: dict[int, Settled | Refused] = {}
+        self._settled: dict[int, Last] = {}
 
     def post(self, message: Message) -> int:
         """Sends a command without waiting for a reply; returns the number that its replies will carry.
@@ -179,8 +179,8 @@ class CommandClient:
             self._remember(reply)
         raise PeerGoneError("the deck does not reply: it has ended, or is held up")
 
-    def wait_settled(self, number: int, timeout_s: float = 10.0) -> Settled | Refused | None:
-        """Waits until the switch with this number has settled or was overtaken; None if neither happens in time.
+    def wait_settled(self, number: int, timeout_s: float = 10.0) -> Last | None:
+        """Waits for the second reply to the command with this number; None if there is none in time.
 
         Raises:
             SocketError: if the deck is gone.
@@ -194,8 +194,8 @@ class CommandClient:
         return self._settled.pop(number)
 
     def _remember(self, reply: Reply) -> None:
-        """Keeps how a switch came out until `wait_settled` asks; of many that nobody asks for, the latest."""
-        if isinstance(reply, Settled | Refused):
+        """Keeps a second reply until `wait_settled` asks; of many that nobody asks for, the latest."""
+        if isinstance(reply, Last):
             self._settled[reply.id] = reply
             if len(self._settled) > _REMEMBERED:
                 del self._settled[next(iter(self._settled))]

@@ -32,9 +32,11 @@ from controller.wire.messages import (
     Pause,
     Push,
     Queue,
+    ReadRegisters,
     Reset,
     RestartServo,
     Resume,
+    ScanPorts,
     ServoTorque,
     SetInput,
     SetTempo,
@@ -42,6 +44,7 @@ from controller.wire.messages import (
     Subscribe,
     Switch,
     Unlock,
+    WriteRegister,
 )
 
 LONGEST_NAME = 100
@@ -161,6 +164,7 @@ CODE = Number("code", "CODE", 0.0, 999999.0, optional=True)
 WITHIN = Number("within", "SECONDS", 0.0, 60.0)
 AGO = Number("ago", "AGO", -2.0, 2.0, optional=True)
 STEPS = Number("steps", "STEPS", 0, 16, optional=True, whole=True)
+COUNT = Number("count", "COUNT", -32768, 65535, whole=True)
 LOCK_PHASE = Number("phase", "PHASE", 0.0, 1.0, optional=True)
 
 ALWAYS: frozenset[Mode] = frozenset(get_args(Mode))
@@ -284,6 +288,25 @@ COMMANDS = (
         (MotionName("joint", "JOINT", kind="joint"),),
         "restart a servo of the rig and set it up again; the others hold meanwhile",
     ),
+    DeckCommand(
+        "registers",
+        ReadRegisters,
+        (MotionName("joint", "JOINT", kind="joint"),),
+        "show all registers of a servo",
+        ALWAYS,
+    ),
+    DeckCommand(
+        "write",
+        WriteRegister,
+        (
+            MotionName("joint", "JOINT", kind="joint"),
+            MotionName("register", "REGISTER", kind="register"),
+            COUNT,
+        ),
+        "write a register of a servo whose torque is off; only what the rig does not rely on",
+        ALWAYS,
+    ),
+    DeckCommand("scan", ScanPorts, (), "list who is on the rig's ports; all servos hold meanwhile"),
     DeckCommand(
         "push",
         Push,

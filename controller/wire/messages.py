@@ -1,7 +1,8 @@
 """Messages: the commands that a deck takes and the replies that it gives; typed, and JSON on the wire.
 
 Every command carries a number that its replies repeat. It is answered at once by Accepted, Refused or State; a Switch,
-Queue or Blend that was accepted is answered once more when it has settled. Who subscribes gets Events, until it leaves.
+Queue or Blend that was accepted is answered once more when it has settled, a look at servos when they have answered.
+Who subscribes gets Events, until it leaves.
 `command_table` has what a person types for each command, the ranges of its arguments and when it is allowed.
 """
 
@@ -226,6 +227,34 @@ class RestartServo(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag=
     id: Number = 0
 
 
+class ReadRegisters(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="registers"):
+    """Read all registers of a servo of the rig; answered once more by Registers."""
+
+    joint: str
+    id: Number = 0
+
+
+class WriteRegister(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="write"):
+    """Write a register of a servo whose torque was switched off; answered once more by Registers.
+
+    Attributes:
+        joint: its name in the rig file.
+        register: its name in the control table.
+        count: the new value, in the register's own counts.
+    """
+
+    joint: str
+    register: str
+    count: int
+    id: Number = 0
+
+
+class ScanPorts(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="scan"):
+    """Ask who is on the ports of the rig, while all servos hold; answered once more by OnPorts."""
+
+    id: Number = 0
+
+
 Side = Literal["front", "back", "left", "right"]
 SIDES: tuple[Side, ...] = get_args(Side)
 
@@ -283,6 +312,47 @@ class Settled(msgspec.Struct, frozen=True, tag="settled"):
     to: str
     seconds: float
     id: Number
+
+
+class ServoRegister(msgspec.Struct, frozen=True, array_like=True):
+    """One register: its name, address and count, what that means (or ""), and whether it can be written."""
+
+    name: str
+    address: int
+    count: int
+    meaning: str
+    writable: bool
+
+
+class Registers(msgspec.Struct, frozen=True, tag="registers"):
+    """What the registers of a servo hold."""
+
+    joint: str
+    model: str
+    registers: list[ServoRegister]
+    id: Number = 0
+
+
+class ServoOnPort(msgspec.Struct, frozen=True, array_like=True):
+    """A servo that has answered; `joint` is "" for one that is not in the rig file."""
+
+    joint: str
+    servo: int
+    model: str
+    firmware: int
+
+
+class OnPorts(msgspec.Struct, frozen=True, tag="ports"):
+    """Who is on the ports of the rig at its baud rate.
+
+    Attributes:
+        servos: that have answered.
+        missing: the joints whose servo has not.
+    """
+
+    servos: list[ServoOnPort]
+    missing: list[str]
+    id: Number = 0
 
 
 class PhaseNow(msgspec.Struct, frozen=True, tag="phase"):
@@ -437,10 +507,15 @@ Message = (
     | GetPhase
     | ServoTorque
     | RestartServo
+    | ReadRegisters
+    | WriteRegister
+    | ScanPorts
     | Push
     | LoadLibrary
 )
-Reply = Accepted | Refused | Settled | State | PhaseNow | Event
+Reply = Accepted | Refused | Settled | Registers | OnPorts | State | PhaseNow | Event
+Last = Settled | Refused | Registers | OnPorts
+"""Second replies."""
 
 encode = msgspec.json.Encoder().encode
 _replies = msgspec.json.Decoder(Reply)

@@ -32,6 +32,7 @@ COMMANDS = (
     *("switch", "queue", "tempo", "pause", "resume", "home", "estop", "reset", "stop", "blend", "jump"),
     *("input", "beat", "lock", "unlock"),
     *("torque", "restart", "load", "push"),
+    *("write", "scan"),
 )
 """The field `command` is an index into these, counted from 1; 0 is a tick without a command."""
 MODES = ("playing", "home", "held", "emergency stop")

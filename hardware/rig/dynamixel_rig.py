@@ -271,10 +271,17 @@ class DynamixelRig:
         now = self.bus.port.now()
         if now < self._reads_next:
             return False
-        question = self.readings.next_question()
-        if not self.bus.request(question.asked, self._fast, before):
-            return False
-        self.readings.asked(question)
+        # No servo's answer is missed for registers while speeds have to be proven.
+        if self._paced and not self._unproven and (look := self.readings.next_look()) is not None:
+            if not self.bus.request((look.block,), self._fast, before + look.write):
+                return False
+            look.write = b""
+            self.readings.asked(look)
+        else:
+            question = self.readings.next_question()
+            if not self.bus.request(question.asked, self._fast, before):
+                return False
+            self.readings.asked(question)
         self._last_word = now
         if self.config.read_hz:
             # Half a tick of grace: a loop's ticks are never quite on time.

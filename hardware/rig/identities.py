@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from hardware.bus.servo_bus import Bus
+from hardware.control_table.meanings import describe_errors
 from hardware.control_table.servo_traits import TRAITS
 from hardware.errors import RigError, ServoError
 from hardware.rig.registers import list_joints, read_each, tell_all
 from hardware.rig.rig_file import RigConfig, RigJoint
 
 _ANSWER_EVERYTHING = 2
-_HARDWARE_ERRORS = {1: "input voltage", 4: "overheated", 8: "encoder", 16: "electrical shock", 32: "overload"}
 
 
 def check_identities(config: RigConfig, bus: Bus) -> None:
@@ -98,8 +98,3 @@ def hardware_errors(joint: RigJoint, bus: Bus) -> int:
     register = joint.table["torque_enable" if joint.table.protocol == 1 else "hardware_error_status"]
     status = bus.read(joint.id, register.address, register.length)
     return status.hardware if joint.table.protocol == 1 else joint.table.problems(register.decode(status.params))
-
-
-def describe_errors(bits: int) -> str:
-    """The hardware error bits in words."""
-    return ", ".join(text for bit, text in _HARDWARE_ERRORS.items() if bits & bit) or "no error"

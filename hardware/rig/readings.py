@@ -6,10 +6,14 @@ request, and at once where the alert bit of an answer reports a problem.
 
 Servos of Protocol 1.0 have no sync read. On a port with some, requests go in turns: MX servos together in a bulk read,
 each AX and RX on its own, and between any two of these the servos of Protocol 2.0 if there are any.
+
+When somebody wants to see all registers of a servo, now and then a request asks for a few of those instead (see
+`register_reading`).
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -21,6 +25,7 @@ from hardware.control_table.models import MODELS
 from hardware.protocol2.frames import ALERT
 from hardware.protocol2.group_reply import GroupReply, WholeReply
 from hardware.rig.faults import RigFaults
+from hardware.rig.register_reading import EVERY, RegisterReading
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array, RigScale
 from hardware.rig.state_block import StateBlock, everything, row_layout
@@ -61,6 +66,7 @@ class Readings:
         torque: whether torque is on, shape (J,).
         health_at: when each joint's error, temperature, torque and voltage were last read, shape (J,), s.
         missed_in_a_row: replies that each joint has missed since its last one, shape (J,).
+        looks: whose registers are wanted, in order.
     """
 
     def __init__(self, config: RigConfig, scale: RigScale, faults: RigFaults) -> None:
@@ -79,6 +85,8 @@ class Readings:
         self._requests = 0
         self._alerted: set[int] = set()
         self._question: Question | None = None
+        self.looks: deque[RegisterReading] = deque()
+        self._look: RegisterReading | None = None  # the one that the last question was for
         self._turns = _turns(config)
         self.positions, self.velocities, self.currents = np.zeros(count), np.zeros(count), np.zeros(count)
         self.temperatures, self.voltages = np.full(count, np.nan), np.full(count, np.nan)
@@ -102,7 +110,7 @@ class Readings:
             self._blocks[index] = block
         self._in_turns = [index for index, block in enumerate(self._blocks) if not block.healthy]
         self._questions.clear()
-        self._question = None
+        self._question = self._look = None
         self.positions[where] = positions
         self.velocities[where] = self.currents[where] = 0.0
         self.missed_in_a_row[where] = self.errors[where] = 0
@@ -117,14 +125,26 @@ class Readings:
             wide |= {self._in_turns[self._requests % len(self._in_turns)]}
         return self._questions.get((line, wide)) or self._ask(line, wide)
 
-    def asked(self, question: Question) -> None:
+    def next_look(self) -> RegisterReading | None:
+        """The servo whose registers the next request may ask for in place of `next_question`, if one is wanted."""
+        while self.looks and self.looks[0].done:
+            self.looks.popleft()
+        return self.looks[0] if self.looks and self._requests % EVERY == 0 else None
+
+    def asked(self, question: Question | RegisterReading) -> None:
         """Notes that a question was sent: the next reply answers it."""
-        self._question = question
         self._requests += 1
+        if isinstance(question, RegisterReading):
+            self._question, self._look = None, question
+            return
+        self._question, self._look = question, None
         self._alerted.clear()
 
     def take(self, reply: WholeReply | GroupReply, now: float) -> bool:
         """Keeps what a reply to the last question brings and counts what is missing; whether anything was measured."""
+        if self._look is not None:
+            self._take_registers(self._look, reply)
+            return False
         question = self._question
         if question is None:
             return False
@@ -133,6 +153,12 @@ class Readings:
                 return True
             reply = GroupReply(reply.statuses([id for id, _, _ in question.asked]), [], [], [])
         return self._take_each(reply, question, now)
+
+    def _take_registers(self, look: RegisterReading, reply: WholeReply | GroupReply) -> None:
+        """Hands over what a servo has answered about its registers."""
+        id, self._look = look.block[0], None
+        status = (reply.statuses([id]) if isinstance(reply, WholeReply) else reply.statuses).get(id)
+        look.take(None if status is None or status.error else status.params)
 
     def _take_whole(self, reply: WholeReply, question: Question, layout: np.dtype[Any], now: float) -> bool:
         """All servos at once; False where one of them answered with an error number."""

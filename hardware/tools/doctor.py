@@ -11,11 +11,12 @@ import msgspec
 from hardware.bus.servo_bus import UNTOLD, Bus, Identity
 from hardware.bus.wire_time import rate_limit
 from hardware.control_table.baud_rates import baud_value
+from hardware.control_table.meanings import describe_errors
 from hardware.control_table.models import MODELS
 from hardware.control_table.table import ControlTable
 from hardware.errors import NoReplyError, RigError, ServoError
 from hardware.rig.audit import audit, settle
-from hardware.rig.identities import describe_errors, hardware_errors, have_answer, have_old_answer
+from hardware.rig.identities import hardware_errors, have_answer, have_old_answer
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.state_block import arranged
 

@@ -6,9 +6,10 @@ import time
 from collections.abc import Iterator
 
 from hardware.bus.servo_bus import Bus
+from hardware.control_table.meanings import describe_errors
 from hardware.control_table.table import ControlTable
 from hardware.errors import ServoError
-from hardware.rig.identities import describe_errors, hardware_errors
+from hardware.rig.identities import hardware_errors
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import RigScale
 

@@ -25,6 +25,7 @@ from sim.view.network_view import NetworkView
 from sim.view.panel import Panel
 from sim.view.rig.joint_glow import JointGlow
 from sim.view.rig.rig_panel import RigPanel
+from sim.view.rig.servo_tables import looks_through
 from sim.view.scene import Follower, Scene
 from sim.view.timeline import Timeline
 from sim.view.web.private_page import PrivatePage
@@ -42,13 +43,21 @@ class DeckView:
         page: where it is put.
         description: what the deck says of itself in its state file.
         commands: to the deck.
+        looks: to the deck too, for what takes it a while to answer.
         dropped: the folder where dropped recordings are kept.
 
     Raises:
         FileFormatError: if MuJoCo refuses a model file of the deck.
     """
 
-    def __init__(self, page: PrivatePage, description: Mapping[str, Any], commands: CommandClient, dropped: Path):
+    def __init__(
+        self,
+        page: PrivatePage,
+        description: Mapping[str, Any],
+        commands: CommandClient,
+        looks: CommandClient,
+        dropped: Path,
+    ):
         self._page = page
         self._motions = [str(motion) for motion in description["motions"]]
         model = _model(str(description["model_file"]))
@@ -78,11 +87,13 @@ class DeckView:
             library=Path(file) if (file := description.get("library_file")) else None,
             recognizable=description.get("recognizable", ()),
         )
-        self._add_side(model, description, dropped)
+        self._add_side(model, description, looks, dropped)
         self._follower, self._centre = Follower(), np.zeros(2)
         self._last_picture = self._last_health = 0.0
 
-    def _add_side(self, model: mujoco.MjModel, description: Mapping[str, Any], dropped: Path) -> None:
+    def _add_side(
+        self, model: mujoco.MjModel, description: Mapping[str, Any], looks: CommandClient, dropped: Path
+    ) -> None:
         """Puts the servos and the learning of new motions on the left, and the last minutes below."""
         gui, parts = self._page.gui, self._panel.parts
         servos, learn = description.get("rig"), description.get("learn")
@@ -90,7 +101,8 @@ class DeckView:
         side = gui.add_panel() if servos or learn else None
         if side is not None and servos:
             with side.add_tab("Rig", viser.Icon.ENGINE):
-                self._rig = RigPanel(self._page, parts, servos, self._panel.ask)
+                look = looks_through(looks, self._panel.refuse)
+                self._rig = RigPanel(self._page, parts, servos, self._panel.ask, look)
             joints = [servo["joint"] for servo in servos["servos"]]
             self._glow = JointGlow(self._page, model, joints, self._scene.height)
         if side is not None and learn:

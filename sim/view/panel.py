@@ -221,6 +221,10 @@ class Panel:
         if event.kind in _TOLD:
             self._notify(event.kind, event.text, alarming=event.kind in ("fault", "lost", "replayed"))
 
+    def refuse(self, reason: str) -> None:
+        """Shows why something was not done."""
+        self._notify("Refused", reason)
+
     def _stop_or_ask(self, event: viser.GuiEvent) -> None:
         """Stops at once; a reset is asked about first."""
         if not self._stopped:
@@ -245,9 +249,16 @@ class Panel:
         self.ask(event, "End the run?", text, "End the run", Stop(), no="Play on")
 
     def ask(
-        self, event: viser.GuiEvent, title: str, text: str, yes: str, message: Message, *, no: str = "Cancel"
+        self,
+        event: viser.GuiEvent,
+        title: str,
+        text: str,
+        yes: str,
+        then: Message | Callable[[], None],
+        *,
+        no: str = "Cancel",
     ) -> None:
-        """Asks the one who clicked; the first answer sends a message, the second does nothing."""
+        """Asks the one who clicked; the first answer sends a message, or does something; the second does nothing."""
         gui = event.client.gui if event.client is not None else self._page.gui
         with gui.add_modal(title) as question:
             gui.add_markdown(text)
@@ -257,7 +268,10 @@ class Panel:
         @agree.on_click
         def _(_: viser.GuiEvent) -> None:
             question.close()
-            self._send(message)
+            if callable(then):
+                then()
+            else:
+                self._send(then)
 
     def _notify(self, title: str, text: str, *, alarming: bool = True) -> None:
         """Shows a notice; not twice while the same is still on the page."""
@@ -283,7 +297,7 @@ class Panel:
         except MotiondeckError as error:
             refusal = str(error)
         if refusal:
-            self._notify("Refused", refusal)
+            self.refuse(refusal)
 
 
 def _lock(state: dict[str, Array]) -> LockState | None:

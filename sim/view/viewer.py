@@ -52,7 +52,8 @@ def view(state: Path, command_port: int | None, port: int) -> None:
         command_port = int(description["command_port"])
     page = PrivatePage(port, label=f"Motiondeck · {description['robot']}")
     print(f"page: {page.address}", file=sys.stderr, flush=True)
-    shown = DeckView(page, description, CommandClient(command_port), state.parent / "dropped")
+    commands, looks = CommandClient(command_port), CommandClient(command_port)
+    shown = DeckView(page, description, commands, looks, state.parent / "dropped")
     events = CommandClient(command_port)
     with contextlib.suppress(MotiondeckError):
         events.post(Subscribe())

@@ -22,8 +22,10 @@ from controller.wire.messages import (
     GetStatus,
     GiveBeat,
     Message,
+    OnPorts,
     PhaseNow,
     Refused,
+    Registers,
     Reply,
     Settled,
     State,
@@ -43,11 +45,12 @@ HELP = "\n".join(f"{typed:26} {effect}" for typed, effect in _HELP_ROWS)
 
 _HEARTBEAT = 0.3  # s of silence before a status request; after three without an answer the deck is gone
 _TOLD = ("via", "gave up", "recognized", "fault", "replayed", "lost")  # what replies to commands do not say
+UNKNOWN = "not in the rig file"
 _STARTING = 5.0  # s that a deck may take from opening its port to answering
 
 
 def describe(reply: Reply) -> str:
-    """A reply in one line."""
+    """A reply in one line; tables in several."""
     match reply:
         case Accepted(after=after, via=via):
             return "accepted" + (f", after {after}" if after else "") + (f", by way of {', '.join(via)}" if via else "")
@@ -55,6 +58,12 @@ def describe(reply: Reply) -> str:
             return f"refused: {reason}"
         case Settled(to=to, seconds=seconds):
             return f"settled on {to} after {seconds:.2f} s"
+        case Registers():
+            rows = (f"{row.address:>5}  {row.name:<28} {row.count:>11}  {row.meaning}" for row in reply.registers)
+            return "\n".join([f"{reply.joint}, {reply.model}", *(row.rstrip() for row in rows)])
+        case OnPorts(servos=servos, missing=missing):
+            found = (f"id {o.servo:>3}  {o.model:<14} firmware {o.firmware:<3} {o.joint or UNKNOWN}" for o in servos)
+            return "\n".join([*found, *(f"{joint} does not answer" for joint in missing)])
         case Event(kind=kind, text=text):
             return f"{kind}: {text}"
         case PhaseNow(motion=motion, phase=phase, rate=rate):

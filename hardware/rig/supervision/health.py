@@ -20,9 +20,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hardware.control_table.meanings import describe_errors
 from hardware.control_table.servo_traits import TRAITS
 from hardware.rig.dynamixel_rig import WATCHDOG_UNIT
-from hardware.rig.identities import describe_errors
 from hardware.rig.readings import Readings
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array

@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 from hardware.errors import MotiondeckError, RigError, with_torque
 from hardware.rig.faults import RigFaults
+from hardware.rig.port_scan import PortScan
+from hardware.rig.register_reading import RegisterReading
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array
 from hardware.rig.supervision.health import Incident
@@ -137,6 +139,15 @@ class JoinedRig:
         """Restarts a joint's servo; see `SupervisedRig.restart`."""
         part, place = self._part_of(joint)
         part.restart(place)
+
+    def registers(self, joint: int, write: tuple[str, int] | None = None) -> RegisterReading:
+        """Reads all registers of a joint's servo; see `SupervisedRig.registers`."""
+        part, place = self._part_of(joint)
+        return part.registers(place, write)
+
+    def scan(self) -> PortScan:
+        """Asks who is on the ports; see `SupervisedRig.scan`."""
+        return PortScan(self.config, [part.scan() for part, _ in self._parts])
 
     def close(self) -> list[str]:
         """Ends all parts, also twice (see `SupervisedRig.close`); returns the joints that did not confirm it."""

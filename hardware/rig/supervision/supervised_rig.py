@@ -29,6 +29,8 @@ from hardware.errors import MotiondeckError, RigError, SerialPortError
 from hardware.rig.dynamixel_rig import DynamixelRig
 from hardware.rig.faults import RigFaults
 from hardware.rig.indirect_cells import arrange_state
+from hardware.rig.port_scan import PortScan
+from hardware.rig.register_reading import RegisterReading
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array
 from hardware.rig.state_block import StateBlock
@@ -46,6 +48,7 @@ _CAUGHT_UP = 0.02  # rad between goal and target
 # A goal may reach its target while the joint still turns away from it. One has caught up when it is no farther behind
 # than so many seconds at its slower speed and so many rad, or, if load or a hand keeps it there, after a while.
 _LAG, _PLAY, _PATIENCE = 0.15, 0.05, 2.0
+_MOST_LOOKS = 8  # servos whose registers wait to be read
 _LONGEST_STEP = 2.0  # ticks' worth of way for an eased joint after a stall: the servo would take it at full speed
 
 
@@ -262,6 +265,38 @@ class SupervisedRig:
             raise RigError(f"{one.name} is a {one.model}, which cannot be restarted. Switch its power off and on.")
         self._health.take_back(joint, self._rig.now())
         self._to_do = lambda bus: bus.restart(one.id)
+
+    def registers(self, joint: int, write: tuple[str, int] | None = None) -> RegisterReading:
+        """Reads all registers of a servo in the loop's next ticks; before that, writes a count into one of them.
+
+        Raises:
+            RigError: if that is not allowed: see `register_reading`, and the joint must have been switched off.
+        """
+        servo, readings = self.config.joints[joint], self._rig.readings
+        look = RegisterReading(joint, servo, write)
+        if write is not None and (readings.torque[joint] or not self._health.off[joint]):
+            raise RigError(f"registers of {servo.name} are written only while its torque is off: switch it off first.")
+        if readings.missed_in_a_row[joint] > 2:
+            raise RigError(f"{servo.name} (id {servo.id}) does not answer.")
+        if len(readings.looks) >= _MOST_LOOKS:
+            raise RigError("the registers of several servos are being read already. Try again.")
+        readings.looks.append(look)
+        return look
+
+    def scan(self) -> PortScan:
+        """Asks who is on the port, beside the loop; all servos hold meanwhile, as when one is restarted.
+
+        Raises:
+            RigError: if a servo is silent just now, or something else is being done: holding could then end the run.
+        """
+        if self._mending or self._stopped or self._to_do is not None:
+            raise RigError("the rig is busy with its servos. Try again.")
+        silent = (self._rig.readings.missed_in_a_row > 0) & ~self._health.lost
+        if np.logical_or.reduce(silent):
+            raise RigError("a servo does not answer just now. Try again when the rig has mended or given up on it.")
+        scan = PortScan(self.config)
+        self._to_do = scan.ask
+        return scan
 
     def close(self) -> list[str]:
         """Ends it as the rig file asks; may be called twice.

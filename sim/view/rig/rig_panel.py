@@ -1,4 +1,4 @@
-"""The rig on the page: a card for each servo, the last minute of one, and what can be done with it."""
+"""The rig on the page: a card for each servo, the last minute of one, its registers, and what can be done with it."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from controller.rotations import Array
 from controller.wire.messages import RestartServo, ServoTorque
 from sim.view.rig.servo_look import ServoLook, ServoLooks
 from sim.view.rig.servo_plot import ServoPlot
+from sim.view.rig.servo_tables import Look, ServoTables
 from sim.view.web.parts import Ask, PageParts
 from sim.view.web.private_page import PrivatePage
 
@@ -28,9 +29,10 @@ class RigPanel:
         parts: of that page.
         rig: the rig's part of the description of a run.
         ask: asks the one who clicked (event, title, text, yes) and then sends a message.
+        look: looks at registers and ports.
     """
 
-    def __init__(self, page: PrivatePage, parts: PageParts, rig: Mapping[str, Any], ask: Ask) -> None:
+    def __init__(self, page: PrivatePage, parts: PageParts, rig: Mapping[str, Any], ask: Ask, look: Look) -> None:
         self._servos: Sequence[Mapping[str, Any]] = rig["servos"]
         self._looks = ServoLooks(rig)
         self._chosen = 0
@@ -41,6 +43,8 @@ class RigPanel:
         self._deeds = parts.add("button-row", "servo-deeds", heard=self._do)
         self._plot = ServoPlot(page)
         self._ask = ask
+        self._tables = ServoTables(page, look, ask)
+        self._off = False  # whether the chosen servo was switched off
 
     @property
     def joint(self) -> str:
@@ -61,8 +65,10 @@ class RigPanel:
             for place, look in enumerate(looks)
         ]
         self._cards.show({"servos": rows, "chosen": self._chosen})
-        off = looks[self._chosen].level == "off" or not columns[-1][self._chosen]
-        self._deeds.show([["on", "Torque on"] if off else ["off", "Torque off"], ["restart", "Restart servo"]])
+        self._off = looks[self._chosen].level == "off"
+        limp = self._off or not columns[-1][self._chosen]
+        deeds = [["on", "Torque on"] if limp else ["off", "Torque off"], ["restart", "Restart"]]
+        self._deeds.show([*deeds, ["registers", "Registers"], ["scan", "Scan ports"]])
         _write(self._title, f'<div class="part"><b>{self.joint}</b>, the last minute</div>')
         _write(self._summary, f'<div class="part" id="rig-summary">{_summary(self._servos, looks)}</div>')
         return looks
@@ -75,6 +81,10 @@ class RigPanel:
             self._ask(event, f"Switch {joint} on?", SETS_UP, "Torque on", ServoTorque(joint, "on"))
         elif said == "restart":
             self._ask(event, f"Restart {joint}?", RESTARTS, "Restart", RestartServo(joint))
+        elif said == "registers":
+            self._tables.show_registers(joint, event, off=self._off)
+        elif said == "scan":
+            self._tables.scan(event)
 
     def _choose(self, said: Any, event: viser.GuiEvent) -> None:
         choice = said.get("choose") if isinstance(said, dict) else None

@@ -17,8 +17,8 @@ import viser
 from controller.wire.messages import Message
 from sim.view.web.private_page import PrivatePage
 
-Ask = Callable[[viser.GuiEvent, str, str, str, Message], None]
-"""Asks the one who clicked (event, title, text, yes), and then sends a message."""
+Ask = Callable[[viser.GuiEvent, str, str, str, Message | Callable[[], None]], None]
+"""Asks the one who clicked (event, title, text, yes), and then sends a message or does something else."""
 
 SCRIPTS = Path(__file__).parent / "scripts"
 MOST_CHARACTERS = 2000  # of an event; what is longer no part has sent

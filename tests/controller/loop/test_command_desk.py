@@ -17,13 +17,17 @@ from controller.wire.messages import (
     LoadLibrary,
     Pause,
     Push,
+    ReadRegisters,
     Refused,
+    Registers,
     Reset,
     RestartServo,
     Resume,
+    ScanPorts,
     ServoTorque,
     Subscribe,
     Switch,
+    WriteRegister,
 )
 from controller.wire.run_recording import COMMANDS as RECORDED
 
@@ -230,6 +234,45 @@ def test_a_servo_can_be_switched_off_in_an_emergency_stop_but_not_on(desk):
     assert servos.done == [("knee", False), ("knee", "restarted")]
 
 
+class LookedAt(NotedServos):
+    """Servos whose registers are known after a while."""
+
+    found = None
+
+    def registers(self, joint, write=None):
+        self.done.append((joint, write))
+        return self
+
+    def answer(self):
+        return self.found
+
+
+def test_a_look_at_servos_is_answered_twice_to_who_asked(desk):
+    assert "play with --rig" in desk.ask(ReadRegisters("knee")).reason
+    servos = LookedAt()
+    desk = Desk(servos=servos)
+    assert desk.ask(ReadRegisters("knee", 7), "one") == Accepted(7)
+    assert desk.ask(WriteRegister("knee", "led", 1, 9), "other") == Accepted(9)
+    assert desk.ask(Pause(11), "third") == Accepted(11)
+    assert servos.done == [("knee", None), ("knee", ("led", 1))]
+    servos.found = Registers("knee", "XM430-W350", [])
+    desk.tick()
+    both = [(who, reply.id) for who, reply in desk.server.replies if isinstance(reply, Registers)]
+    assert both == [("one", 7), ("other", 9)]
+    desk.ask(EmergencyStop())
+    assert isinstance(desk.ask(ScanPorts()), Refused)
+    assert desk.ask(ReadRegisters("knee")) == Accepted(0)
+
+
+def test_a_look_that_comes_to_nothing_is_refused_after_a_while():
+    desk = Desk(servos=LookedAt())
+    desk.ask(ReadRegisters("knee", 7))
+    desk.tick(14.0)
+    assert not desk.server.replies
+    desk.tick(2.0)
+    assert desk.server.replies == [("somebody", Refused("the rig has not answered", 7))]
+
+
 def test_a_simulated_body_is_pushed_in_any_mode_and_nothing_else(desk):
     assert "nothing can be pushed" in desk.ask(Push("left")).reason
 
@@ -257,5 +300,5 @@ def test_another_library_ends_the_run_where_it_can_be_started_again(desk, tmp_pa
 
 
 def test_every_command_that_changes_something_can_be_recorded():
-    looks = {"status", "phase", "heartbeat", "subscribe"}
+    looks = {"status", "phase", "heartbeat", "subscribe", "registers"}
     assert {command.word for command in COMMANDS} - looks == set(RECORDED)

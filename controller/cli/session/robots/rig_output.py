@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from controller.cli.session.robots.rig_looks import PortsLook, RegistersLook
 from controller.deck.interfaces import JointLimits
 from controller.loop.output_channel import Channel
 from controller.mocap.posture import Pose
@@ -127,6 +128,23 @@ class RigOutput:
             MotiondeckError: if the rig has no such joint, or its servo cannot be restarted.
         """
         self._rig.restart(self._place(joint))
+
+    def registers(self, joint: str, write: tuple[str, int] | None = None) -> RegistersLook:
+        """Has all registers of a joint's servo read, and before that a count written into one of them.
+
+        Raises:
+            MotiondeckError: if the rig has no such joint, or the register cannot be written.
+        """
+        place = self._place(joint)
+        return RegistersLook(self._rig.config.joints[place], self._rig.registers(place, write))
+
+    def scan(self) -> PortsLook:
+        """Has everybody asked who is on the rig's ports.
+
+        Raises:
+            MotiondeckError: if that would end the run now.
+        """
+        return PortsLook(self._rig.scan())
 
     def _place(self, joint: str) -> int:
         names = self._rig.names

@@ -1,0 +1,108 @@
+"""All registers of one servo, read while a loop drives the rig: in small parts, one now and then in place of a state.
+
+In such a tick nobody's state is read, so it is one tick older; goals go out as always. What may be written goes out in
+front of the first part, unanswered, and is looked at in what is read then.
+
+What may be written is what neither the rig sets nor its safety relies on, and only of a servo that was switched off on
+command. Everything else has a better place: the rig file, `rig doctor --fix`, `rig setup`.
+"""
+
+from __future__ import annotations
+
+from hardware.control_table.register import Register
+from hardware.control_table.table import ControlTable
+from hardware.errors import RigError
+from hardware.protocol1 import instructions as old_words
+from hardware.protocol2 import instructions
+from hardware.rig.rig_file import RigJoint
+
+WRITABLE = ("led", "led_red", "led_green", "led_blue", "moving_threshold", "position_d_gain")
+EVERY = 4
+"""Requests from one part to the next."""
+_MOST_BYTES = 32  # of a part: 0.3 ms at 1 Mbaud
+_TRIES = 4  # of each part
+
+
+class RegisterReading:
+    """Reads the registers of one servo, part by part; `Readings` asks, and hands over what comes.
+
+    Attributes:
+        joint: its index in the rig file.
+        counts: what is known so far, by the register's name.
+        failure: why there will be no more, or "".
+        write: what goes in front of the next question, once.
+    """
+
+    def __init__(self, joint: int, servo: RigJoint, write: tuple[str, int] | None = None) -> None:
+        """Prepares to read, and before that to write a count into a register.
+
+        Raises:
+            RigError: if that register cannot be written, or takes no such count; the message says what can be.
+        """
+        self.joint = joint
+        self.counts: dict[str, int] = {}
+        self.failure = ""
+        self._servo, self._wanted = servo, write
+        self._parts = _parts(servo.table)
+        self._tries = _TRIES
+        self.write = b"" if write is None else _frame(servo, *write)
+
+    @property
+    def done(self) -> bool:
+        """Whether all is read, or it has failed."""
+        return bool(self.failure) or not self._parts
+
+    @property
+    def block(self) -> tuple[int, int, int]:
+        """What to ask for next: id, address, length."""
+        rows = self._parts[0]
+        return self._servo.id, rows[0].address, rows[-1].address + rows[-1].length - rows[0].address
+
+    def take(self, data: bytes | None) -> None:
+        """Keeps the bytes of a part; None where no answer came."""
+        if data is None or len(data) != self.block[2]:
+            self._tries -= 1
+            if not self._tries:
+                self.failure = f"{self._servo.name} (id {self._servo.id}) does not let its registers be read"
+            return
+        rows, self._tries = self._parts.pop(0), _TRIES
+        start = rows[0].address
+        self.counts |= {row.name: row.decode(data[row.address - start :][: row.length]) for row in rows}
+        if not self._parts and self._wanted is not None:
+            name, count = self._wanted
+            if self.counts[name] != count:
+                self.failure = f"{self._servo.name} did not take {count} in {name}, it still has {self.counts[name]}"
+
+
+def shown_registers(table: ControlTable) -> list[Register]:
+    """The registers of a model without the indirect cells, which are the rig's own."""
+    return [row for row in table.registers.values() if not row.name.startswith("indirect_")]
+
+
+def _parts(table: ControlTable) -> list[list[Register]]:
+    """The registers in order of address, as parts of a few bytes."""
+    parts: list[list[Register]] = []
+    for row in shown_registers(table):
+        if parts and row.address + row.length - parts[-1][0].address <= _MOST_BYTES:
+            parts[-1].append(row)
+        else:
+            parts.append([row])
+    return parts
+
+
+def _frame(servo: RigJoint, name: str, count: int) -> bytes:
+    """The bytes that write a count into a register, unanswered."""
+    table = servo.table
+    if name not in WRITABLE or name not in table.registers:
+        can = ", ".join(one for one in WRITABLE if one in table.registers)
+        raise RigError(
+            f"{name} of {servo.name} is not written here: the rig relies on it, or it is none of its registers. "
+            f"These can be written: {can}. See motiondeck rig doctor RIG --fix for what the rig needs."
+        )
+    register = table[name]
+    try:
+        entry = bytes((servo.id,)) + register.encode(count)
+    except ValueError as error:
+        raise RigError(f"{servo.name}: {error}") from error
+    words = old_words if table.protocol == 1 else instructions
+    return words.sync_write(register.address, register.length, entry)
