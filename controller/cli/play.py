@@ -321,7 +321,7 @@ def play(
     with ExitStack() as early:
         # The page takes longest to start, so it does that while all the rest is imported and loaded.
         shown = not headless and video is None and core is None
-        page = early.enter_context(page_process(page_port)) if shown else None
+        page = early.enter_context(page_process(page_port, command_port)) if shown else None
         from controller.cli.session.recognition.recognition_watch import MismatchPolicy
         from controller.cli.session.report import summary
         from controller.cli.session.robots.robot_on_deck import open_robots

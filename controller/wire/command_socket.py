@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import msgspec
 
 from controller.wire.command_table import read_message
-from controller.wire.local_transport import LocalConnection, LocalListener, PeerGoneError, SocketError
+from controller.wire.local_transport import DEFAULT_PORT, LocalConnection, LocalListener, PeerGoneError, SocketError
 from controller.wire.messages import (
     MOST_BYTES,
     CommandError,
@@ -32,8 +32,6 @@ from controller.wire.messages import (
 from controller.wire.network_transport import NetworkConnection, NetworkListener
 
 __all__ = ["DEFAULT_PORT", "Address", "CommandClient", "CommandServer", "SocketError", "Traffic"]
-
-DEFAULT_PORT = 47810
 
 _PER_SENDER = 8  # commands of one sender that are carried out in one poll
 _REFUSALS = 8  # refusals of malformed datagrams in one poll: each costs as much as a command

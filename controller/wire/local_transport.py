@@ -20,6 +20,8 @@ from pathlib import Path
 
 from motiondeck_base.errors import MotiondeckError
 
+DEFAULT_PORT = 47810
+
 MOST_CLIENTS = 64
 _FREE_NUMBERS = range(49152, 65536)
 _CREDENTIALS = struct.Struct("3i")  # process, user and group of a peer
@@ -91,10 +93,7 @@ class LocalListener:
                 self.port = port or _free_number(folder)
                 self._path = folder / str(self.port)
                 if _answers(self._path):
-                    raise SocketError(
-                        f"command port {port} cannot be used: another deck is running. "
-                        "Stop it with 'motiondeck send stop', or give another port with --command-port"
-                    )
+                    raise _another_deck(port)
                 self._path.unlink(missing_ok=True)  # of a deck that was killed
                 self._socket.bind(str(self._path))
                 self._socket.listen(MOST_CLIENTS)
@@ -247,6 +246,24 @@ class LocalConnection:
 
     def _nobody(self) -> PeerGoneError:
         return PeerGoneError(f"no deck is running on port {self._port}; start one with: motiondeck play")
+
+
+def refuse_second_deck(port: int) -> None:
+    """Refuses a command port that another deck has; nothing is taken.
+
+    Raises:
+        SocketError: if a deck answers there; it says how to reach that one and how to start another beside it.
+    """
+    if port and _answers(command_folder() / str(port)):
+        raise _another_deck(port)
+
+
+def _another_deck(port: int) -> SocketError:
+    at = "" if port == DEFAULT_PORT else f" --command-port {port}"
+    return SocketError(
+        f"another deck is running (command port {port}). Play on it with 'motiondeck send{at} switch MOTION', stop "
+        f"it with 'motiondeck send{at} stop', or start a second one beside it with --port 0 --command-port 0"
+    )
 
 
 def _check(port: int) -> None:

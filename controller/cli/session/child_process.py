@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from controller.wire.local_transport import refuse_second_deck
 from controller.wire.run_folder import run_folder
 from motiondeck_base.errors import MotiondeckError
 
@@ -58,17 +59,19 @@ class PageProcess:
 
 
 @contextmanager
-def page_process(port: int) -> Iterator[PageProcess]:
+def page_process(port: int, command_port: int) -> Iterator[PageProcess]:
     """The browser view while the block runs; it prints the address of its page when that answers.
 
     It takes longest of all to start, so it is started before anything else is imported or loaded.
 
     Args:
         port: where its page is to be; 0 for any free one.
+        command_port: of the deck that it will show, to say at once where another deck has it.
 
     Raises:
-        MotiondeckError: if the port is taken, or there can be no temporary folder.
+        MotiondeckError: if either port is taken, or there can be no temporary folder.
     """
+    refuse_second_deck(command_port)
     port = free_port(port)
     with run_folder() as folder:
         state = folder / "state"
@@ -84,8 +87,8 @@ def free_port(port: int) -> int:
             probe.bind(("127.0.0.1", port))
         except (OSError, OverflowError) as error:
             raise MotiondeckError(
-                f"port {port} for the page cannot be used ({getattr(error, 'strerror', None) or error}). "
-                "Give another one with --port, or --port 0 for any that is free."
+                f"port {port} for the page cannot be used ({getattr(error, 'strerror', None) or error}): another "
+                "program, or the page of another deck, may have it. Give --port 0 for any that is free."
             ) from None
         return int(probe.getsockname()[1])
 

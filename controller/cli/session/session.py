@@ -229,7 +229,7 @@ class Session:
         if page is None:
             if self._settings.page_port is None:
                 return None
-            page = opening.enter_context(page_process(self._settings.page_port))
+            page = opening.enter_context(page_process(self._settings.page_port, self._settings.command_port))
         self.page_port = page.port
         self._children.append(("the page", page.process))
         return page.state

@@ -4,6 +4,7 @@ import json
 import os
 import pty
 import shutil
+import socket
 import subprocess
 import sys
 import time
@@ -102,9 +103,15 @@ def test_a_running_deck_takes_commands_and_stops(library, tmp_path):
         refused = motiondeck("send", "switch", "wafe", "--command-port", port)
         assert refused.returncode == 1
         assert "Did you mean wave" in refused.stdout
-        taken = motiondeck("play", "--library", library, "--headless", "--command-port", port)
-        assert taken.returncode == 1
-        assert "another deck is running" in taken.stderr
+        said, busy = set(), socket.create_server(("127.0.0.1", 0))
+        for options in (["--headless"], ["--port", "0"], ["--port", busy.getsockname()[1]]):
+            taken = motiondeck("play", "--library", library, *options, "--command-port", port)
+            assert taken.returncode == 1
+            said.add(taken.stderr)
+        busy.close()
+        (words,) = said  # one message, whatever is taken first
+        assert f"'motiondeck send --command-port {port} stop'" in words
+        assert words.strip().endswith("--port 0 --command-port 0")
         state = json.loads(motiondeck("send", "status", "--json", "--command-port", port).stdout)
         assert state["motion"] == "wave"
         assert motiondeck("send", "stop", "--command-port", port).returncode == 0

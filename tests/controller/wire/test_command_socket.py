@@ -515,7 +515,7 @@ def test_answering_nobody_does_no_harm(stage):
 
 
 def test_a_port_in_use_is_said_in_one_line(stage):
-    said = f"port {stage.server.port} cannot be used.*another deck"
+    said = f"another deck is running .command port {stage.server.port}."
     with pytest.raises(SocketError, match=said) as caught:
         CommandServer(stage.server.port)
     assert "\n" not in str(caught.value)
