@@ -9,14 +9,18 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from controller.rotations import Array, cross
-from sim.models.surface import reach
+from sim.models.surface import outline, reach, solids
 
 # A foot turns about a joint less than this share of the robot's height above the ground, and reaches down to the ground
 # but for this share: the ankle of a person is at 0.04, that of a small humanoid at 0.09, knees are at 0.27.
 ANKLE = 0.15
 GROUND = 0.03
+# A flat sole is at most so much out of level, rad; its parts look the same way but for LEVEL; and it is at least this
+# share of what the foot hides of the floor.
+STEEP, LEVEL, FLAT = 0.7, 0.05, 0.25
 
 _BOX, _MESH = int(mujoco.mjtGeom.mjGEOM_BOX), int(mujoco.mjtGeom.mjGEOM_MESH)
 
@@ -78,9 +82,51 @@ def find_feet(model: mujoco.MjModel, qpos: Array) -> tuple[Foot, ...]:
 
 
 def _foot(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> Foot:
-    """The foot that a body is: its sole lies across the axis of its broadest solid that is nearest to the vertical."""
-    geoms = np.flatnonzero(model.geom_bodyid == body)
+    """The foot that a body is: its flat side that looks down, or of rounded solids what lies across the broadest."""
+    geoms = solids(model)
+    geoms = geoms[model.geom_bodyid[geoms] == body]
     in_body = data.xmat[body].reshape(3, 3)
+    side = _flat_side(model, geoms, -in_body[2])
+    up = _broadest(model, data, geoms, in_body) if side is None else side[0]
+    forward = in_body.T @ np.array([1.0, 0.0, 0.0])
+    ahead = forward - (forward @ up) * up
+    ahead /= np.linalg.norm(ahead)
+    axes = np.stack([ahead, cross(up, ahead), up], axis=1)
+    rounded = not np.isin(model.geom_type[geoms], (_BOX, _MESH)).any()
+    low, high = _extents(model, data, body, geoms, axes) if side is None or rounded else _span(side[1] @ axes)
+    (back, right, bottom), (front, left, _) = low, high
+    ring = ((back, right), (front, right), (front, left), (back, left))
+    corners = np.array([[x, y, bottom] for x, y in ring], dtype=np.float64)
+    return Foot(model.body(body).name, axes, corners @ axes.T, rounded)
+
+
+def _flat_side(model: mujoco.MjModel, geoms: NDArray[np.intp], down: Array) -> tuple[Array, Array] | None:
+    """The largest side of the hull of solids that looks down (3,): the way up from it, (3,), and its corners (N, 3).
+
+    None where it is so small beside the whole hull that the foot is rounded. Shapes that only look flat because a
+    mesh has its own axes, and single spheres, do not count.
+    """
+    from scipy.spatial import ConvexHull, QhullError  # slow to import
+
+    points = np.concatenate([outline(model, int(geom)) for geom in geoms])
+    try:
+        hull = ConvexHull(points)
+    except QhullError:
+        return None
+    corners, normals = points[hull.simplices], hull.equations[:, :3]
+    areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    level = (normals @ normals.T > np.cos(LEVEL)) & (normals @ down > np.cos(STEEP))[:, None]
+    area = level @ areas
+    most = int(np.argmax(area))
+    shadow = float((areas * np.abs(normals @ normals[most])).sum()) / 2.0
+    if area[most] < FLAT * shadow:
+        return None
+    mean = areas[level[most]] @ normals[level[most]]
+    return -mean / np.linalg.norm(mean), corners[level[most]].reshape(-1, 3)
+
+
+def _broadest(model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np.intp], in_body: Array) -> Array:
+    """The axis of the broadest solid that is nearest to the vertical, upwards, shape (3,)."""
 
     def footprint(geom: int) -> tuple[float, Array]:
         axes = in_body.T @ data.geom_xmat[geom].reshape(3, 3)
@@ -91,20 +137,22 @@ def _foot(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> Foot:
         return float(np.delete(spans, up).prod()) * (1.0 if np.ptp(spans) > 1e-6 else 0.0), axes[:, up]
 
     up: Array = max((footprint(int(geom)) for geom in geoms), key=lambda pair: pair[0])[1]
-    up = up if in_body[2] @ up > 0.0 else -up
-    forward = in_body.T @ np.array([1.0, 0.0, 0.0])
-    ahead = forward - (forward @ up) * up
-    ahead /= np.linalg.norm(ahead)
-    left = cross(up, ahead)
-    axes = np.stack([ahead, left, up], axis=1)
+    return up if in_body[2] @ up > 0.0 else -up
+
+
+def _extents(
+    model: mujoco.MjModel, data: mujoco.MjData, body: int, geoms: NDArray[np.intp], axes: Array
+) -> tuple[Array, Array]:
+    """How far solids reach along axes (3, 3), both ways from the origin of the body, shape (3,) each, m."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    in_body = data.xmat[body].reshape(3, 3)
     for geom in geoms:
         own = in_body.T @ data.geom_xmat[geom].reshape(3, 3)
         centre = axes.T @ (in_body.T @ (data.geom_xpos[geom] - data.xpos[body]))
         span = reach(model, int(geom), axes.T @ own)
         low, high = np.minimum(low, centre - reach(model, int(geom), -(axes.T @ own))), np.maximum(high, centre + span)
-    (back, right, bottom), (front, left_side, _) = low, high
-    ring = ((back, right), (front, right), (front, left_side), (back, left_side))
-    rectangle = np.array([[x, y, bottom] for x, y in ring], dtype=np.float64)
-    flat = np.isin(model.geom_type[geoms], (_BOX, _MESH)).any()
-    return Foot(model.body(body).name, axes, rectangle @ axes.T, not flat)
+    return low, high
+
+
+def _span(points: Array) -> tuple[Array, Array]:
+    return points.min(axis=0), points.max(axis=0)

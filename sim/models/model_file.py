@@ -9,14 +9,14 @@ as the joint, and none of the file's own floor, sky and lamps: the stage brings 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
 from motiondeck_base.errors import FileFormatError
-from sim.models.guessed_servo import guess_servo
+from sim.models.guessed_servo import guess_servo, stances
 from sim.models.kinematic_tree import path_to
 from sim.models.surface import Surface
 from sim.models.urdf_packages import with_resolved_packages
@@ -30,7 +30,7 @@ LAST_SHOWN_GROUP = 2
 LEAST_MASS, LEAST_INERTIA = 1e-4, 1e-7
 
 
-def read_model(path: Path, packages: Mapping[str, Path] | None = None) -> mujoco.MjSpec:
+def read_model(path: Path, packages: Mapping[str, Path] | None = None, feet: Sequence[str] = ()) -> mujoco.MjSpec:
     """The robot in an MJCF or URDF file, in the void, its root free and its joints driven by position servos.
 
     Played are the hinges that have an actuator, or all of them where the file has no actuators; a joint that an
@@ -40,6 +40,7 @@ def read_model(path: Path, packages: Mapping[str, Path] | None = None) -> mujoco
     Args:
         path: the file.
         packages: the folder of each package that a URDF names; others are looked for beside and above the file.
+        feet: the bodies that it stands on, where they are known: servos that the file lacks then carry its weight.
 
     Raises:
         FileFormatError: if MuJoCo refuses the file, there is no body or no solid in it, or its base turns on a joint.
@@ -51,6 +52,7 @@ def read_model(path: Path, packages: Mapping[str, Path] | None = None) -> mujoco
         spec = mujoco.MjSpec.from_file(str(path)) if text is None else mujoco.MjSpec.from_string(text)
         _clear_stage(spec)
         spec.compiler.fusestatic = False
+        spec.compiler.discardvisual = False  # a URDF's spec would drop the floor of the stage, too
         # The model may be saved elsewhere; its meshes stay where they are.
         folder = path.resolve().parent
         spec.meshdir, spec.texturedir = str(folder / spec.meshdir), str(folder / spec.texturedir)
@@ -62,7 +64,7 @@ def read_model(path: Path, packages: Mapping[str, Path] | None = None) -> mujoco
                 f"{path}: no body of it has a solid that tells how far it reaches; give its feet and limbs geoms "
                 "(in a URDF <collision> shapes: MuJoCo leaves <visual> ones out)"
             )
-        _servos(path, spec, model)
+        _servos(path, spec, model, feet)
         if model.ngeom and np.all(model.geom_group > LAST_SHOWN_GROUP):
             # Only solids for collisions are left of it: better to see these than nothing.
             for geom in spec.geoms:
@@ -174,7 +176,7 @@ def _move_origin(spec: mujoco.MjSpec, root: mujoco.MjsBody) -> None:
     root.pos = data.xpos[pelvis]
 
 
-def _servos(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
+def _servos(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel, feet: Sequence[str]) -> None:
     """Replaces whatever actuators there are by one position servo a played joint."""
     hinge = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
     driven: dict[int, int] = {}
@@ -186,7 +188,7 @@ def _servos(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
     played = [joint for joint in (driven or np.flatnonzero(hinge)) if joint not in coupled]
     if not played:
         raise FileFormatError(f"{path}: it has no hinge joint that could be moved")
-    old = [*spec.actuators]
+    old, stance = [*spec.actuators], stances(model, feet)
     for joint in played:
         name = model.joint(int(joint)).name
         if not name:
@@ -195,7 +197,7 @@ def _servos(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
         servo = spec.add_actuator(trntype=mujoco.mjtTrn.mjTRN_JOINT, target=name)
         force, gains = _own_servo(model, int(joint), driven.get(int(joint)))
         if gains is None:
-            guess = guess_servo(model, int(joint))
+            guess = guess_servo(model, int(joint), stance.get(int(joint), 0.0))
             gains = guess.kp, guess.kv
             turning = spec.joint(name)
             lacking = guess.rotor - float(model.dof_M0[model.jnt_dofadr[joint]])

@@ -17,6 +17,9 @@ from controller.rotations import Array, rotate
 # The corners, edges and sides of a cube: in these directions a mesh shows its farthest vertices.
 _DIRECTIONS = np.array([d for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)])
 _CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
+# Evenly all round a ball.
+_HIGH = 1.0 - np.arange(1.0, 400.0, 2.0) / 200.0
+_ROUND = np.stack([*(np.sqrt(1.0 - _HIGH**2) * f(2.4 * np.arange(200.0)) for f in (np.cos, np.sin)), _HIGH], axis=1)
 _RING = np.array([(np.cos(a), np.sin(a)) for a in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)])
 
 
@@ -38,7 +41,7 @@ class Surface:
     def of(cls, model: mujoco.MjModel) -> Surface:
         """The skin of everything that moves; solids that collide stand for the others, where a body has some."""
         found: list[tuple[int, Array, float]] = []
-        for geom in _solids(model):
+        for geom in solids(model):
             body = int(model.geom_bodyid[geom])
             points, radius = _balls(model, int(geom))
             at = model.geom_pos[geom] + rotate(model.geom_quat[geom], points)
@@ -69,7 +72,7 @@ class LowestPoint:
 
     def __init__(self, model: mujoco.MjModel) -> None:
         """Looks at the solids of a model."""
-        self._geoms = _solids(model)
+        self._geoms = solids(model)
         self.body = model.geom_bodyid[self._geoms]
         shapes = [_shape(model, int(geom)) for geom in self._geoms]
         self._radius = np.array([shape[0] for shape in shapes])
@@ -123,7 +126,19 @@ def reach(model: mujoco.MjModel, geom: int, direction: Array) -> Array:
     return far + (direction @ vertices.T).max(axis=-1)
 
 
-def _solids(model: mujoco.MjModel) -> NDArray[np.intp]:
+def outline(model: mujoco.MjModel, geom: int) -> Array:
+    """Points of a geom whose convex hull is the geom, or all round it where it is rounded, in its body, (N, 3), m."""
+    if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
+        points = _outermost(model, int(model.geom_dataid[geom]))
+    elif model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+        points = _ROUND * model.geom_size[geom]
+    else:
+        centres, radius = _balls(model, geom)
+        points = (centres[:, None] + radius * _ROUND[: len(_ROUND) if radius else 1]).reshape(-1, 3)
+    return model.geom_pos[geom] + rotate(model.geom_quat[geom], points)
+
+
+def solids(model: mujoco.MjModel) -> NDArray[np.intp]:
     """The geoms of all that moves; those that collide stand for the others, where a body has some."""
     moving = model.body_weldid[model.geom_bodyid] != 0
     colliding = (model.geom_contype != 0) | (model.geom_conaffinity != 0)

@@ -33,6 +33,8 @@ from sim.retargeting.robot_limbs import RobotLimbs
 
 # How often a robot is posed where nobody says, s.
 DT = 0.005
+FEET = ("r_foot", "l_foot")
+"""The parts that a robot stands on, as a robot file names them."""
 
 
 @dataclass(frozen=True)
@@ -150,7 +152,7 @@ class RobotLoader:
             return Robot(file.name, spec, model, layout, limits, rest, taught, scale, file.servo)
         stance = HumanStance(skeleton, dt)
         retarget = _retargeter(path, file, solver or file.solver, skeleton, model, layout, limits, rest, dt, stance)
-        feet = [model.body(file.parts[foot]).id for foot in ("r_foot", "l_foot") if foot in file.parts]
+        feet = [model.body(file.parts[foot]).id for foot in FEET if foot in file.parts]
         turned, waist = np.array(file.root_rotation), None
         if "pelvis" in file.parts:
             pelvis = UprightPelvis(model, model.body(file.parts["pelvis"]).id, turned)
@@ -194,7 +196,7 @@ def _retargeter(
 def _load_model(path: Path, file: RobotFile) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
     model_path = path.parent / Path(str(file.model)).expanduser()
     packages = {name: path.parent / Path(folder).expanduser() for name, folder in file.packages.items()}
-    spec = read_model(model_path, packages)
+    spec = read_model(model_path, packages, [file.parts[foot] for foot in FEET if foot in file.parts])
     root = next(body for body in spec.worldbody.bodies if body.joints)
     height = file.root_height or max(float(root.pos[2]), 0.05)
     root.pos = [0.0, 0.0, height]

@@ -6,6 +6,7 @@ import pytest
 
 from motiondeck_base.errors import FileFormatError
 from sim.models.model_file import read_model
+from sim.models.scenery import set_stage
 from sim.robots.calibrate import calibrate
 from sim.robots.robot import load_robot
 from simulated_bodies import human
@@ -86,3 +87,11 @@ def test_a_model_with_names_of_the_stage_and_an_include_loads(tmp_path):
     model = load_robot(file, human()).model
     assert {"floor", "(floor)"} <= {model.material(k).name for k in range(model.nmat)}
     assert sum(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) == 1  # the file's own floor is left out
+
+
+def test_a_urdf_stands_on_the_floor_of_the_stage(tmp_path):
+    path = tmp_path / "legs.urdf"
+    path.write_text(urdf())
+    spec = read_model(path)
+    set_stage(spec, 0.5)
+    assert mujoco.mjtGeom.mjGEOM_PLANE in spec.compile().geom_type

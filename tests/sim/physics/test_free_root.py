@@ -2,13 +2,16 @@ import mujoco
 import numpy as np
 import pytest
 
+from controller.rotations import rotate
 from motiondeck_base.errors import MotiondeckError
 from sim.models.feet import find_feet
 from sim.models.surface import LowestPoint
 from sim.physics.physics_model import feet_of, physics_model
 from sim.physics.playback import PhysicsPlayback, has_fallen
+from sim.robots.calibrate import calibrate
 from sim.robots.robot import load_robot
 from simulated_bodies import HUMAN, ROBOTS, bent_pose, human, skeleton_of
+from small_robots import humanoid
 
 NAMES = ["mannequin", "servo20"]
 DT = 0.005
@@ -55,6 +58,19 @@ def test_the_gantry_lets_go_of_a_free_root_only():
     assert held == {"gantry": 1, "fixed": 1, "free": 0}
     with pytest.raises(MotiondeckError, match="root 'string': choose gantry"):
         physics_model(robot, "string")
+
+
+def test_a_robot_whose_file_has_no_servos_stands_on_those_it_is_given(tmp_path):
+    (tmp_path / "small.xml").write_text(humanoid(servos=()))
+    found = calibrate(tmp_path / "small.xml")
+    (tmp_path / "small.toml").write_text(found.to_toml(tmp_path))
+    robot = load_robot(tmp_path / "small.toml", human())
+    stage, pose = PhysicsPlayback(robot, DT, "free"), bent_pose(human())
+    for _ in range(round(2.0 / DT)):
+        stage.write(robot.rest, pose)
+    assert stage.fell_s is None
+    assert rotate(stage.qpos[3:7], np.array([0.0, 0.0, 1.0]))[2] > np.cos(0.05)
+    assert np.abs(stage.data.qvel).max() < 0.05
 
 
 def test_a_fixed_root_stays_where_it_was_first():
