@@ -25,12 +25,13 @@ from controller.library.motion_library import MotionLibrary, load_library
 from controller.mocap.posture import Pose
 from controller.rotations import Array
 from motiondeck_base.shipped import find_library, find_robot
+from sim.physics.physics_model import usual_push
 from sim.physics.walk_conditions import AS_MODELLED, CONDITIONS
 from sim.physics.walk_trial import Course, Trial, play_course, walk_trial
 from sim.robots.robot import DT, Robot, load_robot
 
 MOTIONS = ("walk", "slow-walk", "exa-stride", "waltz", "jog", "box1")
-# N s: 0.3 and 0.04 of a root height times sqrt(g height) times the mass.
+# N s; robots without an entry get their `usual_push`.
 PUSHES = {"servo20": 0.36, "mannequin": 16.0}
 # In a script: the motion stops where it is.
 PAUSE = "pause"
@@ -73,7 +74,8 @@ def measure(
     """One run: where the robot falls, it begins anew from there if `motion` is a script."""
     library = load_library(find_library("thesis15"))
     robot = load_robot(find_robot(robot_name), library.skeleton)
-    course, impulse = played(robot, library, motion, tempo, seconds), share * PUSHES[robot_name]
+    course = played(robot, library, motion, tempo, seconds)
+    impulse = share * PUSHES.get(robot_name, usual_push(robot.model))
     trials: list[Trial] = []
     falls: list[float] = []
     begin = 0
@@ -83,19 +85,21 @@ def measure(
         begin += round(trials[-1].stood_s / DT)
         if begin < len(course.targets):
             falls.append(round(begin * DT, 1))
-    case = {"robot": robot_name, "motion": motion, "tempo": tempo, "push_ns": impulse, "seed": seed}
+    case = {"robot": robot.name, "motion": motion, "tempo": tempo, "push_ns": impulse, "seed": seed}
     sums = {name: sum(getattr(trial, name) for trial in trials) for name in ("asked_m", "walked_m")}
     return case | {"condition": condition} | asdict(trials[0]) | sums | {"falls_s": falls}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks walk", description=__doc__)
-    parser.add_argument("--robots", nargs="+", default=list(PUSHES))
+    parser.add_argument("--robots", nargs="+", default=list(PUSHES), help="names, or robot files")
     parser.add_argument(
         "--motions", nargs="+", default=list(MOTIONS), help='motions, or scripts such as "walk 5, box1 5"'
     )
     parser.add_argument("--tempos", nargs="+", type=float, default=[0.5, 0.75, 1.0, 1.25, 1.5])
-    parser.add_argument("--pushes", nargs="+", type=float, default=[0.0, 1.0], help="in shares of 0.36 or 16 N s")
+    parser.add_argument(
+        "--pushes", nargs="+", type=float, default=[0.0, 1.0], help="in shares of 0.36 or 16 N s, or the usual one"
+    )
     parser.add_argument("--seeds", nargs="+", type=int, default=[0, 1, 2])
     parser.add_argument("--seconds", type=float, help="of each run; 60, with --script 600")
     parser.add_argument("--jobs", type=Jobs.parse, default=Jobs(), help="processes, or dask://HOST:PORT")

@@ -1,9 +1,9 @@
 """Walk tuning: finds the settings with which a robot walks farthest without a fall, and stays away from that edge.
 
-First the settings that shape a step are searched by small random changes, at a pace that grows as long as the robot
-stands: share, longest and fastest times the pace. Then the edge is found by halving: the quickest pace at which the
-robot stands in every trial. The settings that are kept go at EDGE of it, and are judged under pushes that nothing was
-chosen by.
+First the settings that shape a step are searched by small random changes, several at a time, at a pace that grows as
+long as the robot stands: share, longest and fastest times the pace. Then the edge is narrowed down: the quickest pace
+at which the robot stands in every trial. The settings that are kept go at EDGE of it, and are judged under pushes that
+nothing was chosen by.
 """
 
 from __future__ import annotations
@@ -15,8 +15,7 @@ import msgspec
 import numpy as np
 
 from sim.models.walk_settings import WalkSettings
-from sim.physics.walk_trial import Course, Trial, walk_trial
-from sim.robots.robot import Robot
+from sim.physics.walk_trial import Trial
 
 EDGE = 0.85
 """The share of the quickest pace that is kept."""
@@ -35,10 +34,12 @@ SEARCHED = {
     "upright": (0.1, 1.0),
     "feed_forward": (0.0, 1.0),
 }
-# By how much settings are changed at first, and how that grows after a success and shrinks after a failure.
-CHANGE, MORE, LESS = 0.15, 1.4, 0.9
-# The pace grows by so much when it stood, and the edge is looked for up to so many times the pace.
-QUICKER, FARTHEST, HALVINGS = 1.03, 1.3, 5
+# So many settings are tried at a time, whatever the number of processes: what is found does not depend on it.
+TOGETHER = 4
+# By how much settings are changed at first, and how that grows where one of them was better and shrinks where none was.
+CHANGE, MORE, LESS = 0.15, 1.4, 0.75
+# The pace grows by so much when it stood, and the edge is looked for up to so many times the pace, this often.
+QUICKER, FARTHEST, NARROWED = 1.1, 1.3, 2
 # From here on count the seeds of pushes that settings are judged by, and not chosen.
 FRESH = 1000
 
@@ -75,63 +76,58 @@ def changed(settings: WalkSettings, change: float, random: np.random.Generator) 
     return msgspec.structs.replace(settings, **new)
 
 
+Walks = Callable[[Sequence[WalkSettings], int], Sequence[Sequence[Trial]]]
+"""Walks all courses with each of some settings, with pushes of a seed for each course, from a first seed on."""
+
+
+def steps(rounds: int) -> int:
+    """How often `tune_walk` says how it stands."""
+    return -(-rounds // TOGETHER) + NARROWED + 1
+
+
 def tune_walk(
-    robot: Robot,
-    courses: Sequence[Course],
-    impulse: float,
-    rounds: int,
-    told: Callable[[str], object],
-    seed: int = 0,
+    start: WalkSettings, walks: Walks, seconds: float, rounds: int, told: Callable[[str], object], seed: int = 0
 ) -> Tuned:
     """Tunes a robot on courses under pushes.
 
     Args:
-        robot: its settings are what the search begins with.
-        courses: each is walked in every round, with pushes of a seed of its own.
-        impulse: of a push, N s.
-        rounds: of the search.
-        told: is told how it stands, after each of the rounds + HALVINGS + 1 steps.
+        start: what the search begins with.
+        walks: walks the courses.
+        seconds: the length of all courses together.
+        rounds: how many settings are tried.
+        told: is told how it stands, after each of the `steps`.
         seed: of the search.
     """
-    random, change, best = np.random.default_rng(seed), CHANGE, robot.walk
-    score = _score(walk_courses(robot, best, courses, impulse), courses)
-    for _ in range(rounds):
-        new = changed(best, change, random)
+
+    def scores(tried: Sequence[WalkSettings]) -> list[tuple[float, float]]:
+        return [_score(trials, seconds) for trials in walks(tried, 0)]
+
+    random, change, best = np.random.default_rng(seed), CHANGE, start
+    score = scores([best])[0]
+    for first in range(0, rounds, TOGETHER):
+        tried = [changed(best, change, random) for _ in range(min(TOGETHER, rounds - first))]
         if score[0] == 1.0:
-            new = paced(new, QUICKER)
-        found = _score(walk_courses(robot, new, courses, impulse), courses)
-        better = found > score
+            tried = [paced(settings, QUICKER) for settings in tried]
+        found = scores(tried)
+        quickest = max(range(len(tried)), key=found.__getitem__)
+        better = found[quickest] > score
         change = min(change * (MORE if better else LESS), 2.0 * CHANGE)
         if better:
-            best, score = new, found
+            best, score = tried[quickest], found[quickest]
         told(f"stands {score[0]:.0%}, {score[1]:.1f} m")
-    return _kept(robot, best, courses, impulse, told)
-
-
-def _kept(
-    robot: Robot, settings: WalkSettings, courses: Sequence[Course], impulse: float, told: Callable[[str], object]
-) -> Tuned:
-    """The settings at EDGE of the quickest pace at which it stands."""
     low, high = 0.0, FARTHEST
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        stands = _score(walk_courses(robot, paced(settings, middle), courses, impulse), courses)[0] == 1.0
-        low, high = (middle, high) if stands else (low, middle)
+    for _ in range(NARROWED):
+        paces = np.linspace(low, high, TOGETHER + 2)
+        stands = [score[0] == 1.0 for score in scores([paced(best, float(pace)) for pace in paces[1:-1]])]
+        slower = stands.index(False) if False in stands else TOGETHER
+        low, high = float(paces[slower]), float(paces[slower + 1])
         told(f"edge at {low:.2f} to {high:.2f}")
-    kept = paced(settings, EDGE * low) if low > 0.0 else settings
-    trials = walk_courses(robot, kept, courses, impulse, FRESH)
+    kept = paced(best, EDGE * low) if low > 0.0 else best
+    trials = walks([kept], FRESH)[0]
     told("done")
-    return Tuned(kept, low, tuple(trial.walked_m for trial in trials), _score(trials, courses)[0] == 1.0)
+    return Tuned(kept, low, tuple(trial.walked_m for trial in trials), _score(trials, seconds)[0] == 1.0)
 
 
-def walk_courses(
-    robot: Robot, settings: WalkSettings, courses: Sequence[Course], impulse: float, first: int = 0
-) -> list[Trial]:
-    """Walks each course once with these settings, with pushes of a seed of its own, from the first on."""
-    return [walk_trial(robot, course, impulse, seed, settings) for seed, course in enumerate(courses, first)]
-
-
-def _score(trials: Sequence[Trial], courses: Sequence[Course]) -> tuple[float, float]:
+def _score(trials: Sequence[Trial], seconds: float) -> tuple[float, float]:
     """The share of the time in which it stood, and how far it went, m: the more the better, in this order."""
-    stood = sum(trial.stood_s for trial in trials) / sum(course.seconds for course in courses)
-    return stood, sum(trial.walked_m for trial in trials)
+    return sum(trial.stood_s for trial in trials) / seconds, sum(trial.walked_m for trial in trials)

@@ -10,7 +10,8 @@ from typing import Annotated, Any
 
 import typer
 
-from controller.cli.common.options import PAGE_PORT, SolverOption
+from controller.cli.common.options import PAGE_PORT, JobsOption, SolverOption
+from controller.jobs import Jobs
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 app = typer.Typer(help="List and show robots, and write a robot file for any MJCF or URDF.", no_args_is_help=True)
@@ -189,6 +190,7 @@ def tune_walk(
     seconds: Annotated[float, typer.Option("--seconds", help="Length of each trial, s.")] = 60.0,
     rounds: Annotated[int, typer.Option("--rounds", help="Number of settings to try.")] = 40,
     seed: Annotated[int, typer.Option("--seed", help="Seed of the search.")] = 0,
+    jobs: JobsOption = "-1",
     as_json: JsonOption = False,
 ) -> None:
     """Find the settings with which a robot walks on its own feet, under pushes, and write them into its file.
@@ -206,7 +208,7 @@ def tune_walk(
     file = find_robot(robot)
     if rounds < 0:
         raise MotiondeckError(f"--rounds {rounds} is not a number of trials")
-    report = tune(file, library, motion or ["walk"], seconds, rounds, seed)
+    report = tune(file, library, motion or ["walk"], seconds, rounds, seed, Jobs.parse(jobs))
     print(json.dumps(report) if as_json else words(report))
     if not report["stood"]:
         raise typer.Exit(1)

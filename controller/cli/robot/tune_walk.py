@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import msgspec
+from joblib import delayed
 
 from controller.cli.common.progress import progress
 from controller.deck.deck import Deck
+from controller.jobs import Jobs, spread
 from controller.library.motion_library import load_library
 from controller.mocap.formats.writing import write_file
 from motiondeck_base.errors import UnknownNameError
 from motiondeck_base.shipped import find_library
-from sim.models.walk_settings import with_walk_table
+from sim.models.walk_settings import WalkSettings, with_walk_table
 from sim.physics.physics_model import usual_push
-from sim.physics.walk_trial import play_course
-from sim.physics.walk_tuning import EDGE, HALVINGS, tune_walk
-from sim.robots.robot import load_robot
+from sim.physics.walk_trial import Course, Trial, play_course, walk_trial
+from sim.physics.walk_tuning import EDGE, steps, tune_walk
+from sim.robots.robot import Robot, load_robot
 
 
-def tune(file: Path, library: str, motions: list[str], seconds: float, rounds: int, seed: int) -> dict[str, Any]:
+def tune(
+    file: Path, library: str, motions: list[str], seconds: float, rounds: int, seed: int, jobs: Jobs
+) -> dict[str, Any]:
     """Tunes the robot of a file on motions of a library, and writes the settings that are kept into the file.
 
     Raises:
@@ -37,8 +43,18 @@ def tune(file: Path, library: str, motions: list[str], seconds: float, rounds: i
         for motion in motions:
             courses.append(play_course(robot, Deck(loaded, robot.retarget, motion).update, seconds))
             tick()
-    with progress("tuning", rounds + HALVINGS + 1) as tick:
-        tuned = tune_walk(robot, courses, impulse, rounds, tick, seed)
+
+    def walks(tried: Sequence[WalkSettings], first: int) -> list[list[Trial]]:
+        tasks = [
+            delayed(_walk)(file, library, course, impulse, first + number, settings)
+            for settings in tried
+            for number, course in enumerate(courses)
+        ]
+        trials = list(spread(tasks, jobs, ordered=True))
+        return [trials[at : at + len(courses)] for at in range(0, len(trials), len(courses))]
+
+    with progress("tuning", steps(rounds)) as tick:
+        tuned = tune_walk(robot.walk, walks, seconds * len(courses), rounds, tick, seed)
     write_file(file, with_walk_table(file.read_text(encoding="utf-8"), tuned.settings).encode())
     return {
         "robot": robot.name,
@@ -52,6 +68,16 @@ def tune(file: Path, library: str, motions: list[str], seconds: float, rounds: i
         "walked_m": list(tuned.walked),
         "stood": tuned.stood,
     }
+
+
+@lru_cache(maxsize=1)
+def _loaded(file: Path, library: str) -> Robot:
+    return load_robot(file, load_library(find_library(library)).skeleton)
+
+
+def _walk(file: Path, library: str, course: Course, impulse: float, seed: int, settings: WalkSettings) -> Trial:
+    """One trial, in whatever process."""
+    return walk_trial(_loaded(file, library), course, impulse, seed, settings)
 
 
 def words(report: dict[str, Any]) -> str:

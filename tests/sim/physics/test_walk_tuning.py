@@ -3,56 +3,43 @@ import pytest
 
 from sim.models.robot_file import read_robot_file
 from sim.models.walk_settings import WalkSettings, with_walk_table
-from sim.physics import walk_tuning
-from sim.physics.walk_trial import Course, Trial, pushes
-from sim.physics.walk_tuning import EDGE, SEARCHED, changed, tune_walk
-from sim.robots.robot import load_robot
-from simulated_bodies import ROBOTS, human
+from sim.physics.walk_trial import Trial, pushes
+from sim.physics.walk_tuning import EDGE, SEARCHED, changed, steps, tune_walk
+from simulated_bodies import ROBOTS
 
-COURSE = Course(np.zeros((2000, 1)), np.zeros((2000, 7)), np.zeros(2000))
+SECONDS = 10.0
 
 
-@pytest.fixture
-def robot():
-    return load_robot(ROBOTS / "servo20.toml", human())
+def falls_beyond(share, seeds=None):
+    """Walks two courses with a robot that falls at once if its steps are longer than a share of the motion's."""
 
+    def walks(tried, first):
+        if seeds is not None:
+            seeds.append((first, first + 1))
+        stood = [SECONDS if settings.share <= share else 1.0 for settings in tried]
+        return [[Trial(s, 10.0, 10.0 * t.share, 0.0, 0.0, 0.0)] * 2 for s, t in zip(stood, tried, strict=True)]
 
-def falls_beyond(share):
-    """A walk trial of a robot that falls at once if its steps are longer than a share of the motion's."""
-
-    def trial(robot, course, impulse, seed, settings):
-        stood = course.seconds if settings.share <= share else 1.0
-        return Trial(stood, 10.0, 10.0 * settings.share, 0.0, 0.0, 0.0)
-
-    return trial
+    return walks
 
 
 @pytest.mark.parametrize("edge", [0.3, 0.7, 1.0])
-def test_what_is_kept_stays_away_from_the_edge(robot, monkeypatch, edge):
-    monkeypatch.setattr(walk_tuning, "walk_trial", falls_beyond(edge))
+def test_what_is_kept_stays_away_from_the_edge(edge):
     told = []
-    tuned = tune_walk(robot, [COURSE, COURSE], 0.24, 20, told.append)
+    tuned = tune_walk(WalkSettings(), falls_beyond(edge), 2 * SECONDS, 30, told.append)
     assert tuned.stood
     assert edge - 0.1 < tuned.settings.share / EDGE <= edge
     assert tuned.walked == (10.0 * tuned.settings.share,) * 2
-    assert len(told) == 20 + walk_tuning.HALVINGS + 1
+    assert len(told) == steps(30)
 
 
-def test_what_is_told_is_of_pushes_that_nothing_was_chosen_by(robot, monkeypatch):
+def test_what_is_told_is_of_pushes_that_nothing_was_chosen_by():
     seeds = []
-
-    def trial(robot, course, impulse, seed, settings):
-        seeds.append(seed)
-        return Trial(course.seconds, 10.0, 10.0, 0.0, 0.0, 0.0)
-
-    monkeypatch.setattr(walk_tuning, "walk_trial", trial)
-    tune_walk(robot, [COURSE, COURSE], 0.24, 3, lambda words: None)
-    assert not set(seeds[-2:]) & set(seeds[:-2])
+    tune_walk(WalkSettings(), falls_beyond(1.0, seeds), 2 * SECONDS, 3, lambda words: None)
+    assert not set(seeds[-1]) & {seed for tried in seeds[:-1] for seed in tried}
 
 
-def test_a_robot_that_always_falls_is_told_so(robot, monkeypatch):
-    monkeypatch.setattr(walk_tuning, "walk_trial", falls_beyond(-1.0))
-    tuned = tune_walk(robot, [COURSE], 0.24, 3, lambda words: None)
+def test_a_robot_that_always_falls_is_told_so():
+    tuned = tune_walk(WalkSettings(), falls_beyond(-1.0), 2 * SECONDS, 3, lambda words: None)
     assert not tuned.stood
     assert tuned.edge == 0.0
 
