@@ -126,6 +126,7 @@ def learn(
     name: str,
     *,
     options: ReadingOptions = AS_FOUND,
+    within: tuple[float, float] | None = None,
     network: NetworkRecipe | None = None,
     seeds: Iterable[int] = (0, 1, 2),
     progress: Progress = lambda _: None,
@@ -139,6 +140,7 @@ def learn(
         paths: recordings, and folders that hold some.
         name: of the library.
         options: what overrules the files, for all of them.
+        within: the only part of each to take, from and to, s; all of it by default.
         network: its kind and sizes; None takes a recipe's default.
         seeds: tried in turn until every motion passes the self-test.
         progress: called with each step in a few words.
@@ -152,7 +154,7 @@ def learn(
     names = _names(files)
     prepared: list[_Prepared] = []
     left_out: list[LearnedMotion] = []
-    tasks = (delayed(_prepared)(file, names[file], options, takes[file]) for file in files)
+    tasks = (delayed(_prepared)(file, names[file], options, takes[file], within) for file in files)
     for file, read in zip(files, spread(tasks, jobs, ordered=True), strict=True):
         progress(f"reading {file.name}")
         if isinstance(read, LearnedMotion):
@@ -233,10 +235,12 @@ def _takes(files: list[Path]) -> dict[Path, list[Path]]:
     return {file: further.get(file, []) for file in files if file not in taken}
 
 
-def _prepared(file: Path, name: str, options: ReadingOptions, takes: list[Path]) -> _Prepared | LearnedMotion:
+def _prepared(
+    file: Path, name: str, options: ReadingOptions, takes: list[Path], within: tuple[float, float] | None = None
+) -> _Prepared | LearnedMotion:
     """A recording that can be learned, or one that is left out, with the reason."""
     try:
-        return _prepare(file, name, options, takes)
+        return _prepare(file, name, options, takes, within)
     except MotiondeckError as error:
         return LearnedMotion(name, file, remedy=str(error).removeprefix(f"{file}: "))
 

@@ -19,6 +19,7 @@ from controller.wire.messages import Event
 from motiondeck_base.errors import FileFormatError
 from sim.view.drawn_model import DrawnModel
 from sim.view.ghost import Ghost
+from sim.view.learning.hand_recorder import HandRecorder
 from sim.view.learning.learn_panel import LearnPanel
 from sim.view.live_footprints import LiveSteps
 from sim.view.network_view import NetworkView
@@ -97,7 +98,7 @@ class DeckView:
         """Puts the servos and the learning of new motions on the left, and the last minutes below."""
         gui, parts = self._page.gui, self._panel.parts
         servos, learn = description.get("rig"), description.get("learn")
-        self._rig = self._glow = None
+        self._rig = self._glow = self._hands = None
         side = gui.add_panel() if servos or learn else None
         if side is not None and servos:
             with side.add_tab("Rig", viser.Icon.ENGINE):
@@ -107,7 +108,12 @@ class DeckView:
             self._glow = JointGlow(self._page, model, joints, self._scene.height)
         if side is not None and learn:
             with side.add_tab("Learn", viser.Icon.SCHOOL):
-                LearnPanel(self._page, parts, learn, Path(description["library_file"]), dropped, self._panel.ask)
+                ask, library = self._panel.ask, Path(description["library_file"])
+                learning = LearnPanel(self._page, parts, learn, library, dropped, ask)
+                if servos:
+                    self._hands = HandRecorder(
+                        self._page, parts, servos, dropped, ask, self._panel.send, learning.look_at
+                    )
         self._timeline = Timeline(parts)
         if side is not None:
             side.dock_left()
@@ -119,11 +125,15 @@ class DeckView:
         self._timeline.keep(latest, playing, now)
         self._draw(self._timeline.seen(latest), latest, playing, min(now - self._last_picture, LONGEST_STEP))
         self._last_picture = now
+        if self._hands is not None:
+            self._hands.see(latest, now)
         if now - self._last_health < 1.0 / HEALTH_PER_SECOND:
             return
         self._last_health = now
         self._panel.show(latest)
         self._timeline.show()
+        if self._hands is not None:
+            self._hands.show()
         if self._rig is not None and self._glow is not None:
             self._glow.mark(self._rig.show(latest, now), self._scene.data, self._centre)
 

@@ -101,8 +101,8 @@ class Panel:
         )
         self._pause.on_click(lambda _: self._pause_or_resume())
         self._home = gui.add_button("Home", icon=viser.Icon.HOME, color="gray", hint=BY_WORD["home"].help)
-        self._home.on_click(lambda _: self._send(Home()))
-        self._controls_of_motions = MotionControls(self.parts, motions, library, has_phase=has_phase, send=self._send)
+        self._home.on_click(lambda _: self.send(Home()))
+        self._controls_of_motions = MotionControls(self.parts, motions, library, has_phase=has_phase, send=self.send)
         self._tempo = gui.add_slider(
             "tempo", min=TEMPO.lowest if has_phase else 0.0, max=TEMPO.highest, step=0.05, initial_value=1.0
         )
@@ -143,7 +143,7 @@ class Panel:
             step = usual / 20.0
             impulse = gui.add_slider("N s", min=step, max=3.0 * usual, step=step, initial_value=usual)
             sides = gui.add_button_group("from the", SIDES, hint=BY_WORD["push"].help)
-        sides.on_click(lambda _: self._send(Push(cast(Side, sides.value), float(impulse.value))))
+        sides.on_click(lambda _: self.send(Push(cast(Side, sides.value), float(impulse.value))))
 
     def _add_cameras(self, look_from: Callable[[viser.ClientHandle, str], None]) -> None:
         """A button for each place to look from; it moves the camera of the browser that pressed it."""
@@ -157,10 +157,10 @@ class Panel:
     def _add_keys(self) -> None:
         """Esc, space and the digits, also found in the page's command palette."""
         gui = self._page.gui
-        gui.add_command("Emergency stop", hotkey="escape").on_trigger(lambda _: self._send(EmergencyStop()))
+        gui.add_command("Emergency stop", hotkey="escape").on_trigger(lambda _: self.send(EmergencyStop()))
         gui.add_command("Pause or resume", hotkey="space").on_trigger(lambda _: self._pause_or_resume())
         for digit, motion in zip(DIGITS, self._motions, strict=False):
-            gui.add_command(motion, hotkey=digit).on_trigger(lambda _, motion=motion: self._send(Switch(motion)))
+            gui.add_command(motion, hotkey=digit).on_trigger(lambda _, motion=motion: self.send(Switch(motion)))
 
     def _add_tap(self) -> viser.GuiButtonHandle:
         """A button to tap a beat, and one to end the lock."""
@@ -168,8 +168,8 @@ class Panel:
         with gui.add_folder("beat", expand_by_default=False):
             tap = gui.add_button("Tap", color="gray", hint=BY_WORD["beat"].help)
             unlock = gui.add_button("Unlock", color="gray", hint=BY_WORD["unlock"].help)
-        tap.on_click(lambda _: self._send(GiveBeat()))
-        unlock.on_click(lambda _: self._send(Unlock()))
+        tap.on_click(lambda _: self.send(GiveBeat()))
+        unlock.on_click(lambda _: self.send(Unlock()))
         return tap
 
     @property
@@ -228,7 +228,7 @@ class Panel:
     def _stop_or_ask(self, event: viser.GuiEvent) -> None:
         """Stops at once; a reset is asked about first."""
         if not self._stopped:
-            self._send(EmergencyStop())
+            self.send(EmergencyStop())
             return
         text = "See that nobody is near. Nothing moves yet; Resume, Home or a motion then starts slowly."
         self.ask(event, "Release the emergency stop?", text, "Release", Reset())
@@ -242,7 +242,7 @@ class Panel:
         self._estop.disabled = self._end.disabled = True
 
     def _pause_or_resume(self) -> None:
-        self._send(Resume() if self._state.paused else Pause())
+        self.send(Resume() if self._state.paused else Pause())
 
     def _ask_to_end(self, event: viser.GuiEvent) -> None:
         text = "The robot comes to rest, and the deck ends. This page then shows nothing any more."
@@ -271,7 +271,7 @@ class Panel:
             if callable(then):
                 then()
             else:
-                self._send(then)
+                self.send(then)
 
     def _notify(self, title: str, text: str, *, alarming: bool = True) -> None:
         """Shows a notice; not twice while the same is still on the page."""
@@ -286,9 +286,9 @@ class Panel:
         # A slider set by this program, not by a hand, reports no client.
         if event.client is not None:
             self._moved = time.monotonic()
-            self._send(SetTempo(factor=float(self._tempo.value)))
+            self.send(SetTempo(factor=float(self._tempo.value)))
 
-    def _send(self, message: Message) -> None:
+    def send(self, message: Message) -> None:
         """Sends a command and shows a refusal on the page; page callbacks come from many threads, the socket is one."""
         try:
             with self._lock:

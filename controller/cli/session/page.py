@@ -284,9 +284,11 @@ class Page:
             fields["lateness_p999_us"][0] = lateness.p999
             fields["work_p50_us"][0] = state.work.percentiles().p50
         self._pictures += 1
-        if self._servos is not None and self._pictures % SERVOS_EVERY == 1:
-            for name, values in zip(_OF_SERVOS, self._servos.states, strict=True):
-                fields[name][:] = values
+        if self._servos is not None:
+            fields["servo position"][:] = self._servos.positions
+            if self._pictures % SERVOS_EVERY == 1:
+                for name, values in zip(_OF_SERVOS, self._servos.states, strict=True):
+                    fields[name][:] = values
         if self._watch is not None:
             self._watch.show(fields)
         self._writer.publish()

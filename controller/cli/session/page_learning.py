@@ -11,11 +11,23 @@ import sys
 from pathlib import Path
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from motiondeck_base.errors import MotiondeckError
-from sim.view.learning.learning_process import Learned, LearningStep, LearnRequest, News, NotLearned, Seen
+from sim.view.learning.learning_process import (
+    HAND,
+    HandRecording,
+    Learned,
+    LearningStep,
+    LearnRequest,
+    News,
+    NotLearned,
+    Seen,
+)
 
-FIGURES = 8  # poses of a recording that are shown
+FIGURES, POINTS = 8, 120  # poses, or angles of each joint, of a recording that are shown
+LOOP_KEEPS = 0.5  # as `rig teach`
 _OFTEN = "Give a part without pauses or whole cycles of it, and learn it again."
 
 
@@ -25,15 +37,43 @@ def look(request: LearnRequest) -> Seen:
     Raises:
         MotiondeckError: if it cannot be read.
     """
-    import numpy as np
-
+    from controller.mocap.encodings.joint_angles import JointBody, angles_of
     from controller.training.learn import examine
 
-    motion, clip = examine(Path(request.file), "recording")
+    file = Path(request.file)
+    if file.suffix == HAND:
+        return _look_at_hands(file)
+    motion, clip = examine(file, "recording")
     first, end = motion.frames or (0, len(clip))
-    joints = clip.joints()[np.linspace(0, len(clip) - 1, FIGURES).round().astype(int)]
+    moving = first / clip.rate, end / clip.rate
+    if isinstance(clip.skeleton, JointBody):
+        return Seen(clip.duration, moving, str(file), angles=_curves(angles_of(clip.rotation[:, 1:])))
+    joints = clip.joints()[_places(len(clip), FIGURES)]
     figures = (joints - joints[:, :1]).round(3).tolist()
-    return Seen(clip.duration, (first / clip.rate, end / clip.rate), figures, clip.skeleton.parent.tolist())
+    return Seen(clip.duration, moving, str(file), figures, clip.skeleton.parent.tolist())
+
+
+def _look_at_hands(file: Path) -> Seen:
+    """Makes a taught clip of what the page has seen of a rig in somebody's hands."""
+    from controller.mocap.encodings.joint_angles import save_taught_clip, taught_clip
+    from hardware.tools.teaching import Moment, taught
+
+    hands = msgspec.json.decode(file.read_bytes(), type=HandRecording)
+    moments = [Moment(at, np.array(angles)) for at, angles in zip(hands.times, hands.angles, strict=True)]
+    found, clip_file = taught(moments, hands.rate), file.with_suffix(".clip")
+    save_taught_clip(taught_clip(file.stem, hands.joints, hands.rate, found.whole, "the page"), clip_file)
+    moving = found.first / hands.rate, found.end / hands.rate
+    return Seen(len(found.whole) / hands.rate, moving, str(clip_file), angles=_curves(found.whole))
+
+
+def _places(count: int, wanted: int) -> NDArray[np.int64]:
+    """So many of `count` frames, from the first to the last."""
+    return np.linspace(0, count - 1, wanted).round().astype(np.int64)
+
+
+def _curves(angles: NDArray[np.float64]) -> list[list[float]]:
+    """The angles (T, J) of the joints, thinned out, a row a joint."""
+    return angles[_places(len(angles), POINTS)].T.round(3).tolist()
 
 
 def learn(request: LearnRequest) -> Learned | NotLearned:
@@ -43,18 +83,23 @@ def learn(request: LearnRequest) -> Learned | NotLearned:
         MotiondeckError: if it cannot be learned.
     """
     from controller.library.motion_library import load_library, save_library
+    from controller.mocap.encodings.joint_angles import JointBody
     from controller.training.adding import add_motion
     from controller.training.learn import examine
     from controller.training.learn import learn as learn_library
 
-    library, file = Path(request.library), Path(request.file)
+    library, file, within = Path(request.library), Path(request.file), request.within
     tell(LearningStep(f"reading {file.name}"))
-    motion, clip = examine(file, request.name, within=request.within)
+    if file.suffix == ".clip" and within is not None:
+        file, within = _cut(file, request.name, within), None
+    motion, clip = examine(file, request.name, within=within)
     deck = load_library(library)
     out = _free_name(f"{library.stem}-{request.name}")
     tell(LearningStep(f"learning {request.name} beside the {len(deck.network.motions)} motions of {deck.info.name}"))
     note = ""
     try:
+        if isinstance(clip.skeleton, JointBody) != isinstance(deck.skeleton, JointBody):
+            raise MotiondeckError("joints taught to a rig and bodies do not share one.")
         added = add_motion(deck, library, clip, motion)
         grown, verdict = added.library, added.verdict
         passed, reason = verdict.passed, verdict.reason
@@ -63,7 +108,8 @@ def learn(request: LearnRequest) -> Learned | NotLearned:
             raise
         note = f" It has a library of its own, because {error}"
         tell(LearningStep("learning it as a library of its own"))
-        alone = learn_library([file], request.name)
+        out = _free_name(request.name)
+        alone = learn_library([file], request.name, within=within)
         grown, passed, reason = alone.library, not alone.failed, alone.motions[0].remedy
         motion = msgspec.structs.replace(motion, name=alone.motions[0].name)
     if not passed:
@@ -71,6 +117,21 @@ def learn(request: LearnRequest) -> Learned | NotLearned:
     save_library(grown, out)
     plays = "a loop" if motion.plays == "loop" else "a one-shot"
     return Learned(str(out.absolute()), motion.name, f"{motion.name} is {plays}, written to {out.name}.{note}")
+
+
+def _cut(file: Path, name: str, within: tuple[float, float]) -> Path:
+    """A part of a taught clip as a clip of this name; a loop if it ends where it began."""
+    from controller.mocap.canonical.clip_edits import span
+    from controller.mocap.encodings.joint_angles import angles_of, read_taught_clip, save_taught_clip
+    from controller.training.preparation.takes import returns
+
+    clip = read_taught_clip(file)
+    first, end = (round(at * clip.rate) for at in within)
+    part = span(clip, first, min(end, len(clip)))
+    loop = returns(angles_of(part.rotation[:, 1:]), part.rate, at_least=LOOP_KEEPS)
+    out = file.with_name(f"{name}.clip")
+    save_taught_clip(part, out, "loop" if loop else "once")
+    return out
 
 
 def _free_name(stem: str) -> Path:

@@ -1,4 +1,4 @@
-"""Learn a recording on the page: drop it, trim it between two handles, name it, learn it, play it.
+"""Learn a recording on the page: drop it or record the rig, trim it between two handles, name it, learn it, play it.
 
 The learning is a process of its own. The deck plays on meanwhile, and comes to rest only to start again with the
 library that has the new motion.
@@ -17,7 +17,7 @@ from controller.wire.messages import LoadLibrary
 from sim.view.learning.learning_process import Learned, LearningStep, LearnRequest, News, NotLearned, Seen, work
 from sim.view.web.parts import Ask, PageParts
 from sim.view.web.private_page import PrivatePage
-from sim.view.web.stick_figure import figure_svg
+from sim.view.web.stick_figure import curves_svg, figure_svg
 
 LONGEST_NAME = 40
 STARTS_AGAIN = "The robot comes to rest, the deck starts again with the new library, and this page comes back."
@@ -75,9 +75,13 @@ class LearnPanel:
         if file.suffix.lower() == ".amc" and not [*self._folder.glob("*.asf")]:
             self._say(NEEDS_SKELETON, wrong=True)
             return
+        self.look_at(file)
+
+    def look_at(self, file: Path) -> None:
+        """Reads a recording, and offers to learn it."""
         self._file, self._learned = file, None
         self._show_choices(visible=False)
-        self._say(f"reading {name}")
+        self._say(f"reading {file.name}")
         self._work(LearnRequest(str(file)))
 
     def _start(self) -> None:
@@ -116,8 +120,9 @@ class LearnPanel:
                 self._say(reason, wrong=True)
 
     def _show_recording(self, seen: Seen, seconds: float, moving: tuple[float, float]) -> None:
-        assert self._file is not None
-        pictures = (figure_svg(np.array([pose]), seen.parents) for pose in seen.figures)
+        self._file = Path(seen.file)
+        pictures = [figure_svg(np.array([pose]), seen.parents) for pose in seen.figures]
+        pictures += [curves_svg(np.array(seen.angles))] if seen.angles else []
         self._strip.content = f'<div class="film-strip">{"".join(pictures)}</div>'
         self._part.min, self._part.max = 0.0, round(seconds, 2)
         self._part.value = (round(moving[0], 2), round(moving[1], 2))

@@ -27,6 +27,25 @@ class LearnRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     library: str = ""
 
 
+class HandRecording(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The joints of a rig while hands moved them: what the page has seen, as a file with the ending HAND.
+
+    Attributes:
+        joints: their names.
+        rate: of the rig, Hz; what is made of it has it too.
+        times: s, shape (T,).
+        angles: rad, shape (T, J).
+    """
+
+    joints: list[str]
+    rate: float
+    times: list[float]
+    angles: list[list[float]]
+
+
+HAND = ".hand"
+
+
 class LearningStep(msgspec.Struct, frozen=True, tag="step"):
     """What is being done, in words."""
 
@@ -34,17 +53,21 @@ class LearningStep(msgspec.Struct, frozen=True, tag="step"):
 
 
 class Seen(msgspec.Struct, frozen=True, tag="seen"):
-    """A recording: how long it is, which part moves, s, and some of its poses.
+    """A recording: how long it is, which part moves, s, and what it looks like: some poses, or how joints turned.
 
     Attributes:
+        file: what to learn it from.
         figures: positions of the joints, shape (poses, 1 + B, 3), m, each about its own root.
         parents: of the bones, -1 for the root.
+        angles: of the joints of a rig, shape (J, T), rad.
     """
 
     seconds: float
     moving: tuple[float, float]
-    figures: list[list[list[float]]]
-    parents: list[int]
+    file: str
+    figures: list[list[list[float]]] = []
+    parents: list[int] = []
+    angles: list[list[float]] = []
 
 
 class Learned(msgspec.Struct, frozen=True, tag="learned"):

@@ -1,4 +1,4 @@
-"""Small stick figures as SVG, for thumbnails and film strips."""
+"""Small stick figures, and curves of joints, as SVG for thumbnails and film strips."""
 
 from __future__ import annotations
 
@@ -42,3 +42,18 @@ def figure_svg(poses: Array, parents: Sequence[int], size: int = 64) -> str:
         f'<svg viewBox="0 0 100 100" width="{size}" height="{size}" fill="none" stroke-width="5" '
         f'stroke-linecap="round" aria-hidden="true">{paths}</svg>'
     )
+
+
+def curves_svg(angles: Array) -> str:
+    """How joints turned, as one wide picture of their angles, shape (J, T), rad; those that hardly move are pale."""
+    low, high = float(angles.min()), float(angles.max())
+    across = np.linspace(0.0, 300.0, angles.shape[1])
+    down = 2.0 + 56.0 * (high - angles) / max(high - low, 1e-6)
+    moved = np.ptp(angles, axis=1)
+    paths = "".join(
+        f'<path stroke="{INK if much > 0.25 * moved.max() else PALE}" d="M'
+        + "L".join(f"{x:.0f} {y:.1f}" for x, y in zip(across, row, strict=True))
+        + '"/>'
+        for row, much in zip(down, moved, strict=True)
+    )
+    return f'<svg viewBox="0 0 300 60" preserveAspectRatio="none" fill="none" stroke-width="1.5">{paths}</svg>'

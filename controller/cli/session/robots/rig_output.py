@@ -84,6 +84,11 @@ class RigOutput:
         return self._measured
 
     @property
+    def positions(self) -> Array:
+        """The latest measured positions in the order of the rig file, rad."""
+        return self._rig.positions
+
+    @property
     def states(self) -> ServoStates:
         """What each servo does now, in the order of the rig file."""
         return self._rig.states
@@ -96,6 +101,7 @@ class RigOutput:
         joints = self._rig.config.joints
         return {
             "conditions": list(CONDITIONS),
+            "rate_hz": self._hz,
             "servos": [
                 {
                     "joint": one.name,

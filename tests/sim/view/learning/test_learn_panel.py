@@ -1,47 +1,71 @@
 """Learning a recording on the page, in a browser; the process that learns is the real one."""
 
 import sys
+from contextlib import chdir
+from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
+from playwright.sync_api import Page
 
 from bodies import waving
+from controller.library.motion_library import load_library
 from controller.mocap.formats.writing import bvh_text
-from controller.wire.messages import LoadLibrary
+from controller.wire.messages import LoadLibrary, Pause, ServoTorque
 from motiondeck_base.shipped import find_library
+from sim.view.learning.hand_recorder import HandRecorder
 from sim.view.learning.learn_panel import LearnPanel
 from sim.view.learning.learning_process import LearnRequest, NotLearned, work
 from sim.view.web.parts import PageParts
 from sim.view.web.private_page import PrivatePage
-from web_pages import drop, free_port, until
+from web_pages import coarse, drop, free_port, until
 
 LEARNS = [sys.executable, "-P", "-m", "controller.cli.session.page_learning"]
 
 
-@pytest.fixture
-def learning(tmp_path, monkeypatch, browser):
-    """A page where one can learn, its tab in a browser, and what was asked for."""
-    monkeypatch.chdir(tmp_path)
-    page, asked = PrivatePage(free_port(), "test"), []
-    LearnPanel(
-        page,
-        PageParts(page),
-        LEARNS,
-        find_library("thesis15"),
-        tmp_path / "dropped",
-        lambda event, title, text, yes, message: asked.append(message),
-    )
-    tab = browser.new_page(viewport={"width": 900, "height": 600})
-    tab.set_default_timeout(60_000)
-    tab.goto(page.address)
-    tab.get_by_text("Drop a recording").wait_for()
-    yield tab, asked, tmp_path
-    tab.close()
-    page.stop()
+RIG = {
+    "conditions": ["well", "is off on command"],
+    "rate_hz": 100.0,
+    "servos": [{"joint": name} for name in ("neck", "l_elbow", "l_wrist")],
+}
+
+
+@dataclass
+class Learning:
+    """A page where one can learn: its tab in a browser, what was asked for and sent, its folder, and its recorder."""
+
+    tab: Page
+    folder: Path
+    hands: HandRecorder
+    asked: list
+    sent: list
+
+
+@pytest.fixture(scope="module")
+def learning(tmp_path_factory, browser):
+    folder = tmp_path_factory.mktemp("learning")
+    page, asked, sent = PrivatePage(free_port(), "test"), [], []
+    parts = PageParts(page)
+
+    def ask(event, title, text, yes, then):
+        asked.append(then)
+
+    with chdir(folder):
+        panel = LearnPanel(page, parts, LEARNS, find_library("thesis15"), folder / "dropped", ask)
+        hands = HandRecorder(page, parts, RIG, folder / "dropped", ask, sent.append, panel.look_at)
+        hands.show()
+        tab = browser.new_page(viewport={"width": 900, "height": 600})
+        tab.set_default_timeout(60_000)
+        tab.goto(coarse(page.address))
+        tab.get_by_text("Drop a recording").wait_for()
+        yield Learning(tab, folder, hands, asked, sent)
+        tab.close()
+        page.stop()
 
 
 def test_a_dropped_recording_is_trimmed_named_learned_and_played(learning):
-    tab, asked, folder = learning
+    tab, asked, folder = learning.tab, learning.asked, learning.folder
     (folder / "broken.bvh").write_text("HIERARCHY\n")
     (folder / "swing.bvh").write_text(bvh_text(waving(30.0, 4.0, still=1.0)))
 
@@ -57,12 +81,54 @@ def test_a_dropped_recording_is_trimmed_named_learned_and_played(learning):
     tab.get_by_role("button", name="Play it").click()
     until(lambda: asked, "the command")
     written = folder / "thesis15-swing.safetensors"
-    assert asked == [LoadLibrary(str(written), "swing")]
+    assert asked.pop() == LoadLibrary(str(written), "swing")
     assert written.is_file()
 
 
+def rig(loose, angles):
+    """A published state of the rig."""
+    return {"servo condition": np.array(loose, dtype=float), "servo position": np.array(angles)}
+
+
+def test_the_rig_is_recorded_by_hand_and_the_part_that_was_chosen_is_played(learning):
+    tab, hands, asked = learning.tab, learning.hands, learning.asked
+    tab.get_by_role("button", name="Record the rig by hand").click()
+    until(lambda: asked, "the question")
+    asked.pop()()
+    assert learning.sent == [Pause(), *(ServoTorque(servo["joint"], "off") for servo in RIG["servos"])]
+    hands.see(rig([0, 1, 1], [0.1, 0.0, 0.0]), 0.0)
+    hands.show()
+    tab.get_by_text("2 of 3 joints are loose").wait_for()
+    tab.get_by_role("button", name="Start recording").click()
+    until(lambda: hands.recording, "the recording")
+    for frame in range(8 * 30):
+        swing = np.sin(np.pi * frame / 30.0) * (frame > 60)  # rounds of 2 s, after 2 s of rest
+        hands.see(rig([0, 1, 1], [0.1, 0.5 * swing, 0.8 * swing]), 10.0 + frame / 30.0)
+    hands.show()
+    tab.get_by_role("button", name="Stop recording").click()
+    tab.get_by_text("by-hand-1.clip: 8.0 s").wait_for()
+    name = tab.locator('input[value="by-hand-1"]').element_handle()
+    name.fill("wave")
+    name.press("Enter")
+    tab.get_by_role("button", name="Learn it").click()
+    tab.get_by_text("It has a library of its own").wait_for()
+    tab.get_by_role("button", name="Play it").click()
+    until(lambda: asked, "the command")
+    load = asked.pop()
+    assert (Path(load.library).name, load.to) == ("wave.safetensors", "wave")
+    library = load_library(Path(load.library))
+    assert library.skeleton.bones == ("l_elbow", "l_wrist")
+    (motion,) = library.info.motions
+    rounds = motion.frames / library.info.rate / 2.0
+    assert (motion.plays, rounds) == ("loop", pytest.approx(round(rounds), abs=0.05))
+    played = library.network.twin()
+    played.cue("wave", 0)
+    angles = np.array([played.advance(np.empty(2)).copy() for _ in range(motion.frames)])
+    assert np.ptp(angles, axis=0) == pytest.approx([1.0, 1.6], rel=0.15)
+
+
 def test_a_recording_without_its_skeleton_says_what_to_drop(learning):
-    tab, _, folder = learning
+    tab, folder = learning.tab, learning.folder
     (folder / "walk.amc").write_text(":FULLY-SPECIFIED\n")
     drop(tab, folder / "walk.amc")
     tab.get_by_text("drop the .asf too").wait_for()
