@@ -90,8 +90,10 @@ class RigServos(Protocol):
 class Pushable(Protocol):
     """A simulated body that can be pushed; the call does not wait."""
 
-    def push_from(self, side: Side, impulse: float) -> None:
-        """Pushes it from a side with an impulse, N s."""
+    fallen: bool
+
+    def push_from(self, side: Side, impulse: float) -> float:
+        """Pushes it from a side with an impulse, N s, 0 for its own choice; that impulse."""
         ...
 
 
@@ -160,6 +162,7 @@ class CommandDesk:
         self._number = 0
         self._told: tuple[Mode, bool] = ("playing", deck.paused)
         self._code = 0.0
+        self._fallen = False
         self._look: Look | None = None  # that the command being carried out has begun
 
     def __call__(self, stop: StopRequest) -> None:
@@ -182,6 +185,8 @@ class CommandDesk:
         events = self._deck.events
         while events:
             self._send(events.popleft())
+        if self._body is not None and self._body.fallen != self._fallen:
+            self._tell_fall(self._body.fallen)
         if (stop.mode, self._deck.paused) != self._told:
             self._tell_mode(stop.mode, self._deck.paused)
 
@@ -248,6 +253,12 @@ class CommandDesk:
                 self.tell("lost", f"paused: a client has {'gone' if gone else f'been silent for {silent:.2f} s'}")
             elif gone or (listener.server.remote and silent > _FORGOTTEN_AFTER):
                 del self._listeners[listener.sender]
+
+    def _tell_fall(self, fallen: bool) -> None:
+        self._fallen = fallen
+        self.tell(
+            *(("fell", "the robot has fallen") if fallen else ("stands", "the robot stands again")), self._deck.motion
+        )
 
     def _tell_mode(self, mode: Mode, paused: bool) -> None:
         mode_before, paused_before = self._told
@@ -342,7 +353,8 @@ class CommandDesk:
     def _push(self, side: Side, impulse: float) -> None:
         if self._body is None:
             raise MotiondeckError("nothing can be pushed here: play with a robot in simulated physics")
-        self._body.push_from(side, impulse)
+        given = self._body.push_from(side, impulse)
+        self.tell("push", f"pushed from the {side} with {given:.3g} N s", self._deck.motion)
 
     @property
     def _rig(self) -> RigServos:
@@ -396,6 +408,8 @@ class CommandDesk:
             phase=deck.phase,
             inputs=deck.inputs,
             lock=deck.lock_state,
+            at=deck.time,
+            fallen=self._fallen,
         )
 
 

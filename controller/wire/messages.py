@@ -424,6 +424,8 @@ class State(msgspec.Struct, frozen=True, tag="state"):
         fell_back: why the last blend was given up and what was played instead.
         seen: the motion that is recognized, and the confidence, while that is switched on.
         inputs: the present values of the inputs that motions have besides the phase.
+        at: s of the deck, the clock of its events.
+        fallen: whether the simulated robot has fallen and not stood again.
     """
 
     motion: str
@@ -440,6 +442,8 @@ class State(msgspec.Struct, frozen=True, tag="state"):
     phase: float | None = None
     inputs: dict[str, float] = {}
     lock: LockState | None = None
+    at: float = 0.0
+    fallen: bool = False
 
 
 EventKind = Literal[
@@ -453,6 +457,10 @@ EventKind = Literal[
     "mode",
     "recognized",
     "fault",
+    "servo",
+    "push",
+    "fell",
+    "stands",
     "overrun",
     "replayed",
     "lost",
@@ -467,7 +475,9 @@ class Event(msgspec.Struct, frozen=True, tag="event"):
         kind: "motion": another motion, or a blend, is commanded; "via": one on the way to it begins; "settled": nothing
             is left of the one before; "overtaken": another command came first; "gave up": a blend was given up;
             "paused", "resumed"; "mode": the joints go home, are held, are stopped in an emergency, or play again;
-            "recognized": it looks like another motion than before; "fault": of an output or the deck; "overrun":
+            "recognized": it looks like another motion than before; "fault": of an output or the deck; "servo":
+            something was done with a servo, or one is back; "push", "fell", "stands": the simulated robot was pushed,
+            has fallen, stands again; "overrun":
             ticks came more than a period late; "replayed": a recorded datagram was refused; "lost": a heartbeat is
             missing, and the deck was paused; "ended": the run is over.
         text: the same for a person.

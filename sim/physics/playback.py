@@ -32,6 +32,8 @@ _BROKEN = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, m
 # by so much more than it is played, rad.
 FALLEN_HEIGHT = 0.6
 FALLEN_TILT = 1.0
+STANDS_AGAIN = 1.0
+"""s that a fallen robot must be upright before it counts as standing."""
 
 # How long a push lasts, s, and where one on command drives the body, rad to the left of its own heading.
 PUSH_LASTS = 0.1
@@ -97,8 +99,9 @@ class PhysicsPlayback:
         data: MuJoCo's state.
         model: the model of that state, apart from the robot's own.
         placed: the commanded root of the last write, position (m) and quaternion, shape (7,).
-        incidents: that a robot that walks is about to fall, and when.
-        fell_s: when a free robot fell, s since the first write; None as long as it stands.
+        near_falls: when a robot that walks was about to fall, s since the first write.
+        fell_s: when a free robot fell first, s since the first write; None if it never has.
+        fallen: whether a free robot has fallen and not stood again for a second.
         behind_s: how far the body is behind what is written, s.
     """
 
@@ -167,7 +170,9 @@ class PhysicsPlayback:
         self._started = False
         self._writes = self._faults = 0
         self.fell_s: float | None = None
-        self.incidents: list[str] = []
+        self.fallen = False
+        self._stands_for = 0  # writes since a fallen robot was seen to stand
+        self.near_falls: list[float] = []
         self._lost = False
         self._heading = 0.0  # of the motion, rad
         self._pushed = 0  # ticks for which the push under way still lasts
@@ -227,15 +232,29 @@ class PhysicsPlayback:
         root = self.placed
         if self._walker is not None:
             if self._walker.falling and not self._lost and self.fell_s is None:
-                self.incidents.append(f"the robot is about to fall, at {self._writes * self._dt:.2f} s")
+                self.near_falls.append(self._writes * self._dt)
             self._lost = self._walker.falling
             # The body is behind: it is judged by what it was to do now.
             root = self._walker.preview.goal[:7]
             targets = self._played
             robot.layout.read(self._walker.preview.goal, near=self._measured, out=targets)
         self._count(targets)
-        if self._root == "free" and self.fell_s is None and has_fallen(data.qpos, root):
-            self.fell_s = self._writes * self._dt
+        if self._root == "free":
+            self._look_for_fall(root)
+
+    def _look_for_fall(self, played: Array) -> None:
+        """Notes whether the robot lies where its root is to be as `played`, shape (>= 7,)."""
+        if has_fallen(self.data.qpos, played):
+            self.fallen, self._stands_for = True, 0
+            self.fell_s = self._writes * self._dt if self.fell_s is None else self.fell_s
+        elif self.fallen:
+            self._stands_for += 1
+            self.fallen = self._stands_for * self._dt < STANDS_AGAIN
+
+    @property
+    def incidents(self) -> list[str]:
+        """What has happened to it so far, in words."""
+        return ["the robot is about to fall"] * len(self.near_falls)
 
     def measured(self) -> Array:
         """The joint positions (J,), rad, in the simulation."""
@@ -253,12 +272,15 @@ class PhysicsPlayback:
         root = int(self.model.jnt_bodyid[0])
         self.data.xfrc_applied[root, :3] = force
 
-    def push_from(self, side: Side, impulse: float) -> None:
+    def push_from(self, side: Side, impulse: float) -> float:
         """Pushes the root for PUSH_LASTS seconds, level, from a side of the body as the motion heads.
 
         Args:
             side: where the push meets it.
             impulse: N s; 0 for `usual_push`.
+
+        Returns:
+            The impulse, N s.
 
         Raises:
             MotiondeckError: if the root is fixed.
@@ -266,8 +288,10 @@ class PhysicsPlayback:
         if self._root == "fixed":
             raise MotiondeckError("a fixed root cannot be pushed: play with --root gantry or free")
         away = self._heading + PUSHES_TOWARDS[side]
-        self.push(push_force(impulse or usual_push(self._robot.model), away))
+        impulse = impulse or usual_push(self._robot.model)
+        self.push(push_force(impulse, away))
         self._pushed = round(PUSH_LASTS / self._dt)
+        return impulse
 
     def report(self) -> Mapping[str, object]:
         """Tracking errors of the servos: root mean square over joints and time, and the largest of any joint."""
@@ -288,7 +312,7 @@ class PhysicsPlayback:
         if self._walker is not None and self.travel is not None:
             said["travel"] = dict(zip(("asked_m", "walked_m"), self.travel, strict=True))
             said |= {"capture_point_off": self._walker.worst}
-            said |= {"own_steps": self._walker.own_steps, "incidents": self.incidents}
+            said |= {"own_steps": self._walker.own_steps, "near_falls_s": self.near_falls}
         if self._servos is not None:
             said["servos"] = self._servos.report()
         return said

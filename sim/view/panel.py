@@ -49,13 +49,16 @@ ANSWER_WITHIN = 1.0
 # A hand on a slider keeps it for so long before the deck's own value is shown again, s.
 HAND_ON = 1.0
 
-_TOLD = ("via", "gave up", "fault", "lost", "replayed")
+_TOLD = ("via", "gave up", "fault", "fell", "stands", "push", "lost", "replayed")
+_ALARMING = ("fault", "fell", "lost", "replayed")
+MOST_NOTICES = 3  # at a time; what a rig does has its own tab
 
 CURRENT = (38, 110, 200)
 STOPS = (201, 42, 42)
 # Keys for the first motions.
 DIGITS = ("1", "2", "3", "4", "5", "6", "7", "8", "9")
 NOTICE_SECONDS = 8.0
+MORE = "All of them are marks in the strip of the last minutes, with their text."
 
 
 class Panel:
@@ -219,7 +222,7 @@ class Panel:
     def tell(self, event: Event) -> None:
         """Shows an event that nothing else on the page shows."""
         if event.kind in _TOLD:
-            self._notify(event.kind, event.text, alarming=event.kind in ("fault", "lost", "replayed"))
+            self._notify(event.kind, event.text, alarming=event.kind in _ALARMING)
 
     def refuse(self, reason: str) -> None:
         """Shows why something was not done."""
@@ -279,6 +282,11 @@ class Panel:
         if now - self._noticed.get(text, -NOTICE_SECONDS) < NOTICE_SECONDS:
             return
         self._noticed = {old: at for old, at in self._noticed.items() if now - at < NOTICE_SECONDS} | {text: now}
+        if title == "fault" and len(self._noticed) > MOST_NOTICES:
+            title, text = "more faults", MORE
+            if text in self._noticed:
+                return
+            self._noticed[text] = now
         for client in self._page.get_clients().values():
             client.add_notification(title, text, auto_close_seconds=NOTICE_SECONDS, color="red" if alarming else "blue")
 

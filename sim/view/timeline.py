@@ -16,8 +16,8 @@ from sim.view.web.parts import PageParts
 
 SECONDS = 180.0
 PICTURE_EVERY, DRAWN_EVERY = 0.1, 1.0  # s
-BAD = ("fault", "gave up", "lost", "replayed")
-MARKED = (*BAD, "mode", "paused", "resumed")
+BAD = ("fault", "fell", "gave up", "lost", "replayed")
+MARKED = (*BAD, "mode", "paused", "resumed", "servo", "push", "stands")
 
 
 class Timeline:

@@ -57,6 +57,7 @@ _NUMBERS = (
     "restarts",
     "work_p50_us",
     "kept_apart",
+    "fallen",
 )
 # What it shows of the servos of a rig, in the order of their `ServoStates`: each field has one number a servo.
 _OF_SERVOS = tuple(
@@ -176,6 +177,7 @@ class Page:
         self._stage, self._followers = first.stage, [simulation.stage for simulation in others]
         # The human is shown as the body is that follows it.
         self._human = LatePoses(first.stage.behind_s)
+        self._body = robots[0].pushable
         self._guards = [robot.guard for robot in robots if robot.guard is not None]
 
     @classmethod
@@ -269,6 +271,7 @@ class Page:
         beats = lock.per_minute if lock is not None else None
         fields["beats_per_minute"][0] = beats if beats is not None else math.nan
         fields["mode"][0] = MODES.index(stop.mode)
+        fields["fallen"][0] = self._body is not None and self._body.fallen
         fields["rate_hz"][0] = state.rate
         fields["overruns"][0] = state.overruns
         fields["restarts"][0] = deck.restarts

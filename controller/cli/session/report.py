@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
@@ -45,7 +46,7 @@ class RunNews:
         self._desk, self._clock, self._channels, self._servers, self._seen = desk, clock, channels, servers, seen
         self._overruns = self._replayed = 0
         self._faults = [0] * len(channels)
-        self._incidents: set[str] = set()
+        self._incidents: list[Counter[str]] = [Counter() for _ in channels]
         self._motion = ""
         self._ticks = 0
         self._overruns_every = max(1, round(_OVERRUNS_EVERY / clock.period))
@@ -77,10 +78,15 @@ class RunNews:
                 self._faults[index] = channel.faults
                 parked = ", and is left out" if channel.parked else ""
                 self._desk.tell("fault", f"{channel.output.name}: {channel.fault}{parked}")
-            for incident in getattr(channel.output, "incidents", ()):
-                if incident not in self._incidents:
-                    self._incidents.add(incident)
-                    self._desk.tell("fault", f"{channel.output.name}: {incident}")
+            incidents = getattr(channel.output, "incidents", ())
+            if not incidents:
+                continue
+            # Only the latest are kept, so those that are new are told by how often each is there.
+            now = Counter(incidents)
+            before, self._incidents[index] = self._incidents[index], now
+            news = getattr(channel.output, "news", ())
+            for incident in (now - before).elements():
+                self._desk.tell("servo" if incident in news else "fault", f"{channel.output.name}: {incident}")
 
 
 def run_report(

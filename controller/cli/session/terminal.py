@@ -44,7 +44,16 @@ _HELP_ROWS = [
 HELP = "\n".join(f"{typed:26} {effect}" for typed, effect in _HELP_ROWS)
 
 _HEARTBEAT = 0.3  # s of silence before a status request; after three without an answer the deck is gone
-_TOLD = ("via", "gave up", "recognized", "fault", "replayed", "lost")  # what replies to commands do not say
+_TOLD = (
+    "via",
+    "gave up",
+    "recognized",
+    "fault",
+    "fell",
+    "stands",
+    "replayed",
+    "lost",
+)  # what replies to commands do not say
 UNKNOWN = "not in the rig file"
 _STARTING = 5.0  # s that a deck may take from opening its port to answering
 
@@ -75,7 +84,8 @@ def describe(reply: Reply) -> str:
             how += "".join(f", {name} {value:.3g}" for name, value in reply.inputs.items())
             how += f", {reply.lock}" if reply.lock is not None else ""
             doing = "switching to" if reply.switching else "playing"
-            mode = "" if reply.mode == "playing" else f"{reply.mode}; "
+            mode = "FALLEN; " if reply.fallen else ""
+            mode += "" if reply.mode == "playing" else f"{reply.mode}; "
             queue = f"; next: {', '.join(reply.queue)}" if reply.queue else ""
             blend = f" with {reply.blend[1]:.2f} of {reply.blend[0]}" if reply.blend else ""
             seen = f"; it looks like {reply.seen[0]} (confidence {reply.seen[1]:.2f})" if reply.seen else ""

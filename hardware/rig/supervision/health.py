@@ -80,11 +80,13 @@ class Incident(NamedTuple):
         time: on the port's clock, s.
         who: the joint with its id, or the port.
         what: in words.
+        fault: whether something is wrong; not where it was commanded, or is well again.
     """
 
     time: float
     who: str
     what: str
+    fault: bool = True
 
 
 class Health:
@@ -184,7 +186,7 @@ class Health:
 
     def take_out(self, joint: int, now: float) -> None:
         """Goes on without a joint on command."""
-        self.incidents.append(Incident(now, self._who[joint], "was switched off on command"))
+        self.incidents.append(Incident(now, self._who[joint], "was switched off on command", fault=False))
         self.off[joint] = self.lost[joint] = True
         self.mend[joint] = False
 
@@ -221,7 +223,7 @@ class Health:
         returned = self.lost & well & ~self._given_up & ~self.off
         self.lost &= ~returned
         for index in np.flatnonzero(returned).tolist():
-            self.incidents.append(Incident(now, self._who[index], "answers again"))
+            self.incidents.append(Incident(now, self._who[index], "answers again", fault=False))
 
     def _report(self, new: Mask, readings: Readings, now: float) -> None:
         """Makes incidents of what is new, shape (kinds, J)."""

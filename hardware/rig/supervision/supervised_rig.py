@@ -324,7 +324,7 @@ class SupervisedRig:
                 self._stopped = True
                 raise RigError(f"the rig has stopped: {self._failure}") from self._failure
             if self._rig.gone:
-                self._note_port("is back")
+                self._note_port("is back", fault=False)
             self._rig.attach(*self._mended)
             self._mended = None
             self.recoveries += 1
@@ -346,9 +346,9 @@ class SupervisedRig:
             raise RigError(f"the rig has stopped: {error}") from error
         self._mend(self.config.reconnect_s)
 
-    def _note_port(self, what: str) -> None:
+    def _note_port(self, what: str, *, fault: bool = True) -> None:
         """Makes an incident of what has happened to the port."""
-        self._health.incidents.append(Incident(self._rig.now(), f"the port {self.config.port}", what))
+        self._health.incidents.append(Incident(self._rig.now(), f"the port {self.config.port}", what, fault))
 
     def _mend(self, patience: float) -> None:
         """Starts to bring the rig back, for at most so long, s."""

@@ -29,6 +29,7 @@ class RunState:
         queue: the motions that are played after that.
         blend: the motion that is blended in, and its weight.
         settled: whether no switch is under way.
+        fallen: whether the simulated robot lies on the floor.
     """
 
     mode: str = "playing"
@@ -39,6 +40,7 @@ class RunState:
     queue: tuple[str, ...] = ()
     blend: tuple[str, float] | None = None
     settled: bool = True
+    fallen: bool = False
 
     @classmethod
     def of(cls, state: Mapping[str, Array], motions: Sequence[str]) -> RunState:
@@ -59,6 +61,7 @@ class RunState:
             queue=names("queue"),
             blend=(blended[0], number_in(state, "blend_weight", 0.0)) if blended else None,
             settled=bool(number_in(state, "settled", 1.0)),
+            fallen=bool(number_in(state, "fallen", 0.0)),
         )
 
 
@@ -91,6 +94,8 @@ def state_line(state: RunState) -> StateLine:
     upcoming = f"next: {', '.join(state.queue)}" if state.queue else ""
     if state.mode == "emergency stop":
         return StateLine("EMERGENCY STOP", "every joint is held", "Reset releases it", RED)
+    if state.fallen:
+        return StateLine("FALLEN", f"playing {state.playing}", upcoming or "End run, and start it again", RED)
     if state.mode == "held":
         return StateLine("HELD", "nothing moves", "choose a motion, or Home", AMBER)
     if state.mode == "home":

@@ -13,6 +13,7 @@ from controller.wire.messages import (
     Accepted,
     EmergencyStop,
     Event,
+    GetStatus,
     Heartbeat,
     LoadLibrary,
     Pause,
@@ -37,6 +38,9 @@ class Deck:
 
     def __init__(self):
         self.time, self.events, self.paused, self.motion = 1.5, deque(), False, "walk"
+        self.motions, self.tempo, self.settled, self.queue, self.inputs = ["walk"], 1.0, True, [], {}
+        self.blend = self.phase = self.lock_state = None
+        self.fell_back = ""
 
     def pause(self):
         self.paused = True
@@ -276,15 +280,38 @@ def test_a_look_that_comes_to_nothing_is_refused_after_a_while():
 def test_a_simulated_body_is_pushed_in_any_mode_and_nothing_else(desk):
     assert "nothing can be pushed" in desk.ask(Push("left")).reason
 
-    class Body:
-        def push_from(self, side, impulse):
-            self.pushed = side, impulse
-
     body = Body()
     desk = Desk(body=body)
     desk.ask(EmergencyStop())
     assert desk.ask(Push("left", 0.2)) == Accepted(0)
     assert body.pushed == ("left", 0.2)
+
+
+class Body:
+    """A simulated body."""
+
+    fallen = False
+
+    def push_from(self, side, impulse):
+        self.pushed = side, impulse
+        return impulse or 0.3
+
+
+def test_a_push_and_a_fall_are_told_on_the_clock_of_the_status():
+    body = Body()
+    desk = Desk(body=body)
+    desk.ask(Subscribe())
+    desk.ask(Push("back"))
+    (pushed,) = (reply for _, reply in desk.server.replies if isinstance(reply, Event))
+    assert (pushed.kind, pushed.text, pushed.at) == ("push", "pushed from the back with 0.3 N s", desk.deck.time)
+    body.fallen = True
+    assert [event.kind for event in desk.tick()] == ["fell"]
+    assert desk.tick() == []
+    state = desk.ask(GetStatus())
+    assert (state.fallen, state.at) == (True, desk.deck.time)
+    body.fallen = False
+    assert [event.kind for event in desk.tick()] == ["stands"]
+    assert not desk.ask(GetStatus()).fallen
 
 
 def test_another_library_ends_the_run_where_it_can_be_started_again(desk, tmp_path):

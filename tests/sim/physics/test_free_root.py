@@ -96,6 +96,7 @@ def test_a_free_robot_starts_on_the_floor_and_falls_where_it_cannot_stand(name):
         output.write(targets, pose)
     assert output.fell_s is not None
     assert 0.1 < output.fell_s < 2.4
+    assert output.fallen
     assert output.report()["fell_s"] == output.fell_s
 
 

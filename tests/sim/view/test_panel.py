@@ -1,4 +1,4 @@
-"""The panel in two browsers: the state line in twelve situations, a reload, and a page that has lost its deck."""
+"""The panel in two browsers: the state line in thirteen situations, a reload, and a page that has lost its deck."""
 
 import threading
 import time
@@ -16,11 +16,18 @@ from web_pages import free_port, until
 MOTIONS = ["walk", "jog", "crawl", "standup", "waltz"]
 
 
-def state(mode="playing", playing="walk", motion="", way=(), queue=(), blend=None, paused=0.0, settled=1.0):
+def state(mode="playing", playing="walk", motion="", way=(), queue=(), blend=None, paused=0.0, settled=1.0, fallen=0.0):
     def places(names):
         return np.array([MOTIONS.index(name) for name in names] + [-1] * (8 - len(names)), dtype=float)
 
-    numbers = {"mode": MODES.index(mode), "paused": paused, "settled": settled, "phase": 0.4, "tempo": 1.0}
+    numbers = {
+        "mode": MODES.index(mode),
+        "paused": paused,
+        "settled": settled,
+        "phase": 0.4,
+        "tempo": 1.0,
+        "fallen": fallen,
+    }
     numbers |= {"playing": MOTIONS.index(playing), "motion": MOTIONS.index(motion or playing)}
     numbers |= {"blend": -1.0 if blend is None else MOTIONS.index(blend), "blend_weight": 0.4}
     arrays = {name: np.array([float(value)]) for name, value in numbers.items()}
@@ -39,6 +46,7 @@ SITUATIONS = [
     (state(blend="jog"), ["BLEND", "walk + 40 % jog"]),
     (state(paused=1.0), ["PAUSED", "walk"]),
     (state(paused=1.0, queue=["jog"]), ["PAUSED", "walk", "next: jog"]),
+    (state(fallen=1.0), ["FALLEN", "playing walk", "End run, and start it again"]),
     (state(mode="home"), ["HOME", "at rest, or on the way there", "choose a motion to play on"]),
     (state(mode="held"), ["HELD", "nothing moves", "choose a motion, or Home"]),
     (state(mode="emergency stop"), ["EMERGENCY STOP", "every joint is held", "Reset releases it"]),
@@ -100,6 +108,10 @@ def test_two_browsers_see_what_happens_and_both_command(browser):
             panel.tell(Event("fault", "id 4 is hot", "walk", 1.0, 2))
             wide.get_by_text("id 4 is hot").wait_for()
             assert wide.get_by_text("id 3 is hot").count() == 1
+            for id in range(5, 10):
+                panel.tell(Event("fault", f"id {id} is hot", "walk", 1.0, id))
+            wide.get_by_text("more faults").wait_for()
+            assert wide.get_by_text("is hot").count() <= 3
 
             phone.reload()
             phone.locator("#state-line").get_by_text("PLAYING").wait_for()

@@ -163,6 +163,11 @@ class RigOutput:
         """What has happened to its servos lately, in words, in order of time."""
         return [f"{incident.who} {incident.what}" for incident in self._rig.incidents]
 
+    @property
+    def news(self) -> list[str]:
+        """Those of them that are no faults."""
+        return [f"{incident.who} {incident.what}" for incident in self._rig.incidents if not incident.fault]
+
     def report(self) -> Mapping[str, object]:
         """The rig's part of the report of the run."""
         rig = self._rig

@@ -77,8 +77,9 @@ def test_who_stands_and_is_pushed_hard_takes_a_step(direction):
 def test_a_fall_is_seen_coming():
     stage = standing(np.array([25.0, 0.0, 0.0]), seconds=2.5)
     assert stage.fell_s is not None
-    seen = [float(incident.split()[-2]) for incident in stage.incidents]
-    assert seen[0] < stage.fell_s - 0.1
+    assert stage.near_falls[0] < stage.fell_s - 0.1
+    assert stage.incidents == ["the robot is about to fall"] * len(stage.near_falls)
+    assert stage.fallen
 
 
 def test_only_a_free_robot_with_two_feet_can_walk():
