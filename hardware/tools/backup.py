@@ -7,12 +7,15 @@ from pathlib import Path
 
 import msgspec
 
-from hardware.bus.servo_bus import Bus
-from hardware.errors import RigError
-from hardware.rig.rig_file import RigConfig
+from hardware.bus.servo_bus import UNTOLD, Bus
+from hardware.errors import NoReplyError, RigError
+from hardware.rig.rig_file import RigConfig, RigJoint
 
 _CHUNK = 64  # bytes a read
 _NOT_RESTORED = ("id", "baud_rate", "protocol_type")  # the servo would be gone from its place on the bus
+
+
+_MUTE = "{} answers a ping but no read: its status_return_level is 0. Set it with motiondeck rig doctor RIG --fix."
 
 
 class ServoBackup(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -42,16 +45,38 @@ def back_up(config: RigConfig, bus: Bus) -> list[ServoBackup]:
     backups: list[ServoBackup] = []
     for joint in config.joints:
         _check_model(joint.name, joint.id, joint.model, bus)
-        rows = list(joint.table.registers.values())
-        held: dict[str, int] = {}
-        while rows:
-            start = rows[0].address
-            block = [row for row in rows if row.address + row.length <= start + _CHUNK]
-            rows = rows[len(block) :]
-            data = bus.read(joint.id, start, block[-1].address + block[-1].length - start).params
-            held |= {row.name: row.decode(data[row.address - start :][: row.length]) for row in block}
+        try:
+            held = _read_all(joint, bus)
+        except NoReplyError:
+            held = _read_silent(joint, bus)
         backups.append(ServoBackup(joint.name, joint.id, joint.model, held))
     return backups
+
+
+def _read_all(joint: RigJoint, bus: Bus) -> dict[str, int]:
+    """What every register of a servo holds."""
+    rows = list(joint.table.registers.values())
+    held: dict[str, int] = {}
+    while rows:
+        start = rows[0].address
+        block = [row for row in rows if row.address + row.length <= start + _CHUNK]
+        rows = rows[len(block) :]
+        data = bus.read(joint.id, start, block[-1].address + block[-1].length - start).params
+        held |= {row.name: row.decode(data[row.address - start :][: row.length]) for row in block}
+    return held
+
+
+def _read_silent(joint: RigJoint, bus: Bus) -> dict[str, int]:
+    """As `_read_all` of a servo that answers a ping but no read: it is told to answer meanwhile, in its RAM."""
+    level = joint.table["status_return_level"]
+    if level.memory != "RAM":
+        raise RigError(_MUTE.format(f"{joint.name} (id {joint.id})"))
+    answers, mute = (bytes((joint.id,)) + level.encode(value) for value in (2, 0))
+    bus.sync_write(level.address, level.length, answers)
+    try:
+        return _read_all(joint, bus) | {level.name: 0}
+    finally:
+        bus.sync_write(level.address, level.length, mute)
 
 
 def restore(config: RigConfig, backups: Iterable[ServoBackup], bus: Bus) -> list[str]:
@@ -130,5 +155,7 @@ def _check_model(joint: str, id: int, model: str, bus: Bus) -> None:
     identity = bus.ping(id)
     if identity is None:
         raise RigError(f"{joint} (id {id}) does not answer. Check power, cable, id and baud rate.")
+    if identity.model_number == UNTOLD:
+        raise RigError(_MUTE.format(f"{joint} (id {id})"))
     if identity.model != model:
         raise RigError(f"{joint} (id {id}) is a {identity.model}, not a {model}. Correct the rig file.")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,7 +15,7 @@ from hardware.control_table.meanings import describe_errors
 from hardware.control_table.models import MODELS
 from hardware.control_table.table import ControlTable
 from hardware.errors import NoReplyError, RigError, ServoError
-from hardware.rig.audit import audit, settle
+from hardware.rig.audit import Difference, audit, settle
 from hardware.rig.identities import hardware_errors, have_answer, have_old_answer
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.state_block import arranged
@@ -25,9 +25,11 @@ _LIKELY = (57600, 1_000_000, 4_000_000, 2_000_000, 3_000_000, 115_200, 9600)
 _OLD_BLOCK = 20  # bytes that are read of a servo without indirect cells
 _CLOSE_TO_HOT = 12.0  # degC
 _SILENT = (
-    "answers a ping but no read, as if its status_return_level is 0, the rig needs 2: motiondeck rig doctor --fix; "
-    "set at every switch-on too"
+    "answers a ping but no read, as if its status_return_level is 0, the rig needs 2: --fix sets it, and so does every "
+    "switch-on"
 )
+_SET_ANYWAY = "set at every switch-on"
+_FALSIFIES = {"drive_mode", "homing_offset", "multi_turn_offset", "resolution_divider"}  # the position a servo reports
 _THE_RIGS_OWN = ("min_position_limit", "max_position_limit", "current_limit")  # of which no servo knows beforehand
 
 
@@ -182,17 +184,19 @@ def examine(config: RigConfig, bus: Bus) -> Report:
             except ServoError as error:
                 problems.append(str(error))
                 continue
-            problems += _complaints(servo, joint, who)
-            problems += [f"{one}: motiondeck rig doctor --fix" for one in differences if one.when != "switch-on"]
+            problems += _complaints(servo, joint, who, {one.register for one in differences})
+            problems += [f"{one}: --fix sets it" for one in differences if one.when != "switch-on"]
+            if _turns_endlessly(joint, differences):
+                notes.append(f"{who} is set to turn without an end, its position limits are equal: {_SET_ANYWAY}")
             notes += [
-                f"{one}: set at every switch-on"
+                f"{one}: {_SET_ANYWAY}"
                 for one in differences
                 if one.when == "switch-on" and one.register not in _THE_RIGS_OWN
             ]
     latency = latency_timer(bus.port.name)
     if latency is not None and latency > 1:
         problems.append(
-            f"the USB adapter holds answers for up to {latency} ms: motiondeck rig doctor --fix sets 1, or: "
+            f"the USB adapter holds answers for up to {latency} ms: --fix sets 1, or: "
             f"echo 1 | sudo tee {_latency_file(bus.port.name)}"
         )
     slowest = max((servo.return_delay_us for servo in servos), default=0) * 1e-6
@@ -241,13 +245,20 @@ def fix_settings(config: RigConfig, bus: Bus) -> Fixed:
             if differences and bus.read(joint.id, torque.address, torque.length).params != b"\0":
                 refused.append(f"{joint.name} (id {joint.id}) has its torque on: motiondeck rig stop takes it off")
                 continue
-            for difference in differences:
-                settle([difference], one, bus)
-                who, found, needed = f"{joint.name} (id {joint.id})", difference.found, difference.needed
-                done.append(f"{who}: {difference.register} was {found} and is {needed}")
+            limits = [difference for difference in differences if difference.when != "switch-on"]
+            done.extend(_settle_each(limits, one, bus))
+            # Goal PWM and torque limit follow their limits.
+            done.extend(_settle_each(audit(one, bus) if limits else differences, one, bus))
         except ServoError as error:
             refused.append(f"{joint.name}: {error}")
     return Fixed(done, refused)
+
+
+def _settle_each(differences: Iterable[Difference], config: RigConfig, bus: Bus) -> Iterator[str]:
+    """Sets one register after the other, and says so."""
+    for one in differences:
+        settle([one], config, bus)
+        yield f"{one.joint} (id {one.id}): {one.register} was {one.found} and is {one.needed}"
 
 
 def set_up(open_bus: Callable[[int], Bus], id: int, baud: int) -> tuple[Found, Identity]:
@@ -334,12 +345,20 @@ def _ask(joint: RigJoint, identity: Identity, bus: Bus) -> ServoReport:
     )
 
 
-def _complaints(servo: ServoReport, joint: RigJoint, who: str) -> list[str]:
-    """What is wrong with one servo."""
+def _turns_endlessly(joint: RigJoint, differences: Iterable[Difference]) -> bool:
+    """Whether an old servo is a wheel (its position limits are both 0) or counts many turns (both at its end)."""
+    limits = {one.register: one.found for one in differences}
+    low = limits.get("min_position_limit")
+    end = joint.table.one_turn[1]
+    return joint.table.protocol == 1 and low is not None and low == limits.get("max_position_limit", end)
+
+
+def _complaints(servo: ServoReport, joint: RigJoint, who: str, differing: set[str]) -> list[str]:
+    """What is wrong with one servo, some of whose registers differ from what the rig needs."""
     found: list[str] = []
     if servo.errors:
         found.append(f"{who} reports {servo.errors}: mend the cause, then switch its power off and on")
-    if not joint.lower - 0.05 <= servo.position <= joint.upper + 0.05:
+    if not (joint.lower - 0.05 <= servo.position <= joint.upper + 0.05 or differing & _FALSIFIES):
         found.append(
             f"{who} stands at {servo.position:.2f} rad, its limits are {joint.lower} to {joint.upper}: "
             "move it by hand, or motiondeck rig calibrate"

@@ -82,6 +82,9 @@ def doctor(
         if refused:
             print("\n".join(f"not set: {line}" for line in refused))
         print("no problem found" if not problems else f"{problems} problem{'s' * (problems > 1)}")
+        if not fix and any("--fix sets" in problem for report in reports for problem in report.problems):
+            ports = "".join(f" --port {name}" for name in port or ())
+            print(f"to set what differs: motiondeck rig doctor {rig}{ports} --fix")
     if problems:
         raise typer.Exit(1)
 

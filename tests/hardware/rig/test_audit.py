@@ -116,7 +116,7 @@ def test_what_could_move_a_joint_wrongly_is_refused_and_named_and_fixed_on_reque
         DynamixelRig(used_rig, bus)
     assert [port.bus[id]["torque_enable"] for id in (1, 2)] == [0, 0]
     assert port.bus[1][register] == value
-    assert any(register in problem and "rig doctor --fix" in problem for problem in examine(used_rig, bus).problems)
+    assert any(register in problem and "--fix sets it" in problem for problem in examine(used_rig, bus).problems)
     assert fix_settings(used_rig, bus).refused == []
     assert audit(used_rig, bus) == []
     assert fastest(DynamixelRig(used_rig, bus), port) < 1.05 * LIMIT
@@ -137,6 +137,24 @@ def test_a_weaker_or_slower_servo_is_advice_only(used_rig, port, bus):
     assert "pwm_limit is 600, the rig needs 885 (it is weaker than its model)" in problems
     assert "velocity_limit is 20" in problems
     DynamixelRig(used_rig, bus)
+
+
+def test_a_weak_servo_is_as_strong_as_its_model_after_one_fix(used_rig, port, bus):
+    """Its goal PWM follows the limit that is set with it."""
+    port.bus[1]["pwm_limit"] = port.bus[1]["goal_pwm"] = 100
+    fix_settings(used_rig, bus)
+    assert (port.bus[1]["pwm_limit"], port.bus[1]["goal_pwm"]) == (885, 885)
+    assert audit(used_rig, bus) == []
+
+
+@pytest.mark.parametrize(("register", "value"), [("drive_mode", 1), ("homing_offset", 1000)])
+def test_a_position_that_a_setting_falsifies_is_no_problem_of_its_own(used_rig, port, bus, register, value):
+    """To move the joint by hand, as is said of one outside its limits, would be wrong."""
+    port.bus[1][register] = value
+    port.elapse(0.01)
+    problems = examine(used_rig, bus).problems
+    assert any(register in problem for problem in problems)
+    assert not any("stands at" in problem for problem in problems)
 
 
 def test_nothing_is_written_where_nothing_differs(used_rig, port, bus):

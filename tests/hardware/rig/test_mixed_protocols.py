@@ -140,6 +140,13 @@ def test_what_may_be_set_is_set_at_switch_on(config, port, bus, id, register, va
     assert not [difference for difference in audit(config, bus) if difference.when == "switch-on"]
 
 
+@pytest.mark.parametrize("limits", [(0, 0), (4095, 4095)])
+def test_the_doctor_names_an_old_servo_that_would_turn_without_an_end(config, port, bus, limits):
+    assert not any("without an end" in note for note in examine(config, bus).notes)
+    port.bus[3]["min_position_limit"], port.bus[3]["max_position_limit"] = limits
+    assert any("(id 3) is set to turn without an end" in note for note in examine(config, bus).notes)
+
+
 @pytest.mark.parametrize("level", [0, 1])
 def test_the_doctor_names_and_mends_an_old_servo_that_does_not_answer_all(config, port, bus, level):
     port.bus[1]["status_return_level"] = level

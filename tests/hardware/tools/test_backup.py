@@ -22,6 +22,14 @@ def test_what_was_changed_is_restored_from_the_file(rig_of_four, bus, port, tmp_
     assert restore(rig_of_four, backups, bus) == []
 
 
+@pytest.mark.parametrize("level", [0, 1])
+def test_a_servo_that_answers_no_read_is_kept_too_and_stays_as_it_is(rig_of_four, bus, port, level):
+    port.bus[2]["homing_offset"], port.bus[2]["status_return_level"] = -300, level
+    backup = back_up(rig_of_four, bus)[1]
+    assert (backup.registers["homing_offset"], backup.registers["status_return_level"]) == (-300, level)
+    assert port.bus[2]["status_return_level"] == level
+
+
 def test_nothing_is_written_while_one_servo_has_its_torque_on(rig_of_four, bus, port):
     backups = back_up(rig_of_four, bus)
     port.bus[1]["drive_mode"] = 4

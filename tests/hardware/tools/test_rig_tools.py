@@ -45,9 +45,9 @@ def test_a_healthy_rig_has_nothing_but_slow_answers(rig_of_four, bus):
     fixed = fix_settings(rig_of_four, bus)
     assert fixed.refused == []
     assert fixed.done[6:9] == [
+        "joint_3 (id 3): return_delay_time was 250 and is 0",
         "joint_3 (id 3): min_position_limit was 0 and is 848",
         "joint_3 (id 3): max_position_limit was 4095 and is 2478",
-        "joint_3 (id 3): return_delay_time was 250 and is 0",
     ]
     assert fix_settings(rig_of_four, bus) == ([], [])
     assert examine(rig_of_four, bus).problems == []
