@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from controller.cli.rig.rig_port import PortOption, RigArgument, ended_by_sigterm, load, open_buses
+from motiondeck_base.errors import MotiondeckError
 
 
 def backup(
@@ -15,12 +16,16 @@ def backup(
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The file to write (JSON).")],
     port: PortOption = None,
 ) -> None:
-    """Save the whole control table of every servo in a file; moves and changes nothing.
+    """Save the whole control table of every servo in a new file; moves and changes nothing.
 
     Example:  motiondeck rig backup my-rig.toml --out servos.json
     """
+    from controller.cli.common.options import check_folder
     from hardware.tools.backup import back_up, save_backups
 
+    if out.exists():
+        raise MotiondeckError(f"{out} is there already, perhaps with the settings from before: give another --out")
+    check_folder(out)
     with ended_by_sigterm(), open_buses(load(rig), port) as parts:
         backups = [one for part, bus in parts for one in back_up(part, bus)]
     save_backups(backups, out)
