@@ -6,8 +6,8 @@ Each motion is started at its first anchor and left alone for three times its le
   40 mm or 0.4 of the motion's own spread, and the joints move 0.4 to 2.5 times as fast as in training (still motions
   excepted); and after the first third it has to come by at least 70 % of the motion's windows, to 40 mm, for a network
   may take a short cut where a motion comes near to itself, and play a part of it for ever;
-- a one-shot passes if it went through at least 70 % of its moving windows in order and then holds its
-  last pose to 40 mm.
+- a one-shot passes if it went through at least 70 % of its moving windows in order, or was where it should be at every
+  time (a gesture that is repeated looks like itself), and then holds its last pose to 40 mm.
 
 A network that a center drives knows its phase, so there each frame is compared with the recorded one of the same phase,
 and a gesture that is repeated within a motion is not mistaken for itself. It passes if, over the last time that it goes
@@ -141,8 +141,7 @@ class Judge:
         frame = np.arange(1, len(run) + 1)[-last:]
         frame = frame % len(reference) if self.loops[motion] else np.minimum(frame, len(reference) - 1)
         off = distances(joint_features(self.encoding, run[-last:]), reference[frame])
-        spread = float(np.sqrt(np.square(distances(reference, reference.mean(0))).mean()))
-        bound = min(max(PHASE_SHARE * spread, LEAST_BOUND_MM), LOST_MM)
+        bound = _bound_in_time(reference)
         error, largest = float(off.mean()), float(off.max())
         if error > bound:
             return MotionVerdict(False, error, 1.0, f"{error:.0f} mm off at the same phase, {bound:.0f} mm allowed")
@@ -169,6 +168,12 @@ def distances(features: Array, others: Array) -> Array:
     return np.sqrt(np.square(features - others).sum(-1) / (features.shape[-1] / 3.0))
 
 
+def _bound_in_time(reference: Array) -> float:
+    """How far from its features (T, F) a motion may be in the mean at the same phase or time, mm."""
+    spread = float(np.sqrt(np.square(distances(reference, reference.mean(0))).mean()))
+    return min(max(PHASE_SHARE * spread, LEAST_BOUND_MM), LOST_MM)
+
+
 def _judge_once(run: Array, matcher: Matcher, index: int, reference: Array, *, holds: bool) -> MotionVerdict:
     """The verdict on features (T, F) of a one-shot, learned from reference features."""
     found = matcher.match(run, index, alone=True)
@@ -177,7 +182,9 @@ def _judge_once(run: Array, matcher: Matcher, index: int, reference: Array, *, h
     places = found.place[found.place < len(moving)]
     passed_through = rising_length(places[moving[places]]) / max(1, int(moving.sum()))
     end = float(np.sqrt(np.square(run[-1] - reference[-1]).sum() / (len(run[-1]) / 3.0)))
-    if passed_through < 0.7:
+    whole = run[: len(reference) - 1]
+    in_time = distances(whole, reference[1 : 1 + len(whole)]).mean() <= _bound_in_time(reference)
+    if passed_through < 0.7 and not in_time:
         return MotionVerdict(False, error, 1.0, f"went through {passed_through:.0%} of the motion only")
     if holds and end > LOST_MM:
         return MotionVerdict(False, error, 1.0, f"holds a pose {end:.0f} mm away from the last one")

@@ -88,6 +88,15 @@ def test_a_repeated_gesture_passes_where_the_phase_is_known(loop):
     assert verdict.error_mm < 1e-6
 
 
+@pytest.mark.parametrize(("played", "passes"), [(slice(None), True), (slice(60, None), False), (slice(1), False)])
+def test_a_gesture_that_is_repeated_before_the_end_passes_if_each_one_comes_in_its_time(played, passes):
+    """The waves are alike, so to which of them a moment of the run is nearest says nothing."""
+    run = beckon()[played]
+    judge = Judge(synthetic.small_encoding(), {"both": beckon()}, {"both": False}, synthetic.RATE)
+    tape = Tape(np.concatenate([run, *[beckon()[-1:]] * (720 - len(run))]))
+    assert self_test(tape, judge)["both"].passed is passes
+
+
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
