@@ -15,12 +15,12 @@ from hardware.errors import RigError, SerialPortError, ServoError
 from hardware.rig.audit import POSITION_MODE, audit, in_counts, position_ends, settle
 from hardware.rig.braking import places_of_rest
 from hardware.rig.identities import check_identities, have_answer, have_old_answer, refuse_shut_down
-from hardware.rig.registers import tell_all, write_each
+from hardware.rig.registers import list_joints, read_each, tell_all, write_each
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array, RigScale
 
 _NEAR = 0.05  # rad that a joint may stand outside its limits when switched on: play, and the rounding of pulses
-_ROUNDS = 2  # of asking for the end of torque: a servo that has just restarted is deaf for a while
+_ROUNDS = 2  # of asking for torque or its end: a servo that has just restarted is deaf for a while
 
 
 def switch_on(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambda: False) -> Array:
@@ -53,7 +53,7 @@ def switch_on(config: RigConfig, bus: Bus, cancelled: Callable[[], bool] = lambd
         held = hold_still(config, bus)
         if cancelled():
             raise RigError("the rig was closed before torque was on.")
-        write_each(config, bus, "torque_enable", [1] * len(config.joints))
+        _take_torque_on(config, bus)
     except ServoError as error:
         raise RigError(str(error)) from error
     return held
@@ -173,6 +173,24 @@ def hold_each(config: RigConfig, bus: Bus) -> list[str]:
     except SerialPortError:
         return list(config.names)
     return unconfirmed
+
+
+def _take_torque_on(config: RigConfig, bus: Bus) -> None:
+    """Takes torque on where a servo still keeps its speed limit, which one that has restarted or was swapped does not.
+
+    The write behind the look is sent once and not answered: one that is repeated until it is answered may reach a
+    servo that has restarted meanwhile.
+    """
+    off = list(range(len(config.joints)))
+    for _ in range(_ROUNDS):
+        for index in off:
+            one = config.only([index])
+            if read_each(one, bus, "profile_velocity") != [speed_counts(config.joints[index], 1.0)]:
+                raise RigError(f"{list_joints(one.joints)} has restarted while it was switched on. Check its power.")
+            tell_all(one, bus, "torque_enable", 1)
+        off = [index for index in off if read_each(config.only([index]), bus, "torque_enable") == [0]]
+    if off:
+        raise RigError(f"{list_joints(config.only(off).joints)} did not take torque on. Try again.")
 
 
 def _is_set(joint: RigJoint, bus: Bus, low: int, high: int) -> bool:

@@ -46,7 +46,7 @@ _KEPT = 200
 _KINDS = (
     "does not answer",
     "has lost its torque or restarted",
-    "was cut off for longer than its watchdog waits",
+    "was cut off for longer than watchdog_ms",
     "does not follow its target",
     "pushes against something and gives way",
     "is getting hot",

@@ -5,6 +5,7 @@ import pytest
 
 from hardware.errors import RigError, SerialPortError
 from hardware.protocol2.frames import Parser
+from hardware.protocol2.instructions import SYNC_WRITE, WRITE
 from hardware.rig.dynamixel_rig import DynamixelRig
 from hardware.rig.indirect_cells import arrange_state
 from hardware.rig.switching import hold_still
@@ -83,12 +84,33 @@ def test_torque_comes_on_where_the_joints_stand(rig_of_four, port, bus):
 
 def test_torque_comes_on_only_after_the_goal(rig_of_four, port, bus):
     DynamixelRig(rig_of_four, bus)
-    frames = Parser().feed(b"".join(port.sent))
-    writes = [(frame.id, frame.params[0], frame.params[2:]) for frame in frames if frame.instruction == 0x03]
+    frames = list(Parser().feed(b"".join(port.sent)))
+    writes = [(frame.id, frame.params[0], frame.params[2:]) for frame in frames if frame.instruction == WRITE]
+    on = [frame.params[4] for frame in frames if frame.instruction == SYNC_WRITE and frame.params[5:] == b"\x01"]
+    assert on == [1, 2, 3, 4]
+    first = next(place for place, frame in enumerate(frames) if frame.params[:1] + frame.params[4:] == b"\x40\x01\x01")
     for id in (1, 2, 3, 4):
-        own = [(address, data) for to, address, data in writes if to == id]
-        assert own.index((116, own[[address for address, _ in own].index(116)][1])) < own.index((64, b"\x01"))
-        assert own.index((64, b"\x00")) < own.index((64, b"\x01"))
+        own = [address for to, address, _ in writes if to == id]
+        assert own.index(64) < own.index(116)
+        assert (id, 64, b"\x01") not in writes
+        goal = next(place for place, frame in enumerate(frames) if frame.id == id and frame.params[:1] == b"\x74")
+        assert goal < first
+
+
+@pytest.mark.parametrize("cause", ["reboot", "swap"])
+def test_a_servo_that_restarts_while_it_is_switched_on_gets_no_torque(rig_of_four, port, bus, monkeypatch, cause):
+    """It has lost its speed limit, and may be another servo than the one whose model was checked."""
+
+    def then_restart(*args):
+        held = hold_still(*args)
+        device = port.bus[3]
+        device.swap(1190, port.now() + 0.1) if cause == "swap" else device.reboot(port.now() + 0.1)
+        return held
+
+    monkeypatch.setattr("hardware.rig.switching.hold_still", then_restart)
+    with pytest.raises(RigError, match=r"joint_3 \(id 3\) has restarted while it was switched on"):
+        DynamixelRig(rig_of_four, bus)
+    assert registers(port.bus, "torque_enable") == [0, 0, 0, 0]
 
 
 def test_limits_stand_in_the_servos_too(rig, servos):
