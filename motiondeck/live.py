@@ -38,6 +38,7 @@ from controller.wire.messages import (
     SetInput,
     SetTempo,
     Settled,
+    StepOn,
     Stop,
     Subscribe,
     Switch,
@@ -239,6 +240,14 @@ class LiveDeck:
     def pause(self) -> None:
         """Comes to a standstill."""
         self._request(Pause())
+
+    def step(self, seconds: float = 0.0) -> None:
+        """Goes on in a pause for one tick, or for so many seconds, up to 1.
+
+        Raises:
+            CommandError: if the deck is not paused.
+        """
+        self._request(StepOn(seconds=seconds))
 
     def resume(self) -> None:
         """Goes on after a pause, from home, or after the emergency stop was reset."""

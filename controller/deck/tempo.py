@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from controller.wire.command_table import TEMPO, TEMPO_SECONDS
+from controller.wire.command_table import STEP_SECONDS, TEMPO, TEMPO_SECONDS
+from motiondeck_base.errors import MotiondeckError
 
 # How fast the tempo itself may change, 1/s: a pause takes 0.4 s.
 TEMPO_RATE = 2.5
@@ -20,6 +21,7 @@ class Tempo:
     def __init__(self) -> None:
         self.present = self.commanded = 1.0
         self.paused = False
+        self._on = 0.0  # s for which the motion still goes on in a pause
         self._rate = TEMPO_RATE  # of the change to the commanded tempo, 1/s
 
     def command(self, factor: float, over: float = 0.0) -> None:
@@ -46,6 +48,19 @@ class Tempo:
     def resume(self) -> None:
         """Plays on after a pause."""
         self.paused = False
+        self._on = 0.0
+
+    def step_on(self, seconds: float) -> None:
+        """Goes on in a pause for so long at the commanded tempo, at least for one update.
+
+        Raises:
+            CommandError: if the time is out of its range.
+            MotiondeckError: if there is no pause.
+        """
+        STEP_SECONDS.check(seconds)
+        if not self.paused:
+            raise MotiondeckError("a step goes on in a pause: pause first")
+        self._on = max(seconds, 1e-9)
 
     def advance(self, dt: float) -> float:
         """The tempo after dt more seconds."""
@@ -58,6 +73,9 @@ class Tempo:
         return self._approach(wanted, rate, dt)
 
     def _approach(self, goal: float, rate: float, dt: float) -> float:
+        if self.paused and self._on > 1e-12:
+            self._on -= dt
+            return self.commanded
         if self.paused:
             goal, rate = 0.0, TEMPO_RATE
         most = rate * dt
@@ -93,6 +111,10 @@ class Paced:
     def pause(self) -> None:
         """Comes to a standstill and stays there until `resume`."""
         self._tempo.pause()
+
+    def step_on(self, seconds: float = 0.0) -> None:
+        """Goes on in a pause for so long, s, or for one update; see `Tempo.step_on`."""
+        self._tempo.step_on(seconds)
 
     def resume(self) -> None:
         """Plays on after a pause."""

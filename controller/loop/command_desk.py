@@ -49,6 +49,7 @@ from controller.wire.messages import (
     Settled,
     Side,
     State,
+    StepOn,
     Stop,
     Subscribe,
     Switch,
@@ -384,6 +385,8 @@ class CommandDesk:
                 return deck.lock(source, phase, steps)
             case Unlock():
                 return deck.unlock()
+            case StepOn(seconds=seconds):
+                return deck.step_on(seconds)
             case _:
                 return deck.pause()
         if stop.mode != "playing":

@@ -131,6 +131,10 @@ class Commandable(Protocol):
         """Comes to a standstill."""
         ...
 
+    def step_on(self, seconds: float = 0.0) -> None:
+        """Goes on in a pause for so long."""
+        ...
+
     def resume(self) -> None:
         """Plays on."""
         ...

@@ -40,6 +40,7 @@ from controller.wire.messages import (
     ServoTorque,
     SetInput,
     SetTempo,
+    StepOn,
     Stop,
     Subscribe,
     Switch,
@@ -158,6 +159,7 @@ Argument = MotionName | FilePath | Number | Flag | Choice
 
 TEMPO = Number("factor", "TEMPO", -3.0, 3.0)
 TEMPO_SECONDS = Number("over", "SECONDS", 0.0, 60.0, optional=True)
+STEP_SECONDS = Number("seconds", "SECONDS", 0.0, 1.0, optional=True)
 PHASE = Number("phase", "PHASE", 0.0, 1.0)
 WEIGHT = Number("weight", "WEIGHT", -0.3, 1.3)
 CODE = Number("code", "CODE", 0.0, 999999.0, optional=True)
@@ -255,6 +257,7 @@ COMMANDS = (
     ),
     DeckCommand("unlock", Unlock, (), "end a lock and play at the commanded tempo"),
     DeckCommand("pause", Pause, (), "stand still"),
+    DeckCommand("step", StepOn, (STEP_SECONDS,), "in a pause: go on for one tick, or for SECONDS (up to 1)"),
     DeckCommand("resume", Resume, (), "play on after a pause, from home, or after a reset"),
     DeckCommand("home", Home, (), "go slowly to the rest pose and stay there"),
     DeckCommand("estop", EmergencyStop, (), "emergency stop: brake every joint at once and hold", ALWAYS),

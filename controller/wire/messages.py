@@ -143,6 +143,17 @@ class Pause(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="pause"
     id: Number = 0
 
 
+class StepOn(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="step"):
+    """Go on in a pause, and stand still again.
+
+    Attributes:
+        seconds: of the motion; 0 for one tick.
+    """
+
+    id: Number = 0
+    seconds: float = 0.0
+
+
 class Resume(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="resume"):
     """Go on after a pause, from home, or after the emergency stop was reset."""
 
@@ -506,6 +517,7 @@ Message = (
     | LockPhase
     | Unlock
     | Pause
+    | StepOn
     | Resume
     | Home
     | EmergencyStop

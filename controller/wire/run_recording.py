@@ -32,7 +32,7 @@ COMMANDS = (
     *("switch", "queue", "tempo", "pause", "resume", "home", "estop", "reset", "stop", "blend", "jump"),
     *("input", "beat", "lock", "unlock"),
     *("torque", "restart", "load", "push"),
-    *("write", "scan"),
+    *("write", "scan", "step"),
 )
 """The field `command` is an index into these, counted from 1; 0 is a tick without a command."""
 MODES = ("playing", "home", "held", "emergency stop")

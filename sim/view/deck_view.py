@@ -22,6 +22,7 @@ from sim.view.ghost import Ghost
 from sim.view.learning.hand_recorder import HandRecorder
 from sim.view.learning.learn_panel import LearnPanel
 from sim.view.live_footprints import LiveSteps
+from sim.view.live_forces import LiveForces
 from sim.view.network_view import NetworkView
 from sim.view.panel import Panel
 from sim.view.rig.joint_glow import JointGlow
@@ -75,6 +76,8 @@ class DeckView:
         library = description.get("library")
         self._network = NetworkView(page, Path(str(library)), height) if library else None
         self._steps = LiveSteps(page, model, np.array(description.get("rest", model.qpos0)), height)
+        weight = description.get("weight")
+        self._forces = LiveForces(page, float(weight), height) if weight else None
         self._panel = Panel(
             page,
             self._motions,
@@ -85,6 +88,7 @@ class DeckView:
             has_phase=bool(description.get("has_phase")),
             has_network=self._network is not None,
             push_ns=float(description.get("push_ns", 0.0)),
+            has_forces=self._forces is not None,
             library=Path(file) if (file := description.get("library_file")) else None,
             recognizable=description.get("recognizable", ()),
         )
@@ -154,6 +158,8 @@ class DeckView:
             if self._network is not None:
                 self._network.show(latest["activation"], playing, visible=self._panel.shows_network)
             self._steps.show(self._scene.data, centre, dt, visible=self._panel.marks_steps)
+            if self._forces is not None:
+                self._forces.show(seen["contacts"].reshape(-1, 6), centre, visible=self._panel.shows_forces)
             if self._glow is not None:
                 self._glow.show(self._scene.data, centre)
 

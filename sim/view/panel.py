@@ -31,6 +31,7 @@ from controller.wire.messages import (
     Resume,
     SetTempo,
     Side,
+    StepOn,
     Stop,
     Switch,
     Unlock,
@@ -53,10 +54,14 @@ _TOLD = ("via", "gave up", "fault", "fell", "stands", "push", "lost", "replayed"
 _ALARMING = ("fault", "fell", "lost", "replayed")
 MOST_NOTICES = 3  # at a time; what a rig does has its own tab
 
+STEP = 1.0 / 30.0  # s, of a step; a tick alone is hardly to be seen
+STEPS = "The motion goes on for 1/30 s."
+
 CURRENT = (38, 110, 200)
 STOPS = (201, 42, 42)
 # Keys for the first motions.
 DIGITS = ("1", "2", "3", "4", "5", "6", "7", "8", "9")
+FORCES = "Of the floor on the body; an arrow half as long as the robot is its weight"
 NOTICE_SECONDS = 8.0
 MORE = "All of them are marks in the strip of the last minutes, with their text."
 
@@ -65,7 +70,8 @@ class Panel:
     """Buttons and figures beside the scene; with `has_human` the human whose motion is played can be shown, too.
 
     With `has_phase` motions can be played backwards and sent to a phase; with `has_network` one can look inside it. A
-    body in physics can be pushed; a good push is `push_ns`, N s, and 0 means that there is none.
+    body in physics can be pushed; a good push is `push_ns`, N s, and 0 means that there is none. With `has_forces` the
+    forces of the floor on it are known.
     """
 
     def __init__(
@@ -80,6 +86,7 @@ class Panel:
         has_phase: bool = False,
         has_network: bool = False,
         push_ns: float = 0.0,
+        has_forces: bool = False,
         library: Path | None = None,
         recognizable: Sequence[str] = (),
     ) -> None:
@@ -105,6 +112,10 @@ class Panel:
         self._pause.on_click(lambda _: self._pause_or_resume())
         self._home = gui.add_button("Home", icon=viser.Icon.HOME, color="gray", hint=BY_WORD["home"].help)
         self._home.on_click(lambda _: self.send(Home()))
+        self._step = gui.add_button(
+            "Step", icon=viser.Icon.PLAYER_SKIP_FORWARD, color="gray", visible=False, hint=STEPS + " Key: S."
+        )
+        self._step.on_click(lambda _: self.send(StepOn(seconds=STEP)))
         self._controls_of_motions = MotionControls(self.parts, motions, library, has_phase=has_phase, send=self.send)
         self._tempo = gui.add_slider(
             "tempo", min=TEMPO.lowest if has_phase else 0.0, max=TEMPO.highest, step=0.05, initial_value=1.0
@@ -121,6 +132,7 @@ class Panel:
                 else None
             )
             self._steps = gui.add_checkbox("footprints and contacts", False)
+            self._forces = gui.add_checkbox("contact forces", False, hint=FORCES) if has_forces else None
             self._follow = gui.add_checkbox("camera follows", True)
             self._add_cameras(look_from)
         if push_ns:
@@ -162,6 +174,7 @@ class Panel:
         gui = self._page.gui
         gui.add_command("Emergency stop", hotkey="escape").on_trigger(lambda _: self.send(EmergencyStop()))
         gui.add_command("Pause or resume", hotkey="space").on_trigger(lambda _: self._pause_or_resume())
+        gui.add_command("Step", hotkey="S").on_trigger(lambda _: self.send(StepOn(seconds=STEP)))
         for digit, motion in zip(DIGITS, self._motions, strict=False):
             gui.add_command(motion, hotkey=digit).on_trigger(lambda _, motion=motion: self.send(Switch(motion)))
 
@@ -195,6 +208,11 @@ class Panel:
         return bool(self._steps.value)
 
     @property
+    def shows_forces(self) -> bool:
+        """Whether the forces of the floor on the body are shown."""
+        return self._forces is not None and bool(self._forces.value)
+
+    @property
     def follows(self) -> bool:
         """Whether the camera follows the robot."""
         return bool(self._follow.value)
@@ -208,6 +226,7 @@ class Panel:
         if now.paused != before.paused:
             self._pause.label = "Resume" if now.paused else "Pause"
             self._pause.icon = viser.Icon.PLAYER_PLAY if now.paused else viser.Icon.PLAYER_PAUSE
+            self._step.visible = now.paused
         if now.mode != before.mode:
             self._estop.label = "Reset" if self._stopped else "Emergency stop"
             for control, command in self._controls:

@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from controller.cli.session.child_process import free_port
 from controller.cli.session.recognition.watch import NUMBERS, Watch
@@ -32,6 +32,7 @@ PICTURE_HZ = 50.0
 HEALTH_EVERY = 12  # pictures
 SERVOS_EVERY = 5  # pictures
 MOST_SHOWN = 8  # motions on the way, and in the queue
+MOST_FORCES = 6  # parts of the body that touch the floor
 
 # What the page shows besides the position of the robot: each field is one number.
 _NUMBERS = (
@@ -137,6 +138,15 @@ class Showable(Protocol):
         ...
 
 
+@runtime_checkable
+class OnFloor(Protocol):
+    """A simulated body that stands on a floor."""
+
+    def contact_forces(self, out: Array) -> None:
+        """Writes where the floor holds it and how hard, shape (N, 6), m and N; NaN for none."""
+        ...
+
+
 class LatePoses:
     """Gives poses back so many seconds after they came; the first one until then."""
 
@@ -177,7 +187,7 @@ class Page:
         self._stage, self._followers = first.stage, [simulation.stage for simulation in others]
         # The human is shown as the body is that follows it.
         self._human = LatePoses(first.stage.behind_s)
-        self._body = robots[0].pushable
+        self._body, self._on_floor = robots[0].pushable, _on_floor(robots[0])
         self._guards = [robot.guard for robot in robots if robot.guard is not None]
 
     @classmethod
@@ -233,6 +243,9 @@ class Page:
             description["library_file"] = str(library.resolve())
         if learns and library is not None:
             description["learn"] = [sys.executable, "-P", "-m", "controller.cli.session.page_learning"]
+        if _on_floor(robots[0]) is not None:
+            description["weight"] = 9.81 * float(robot.model.body_mass.sum())
+            numbers["contacts"] = 6 * MOST_FORCES
         if robots[0].pushable is not None:
             description["push_ns"] = usual_push(robot.model)
         if servos is not None:
@@ -271,6 +284,8 @@ class Page:
         beats = lock.per_minute if lock is not None else None
         fields["beats_per_minute"][0] = beats if beats is not None else math.nan
         fields["mode"][0] = MODES.index(stop.mode)
+        if self._on_floor is not None:
+            self._on_floor.contact_forces(fields["contacts"].reshape(MOST_FORCES, 6))
         fields["fallen"][0] = self._body is not None and self._body.fallen
         fields["rate_hz"][0] = state.rate
         fields["overruns"][0] = state.overruns
@@ -311,6 +326,14 @@ def _set_names(field: Array, names: Sequence[str], motions: Sequence[str]) -> No
     field[:] = -1.0
     for place, name in enumerate(names[: len(field)]):
         field[place] = motions.index(name)
+
+
+def _on_floor(robot: RobotOnDeck) -> OnFloor | None:
+    """The simulation of a robot that nothing holds but the floor."""
+    simulation = robot.simulation
+    if simulation is None or simulation.root != "free" or not isinstance(simulation.stage, OnFloor):
+        return None
+    return simulation.stage
 
 
 def _simulations(robots: Sequence[RobotOnDeck]) -> list[Simulation]:

@@ -3,6 +3,7 @@
 import pytest
 
 from controller.deck.tempo import Tempo
+from controller.wire.messages import CommandError
 from motiondeck_base.errors import MotiondeckError
 
 
@@ -55,3 +56,21 @@ def test_a_tempo_out_of_range_is_refused(factor, over):
     with pytest.raises(MotiondeckError, match="must be a number from"):
         tempo.command(factor, over)
     assert tempo.commanded == 1.0
+
+
+def test_a_step_in_a_pause_goes_on_for_its_time_and_stands_still_again():
+    tempo = Tempo()
+    tempo.command(-0.5, over=0.0)
+    with pytest.raises(MotiondeckError, match="pause first"):
+        tempo.step_on(0.0)
+    tempo.pause()
+    for _ in range(200):
+        tempo.advance(0.01)
+    for seconds, updates in ((0.0, 1), (0.1, 10)):
+        tempo.step_on(seconds)
+        assert [tempo.advance(0.01) for _ in range(updates + 3)] == [-0.5] * updates + [0.0] * 3
+    tempo.step_on(1.0)
+    tempo.resume()
+    assert abs(tempo.advance(0.01)) < 0.1
+    with pytest.raises(CommandError):
+        tempo.step_on(1.5)

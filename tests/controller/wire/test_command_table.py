@@ -92,4 +92,4 @@ def test_the_emergency_stop_is_always_allowed_and_its_reset_only_while_it_is_on(
     assert command_of(Reset()).modes == {"emergency stop"}
     moving = [c.word for c in COMMANDS if "emergency stop" not in c.modes]
     plays = ["switch", "queue", "blend", "tempo", "input", "jump", "beat", "lock", "unlock"]
-    assert moving == [*plays, "pause", "resume", "home", "restart", "scan", "load"]
+    assert moving == [*plays, "pause", "step", "resume", "home", "restart", "scan", "load"]

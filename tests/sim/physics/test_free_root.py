@@ -71,6 +71,13 @@ def test_a_robot_whose_file_has_no_servos_stands_on_those_it_is_given(tmp_path):
     assert stage.fell_s is None
     assert rotate(stage.qpos[3:7], np.array([0.0, 0.0, 1.0]))[2] > np.cos(0.05)
     assert np.abs(stage.data.qvel).max() < 0.05
+    forces = np.empty((6, 6))
+    stage.contact_forces(forces)
+    held = forces[np.isfinite(forces[:, 0])]
+    assert len(held) == 2, "its feet"
+    weight = 9.81 * stage.model.body_mass.sum()
+    assert held[:, 3:].sum(axis=0) == pytest.approx([0.0, 0.0, weight], abs=0.05 * weight)
+    assert np.abs(held[:, 2]).max() < 0.01, "on the floor"
 
 
 def test_a_fixed_root_stays_where_it_was_first():

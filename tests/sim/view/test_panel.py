@@ -7,7 +7,7 @@ from contextlib import closing
 import numpy as np
 
 from controller.wire.command_socket import CommandClient, CommandServer
-from controller.wire.messages import Accepted, EmergencyStop, Event, Push, Switch
+from controller.wire.messages import Accepted, EmergencyStop, Event, Push, StepOn, Switch
 from controller.wire.run_recording import MODES
 from sim.view.panel import Panel
 from sim.view.web.private_page import PrivatePage
@@ -91,6 +91,11 @@ def test_two_browsers_see_what_happens_and_both_command(browser):
             panel.show(state())
             for name in ("Pause", "Home"):
                 wide.get_by_role("button", name=name, exact=True).click(trial=True)  # neither covers the other
+            assert not wide.get_by_role("button", name="Step", exact=True).is_visible()
+            panel.show(state(paused=1.0))
+            wide.get_by_role("button", name="Step", exact=True).click()
+            until(lambda: (StepOn, "") in heard, "the step")
+            panel.show(state())
             jog.click()
             until(lambda: (Switch, "jog") in heard, "the first browser's command")
             phone.keyboard.press("Escape")
