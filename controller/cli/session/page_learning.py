@@ -27,6 +27,7 @@ from sim.view.learning.learning_process import (
 )
 
 FIGURES, POINTS = 8, 120  # poses, or angles of each joint, of a recording that are shown
+MARKERS = (".c3d", ".trc")
 LOOP_KEEPS = 0.5  # as `rig teach`
 _OFTEN = "Give a part without pauses or whole cycles of it, and learn it again."
 
@@ -38,12 +39,19 @@ def look(request: LearnRequest) -> Seen:
         MotiondeckError: if it cannot be read.
     """
     from controller.mocap.encodings.joint_angles import JointBody, angles_of
+    from controller.mocap.formats.writing import bvh_text
     from controller.training.learn import examine
 
     file = Path(request.file)
     if file.suffix == HAND:
         return _look_at_hands(file)
+    if file.suffix.lower() in MARKERS:
+        tell(LearningStep(f"reading {file.name}: a body is fitted to its markers, which takes some seconds"))
     motion, clip = examine(file, "recording")
+    if file.suffix.lower() in MARKERS:
+        # What took so long is not done again: read from BVH it is the same clip.
+        file = file.with_suffix(".bvh")
+        file.write_text(bvh_text(clip), encoding="utf-8")
     first, end = motion.frames or (0, len(clip))
     moving = first / clip.rate, end / clip.rate
     if isinstance(clip.skeleton, JointBody):

@@ -127,7 +127,7 @@ class LearnPanel:
         self._part.min, self._part.max = 0.0, round(seconds, 2)
         self._part.value = (round(moving[0], 2), round(moving[1], 2))
         self._name.value = re.sub(r"[^a-z0-9-]+", "-", self._file.stem.lower()).strip("-")[:LONGEST_NAME]
-        self._say(f"{self._file.name}: {seconds:.1f} s. Choose the part, give it a name, and learn it.")
+        self._say(f"{self._file.stem}: {seconds:.1f} s. Choose the part, give it a name, and learn it.")
         self._show_choices(visible=True)
 
     def _show_choices(self, *, visible: bool) -> None:

@@ -106,7 +106,7 @@ def test_the_rig_is_recorded_by_hand_and_the_part_that_was_chosen_is_played(lear
         hands.see(rig([0, 1, 1], [0.1, 0.5 * swing, 0.8 * swing]), 10.0 + frame / 30.0)
     hands.show()
     tab.get_by_role("button", name="Stop recording").click()
-    tab.get_by_text("by-hand-1.clip: 8.0 s").wait_for()
+    tab.get_by_text("by-hand-1: 8.0 s").wait_for()
     name = tab.locator('input[value="by-hand-1"]').element_handle()
     name.fill("wave")
     name.press("Enter")
