@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Sequence
+
+from motiondeck_base.near_names import did_you_mean
 
 
 class MotiondeckError(Exception):
@@ -26,7 +27,4 @@ class UnknownNameError(MotiondeckError):
     def among(cls, kind: str, name: str, known: Iterable[str]) -> UnknownNameError:
         """The error for `name`, which is no known `kind`, with the nearest known names or else all of them."""
         names = list(known)
-        near = difflib.get_close_matches(name.lower(), names, n=3, cutoff=0.5)
-        if near:
-            return cls(f"unknown {kind} '{name}'. Did you mean {' or '.join(near)}?")
-        return cls(f"unknown {kind} '{name}'. There are: {', '.join(names)}.")
+        return cls(f"unknown {kind} '{name}'." + (did_you_mean(name, names) or f" There are: {', '.join(names)}."))

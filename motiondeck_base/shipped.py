@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
 from pathlib import Path
 
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
+from motiondeck_base.near_names import near_names
 
 
 def shipped_configs() -> Path:
@@ -60,8 +60,8 @@ def _find(kind: str, folder: str, suffix: str, name: str | Path) -> Path:
         if path.is_file():
             return path
         others = sorted(other.name for other in path.parent.glob(f"*{suffix}"))
-        near = difflib.get_close_matches(path.name, others, n=3, cutoff=0.5)
-        hint = f". Did you mean {' or '.join(str(path.with_name(other)) for other in near)}?" if near else ""
+        near = near_names(path.stem, [Path(other).stem for other in others])
+        hint = f". Did you mean {' or '.join(str(path.with_name(one + suffix)) for one in near)}?" if near else ""
         raise MotiondeckError(f"{name}: there is no such file{hint}")
     shipped = {file.stem: file for file in sorted((shipped_configs() / folder).glob(f"*{suffix}"))}
     if str(name) not in shipped:

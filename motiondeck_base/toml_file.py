@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 import tomllib
 from collections.abc import Iterable, Iterator
@@ -13,6 +12,7 @@ from typing import Any, TypeVar, Union, get_args, get_origin
 import msgspec
 
 from motiondeck_base.errors import FileFormatError
+from motiondeck_base.near_names import near_names
 
 T = TypeVar("T")
 
@@ -81,7 +81,7 @@ def _wrong_keys(tree: object, shape: Any, where: str) -> Iterator[str]:
         allowed.append(config.tag_field)
     for key in tree:
         if key not in allowed and config.forbid_unknown_fields:
-            near = difflib.get_close_matches(str(key), allowed, n=1)
+            near = near_names(str(key), allowed, 1)
             hint = f" Did you mean '{near[0]}'?" if near else ""
             yield f"unknown key '{key}'{_at(where)}.{hint} Allowed are: {', '.join(sorted(allowed))}."
     for field in fields:

@@ -379,6 +379,7 @@ def play(
             command_port=command_port,
             page_port=None if headless else page_port,
             page=page,
+            progress=not as_json,
             terminal=not (headless or as_json) and sys.stdin.isatty() and sys.stdout.isatty(),
             seconds=seconds,
             record=record,

@@ -47,11 +47,13 @@ def send(
 ) -> None:
     """Send a command to the running deck and print its reply; the exit code is 1 if it was refused.
 
+    `motiondeck send help` explains the commands, which are those of the prompt of `play`. MOTION alone switches to it.
+
     Examples:  motiondeck send switch waltz      motiondeck send tempo 0.5      motiondeck send status --json
     """
     import msgspec
 
-    from controller.cli.session.terminal import describe
+    from controller.cli.session.terminal import describe, help_on
     from controller.wire.command_table import parse_command
     from controller.wire.messages import (
         Accepted,
@@ -66,6 +68,9 @@ def send(
     )
     from motiondeck_base.errors import MotiondeckError
 
+    if words[0] == "help":
+        print(help_on(words[1:]))
+        return
     request = parse_command(words)
     client = client_of(command_port, host, token_file)
     try:

@@ -47,6 +47,7 @@ from controller.wire.messages import (
     Unlock,
     WriteRegister,
 )
+from motiondeck_base.near_names import did_you_mean
 
 LONGEST_NAME = 100
 LONGEST_PATH = 1500
@@ -377,4 +378,5 @@ def parse_command(words: Sequence[str]) -> Message:
             raise CommandError(f"{words[0]}: {error}") from None
     if len(words) == 1:
         return checked(Switch(words[0]))
-    raise CommandError(f"'{' '.join(words)}' is not a command. Commands: MOTION, {USAGES}.")
+    hint = did_you_mean(words[0], BY_WORD) if words else ""
+    raise CommandError(f"'{' '.join(words)}' is not a command.{hint} `motiondeck send help` lists the commands.")

@@ -8,7 +8,6 @@ series the range is what the bytes can hold.
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -21,6 +20,7 @@ from hardware.control_table.sdk_models import Row, model_file, model_numbers
 from hardware.control_table.servo_traits import TRAITS, Traits
 from hardware.control_table.table import ControlTable
 from hardware.control_table.xm430_w350 import XM430_W350
+from motiondeck_base.near_names import near_names
 
 _COMMON = XM430_W350.registers
 _READ_ONLY = (
@@ -46,7 +46,7 @@ class Models(Mapping[str, ControlTable]):
 
     def near(self, model: str) -> list[str]:
         """The names most like this one."""
-        return difflib.get_close_matches(model.upper(), self, n=3, cutoff=0.5)
+        return near_names(model, self)
 
 
 # The maker's list of numbers leaves this one out, though its table is there; the number is its manual's.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from dataclasses import dataclass
 from typing import Any, Literal, cast
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from hardware.control_table.register import SI_UNITS, Register
 from hardware.errors import MotiondeckError
+from motiondeck_base.near_names import did_you_mean
 
 _SIGN_BIT = 10
 USUAL_BITS = (1, 4, 32)
@@ -48,10 +48,8 @@ class ControlTable:
         try:
             return self.registers[name]
         except KeyError:
-            near = difflib.get_close_matches(name, self.registers, n=3, cutoff=0.4) or list(self.registers)
-            raise UnknownRegisterError(
-                f"{self.model} has no register '{name}'. Did you mean {' or '.join(near)}?"
-            ) from None
+            hint = did_you_mean(name, self.registers) or f" It has: {', '.join(self.registers)}."
+            raise UnknownRegisterError(f"{self.model} has no register '{name}'.{hint}") from None
 
     @property
     def size(self) -> int:

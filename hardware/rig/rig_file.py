@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 from collections import Counter
@@ -18,6 +17,7 @@ from hardware.control_table.old_models import OLD_MODELS
 from hardware.control_table.table import ControlTable
 from hardware.errors import RigFileError
 from hardware.rig.rig_lines import line_of
+from motiondeck_base.near_names import did_you_mean
 
 _NEEDED = ("torque_enable", "status_return_level", "goal_position", "present_velocity", "present_position", "shutdown",
            "profile_velocity", "min_position_limit", "max_position_limit")  # fmt: skip
@@ -209,8 +209,7 @@ def _explain(path: str | Path, text: str, message: str) -> str:
     unknown = re.search(r"unknown field `(.*)`", what)
     if unknown:
         keys = (RigJoint if where.startswith(".joints[") else RigConfig).__struct_fields__
-        near = difflib.get_close_matches(unknown[1], keys, n=1)
-        hint = f" Did you mean {near[0]}?" if near else ""
+        hint = did_you_mean(unknown[1], keys, 1)
         what = f"unknown key '{unknown[1]}'.{hint} The keys here are {', '.join(keys)}"
     elif what.startswith("Invalid enum value"):
         allowed = {"on_exit": "'off' and 'hold'", "on_loss": "'stop' and 'go on'"}.get(place, "-1 and 1")

@@ -66,7 +66,7 @@ def play(
 
     config = load(rig)
     check_seconds(seconds)
-    settings = RunSettings(rate=config.rate_hz, command_port=command_port, seconds=seconds)
+    settings = RunSettings(rate=config.rate_hz, command_port=command_port, seconds=seconds, progress=not as_json)
     if Path(what).suffix == ".clip":
         if motion is not None:
             raise MotiondeckError(f"{what} is one clip, so there is no motion '{motion}' to choose")

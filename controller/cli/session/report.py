@@ -10,6 +10,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from controller.cli.session.progress_line import cause_of
 from controller.cli.session.recognition.recognition_watch import summary_lines
 from controller.deck.switch import CommandedSwitch
 from controller.loop.clock import Clock
@@ -120,13 +121,14 @@ def run_report(
 
 
 def summary(report: dict[str, Any]) -> str:
-    """A report in a few lines."""
-    late, work = report["lateness_us"], report["work_us"]
-    lines = [
-        f"{report['reason']}: {report['ticks']} ticks at {report['rate_hz']:.2f} Hz, "
-        f"{report['overruns']} overruns, {report['skipped']} ticks skipped",
-        f"lateness p50 {late['p50']:.0f} us, p99.9 {late['p999']:.0f} us; work p50 {work['p50']:.0f} us",
-    ]
+    """A report in a few lines: what happened, then the figures."""
+    seconds = report["ticks"] / report["rate_hz"] if report["ticks"] else 0.0
+    ended = f"ended after {seconds:.1f} s" if report["ticks"] else "ended before anything moved"
+    return "\n".join([f"{ended}: {cause_of(report['reason'])}", *_happened(report), *_figures(report)])
+
+
+def _happened(report: dict[str, Any]) -> list[str]:
+    lines: list[str] = []
     if report["switches"]:
         times = [s["settled_s"] - s["commanded_s"] for s in report["switches"] if s["settled_s"] is not None]
         settled = f", settled after {np.median(times):.2f} s (median)" if times else ""
@@ -136,13 +138,7 @@ def summary(report: dict[str, Any]) -> str:
         lines.append(f"the network lost its motion and was restarted {report['restarts']} times")
     lines += [f"at {refused['at']:g} s refused: {refused['reason']}" for refused in report["refused"]]
     if "rig" in report:
-        rig = report["rig"]
-        error = rig["tracking_rmse_rad"]
-        lines.append(
-            f"rig: {rig['joints']} joints at {rig['hz']:g} Hz, {rig['faults']} faults"
-            + (f", tracking error {np.degrees(error):.2f} deg (rms)" if error is not None else "")
-        )
-        lines += [f"rig: {incident}" for incident in rig["incidents"][-_INCIDENTS_SHOWN:]]
+        lines += [f"rig: {incident}" for incident in report["rig"]["incidents"][-_INCIDENTS_SHOWN:]]
     lines += [f"the robot fell after {o['fell_s']:.1f} s" for o in report["outputs"] if o.get("fell_s") is not None]
     for output in report["outputs"]:
         if travel := output.get("travel"):
@@ -154,4 +150,25 @@ def summary(report: dict[str, Any]) -> str:
         lines.append(f"the recording {report['recording']['file']} is not complete")
     lines += summary_lines(report["recognition"]) if "recognition" in report else []
     lines += [f"output {o['name']} was parked: {o['fault']}" for o in report["outputs"] if o["parked"]]
-    return "\n".join(lines)
+    return lines
+
+
+def _figures(report: dict[str, Any]) -> list[str]:
+    late, work = report["lateness_us"], report["work_us"]
+    lines: list[str] = []
+    if "rig" in report:
+        rig = report["rig"]
+        error = rig["tracking_rmse_rad"]
+        lines.append(
+            f"rig: {rig['joints']} joints at {rig['hz']:g} Hz, {rig['faults']} faults"
+            + (f", tracking error {np.degrees(error):.2f} deg (rms)" if error is not None else "")
+        )
+    lines.append(
+        f"loop: {report['ticks']} ticks at {report['rate_hz']:.2f} Hz; {report['overruns']} began more than a period "
+        f"late, {report['skipped']} were skipped"
+    )
+    lines.append(
+        f"tick: {late['p50']:.0f} us late in the median, {late['p999']:.0f} us at p99.9; "
+        f"{work['p50']:.0f} us of work in the median"
+    )
+    return lines

@@ -17,6 +17,7 @@ import numpy as np
 from controller.cli.session.child_process import PageProcess, child_process, kept_tty, page_process
 from controller.cli.session.openings import lock_deck, open_recorder, open_servers
 from controller.cli.session.page import HEALTH_EVERY, PICTURE_HZ, Page, Showable
+from controller.cli.session.progress_line import progress_line
 from controller.cli.session.recognition.body_watch import BodyWatch
 from controller.cli.session.recognition.recognition_watch import MismatchPolicy, RecognitionWatch
 from controller.cli.session.recognition.watch import Watch
@@ -79,6 +80,7 @@ class RunSettings:
         page_port: where the page is, 0 for a free port, None for no page.
         page: its process, if that has been started already.
         terminal: whether there is a prompt.
+        progress: whether a terminal shows a line with the motion and the time.
         seconds: how long to play, or None until somebody stops it.
         record: the file in which every tick is recorded, if any.
         realtime: whether to ask for real-time scheduling.
@@ -104,6 +106,7 @@ class RunSettings:
     page_port: int | None = None
     page: PageProcess | None = None
     terminal: bool = False
+    progress: bool = False
     seconds: float | None = None
     record: Path | None = None
     realtime: bool = False
@@ -289,8 +292,10 @@ class Session:
         """Plays until the time is over or somebody stops it; the report of the run."""
         settings = self._settings
         rests = [robot.rest for robot in self.robots if robot.rest is not None]
-        with handed_back():
+        with handed_back(), ExitStack() as shown:
             self._request_permissions()
+            if settings.progress:
+                shown.enter_context(progress_line(self._deck, self._stop, settings.seconds, prompt=settings.terminal))
             report = run(
                 self._deck,
                 self._channels,

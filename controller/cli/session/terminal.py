@@ -10,7 +10,7 @@ import asyncio
 import contextlib
 import sys
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 from controller.wire.command_socket import DEFAULT_PORT, CommandClient, SocketError
 from controller.wire.command_table import BY_WORD, COMMANDS, parse_command
@@ -33,15 +33,55 @@ from controller.wire.messages import (
     Switch,
 )
 from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.near_names import did_you_mean
 
-_HELP_ROWS = [
-    ("MOTION", "switch to a motion (Tab completes)"),
+_COMMAND_ROWS = [
+    ("MOTION", "switch to a motion"),
     *((command.usage, command.help) for command in COMMANDS),
+]
+_PROMPT_ROWS = [
+    ("Tab", "complete a motion's name"),
     ("F2", "tap: a beat now"),
     ("Ctrl-C, quit", "stop"),
     ("Ctrl-D", "leave the prompt; the deck plays on"),
 ]
-HELP = "\n".join(f"{typed:26} {effect}" for typed, effect in _HELP_ROWS)
+
+
+def _table(rows: Sequence[tuple[str, str]]) -> str:
+    return "\n".join(f"{typed:29} {effect}" for typed, effect in rows)
+
+
+HELP = _table([*_COMMAND_ROWS, *_PROMPT_ROWS])
+_SEND_HELP = f"""\
+A deck must be playing: `motiondeck play` in another terminal. Then, for example:
+
+  motiondeck send status              what is played, and the names of all motions
+  motiondeck send switch jog --wait   switch, and wait until it is settled
+  motiondeck send tempo 0.5           half as fast
+  motiondeck send pause               stand still; resume plays on
+  motiondeck send stop                come to rest and end the run
+
+All commands; [ ] may be left out:
+
+{_table(_COMMAND_ROWS)}
+
+docs/deck.md has more about each."""
+
+
+def help_on(words: Sequence[str]) -> str:
+    """What `motiondeck send help` teaches: all commands, or the one that is named.
+
+    Raises:
+        CommandError: if there is no such command.
+    """
+    if not words:
+        return _SEND_HELP
+    command = BY_WORD.get(words[0])
+    if command is None:
+        hint = did_you_mean(words[0], BY_WORD) or f" There are: {', '.join(BY_WORD)}."
+        raise CommandError(f"there is no command '{words[0]}'.{hint}")
+    return f"motiondeck send {command.usage}\n  {command.help}"
+
 
 _HEARTBEAT = 0.3  # s of silence before a status request; after three without an answer the deck is gone
 _TOLD = (

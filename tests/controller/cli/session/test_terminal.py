@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.cli.session.terminal import describe, listen_to
+from controller.cli.session.terminal import describe, help_on, listen_to
 from controller.wire.command_socket import CommandClient, CommandServer
-from controller.wire.command_table import parse_command
+from controller.wire.command_table import COMMANDS, parse_command
 from controller.wire.messages import (
     Accepted,
     Blend,
@@ -37,6 +37,17 @@ from controller.wire.messages import (
     Switch,
     Unlock,
 )
+
+
+def test_help_teaches_every_command_and_its_examples_are_commands():
+    said = help_on(())
+    for command in COMMANDS:
+        assert f"\n{command.usage} " in said
+    examples = re.findall(r"^  motiondeck send (.+?)(?: --wait)?  +\w", said, re.MULTILINE)
+    assert [type(parse_command(line.split())) for line in examples] == [GetStatus, Switch, SetTempo, Pause, Stop]
+    assert help_on(["tempo"]).startswith("motiondeck send tempo TEMPO [SECONDS]\n")
+    with pytest.raises(CommandError, match=r"no command 'tepmo'\. Did you mean tempo\?"):
+        help_on(["tepmo"])
 
 
 @pytest.mark.parametrize(
@@ -75,7 +86,8 @@ def test_words_become_messages(line, message):
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("", "is not a command. Commands: MOTION, switch MOTION [direct], queue MOTION, blend A B WEIGHT, tempo TEMPO"),
+        ("", "is not a command. `motiondeck send help` lists the commands."),
+        ("tempoo 2 3", "'tempoo 2 3' is not a command. Did you mean tempo? `motiondeck send help`"),
         ("dance the waltz", "'dance the waltz' is not a command"),
         ("switch", "switch: give it as: switch MOTION [direct]"),
         ("switch walk jog", "'jog' is not understood here; leave it out or give: direct"),

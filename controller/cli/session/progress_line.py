@@ -1,0 +1,112 @@
+"""What a terminal shows while a run goes on: one line with the motion and the time, and at once that it is ending.
+
+It is written by a thread of its own: a terminal that takes no words for a while must not hold up the loop.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from typing import Protocol, TextIO
+
+from controller.loop.stop_requests import StopRequest
+
+PERIOD = 0.25  # s
+_MODES = {"home": "at home", "held": "held", "emergency stop": "EMERGENCY STOP"}
+
+
+class Playing(Protocol):
+    """A deck, as the line shows it."""
+
+    @property
+    def playing(self) -> str:
+        """The motion."""
+        ...
+
+    @property
+    def settled(self) -> bool:
+        """Whether no transition is under way."""
+        ...
+
+    @property
+    def time(self) -> float:
+        """How long it has played, s."""
+        ...
+
+
+def words_of(deck: Playing, stop: StopRequest, seconds: float | None) -> str:
+    """The line: what is played, for how long, and when or how it ends."""
+    if stop:
+        return f"{cause_of(stop.reason)}: the joints come to rest"
+    if stop.mode != "playing":
+        return f"{_MODES[stop.mode]}: {deck.playing}, Ctrl-C ends it"
+    if deck.time < PERIOD:  # its first update comes before the approach
+        return f"approaching the first pose of {deck.playing}"
+    going = "" if deck.settled else " (on its way)"
+    until = f" of {seconds:.0f} s" if seconds is not None else " s, Ctrl-C ends it"
+    return f"{deck.playing}{going}  {deck.time:.0f}{until}"
+
+
+def cause_of(reason: str) -> str:
+    """Why a run ends, in a reader's words."""
+    return {
+        "SIGINT received": "Ctrl-C was pressed",
+        "SIGTERM received": "the process was asked to end (SIGTERM)",
+        "SIGHUP received": "the terminal was closed (SIGHUP)",
+    }.get(reason, reason)
+
+
+@contextmanager
+def progress_line(
+    deck: Playing, stop: StopRequest, seconds: float | None, *, prompt: bool, stream: TextIO | None = None
+) -> Iterator[None]:
+    """Shows the line while the block runs, if the stream is a terminal; nothing is left of it afterwards.
+
+    Args:
+        deck: what plays.
+        stop: whether the run is ending.
+        seconds: how long it plays, or None until it is stopped.
+        prompt: whether there is a prompt where the line would be; then only the end is told.
+        stream: standard error by default.
+    """
+    out = sys.stderr if stream is None else stream
+    if not out.isatty():
+        yield
+        return
+    over = threading.Event()
+    line = threading.Thread(target=_show, args=(deck, stop, seconds, prompt, out, over.wait), daemon=True)
+    line.start()
+    try:
+        yield
+    finally:
+        over.set()
+        line.join(1.0)
+
+
+def _show(
+    deck: Playing,
+    stop: StopRequest,
+    seconds: float | None,
+    prompt: bool,
+    out: TextIO,
+    wait: Callable[[float], bool],
+) -> None:
+    shown = ""
+    with suppress(OSError, ValueError):  # a terminal that has gone
+        while not wait(PERIOD):
+            words = words_of(deck, stop, seconds)
+            if words == shown or (prompt and not stop):
+                continue
+            shown = words
+            width = shutil.get_terminal_size().columns - 1
+            # The cursor goes back to the start, so that what others print replaces the line.
+            out.write(f"\n{words}\n" if prompt else f"\r\x1b[K{words[:width]}\r")
+            out.flush()
+            if prompt:
+                return
+        if shown and not prompt:
+            out.write("\x1b[K")
+            out.flush()
