@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from collections.abc import Callable
@@ -17,6 +18,10 @@ from controller.fleet.show_file import Condition, Show, ShowCue, motions_of, sho
 from controller.fleet.standing import Standing
 from controller.wire.messages import CommandError, Message
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
+
+GRID = 0.02
+"""Cues fall on multiples of this, s: then they fall on ticks of decks at 50, 100, 200, 250, 500 and 1000 Hz, which the
+show's clock keeps aligned, and all decks carry them out in the same one."""
 
 SILENT_AFTER = 1.0
 """A deck whose health is older than this is not counted on, s."""
@@ -157,7 +162,7 @@ class Conductor:
         for deck, motion in missing:
             about = self.decks[deck].about
             raise UnknownNameError(f"{deck}: {UnknownNameError.among('motion', motion, about.rounds if about else ())}")
-        self._send(line, self._now() + self._show.lead, names, decks, [command])
+        self._send(line, _on_grid(self._now() + self._show.lead), names, decks, [command])
         return f"{', '.join(decks)}: {line}"
 
     def stop(self) -> None:
@@ -247,6 +252,7 @@ class Conductor:
         return about is None or motion in about.rounds
 
     def _send_show_cue(self, number: int, cue: ShowCue, at: float) -> None:
+        at = _on_grid(at)
         name = cue.name or f"cue {number + 1}"
         decks = self._show.members(cue.to, [deck.name for deck in self._present])
         try:
@@ -289,7 +295,7 @@ class Conductor:
             done = health.cue if health.run == self._run else 0
             since = now - max(standing.at, deck.joined)
             if done < standing.number and since > JOINS_EVERY and deck.heard > standing.at:
-                deck.joined = now + self._show.lead
+                deck.joined = _on_grid(now + self._show.lead)
                 self._link.say("cue", encode(standing.cue(self._run, deck.name, deck.joined)))
                 self._tell(f"{deck.name} joins")
 
@@ -313,3 +319,7 @@ class Conductor:
             self._told_waiting = cue
             if cue is not None:
                 self._tell(f"waits for go: {cue.name or cue.say}")
+
+
+def _on_grid(at: float) -> float:
+    return math.ceil(at / GRID) * GRID

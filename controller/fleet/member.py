@@ -32,6 +32,7 @@ from controller.fleet.messages import (
 )
 from controller.wire.command_socket import CommandClient, CommandServer
 from controller.wire.messages import (
+    AlignTicks,
     Blend,
     EmergencyStop,
     Event,
@@ -60,7 +61,7 @@ LATEST = 0.25
 STOP_SAID, STOP_AGAIN = 5, 0.02
 """An emergency stop is said so many times, so far apart, s."""
 
-_ASKS_FIRST, _FIRST = 0.05, 20  # so often, s, for the first questions
+_ASKS_FIRST, _FIRST = 0.05, 40  # so often, s, for the first questions; after them the time counts as known
 _PATIENCE = 1.0  # s for an answer
 _OWN_DOING = 1.0  # s within which the deck reports an emergency stop that came from here
 _REMEMBERED = 64  # emergency stops that were passed on
@@ -91,6 +92,7 @@ class Member:
         tell: Told,
         now: Callable[[], float] = time.monotonic,
     ) -> None:
+        self._early = 0.5 / about.rate  # a command in the middle between ticks counts in the next one, its own
         self._name, self._link, self._deck, self._leader = name, link, deck, leader
         self._tell, self._now = tell, now
         self._arrived = Mailbox[tuple[str, bytes]]()
@@ -122,7 +124,7 @@ class Member:
         Raises:
             SocketError: if the deck is gone without a word.
         """
-        due = [self._ask_at, *(self._clock.local(cue.at) for cue in self._cues), *(at for at, _ in self._to_say)]
+        due = [self._ask_at, *(self._due(cue) for cue in self._cues), *(at for at, _ in self._to_say)]
         wait = min(max(min(due) - self._now(), 0.0), longest)
         select.select([self._arrived, self._answers, self._leader, self._deck], [], [], wait)
         self._carry_out()
@@ -157,6 +159,8 @@ class Member:
         self._link.ask("clock", lambda _, data: self._answers.put((sent, self._now(), data)), _PATIENCE)
         if self._asked % 5 == 0 or self._asked >= _FIRST:
             self._deck.post(GetStatus())
+            if self._clock.known:
+                self._deck.post(AlignTicks(now, self._clock.remote(now)))
 
     def _take_time(self, sent: float, received: float, data: bytes) -> None:
         answer = read(data, Time)
@@ -203,9 +207,9 @@ class Member:
     def _carry_out(self) -> None:
         """Gives the deck the cues whose time has come."""
         now = self._now()
-        for cue in [cue for cue in self._cues if self._clock.local(cue.at) <= now]:
+        for cue in [cue for cue in self._cues if self._due(cue) <= now]:
             self._cues.remove(cue)
-            late = now - self._clock.local(cue.at)
+            late = now - self._due(cue)
             if late > LATEST:
                 self._problem = f"cue {cue.number} came {late:.1f} s late"
                 self._tell(self._problem)
@@ -215,6 +219,10 @@ class Member:
                 self._problem = f"cue {cue.number} asks for what a show may not: {type(refused[0]).__name__}"
                 continue
             self._give(cue)
+
+    def _due(self, cue: TimedCue) -> float:
+        """When to give a cue to the deck, local time, s."""
+        return self._clock.local(cue.at) - self._early
 
     def _give(self, cue: TimedCue) -> None:
         motions = any(isinstance(command, Switch | Queue | Blend) for command in cue.say)
@@ -263,7 +271,7 @@ class Member:
 
     def _tell_health(self, state: State) -> None:
         now, clock, known = self._now(), self._clock, None
-        if clock.known and not self._lost:
+        if clock.known and self._asked >= _FIRST and not self._lost:
             known = ClockHealth(1e3 * clock.uncertainty(now), 1e3 * clock.shortest, 1e6 * clock.drift)
         health = DeckHealth(
             run=self._done[0],

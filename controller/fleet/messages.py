@@ -47,11 +47,13 @@ class About(msgspec.Struct, frozen=True):
 
     Attributes:
         robot, library: their names.
+        rate: ticks of its loop a second.
         rounds: of each motion that is a loop, how long a round takes at tempo 1, s; 0 for a one-shot.
     """
 
     robot: str
     library: str
+    rate: float
     rounds: dict[str, float]
 
 

@@ -11,6 +11,12 @@ from typing import Literal, Protocol
 
 from motiondeck_base.errors import MotiondeckError
 
+LATER, EARLIER = 0.01, 0.0005
+"""While ticks are moved onto another clock, a period is longer or shorter by at most so much of it. Shorter ones make
+joints faster than their limits say by as much, so that is hardly more than clocks drift anyway."""
+
+_SOONER = 0.1  # of a period by which ticks are at most moved forward; else they are moved back to the next one
+
 SPIN_NS = 200_000
 """The last stretch before a deadline is spent reading the clock, because a sleep wakes up late by about as much."""
 
@@ -78,6 +84,7 @@ class Ticker:
     def __post_init__(self) -> None:
         self._period = _period_ns(self.rate)
         self._deadline = self.now()
+        self._shift = 0
 
     @property
     def period(self) -> float:
@@ -91,11 +98,21 @@ class Ticker:
     def start(self) -> None:
         """Makes the present the time of tick 0 and clears the counts."""
         self._deadline = self.now()
-        self.overruns = self.skipped = 0
+        self.overruns = self.skipped = self._shift = 0
+
+    def align(self, here: int, there: int) -> None:
+        """Moves the ticks, little by little, onto the multiples of their period on another clock.
+
+        Args:
+            here: a time of this clock, ns.
+            there: the time of the other one then, ns.
+        """
+        after = (self._deadline - here + there) % self._period
+        self._shift = -after if after < _SOONER * self._period else self._period - after
 
     def wait(self) -> int:
         """Waits for the next deadline; returns how long after it the wait ended, ns."""
-        self._deadline += self._period
+        self._deadline += self._period + self._part_of_shift()
         spare = self._deadline - self.now() - SPIN_NS
         if spare > 0:
             time.sleep(spare * 1e-9)
@@ -109,6 +126,13 @@ class Ticker:
                 self.skipped += missed
                 self._deadline += missed * self._period
         return late
+
+    def _part_of_shift(self) -> int:
+        if self._shift == 0:
+            return 0
+        part = min(max(self._shift, -round(EARLIER * self._period)), round(LATER * self._period))
+        self._shift -= part
+        return part
 
 
 @dataclass

@@ -18,6 +18,7 @@ from controller.wire.command_socket import Address, CommandServer
 from controller.wire.command_table import command_of
 from controller.wire.messages import (
     Accepted,
+    AlignTicks,
     Blend,
     EmergencyStop,
     Event,
@@ -98,6 +99,14 @@ class Pushable(Protocol):
         ...
 
 
+class Alignable(Protocol):
+    """A clock whose ticks can be moved; the call does not wait."""
+
+    def align(self, here: int, there: int) -> None:
+        """Moves them onto those of a clock that shows `there` when this one shows `here`, ns."""
+        ...
+
+
 Awaited = Switch | Queue | Blend
 """Commands that are answered once more when they have settled."""
 _LOOKED_WITHIN = 15.0  # s, for a look at servos
@@ -137,6 +146,7 @@ class CommandDesk:
         servos: of the rig, if there is one.
         body: what is simulated, if it can be pushed.
         restarts: whether the run can be started again with another library.
+        ticks: the clock of the loop, if its ticks can be moved.
     """
 
     def __init__(
@@ -149,8 +159,10 @@ class CommandDesk:
         servos: RigServos | None = None,
         body: Pushable | None = None,
         restarts: bool = False,
+        ticks: Alignable | None = None,
     ) -> None:
         self._deck = deck
+        self._ticks = ticks
         self._restarts = restarts
         self._servos, self._body = servos, body
         self._servers = servers
@@ -298,6 +310,10 @@ class CommandDesk:
                     return self._state(message, stop), None
                 case Heartbeat() | Subscribe():
                     pass
+                case AlignTicks(here=here, there=there):
+                    if self._ticks is None or remote:
+                        raise MotiondeckError("ticks are aligned by programs of this machine, on a deck in real time")
+                    self._ticks.align(round(1e9 * here), round(1e9 * there))
                 case GetPhase():
                     return PhaseNow(deck.motion, deck.phase, deck.phase_rate, message.id), None
                 case EmergencyStop():

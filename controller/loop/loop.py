@@ -41,6 +41,7 @@ class LoopState:
         lateness, work: histograms of how late ticks began and how long their work took.
         late_ns: lateness of the present tick, ns.
         work_ns: work of the tick before, ns.
+        began_ns: when the present tick began, by the loop's clock, ns.
     """
 
     targets: Array
@@ -52,6 +53,7 @@ class LoopState:
     work: DurationHistogram = field(default_factory=DurationHistogram)
     late_ns: int = 0
     work_ns: int = 0
+    began_ns: int = 0
 
     @property
     def rate(self) -> float:
@@ -121,7 +123,7 @@ def run(
         state = LoopState(envelope.position, source.pose)
         steps = safe_targets(source, channels, envelope, stop, seconds, rest)
         clock.start()
-        began = start = clock.now()
+        began = start = state.began_ns = clock.now()
         pace = Pace(clock.period)
         try:
             while True:
@@ -146,7 +148,7 @@ def run(
                 state.lateness.add(state.late_ns)
                 state.tick += 1
                 state.overruns = clock.overruns
-                began = clock.now()
+                began = state.began_ns = clock.now()
                 state.seconds = (began - start) * 1e-9
                 if channels and channels[-1].parked and all(channel.parked for channel in channels):
                     faults = "; ".join(f"{channel.output.name}: {channel.fault}" for channel in channels)

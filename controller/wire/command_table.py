@@ -16,6 +16,7 @@ from controller.wire.messages import (
     LOCK_SOURCES,
     MOST_BYTES,
     SIDES,
+    AlignTicks,
     Blend,
     CommandError,
     EmergencyStop,
@@ -165,6 +166,7 @@ PHASE = Number("phase", "PHASE", 0.0, 1.0)
 WEIGHT = Number("weight", "WEIGHT", -0.3, 1.3)
 CODE = Number("code", "CODE", 0.0, 999999.0, optional=True)
 WITHIN = Number("within", "SECONDS", 0.0, 60.0)
+_CLOCK = -1e12, 1e12  # s
 AGO = Number("ago", "AGO", -2.0, 2.0, optional=True)
 STEPS = Number("steps", "STEPS", 0, 16, optional=True, whole=True)
 COUNT = Number("count", "COUNT", -32768, 65535, whole=True)
@@ -274,6 +276,13 @@ COMMANDS = (
         Heartbeat,
         (WITHIN,),
         "pause when the sender has been silent for this long (up to 60 s); 0 ends that",
+        ALWAYS,
+    ),
+    DeckCommand(
+        "align",
+        AlignTicks,
+        (Number("here", "HERE", *_CLOCK), Number("there", "THERE", *_CLOCK)),
+        "move ticks onto those of a clock that shows THERE when this machine's shows HERE, s (for programs)",
         ALWAYS,
     ),
     DeckCommand("subscribe", Subscribe, (), "receive the events of the deck", ALWAYS),

@@ -200,6 +200,19 @@ class Heartbeat(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="he
     id: Number = 0
 
 
+class AlignTicks(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="align"):
+    """Move the ticks of the loop onto the multiples of their period on another clock.
+
+    Attributes:
+        here: a time of this machine's steady clock, s.
+        there: the time of the other clock then, s.
+    """
+
+    here: float
+    there: float
+    id: Number = 0
+
+
 class Subscribe(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="subscribe"):
     """Ask for Events from now on; over a network again within a minute."""
 
@@ -524,6 +537,7 @@ Message = (
     | Reset
     | Stop
     | Heartbeat
+    | AlignTicks
     | Subscribe
     | GetStatus
     | GetPhase

@@ -222,6 +222,7 @@ class Session:
             servos=servos,
             body=self._first.pushable,
             restarts=settings.restarts,
+            ticks=self._clock if isinstance(self._clock, Ticker) else None,
         )
         self._news = RunNews(self._desk, self._clock, self._channels, servers, seen)
         self._start_terminal(opening)
@@ -259,7 +260,9 @@ class Session:
         show, source = self._settings.show, self._source
         if show is None or not isinstance(source, MotionLibrary):
             return None
-        member = opening.enter_context(show_member(show, self.command_port, source, self._settings.robot))
+        member = opening.enter_context(
+            show_member(show, self.command_port, source, self._settings.robot, self._settings.rate)
+        )
         self._children.append(("the part in the show", member.process))
         return member
 

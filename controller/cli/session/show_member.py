@@ -56,7 +56,7 @@ class ShowMember:
 
 
 @contextmanager
-def show_member(show: str, command_port: int, library: MotionLibrary, robot: str) -> Iterator[ShowMember]:
+def show_member(show: str, command_port: int, library: MotionLibrary, robot: str, rate: float) -> Iterator[ShowMember]:
     """Takes part in a show while the block runs, as a deck of that command port.
 
     Args:
@@ -64,6 +64,7 @@ def show_member(show: str, command_port: int, library: MotionLibrary, robot: str
         command_port: of the deck.
         library: what it plays.
         robot: on which robot.
+        rate: ticks a second.
 
     Raises:
         MotiondeckError: if there is no such show, or zenoh is not installed.
@@ -74,9 +75,9 @@ def show_member(show: str, command_port: int, library: MotionLibrary, robot: str
     free = CommandServer(0)
     port = free.port
     free.close()
-    rate = library.info.rate
-    rounds = {motion.name: motion.frames / rate if motion.plays == "loop" else 0.0 for motion in library.info.motions}
-    about = msgspec.json.encode(About(robot, library.info.name, rounds)).decode()
+    frames = library.info.rate
+    rounds = {motion.name: motion.frames / frames if motion.plays == "loop" else 0.0 for motion in library.info.motions}
+    about = msgspec.json.encode(About(robot, library.info.name, rate, rounds)).decode()
     ports = ("--command-port", str(command_port), "--leader-port", str(port))
     arguments = ("--show", show, *ports, "--about", about)
     with child_process("controller.fleet.member_process", *arguments, own_session=True) as process:

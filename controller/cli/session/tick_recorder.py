@@ -16,6 +16,7 @@ from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
 from controller.rotations import Array
 from controller.wire.messages import (
+    AlignTicks,
     Blend,
     GetPhase,
     GetStatus,
@@ -44,7 +45,7 @@ KEPT_SECONDS = 8.0
 _PATIENCE = 10.0  # s for the recorder to write the last ticks
 
 _NUMBERS = (
-    *("tick", "time_s", "late_us", "work_us", "overruns"),
+    *("tick", "time_s", "clock_s", "late_us", "work_us", "overruns"),
     *("motion", "tempo", "phase", "switching", "mode"),
     *("command", "argument", "refused"),
     *("lock_source", "lock_stage", "lock_error_ms"),
@@ -83,7 +84,7 @@ class TickRecorder:
 
     def note(self, message: Message, reply: Reply) -> None:
         """Remembers a command and whether it was refused."""
-        if isinstance(message, GetStatus | GetPhase | Heartbeat | Subscribe):
+        if isinstance(message, GetStatus | GetPhase | Heartbeat | AlignTicks | Subscribe):
             return
         fields = self._writer.fields
         fields["command"][0] = COMMANDS.index(message.__struct_config__.tag) + 1  # a tag is a command's name
@@ -129,6 +130,7 @@ class TickRecorder:
         fields["robot_root"][:] = placed
         self._writer.publish(
             tick=state.tick,
+            clock_s=1e-9 * state.began_ns,
             late_us=1e-3 * state.late_ns,
             work_us=1e-3 * state.work_ns,
             overruns=state.overruns,

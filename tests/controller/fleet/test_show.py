@@ -40,7 +40,7 @@ class Machine(threading.Thread):
         self.deck.leader = self.open.enter_context(closing(LeaderLink.to(str(leader.port))))
         self.stop, self.desk = StopRequest(), CommandDesk(self.deck, [server], note=self._note)
         client = self.open.enter_context(closing(CommandClient(server.port)))
-        about = About("dummy", "small", dict.fromkeys(self.deck.motions, ROUND))
+        about = About("dummy", "small", 1.0 / DT, dict.fromkeys(self.deck.motions, ROUND))
         link = Link(on_this_machine("gala", name))
         self.member = Member(name, about, link, client, leader, self.told.append, self.now)
         self.open.callback(self.member.close)

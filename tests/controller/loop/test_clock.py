@@ -1,3 +1,5 @@
+import itertools
+
 import pytest
 
 from controller.loop.clock import RateError, Ticker, VirtualClock
@@ -73,6 +75,39 @@ def test_starting_anew_forgets_what_was(world):
     ticker.start()
     assert (ticker.overruns, ticker.skipped) == (0, 0)
     assert ticker.wait() <= 2_000
+
+
+def after_tick_of(other, world):
+    """How long after a tick of another clock, which is `other` ahead, it is, ns."""
+    return (world.time + other + PERIOD // 2) % PERIOD - PERIOD // 2
+
+
+@pytest.mark.parametrize("other", [0, 300_000, 2_600_000, 4_990_000, -7_123_456_789])
+def test_ticks_are_moved_onto_those_of_another_clock_a_hundredth_of_a_period_at_a_time(world, other):
+    ticker = Ticker(200.0)
+    ticker.start()
+    ticker.align(0, other)
+    times = [ticker.now()]
+    for _ in range(300):
+        ticker.wait()
+        times.append(ticker.now())
+    assert abs(after_tick_of(other, world)) < 5_000
+    lengths = [after - before for before, after in itertools.pairwise(times)]
+    assert min(lengths) > 0.999 * PERIOD
+    assert max(lengths) < 1.011 * PERIOD
+    assert (ticker.overruns, ticker.skipped) == (0, 0)
+
+
+def test_ticks_follow_a_clock_that_drifts(world):
+    ticker = Ticker(200.0)
+    ticker.start()
+    for drift in (1e-4, -1e-4):
+        for _ in range(40):
+            now = world.time
+            ticker.align(now, round(now * (1.0 + drift)))
+            for _ in range(50):
+                ticker.wait()
+        assert abs(after_tick_of(round(world.time * drift), world)) < 40_000
 
 
 def test_the_virtual_clock_is_always_on_time():

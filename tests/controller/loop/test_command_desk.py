@@ -11,6 +11,7 @@ from controller.loop.stop_requests import StopRequest
 from controller.wire.command_table import COMMANDS
 from controller.wire.messages import (
     Accepted,
+    AlignTicks,
     EmergencyStop,
     Event,
     GetStatus,
@@ -327,5 +328,17 @@ def test_another_library_ends_the_run_where_it_can_be_started_again(desk, tmp_pa
 
 
 def test_every_command_that_changes_something_can_be_recorded():
-    looks = {"status", "phase", "heartbeat", "subscribe", "registers"}
+    looks = {"status", "phase", "heartbeat", "align", "subscribe", "registers"}
     assert {command.word for command in COMMANDS} - looks == set(RECORDED)
+
+
+def test_ticks_are_aligned_on_a_deck_in_real_time_by_programs_of_its_machine():
+    class Ticks:
+        def align(self, here, there):
+            self.asked = here, there
+
+    ticks = Ticks()
+    assert Desk(ticks=ticks).ask(AlignTicks(2.5, 7.0)) == Accepted(0)
+    assert ticks.asked == (2_500_000_000, 7_000_000_000)
+    assert isinstance(Desk().ask(AlignTicks(2.5, 7.0)), Refused)
+    assert isinstance(Desk(remote=True, ticks=ticks).ask(AlignTicks(2.5, 7.0)), Refused)
