@@ -203,8 +203,11 @@ def _servos(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel, feet: Sequen
             lacking = guess.rotor - float(model.dof_M0[model.jnt_dofadr[joint]])
             turning.armature = turning.armature + max(lacking, 0.0)
         servo.set_to_position(kp=gains[0], kv=gains[1])
-        if np.isfinite(force):
-            servo.forcelimited, servo.forcerange = True, [-force, force]
+        # A new actuator takes over the defaults that the file has for its own, such as motors that take -1 to 1.
+        servo.ctrllimited, servo.actlimited, servo.forcelimited = False, False, bool(np.isfinite(force))
+        servo.gear[:] = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        if servo.forcelimited:
+            servo.forcerange = [-force, force]
     new = spec.actuators[len(old) :]
     for actuator in old:
         spec.delete(actuator)

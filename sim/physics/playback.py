@@ -197,7 +197,8 @@ class PhysicsPlayback:
         self._heading = float(pose.heading)
         self._goal, self._goal_before = self._goal_before, self._goal
         robot.place(targets, pose, self._goal)
-        if not self._started:
+        starting = not self._started
+        if starting:
             self._put_in_place()
         if self._root == "gantry":
             data.mocap_pos[0] = self._goal[:3]
@@ -205,6 +206,8 @@ class PhysicsPlayback:
         self.placed[:] = self._goal[:7]
         if self._legs is not None:
             self._legs.adjust(data, self._goal, self._heading)
+            if starting:
+                self._goal_before[:] = self._goal  # what it adds at once is not a movement
         if self._servos is not None:
             self._goal[:] = self._servos.delayed(self._goal)
         self._aim()

@@ -51,6 +51,9 @@ from sim.robots.robot import Robot
 HEIGHT = 15.0
 # How far ankles move the centre of mass at most, in half lengths of the sole.
 REACH = 0.8
+# They act on an error that is smoothed over so long, s: the noise of its speed would shake stiff servos, and the feet
+# would rattle along the floor.
+SMOOTHED = 0.03
 # How fast lasting errors of the capture point are learned, 1/s, and how much of them at most, in heights of the root.
 LEARNS, LEARNED = 0.5, 0.12
 # Where the capture point is so far off, in heights of the root, the robot is going to fall.
@@ -141,7 +144,8 @@ class Walker:
         soles, yaws = self._stance(plan)
         facing = _azimuth(rotate(plan.qpos[3:7], np.array([1.0, 0.0, 0.0])))
         self._centre = soles[:, :2].mean(axis=0)
-        self._pressure, self._learned, self._astray = self._centre.copy(), np.zeros(2), 0.0
+        self._pressure, self._astray = self._centre.copy(), 0.0
+        self._off, self._learned = np.zeros(2), np.zeros(2)
         self._righted = [(np.zeros(3), np.zeros(3))] * 2
         self._gait = Gait(self._set, height, self._length, self._sides)
         self._gait.start(self._centre, facing, yaws)
@@ -213,9 +217,10 @@ class Walker:
         """How the centre of mass is moved, (2,), m, against an error of the capture point: (6)."""
         heading = self.preview.heading + self._astray
         turning, most = _turning(heading), LEARNED * self._height
+        self._off += min(1.0, self._dt / SMOOTHED) * (off - self._off)
         self._learned += LEARNS * self._dt * (turning.T @ off)
         np.clip(self._learned, -most, most, out=self._learned)
-        push = -self._set.ankle * off - turning @ self._learned
+        push = -self._set.ankle * self._off - turning @ self._learned
         return push * min(1.0, 0.5 * REACH * self._length / max(float(np.hypot(*push)), 1e-9))
 
     def _feet(self, tilt: Array) -> tuple[list[Array], list[Array]]:

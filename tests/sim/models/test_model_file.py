@@ -95,3 +95,14 @@ def test_a_urdf_stands_on_the_floor_of_the_stage(tmp_path):
     spec = read_model(path)
     set_stage(spec, 0.5)
     assert mujoco.mjtGeom.mjGEOM_PLANE in spec.compile().geom_type
+
+
+def test_servos_take_over_no_defaults_of_the_file(tmp_path):
+    """Models of robosuite have motors that take -1 to 1 by default: a servo would turn no further than a radian."""
+    defaults = '<default><general gear="3" ctrllimited="true" ctrlrange="-1 1" forcelimited="true" forcerange="-2 2"/>'
+    path = tmp_path / "small.xml"
+    path.write_text(humanoid(servos=()).replace("<worldbody>", f"{defaults}</default><worldbody>", 1))
+    model = read_model(path).compile()
+    assert not model.actuator_ctrllimited.any()
+    assert not model.actuator_forcelimited.any()
+    assert np.array_equal(model.actuator_gear[:, 0], np.ones(model.nu))

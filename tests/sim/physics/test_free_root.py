@@ -1,3 +1,5 @@
+import re
+
 import mujoco
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from sim.physics.playback import PhysicsPlayback, has_fallen
 from sim.robots.calibrate import calibrate
 from sim.robots.robot import load_robot
 from simulated_bodies import HUMAN, ROBOTS, bent_pose, human, skeleton_of
-from small_robots import humanoid
+from small_robots import full_humanoid, humanoid
 
 NAMES = ["mannequin", "servo20"]
 DT = 0.005
@@ -60,11 +62,29 @@ def test_the_gantry_lets_go_of_a_free_root_only():
         physics_model(robot, "string")
 
 
+def without_servos(folder, text):
+    """A robot calibrated from a model file whose joints have no servos."""
+    (folder / "small.xml").write_text(re.sub("<actuator>.*</actuator>", "", text))
+    found = calibrate(folder / "small.xml")
+    (folder / "small.toml").write_text(found.to_toml(folder))
+    return load_robot(folder / "small.toml", human())
+
+
+@pytest.mark.parametrize("text", [humanoid(), full_humanoid(fingers=False)], ids=["10 kg", "27 kg"])
+def test_feet_stay_where_they_are_while_a_robot_that_can_walk_stands(tmp_path, text):
+    robot = without_servos(tmp_path, text)
+    stage, pose = PhysicsPlayback(robot, DT, "free", walk=True), bent_pose(human())
+    foot = feet_of(robot)[0].body
+    for tick in range(round(2.0 / DT)):
+        stage.write(robot.rest, pose)
+        if tick == 20:
+            place = stage.data.body(foot).xpos.copy()
+    assert stage.fell_s is None
+    assert np.linalg.norm(stage.data.body(foot).xpos - place) < 0.015
+
+
 def test_a_robot_whose_file_has_no_servos_stands_on_those_it_is_given(tmp_path):
-    (tmp_path / "small.xml").write_text(humanoid(servos=()))
-    found = calibrate(tmp_path / "small.xml")
-    (tmp_path / "small.toml").write_text(found.to_toml(tmp_path))
-    robot = load_robot(tmp_path / "small.toml", human())
+    robot = without_servos(tmp_path, humanoid())
     stage, pose = PhysicsPlayback(robot, DT, "free"), bent_pose(human())
     for _ in range(round(2.0 / DT)):
         stage.write(robot.rest, pose)
