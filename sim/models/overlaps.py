@@ -10,6 +10,9 @@ import numpy as np
 
 from controller.rotations import Array
 
+OVERLAP = 0.003
+"""Covers may touch; deeper than this, m, something gives way."""
+
 # Bodies so many joints apart or less overlap at the joint itself.
 _NEIGHBOURS = 2
 

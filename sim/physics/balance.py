@@ -17,7 +17,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from controller.rotations import Array, about, from_matrix, multiply, rotate, yaw
+from controller.rotations import Array, about, conjugate, from_matrix, multiply, rotate, yaw
 from motiondeck_base.errors import MotiondeckError
 from sim.physics.physics_model import feet_of
 from sim.physics.support_polygon import convex_hull, margin
@@ -93,7 +93,8 @@ class Balance:
     def _plant(self) -> None:
         """Chooses where the feet stay: on the floor below their present places, in a stance that can balance."""
         plan = self._plan
-        facing = _azimuth(_turned(plan.qpos[3:7]))
+        turned = multiply(plan.qpos[3:7], conjugate(self._model.qpos0[3:7]))
+        facing = _azimuth(rotate(turned, np.array([1.0, 0.0, 0.0])))
         ahead = np.array([np.cos(facing), np.sin(facing)])
         left = np.array([-ahead[1], ahead[0]])
         at, turn = [], []
@@ -158,11 +159,6 @@ class Balance:
             else:
                 found.append(data.xpos[body] + foot.corners @ data.xmat[body].reshape(3, 3).T)
         return np.concatenate(found)[:, :2]
-
-
-def _turned(rotation: Array) -> Array:
-    """Where a body turned by a quaternion faces, shape (3,)."""
-    return rotate(rotation, np.array([1.0, 0.0, 0.0]))
 
 
 def _azimuth(direction: Array) -> float:

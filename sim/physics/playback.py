@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.mocap.posture import Pose
-from controller.rotations import Array, rotate
+from controller.rotations import Array, conjugate, rotate
 from controller.wire.messages import Side
 from motiondeck_base.errors import MotiondeckError
 from sim.models.surface import LowestPoint
@@ -247,7 +247,7 @@ class PhysicsPlayback:
 
     def _look_for_fall(self, played: Array) -> None:
         """Notes whether the robot lies where its root is to be as `played`, shape (>= 7,)."""
-        if has_fallen(self.data.qpos, played):
+        if has_fallen(self.data.qpos, played, self.model.qpos0[3:7]):
             self.fallen, self._stands_for = True, 0
             self.fell_s = self._writes * self._dt if self.fell_s is None else self.fell_s
         elif self.fallen:
@@ -397,8 +397,12 @@ def push_force(impulse: float, towards: float) -> Array:
     return impulse / PUSH_LASTS * np.array([np.cos(towards), np.sin(towards), 0.0])
 
 
-def has_fallen(qpos: Array, played: Array) -> bool:
-    """Whether a root at qpos (>= 7,) is too low or leans too far, compared with the commanded one (>= 7,)."""
-    upright = rotate(np.stack([qpos[3:7], played[3:7]]), np.array([0.0, 0.0, 1.0]))[:, 2]
+def has_fallen(qpos: Array, played: Array, standing: Array) -> bool:
+    """Whether a root at qpos (>= 7,) is too low or leans too far, compared with the commanded one (>= 7,).
+
+    `standing` is the rotation of a root that is upright, a quaternion: not every model has z up.
+    """
+    up = rotate(conjugate(standing), np.array([0.0, 0.0, 1.0]))
+    upright = rotate(np.stack([qpos[3:7], played[3:7]]), up)[:, 2]
     lean, played_lean = np.arccos(np.clip(upright, -1.0, 1.0))
     return bool(qpos[2] < FALLEN_HEIGHT * played[2] or lean > played_lean + FALLEN_TILT)

@@ -22,13 +22,14 @@ from numpy.typing import NDArray
 from controller.deck.interfaces import JointLimits
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.rotations import Array
+from sim.models.overlaps import OVERLAP
 from sim.models.servo_motor import ROOM
 from sim.physics.loads import Loads, loads_of
 from sim.physics.physics_model import feet_of
 from sim.physics.playback import PhysicsPlayback
 from sim.physics.played_motions import DT, PlayedMotion, onward, poses_at, targets_at
 from sim.robots.robot import Robot
-from sim.robots.self_collision import OVERLAP, SelfCollision
+from sim.robots.self_collision import SelfCollision
 
 TICK = 0.005
 TEN_MINUTES = 600.0

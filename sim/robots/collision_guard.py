@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 from controller.mocap.posture import Pose
 from controller.rotations import Array
 from sim.models.model_file import followers
+from sim.models.overlaps import OVERLAP
 from sim.robots.robot import Robot
-from sim.robots.self_collision import OVERLAP, SelfCollision
+from sim.robots.self_collision import SelfCollision
 
 # So often a pose is looked at again after joints were held: holding some may bring others together.
 ROUNDS = 3

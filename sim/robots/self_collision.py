@@ -12,9 +12,6 @@ from sim.models.overlaps import near_bodies, overlaps
 from sim.models.scenery import FLOOR
 from sim.robots.robot import Robot
 
-OVERLAP = 0.003
-"""Covers may touch; deeper than this, m, something gives way."""
-
 
 class SelfCollision:
     """Measures overlaps between bodies that do not overlap in the rest pose and are not neighbours."""

@@ -142,7 +142,7 @@ class Walker:
         plan.qpos[:] = data.qpos
         mujoco.mj_kinematics(model, plan)
         soles, yaws = self._stance(plan)
-        facing = _azimuth(rotate(plan.qpos[3:7], np.array([1.0, 0.0, 0.0])))
+        facing = _azimuth(rotate(multiply(plan.qpos[3:7], conjugate(model.qpos0[3:7])), np.array([1.0, 0.0, 0.0])))
         self._centre = soles[:, :2].mean(axis=0)
         self._pressure, self._astray = self._centre.copy(), 0.0
         self._off, self._learned = np.zeros(2), np.zeros(2)

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from controller.rotations import rotate
+from controller.rotations import multiply, rotate
 from motiondeck_base.errors import MotiondeckError
 from sim.models.feet import find_feet
 from sim.models.surface import LowestPoint
@@ -70,7 +70,11 @@ def without_servos(folder, text):
     return load_robot(folder / "small.toml", human())
 
 
-@pytest.mark.parametrize("text", [humanoid(), full_humanoid(fingers=False)], ids=["10 kg", "27 kg"])
+@pytest.mark.parametrize(
+    "text",
+    [humanoid(), full_humanoid(fingers=False), full_humanoid(fingers=False, lying=True)],
+    ids=["10 kg", "27 kg", "y up"],
+)
 def test_feet_stay_where_they_are_while_a_robot_that_can_walk_stands(tmp_path, text):
     robot = without_servos(tmp_path, text)
     stage, pose = PhysicsPlayback(robot, DT, "free", walk=True), bent_pose(human())
@@ -182,6 +186,10 @@ def test_only_a_free_robot_with_two_feet_can_balance():
 def test_a_fall_is_seen_from_what_is_played():
     upright = np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0])
     lying = np.array([0.0, 0.0, 0.2, np.cos(0.7), np.sin(0.7), 0.0, 0.0])
-    assert not has_fallen(upright, upright)
-    assert not has_fallen(lying, lying)
-    assert has_fallen(lying, upright)
+    for standing in (np.array([1.0, 0.0, 0.0, 0.0]), np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0])):
+        up, down = (np.concatenate([root[:3], multiply(root[3:], standing)]) for root in (upright, lying))
+        assert not has_fallen(up, up, standing)
+        assert not has_fallen(down, down, standing)
+        assert has_fallen(down, up, standing)
+        leaning = np.concatenate([upright[:3], down[3:]])
+        assert has_fallen(leaning, up, standing)

@@ -8,10 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controller.mocap.posture import Pose
+from sim.models.overlaps import OVERLAP
 from sim.robots.calibrate import calibrate
 from sim.robots.collision_guard import CollisionGuard
 from sim.robots.robot import load_robot
-from sim.robots.self_collision import OVERLAP, SelfCollision
+from sim.robots.self_collision import SelfCollision
 from simulated_bodies import ROBOTS, human
 from small_robots import humanoid
 
