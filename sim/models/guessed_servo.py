@@ -5,9 +5,10 @@ has to carry the forearm. So the stiffness follows from the limb turned about th
 
     kp = max(I w^2, M g / SAG),    kv = 2 sqrt(kp I)
 
-with I the limb's greatest moment of inertia about the joint's anchor, w the bandwidth, and M the limb's mass times the
-distance of its centre. A leg that stands turns the rest of the body about the foot: the stiffness of its joints is at
-least STANCE times the weight times the length of the leg, with damping and rotor to match.
+with I the limb's greatest moment of inertia about the joint's anchor plus that of the joint's own rotor, w the
+bandwidth, and M the limb's mass times the distance of its centre. A leg that stands turns the rest of the body about
+the foot: the stiffness of its joints is at least STANCE times the weight times the length of the leg, with damping and
+rotor to match.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -66,7 +67,7 @@ def guess_servo(model: mujoco.MjModel, joint: int, stance: float = 0.0) -> Guess
         axes, arm = data.ximat[part].reshape(3, 3), data.xipos[part] - anchor
         inertia += axes @ np.diag(model.body_inertia[part]) @ axes.T
         inertia += model.body_mass[part] * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    hardest = float(np.linalg.eigvalsh(inertia)[-1])
+    hardest = float(np.linalg.eigvalsh(inertia)[-1]) + float(model.dof_armature[model.jnt_dofadr[joint]])
     moment = float(model.body_subtreemass[body] * np.linalg.norm(data.subtree_com[body] - anchor))
     kp = max(hardest * BANDWIDTH**2, moment * GRAVITY / SAG, STANCE * stance)
     if stance:

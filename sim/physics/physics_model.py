@@ -13,7 +13,7 @@ import mujoco
 from controller.rotations import from_matrix
 from motiondeck_base.errors import MotiondeckError
 from sim.models.feet import Foot, find_feet
-from sim.models.overlaps import OVERLAP, overlaps
+from sim.models.overlaps import near_bodies
 from sim.models.scenery import FLOOR, GANTRY
 from sim.robots.robot import Robot
 
@@ -60,8 +60,8 @@ def physics_model(robot: Robot, root: str = "gantry", alter: Alteration | None =
     """A model of its own to simulate a robot on.
 
     Under a free root the floor is solid: the bodies that the robot's model lets collide stand on it, or where it lets
-    none, all of them. A foot of rounded solids gets a flat sole, as wide and long as they are. Bodies that overlap in
-    the rest pose do not push each other: their covers are drawn into one another.
+    none, all of them. A foot of rounded solids gets a flat sole, as wide and long as they are. Bodies that hang from
+    one another, or overlap in the rest pose, do not push each other: their covers are drawn into one another.
 
     Args:
         robot: whose; it is not changed.
@@ -74,7 +74,7 @@ def physics_model(robot: Robot, root: str = "gantry", alter: Alteration | None =
     check_root(root)
     spec = robot.spec.copy()
     spec.equality(GANTRY).active = root != "free"
-    for a, b in _overlapping_at_rest(robot):
+    for a, b in _drawn_into_one_another(robot):
         spec.add_exclude(bodyname1=a, bodyname2=b)
     if root == "free":
         _make_solid(spec, robot)
@@ -83,12 +83,11 @@ def physics_model(robot: Robot, root: str = "gantry", alter: Alteration | None =
     return spec.compile()
 
 
-def _overlapping_at_rest(robot: Robot) -> list[tuple[str, str]]:
-    """The pairs of bodies that the model lets collide though they overlap in the rest pose."""
-    data = mujoco.MjData(robot.model)
-    robot.layout.place(robot.rest, data.qpos)
-    depths = overlaps(robot.model, data)
-    names = [[robot.model.body(body).name for body in pair] for pair, depth in depths.items() if depth > OVERLAP]
+def _drawn_into_one_another(robot: Robot) -> list[tuple[str, str]]:
+    """The pairs of bodies that hang from one another or from the same place, or overlap in the rest pose."""
+    rest = robot.model.qpos0.copy()
+    robot.layout.place(robot.rest, rest)
+    names = [[robot.model.body(body).name for body in pair] for pair in near_bodies(robot.model, rest)]
     return [(a, b) for a, b in names if a and b]
 
 

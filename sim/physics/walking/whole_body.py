@@ -20,11 +20,14 @@ import numpy as np
 
 from controller.rotations import Array, conjugate, multiply, to_rotation_vector
 from sim.models.feet import Foot
+from sim.models.kinematic_tree import path_to
 from sim.robots.robot import Robot
 
 # Weights of one metre or one radian off.
 FOOT, CENTRE, LEAN, LEG, REST = 100.0, 60.0, 3.0, 0.3, 3.0
 STARTING_STEPS = 60
+# A leg with fewer hinges cannot put a foot anywhere at any angle: an ankle without roll leaves it at this weight.
+LEG_HINGES, ROLL = 6, 1.0
 
 
 class WholeBody:
@@ -52,7 +55,9 @@ class WholeBody:
         self._robot, self._model = robot, model
         self.plan = mujoco.MjData(model)
         self.bodies = [int(model.body(foot.body).id) for foot in feet]
-        self._soles = [foot.sole for foot in feet]
+        self._soles, self._axes = [foot.sole for foot in feet], [foot.axes for foot in feet]
+        hinges = [int(model.body_dofnum[path_to(model, body)[1:]].sum()) for body in self.bodies]
+        self._cannot_roll = [k for k, count in enumerate(hinges) if count < LEG_HINGES]
         self._weight = self._weights(height_weight)
         self.legs = self._weight == LEG
         self._most = self._fastest() * dt
@@ -81,7 +86,7 @@ class WholeBody:
         mujoco.mj_comPos(model, plan)
         root = int(model.jnt_bodyid[0])
         jacobian, off = self.jacobian[:14], np.empty(14)
-        weight = np.empty(14)
+        weight, tasks = np.empty(14), jacobian
         for k, (own, body) in enumerate(zip(self._soles, self.bodies, strict=True)):
             rows = slice(6 * k, 6 * k + 3), slice(6 * k + 3, 6 * k + 6)
             sole = plan.xpos[body] + plan.xmat[body].reshape(3, 3) @ own
@@ -92,10 +97,17 @@ class WholeBody:
         mujoco.mj_jacSubtreeCom(model, plan, self.jacobian[12:], root)
         off[12:] = centre - plan.subtree_com[root, :2]
         weight[12:] = CENTRE
+        if self._cannot_roll:
+            tasks = jacobian.copy()
+            for k in self._cannot_roll:
+                # Seen from the sole, so that its roll can be left to the leg.
+                axes, turn = plan.xmat[self.bodies[k]].reshape(3, 3) @ self._axes[k], slice(6 * k + 3, 6 * k + 6)
+                tasks[turn], off[turn] = axes.T @ jacobian[turn], axes.T @ off[turn]
+                weight[6 * k + 3] = ROLL
         mujoco.mj_differentiatePos(model, self._error, 1.0, plan.qpos, goal)
         square = np.square(self._weight)
-        weighted = jacobian * np.square(weight)[:, None]
-        matrix = jacobian.T @ weighted
+        weighted = tasks * np.square(weight)[:, None]
+        matrix = tasks.T @ weighted
         matrix[np.diag_indices_from(matrix)] += square + 1e-6
         step = np.linalg.solve(matrix, square * self._error + weighted.T @ off)
         most = self._most * pace

@@ -72,8 +72,13 @@ def without_servos(folder, text):
 
 @pytest.mark.parametrize(
     "text",
-    [humanoid(), full_humanoid(fingers=False), full_humanoid(fingers=False, lying=True)],
-    ids=["10 kg", "27 kg", "y up"],
+    [
+        humanoid(),
+        full_humanoid(fingers=False),
+        full_humanoid(fingers=False, lying=True),
+        full_humanoid(fingers=False, ankle="pitch"),
+    ],
+    ids=["10 kg", "27 kg", "y up", "no ankle roll"],
 )
 def test_feet_stay_where_they_are_while_a_robot_that_can_walk_stands(tmp_path, text):
     robot = without_servos(tmp_path, text)
