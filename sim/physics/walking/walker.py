@@ -51,8 +51,8 @@ from sim.robots.robot import Robot
 HEIGHT = 15.0
 # How far ankles move the centre of mass at most, in half lengths of the sole.
 REACH = 0.8
-# They act on an error that is smoothed over so long, s: the noise of its speed would shake stiff servos, and the feet
-# would rattle along the floor.
+# They act on an error that is smoothed over so long, s, where nothing limits the servos: the noise of its speed would
+# shake them, and the feet would rattle along the floor. Servos with a torque-speed line do not follow it.
 SMOOTHED = 0.03
 # How fast lasting errors of the capture point are learned, 1/s, and how much of them at most, in heights of the root.
 LEARNS, LEARNED = 0.5, 0.12
@@ -122,6 +122,7 @@ class Walker:
         stiffness[driven] = np.maximum(model.actuator_gainprm[:, 0], 1e-9)
         self._fades = float(np.exp(-dt / RIGHTS))
         self._late = robot.servo.latency if robot.servo is not None else 0.0
+        self._takes = min(1.0, dt / SMOOTHED) if robot.servo is None else 1.0
         down = model.opt.gravity if gravity is None else gravity
         self._senses = ExactState(model, down)
         if sensors is not None:
@@ -217,7 +218,7 @@ class Walker:
         """How the centre of mass is moved, (2,), m, against an error of the capture point: (6)."""
         heading = self.preview.heading + self._astray
         turning, most = _turning(heading), LEARNED * self._height
-        self._off += min(1.0, self._dt / SMOOTHED) * (off - self._off)
+        self._off += self._takes * (off - self._off)
         self._learned += LEARNS * self._dt * (turning.T @ off)
         np.clip(self._learned, -most, most, out=self._learned)
         push = -self._set.ankle * self._off - turning @ self._learned
