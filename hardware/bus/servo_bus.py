@@ -62,6 +62,8 @@ class Bus:
         port: what carries the bytes.
         baud: bits/s, 10 of which carry a byte.
         old: IDs of the servos that speak Protocol 1.0; whoever knows them sets it.
+        garbled: whether bytes have come instead of the last answer that was waited for, or between those of a ping to
+            all: two servos may have answered at the same time.
     """
 
     def __init__(self, port: Port, baud: int, retries: int = 2, margin: float = 0.05) -> None:
@@ -69,6 +71,7 @@ class Bus:
         self.baud = baud
         self._byte_time = 10.0 / baud
         self.old: frozenset[int] = frozenset()
+        self.garbled = False
         self._retries = retries
         self._margin = margin
         self._requests: dict[tuple[Blocks, bool], GroupRead] = {}
@@ -228,15 +231,19 @@ class Bus:
         # Each waits for its turn, at most its return delay of 508 us and its own 14 bytes.
         deadline = self.port.now() + 253 * (self.wire_time(status_length(3)) + 5.08e-4) + self._margin
         quiet = 0.1 + self._margin
-        parser, found = Parser(), {}
+        parser, found, unread = Parser(), {}, 0
         last = self.port.now()
         while (now := self.port.now()) < min(deadline, last + quiet):
             self.port.wait(min(deadline, last + quiet) - now)
-            for frame in parser.feed(self.port.receive()):
+            received = self.port.receive()
+            unread += len(received)
+            for frame in parser.feed(received):
                 last = self.port.now()
+                unread -= status_length(len(frame.params) - 1)
                 status = as_status(frame)
                 if status is not None and len(status.params) == 3:
                     found[status.id] = self._identity(status)
+        self.garbled = unread > 0
         return [found[id] for id in sorted(found)]
 
     def ping_old(self) -> list[Identity]:
@@ -295,18 +302,23 @@ class Bus:
 
         An answer of an unexpected length and without an error number came too late for an earlier call; it is ignored.
         """
-        self._pending = None
+        self._pending, self.garbled = None, False
         self.port.wait(0.0)  # what has arrived may still be on its way through the kernel; this waits for that
         self._discard()
         if not self.port.send(frame):
             return None
         deadline = self.port.now() + self.wire_time(len(frame) + status_length(length)) + self._margin
         parser, read = (OldParser(), old_status) if id in self.old else (Parser(), as_status)
+        unread = 0
         while (left := deadline - self.port.now()) > 0.0 and self.port.wait(left):
-            for answer in parser.feed(self.port.receive()):
+            received = self.port.receive()
+            unread += len(received)
+            for answer in parser.feed(received):
+                unread = 0
                 status = read(answer)
                 if status is not None and status.id == id and (status.error or len(status.params) == length):
                     return status
+        self.garbled = unread > 0
         return None
 
     def _discard(self) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hardware.bus.servo_bus import Bus
+from hardware.bus.servo_bus import Bus, Identity
 from hardware.control_table.meanings import describe_errors
 from hardware.control_table.servo_traits import TRAITS
 from hardware.errors import RigError, ServoError
@@ -14,7 +14,17 @@ _ANSWER_EVERYTHING = 2
 
 def check_identities(config: RigConfig, bus: Bus) -> None:
     """Pings every servo of the rig file, and names all that are missing or of another model in one error."""
-    found = {joint.id: bus.ping(joint.id) for joint in config.joints}
+    found: dict[int, Identity | None] = {}
+    garbled: list[RigJoint] = []
+    for joint in config.joints:
+        found[joint.id] = bus.ping(joint.id)
+        if found[joint.id] is None and bus.garbled:
+            garbled.append(joint)
+    if garbled:
+        raise RigError(
+            f"garbled answers from {list_joints(garbled)} on {bus.port.name}: two servos may have the same id. "
+            "motiondeck rig doctor names those that are missing."
+        )
     missing = [joint for joint in config.joints if found[joint.id] is None]
     if missing:
         raise RigError(

@@ -106,8 +106,17 @@ class Fixed(NamedTuple):
     refused: list[str]
 
 
-def scan(open_bus: Callable[[int], Bus], bauds: Iterable[int] = _LIKELY) -> list[Found]:
+def scan(
+    open_bus: Callable[[int], Bus],
+    bauds: Iterable[int] = _LIKELY,
+    on_garbled: Callable[[int], object] = lambda baud: None,
+) -> list[Found]:
     """Who answers at each baud rate, of both protocols; the likely rates first.
+
+    Args:
+        open_bus: opens the port at a baud rate.
+        bauds: where to look.
+        on_garbled: told each baud rate at which some bytes are no answer: two servos may have one ID.
 
     Raises:
         SerialPortError: if the port cannot be opened, or vanishes.
@@ -116,7 +125,10 @@ def scan(open_bus: Callable[[int], Bus], bauds: Iterable[int] = _LIKELY) -> list
     for baud in bauds:
         bus = open_bus(baud)
         try:
-            found += [Found(baud, identity) for identity in bus.ping_all() + bus.ping_old()]
+            found += [Found(baud, identity) for identity in bus.ping_all()]
+            if bus.garbled:
+                on_garbled(baud)
+            found += [Found(baud, identity) for identity in bus.ping_old()]
         finally:
             bus.close()
     return found
@@ -164,7 +176,12 @@ def examine(config: RigConfig, bus: Bus) -> Report:
     for index, joint in enumerate(config.joints):
         identity = bus.ping(joint.id)
         who = f"{joint.name} (id {joint.id})"
-        if identity is None:
+        if identity is None and bus.garbled:
+            problems.append(
+                f"{who} gives garbled answers: two servos may have its id; connect one of them alone, then "
+                f"motiondeck rig setup {bus.port.name} --id OTHER --baud {bus.baud}"
+            )
+        elif identity is None:
             missing.append(joint.id)
             problems.append(
                 f"{who} does not answer at {bus.baud} baud: check power, cable, id; try motiondeck rig scan"
@@ -273,7 +290,12 @@ def set_up(open_bus: Callable[[int], Bus], id: int, baud: int) -> tuple[Found, I
         NoReplyError: if it does not answer afterwards.
         SerialPortError: if the port cannot be opened, or vanishes.
     """
-    found = scan(open_bus)
+    garbled: list[int] = []
+    found = scan(open_bus, on_garbled=garbled.append)
+    if garbled:
+        raise RigError(
+            f"garbled answers at {garbled[0]} baud: two servos may have the same id. Connect the one to set up alone."
+        )
     if not found:
         raise RigError("no servo answers at any baud rate. Check power, cable and adapter.")
     if len(found) > 1:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -147,7 +148,15 @@ def _answering(port: str, bauds: list[int] | None = None) -> list[Found]:
     wrong = [rate for rate in bauds or [] if rate not in BAUD_RATES]
     if wrong:
         raise MotiondeckError(f"baud {wrong[0]} is not one of {', '.join(map(str, BAUD_RATES))}")
-    return scan_port(lambda rate: Bus.open(port, rate), *([bauds] if bauds else []))
+    return scan_port(lambda rate: Bus.open(port, rate), *([bauds] if bauds else []), on_garbled=_warn_of_garbled)
+
+
+def _warn_of_garbled(baud: int) -> None:
+    print(
+        f"note: garbled answers at {baud} baud: two servos may have the same id. Connect them one at a time, and give "
+        "each its own with motiondeck rig setup.",
+        file=sys.stderr,
+    )
 
 
 def _refuse_existing(out: Path) -> None:

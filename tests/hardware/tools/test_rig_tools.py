@@ -11,6 +11,7 @@ from hardware.bus.wire_time import rate_limit, read_time, write_time
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
+from hardware.rig.dynamixel_rig import DynamixelRig
 from hardware.tools.doctor import examine, fix_settings, latency_timer, scan, set_up, shorten_latency
 from hardware.tools.monitor import observe
 
@@ -35,6 +36,31 @@ def test_a_scan_finds_servos_at_every_speed(opened, port):
         (1_000_000, 3),
         (1_000_000, 4),
     ]
+
+
+@pytest.fixture
+def doubled(port):
+    """Two servos that differ, and both have ID 1."""
+    port.bus[2]["firmware_version"] = 45
+    port.bus[2]["id"] = 1
+    port.bus.reindex()
+
+
+def test_two_servos_with_one_id_are_told_from_a_missing_one(rig_of_four, opened, bus, doubled):
+    problems = examine(rig_of_four, bus).problems
+    assert any(one.startswith("joint_1 (id 1) gives garbled answers: two servos may have its id") for one in problems)
+    assert any(one.startswith("joint_2 (id 2) does not answer") for one in problems)
+    garbled = []
+    assert [one.identity.id for one in scan(opened, [57600, 1_000_000], garbled.append)] == [3, 4]
+    assert garbled == [1_000_000]
+    with pytest.raises(RigError, match=r"garbled answers from joint_1 \(id 1\).* two servos may have the same id"):
+        DynamixelRig(rig_of_four, bus)
+
+
+def test_one_of_two_servos_with_one_id_is_not_set_up(rig_of_four, opened, port, doubled):
+    port.bus[3].dead = port.bus[4].dead = True
+    with pytest.raises(RigError, match="garbled answers at 1000000 baud: two servos may have the same id"):
+        set_up(opened, 7, 1_000_000)
 
 
 def test_a_healthy_rig_has_nothing_but_slow_answers(rig_of_four, bus):
