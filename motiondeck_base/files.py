@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import math
 import os
 from collections.abc import Iterable
@@ -98,12 +99,15 @@ def read_lines(path: str | Path, largest: int = LARGEST) -> list[str]:
 def read_text(path: str | Path, largest: int = LARGEST) -> str:
     """A text file, every line of which ends with one newline, whatever its line ends were.
 
-    Comments may be in any 8-bit alphabet, so every byte is taken as one character.
+    Comments may be in any 8-bit alphabet, so every byte is taken as one character. What editors write before the text
+    to name its alphabet is left out; UTF-16 is read where it is named so.
 
     Raises:
         FileFormatError: as `read_bytes`, or if the file is not text.
     """
-    content = read_bytes(path, largest)
+    content = read_bytes(path, largest).removeprefix(codecs.BOM_UTF8)
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        content = content.decode("utf-16", errors="replace").encode("latin-1", errors="replace")
     if b"\0" in content:
         raise FileFormatError(f"{path}: this is not a text file. Is it the right one?")
     return content.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")

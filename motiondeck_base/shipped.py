@@ -7,6 +7,13 @@ from pathlib import Path
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from motiondeck_base.near_names import near_names
 
+_MADE_BY = {
+    "robot": "Make one from an MJCF or URDF: motiondeck robot calibrate MODEL --out FILE.toml",
+    "rig": "How to make one: docs/first-rig.md",
+    "library": "Learn one from recordings: motiondeck learn RECORDING... --out FILE.safetensors",
+    "stage": "What it holds: docs/stage.md",
+}
+
 
 def shipped_configs() -> Path:
     """The folder of the shipped configuration: inside an installed package, or at the root of a checkout."""
@@ -64,6 +71,8 @@ def _find(kind: str, folder: str, suffix: str, name: str | Path) -> Path:
         hint = f". Did you mean {' or '.join(str(path.with_name(one + suffix)) for one in near)}?" if near else ""
         raise MotiondeckError(f"{name}: there is no such file{hint}")
     shipped = {file.stem: file for file in sorted((shipped_configs() / folder).glob(f"*{suffix}"))}
+    if str(name) not in shipped and path.is_file():
+        raise MotiondeckError(f"{name}: not a {kind} file, which ends in {suffix}. {_MADE_BY[kind]}")
     if str(name) not in shipped:
         raise UnknownNameError.among(kind, str(name), shipped)
     return shipped[str(name)]

@@ -24,11 +24,11 @@ def read_toml(path: Path, shape: type[T]) -> T:
         FileFormatError: one line per problem, with the file, the place, and the allowed keys or the expected type.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read ({error.strerror or error})") from None
     except UnicodeDecodeError:
-        raise FileFormatError(f"{path}: is not a text file") from None
+        raise FileFormatError(f"{path}: not a text file in UTF-8; save it as UTF-8") from None
     try:
         tree = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

@@ -114,6 +114,11 @@ def fit(
         )
     elif len(what) > 1:
         raise MotiondeckError(f"give one recipe, or clips taught by hand (.clip) only, not {', '.join(map(str, what))}")
+    elif what[0].suffix != ".toml":
+        raise MotiondeckError(
+            f"{what[0]}: not a recipe, which is a TOML file (.toml; docs/library-format.md has one). To learn "
+            "recordings without a recipe: motiondeck learn RECORDING... --out FILE.safetensors"
+        )
     else:
         data = what[0].parent if data is None else data
         if not data.is_dir():

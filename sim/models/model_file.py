@@ -18,6 +18,7 @@ import numpy as np
 from motiondeck_base.errors import FileFormatError
 from sim.models.guessed_servo import guess_servo, stances
 from sim.models.kinematic_tree import path_to
+from sim.models.model_kind import check_is_model
 from sim.models.surface import Surface
 from sim.models.urdf_packages import with_resolved_packages
 
@@ -45,8 +46,7 @@ def read_model(path: Path, packages: Mapping[str, Path] | None = None, feet: Seq
     Raises:
         FileFormatError: if MuJoCo refuses the file, there is no body or no solid in it, or its base turns on a joint.
     """
-    if not path.is_file():
-        raise FileFormatError(f"{path}: there is no such model file")
+    check_is_model(path)
     try:
         text = with_resolved_packages(path, packages or {}) if path.suffix.lower() == ".urdf" else None
         spec = mujoco.MjSpec.from_file(str(path)) if text is None else mujoco.MjSpec.from_string(text)

@@ -46,6 +46,15 @@ def test_an_unknown_name_is_answered_with_the_nearest_ones(find, name, message):
     assert str(caught.value) == message
 
 
+def test_a_file_of_another_kind_is_answered_with_how_to_make_one(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "walk.bvh").touch()
+    with pytest.raises(MotiondeckError, match=r"walk.bvh: not a library file, .* motiondeck learn RECORDING"):
+        find_library("walk.bvh")
+    with pytest.raises(MotiondeckError, match=r"walk.bvh: not a robot file, which ends in .toml.* robot calibrate"):
+        find_robot("walk.bvh")
+
+
 def test_a_missing_path_is_answered_with_the_nearest_files(tmp_path, monkeypatch):
     (tmp_path / "walker.toml").touch()
     with pytest.raises(MotiondeckError, match=r"walkre.toml: there is no such file. Did you mean .*/walker.toml\?$"):

@@ -101,7 +101,7 @@ def test_a_missing_file_a_folder_and_junk_are_named(tmp_path):
         read_toml(tmp_path, Thing)
     junk = tmp_path / "junk.toml"
     junk.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(FileFormatError, match="not a text file"):
+    with pytest.raises(FileFormatError, match="not a text file in UTF-8"):
         read_toml(junk, Thing)
 
 

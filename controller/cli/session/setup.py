@@ -83,6 +83,12 @@ def first_motion(library: MotionLibrary, motion: str | None) -> str:
         UnknownNameError: if the library has no such motion; it names the nearest.
     """
     names = library.network.motions
+    if motion is not None and motion not in names and Path(motion).is_file():
+        learned = Path(motion).with_suffix(".safetensors").name
+        raise MotiondeckError(
+            f"{motion}: a file, not a motion of {library.info.name}. Learn it: motiondeck learn {motion} --out "
+            f"{learned}; then play it: motiondeck play --library {learned}"
+        )
     if motion is not None and motion not in names:
         raise UnknownNameError.among("motion", motion, names)
     return motion or ("walk" if "walk" in names else names[0])

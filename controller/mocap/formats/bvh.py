@@ -25,6 +25,7 @@ from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import Line, as_float, read_text, shortened
 
 MOST_JOINTS = 1000  # without a bound a broken file could ask for any amount of memory
+LONGEST_PERIOD = 1.0  # s; a longer frame time is a rate that was written in its place
 CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "xyz")
 _AXES = dict(zip("xyz", np.eye(3), strict=True))
 
@@ -166,8 +167,9 @@ def _announced(path: str | Path, lines: list[Line]) -> tuple[float, Line]:
     if not times or not counts:
         raise FileFormatError(f"{path}: 'Frames:' or 'Frame Time:' is missing after MOTION. Fetch the file again.")
     period = times[0].number_from(times[0].words[-1])
-    if not 1e-5 <= period <= 100.0:
-        raise times[0].error(f"a frame time of {period:g} s is not possible.")
+    if not 1e-5 <= period <= LONGEST_PERIOD:
+        rate = f" For {period:g} frames a second write {1.0 / period:.6f}." if period > LONGEST_PERIOD else ""
+        raise times[0].error(f"a frame time of {period:g} s is not possible; it is seconds from frame to frame.{rate}")
     # 0.0083333 s means 120 Hz: the files write few digits.
     return round(1.0 / period, 2), counts[0]
 
@@ -187,11 +189,21 @@ def _values(rows: str, at: int, width: int, announced: Line) -> Array:
     if not np.isfinite(numbers).all():
         raise _no_number(announced.path, rows, at)
     if width == 0 or len(numbers) == 0 or len(numbers) % width or len(numbers) < frames * width:
-        raise announced.error(
-            f"{frames:g} frames of {width} channels are announced, but {len(numbers)} numbers follow. "
-            "The file is cut short or not whole: fetch it again."
-        )
+        raise announced.error(_what_follows(rows, at, frames, width, len(numbers)))
     return numbers.reshape(-1, width)
+
+
+def _what_follows(rows: str, at: int, frames: float, width: int, count: int) -> str:
+    """What is wrong with the frames: how many there are, or the first row of another length."""
+    again = "The file is cut short or not whole: fetch it again."
+    if not count:
+        return "no frames follow. Export the motion again."
+    if width and not count % width:
+        return f"{frames:g} frames are announced, but {count // width} follow. {again}"
+    for number, row in enumerate(rows.split("\n"), at + 1):
+        if 0 < (here := len(row.split())) != width:
+            return f"a frame has {width} channels, but line {number} has {here} numbers. {again}"
+    return f"frames of {width} channels are announced, but {count} numbers follow. {again}"
 
 
 def _no_number(path: str | Path, rows: str, at: int) -> FileFormatError:

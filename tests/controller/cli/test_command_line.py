@@ -156,7 +156,7 @@ def test_the_shipped_library_is_found_by_name():
         (("play", "--seconds", "-1", "--headless"), "--seconds -1"),
         (("play", "--rate", "0", "--headless", "--command-port", "0"), "cannot run at 0"),
         (("play", "--video", "walk.avi", "--seconds", "1"), "walk.avi"),
-        (("library", "show", "pyproject.toml"), "unknown library 'pyproject.toml'"),
+        (("library", "show", "pyproject.toml"), "pyproject.toml: not a library file, which ends in .safetensors"),
         (("fit", "none.toml", "--data", ".", "--out", "x.safetensors"), "none.toml: cannot be read"),
         (("send", "tempo", "fast"), "TEMPO must be a number from -3 to 3"),
     ],

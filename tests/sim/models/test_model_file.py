@@ -30,6 +30,28 @@ def with_meshes(folder, uri="package://legs_description/meshes/sole.obj"):
     return path, package
 
 
+@pytest.mark.parametrize(
+    ("name", "text", "complaint"),
+    [
+        ("notes.txt", "buy milk", r"notes.txt: not XML; a robot's model is an MJCF \(.xml\) or a URDF \(.urdf\)"),
+        ("walk.bvh", "HIERARCHY", "not XML"),
+        ("world.sdf", "<!-- a <robot> --><sdf><model/></sdf>", "another kind .<sdf>."),
+        ("bot.toml", "model = 'bot.xml'", "under `model`"),
+        ("bot.urdf", "<robot><xacro:include/></robot>", "xacro bot.urdf > robot.urdf"),
+        ("folder/g1.xml", "<mujoco/>", "a folder; .*in it are g1.xml"),
+        ("", "", "there is no such model file; a robot's model is"),
+    ],
+)
+def test_a_file_of_another_kind_is_refused_and_says_what_was_expected(tmp_path, name, text, complaint):
+    file = tmp_path / (name or "nobody.xml")
+    if name:
+        file.parent.mkdir(exist_ok=True)
+        file.write_text(text)
+    with pytest.raises(FileFormatError, match=complaint) as caught:
+        read_model(tmp_path / name.split("/")[0] if name else file)
+    assert "\n" not in str(caught.value)
+
+
 def test_a_package_is_found_above_the_file(tmp_path):
     path, _ = with_meshes(tmp_path)
     model = read_model(path).compile()

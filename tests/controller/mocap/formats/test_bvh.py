@@ -1,5 +1,6 @@
 """The BVH reader puts every joint where the file has it, whatever its exporter's zero pose, axes and units."""
 
+import codecs
 import re
 from dataclasses import replace
 
@@ -103,8 +104,10 @@ def test_exporters_files_are_read_to_the_last_joint(mocap_data, file, unit, off)
     [
         (("MOTION", ""), "no MOTION"),
         (("HIERARCHY", "NOTES"), "this is no BVH file"),
-        (("Frames: 2", "Frames: 3"), "line 72: 3 frames of 37 channels are announced, but 74 numbers follow"),
+        (("Frames: 2", "Frames: 3"), "line 72: 3 frames are announced, but 2 follow. The file is cut short"),
         (("Frame Time: .0083333", "Frame Time: 0"), "line 73: a frame time of 0 s"),
+        (("Frame Time: .0083333", "Frame Time: 24"), "For 24 frames a second write 0.041667."),
+        (("88 2 10", "88 10"), "line 72: a frame has 37 channels, but line 74 has 36 numbers"),
         (("Frame Time: .0083333", ""), "'Frame Time:' is missing"),
         (("88 2 10", "88 two 10"), "line 74: expected a number, found 'two'"),
         (("CHANNELS 3 Xrotation", "CHANNELS 2 Xrotation"), "line 9: 2 channels are announced, but 3"),
@@ -122,6 +125,15 @@ def test_a_mistake_is_named_with_its_line(tmp_path, change, problem):
     with pytest.raises(FileFormatError, match=re.escape(problem)) as caught:
         read_bvh(write(tmp_path, BVH.replace(*change, 1)))
     assert "bow.bvh" in str(caught.value)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le"])
+def test_what_editors_write_before_the_text_is_left_out(tmp_path, encoding):
+    file = tmp_path / "marked.bvh"
+    file.write_bytes((codecs.BOM_UTF16_LE if encoding == "utf-16-le" else b"") + BVH.encode(encoding))
+    plain, found = read_bvh(write(tmp_path, BVH)), read_bvh(file)
+    np.testing.assert_array_equal(found.rotation, plain.rotation)
+    assert found.skeleton.bones == plain.skeleton.bones
 
 
 def test_position_channels_on_every_joint_move_it(tmp_path):
@@ -143,7 +155,7 @@ def test_position_channels_on_every_joint_move_it(tmp_path):
     ("change", "complaint"),
     [
         (lambda t: t.replace("MOTION", "ROOT Other { OFFSET 0 0 0 CHANNELS 0 }\nMOTION"), "one ROOT"),  # two roots
-        (lambda t: re.sub(r"(Frame Time.*\n)(.*\n)*", r"\1", t).replace("Frames: 2", "Frames: 0"), "0 frames"),
+        (lambda t: re.sub(r"(Frame Time.*\n)(.*\n)*", r"\1", t).replace("Frames: 2", "Frames: 0"), "no frames follow"),
         (lambda t: re.sub(r"\n(\S+)( \S+){30,}\n", r"\nnan\2\n", t, count=1), "number"),
         (lambda t: re.sub(r"(?m)^(-?\d+)\.(\d)", r"\1,\2", t), "expected a number, found"),  # comma decimals
         (lambda t: t.replace("Frames: 2", "Frames: 7"), "announced"),  # a wrong frame count

@@ -70,8 +70,8 @@ def beginning_with(word):
 SECOND_ROOT = HEAD.partition("MOTION")[0].replace("HIERARCHY\n", "")
 REFUSED = {
     "two roots": (TEXT.replace("MOTION", SECOND_ROOT + "MOTION"), "expected one ROOT"),
-    "no frame": (HEAD.replace("Frames: 20", "Frames: 0") + TIME, "0 frames of 81 channels .* 0 numbers follow"),
-    "fewer frames than announced": (TEXT.replace("Frames: 20", "Frames: 21"), "21 frames of 81 channels are announced"),
+    "no frame": (HEAD.replace("Frames: 20", "Frames: 0") + TIME, "no frames follow. Export the motion again"),
+    "fewer frames than announced": (TEXT.replace("Frames: 20", "Frames: 21"), "21 frames are announced, but 20 follow"),
     "a frame cut short": (TEXT[: TEXT.rindex(" ")], "cut short or not whole"),
     "not a number": (beginning_with("nan"), "line 155: expected a number, found 'nan'"),
     "an infinite number": (beginning_with("inf"), "line 155: expected a number, found 'inf'"),

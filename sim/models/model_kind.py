@@ -1,0 +1,47 @@
+"""What kind of file a robot's model is, before MuJoCo reads it: its own errors name no remedy."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+from xml.parsers import expat
+
+from motiondeck_base.errors import FileFormatError
+
+ROOTS = ("mujoco", "robot")
+MODEL = "a robot's model is an MJCF (.xml) or a URDF (.urdf)"
+_SHOWN = 5
+
+
+def check_is_model(path: Path) -> None:
+    """Checks that a file can be the MJCF or URDF of a robot.
+
+    Raises:
+        FileFormatError: if there is none, or it is of another kind; it says what was expected.
+    """
+    if path.is_dir():
+        inside = sorted(file.name for file in path.iterdir() if file.suffix.lower() in (".xml", ".urdf"))
+        names = f"; in it are {', '.join(inside[:_SHOWN])}" if inside else ""
+        raise FileFormatError(f"{path}: a folder; {MODEL}{names}")
+    if not path.is_file():
+        raise FileFormatError(f"{path}: there is no such model file; {MODEL}")
+    if path.suffix.lower() == ".toml":
+        raise FileFormatError(f"{path}: a TOML file; {MODEL}. A robot file names its own under `model`")
+    content = path.read_bytes()
+    root = _root_of(content)
+    if not root:
+        raise FileFormatError(f"{path}: not XML; {MODEL}")
+    if root not in ROOTS:
+        raise FileFormatError(f"{path}: an XML file of another kind (<{root}>); {MODEL}")
+    if b"<xacro:" in content:
+        raise FileFormatError(f"{path}: a URDF with xacro macros; write them out first: xacro {path.name} > robot.urdf")
+
+
+def _root_of(content: bytes) -> str:
+    """The name of the outermost element of an XML file; "" if none begins."""
+    found: list[str] = []
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = lambda tag, _: found.append(tag)
+    with suppress(expat.ExpatError):  # what is wrong further on, MuJoCo says
+        parser.Parse(content, True)
+    return found[0] if found else ""
