@@ -8,6 +8,7 @@ again.
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 
 LEASE = 2.0
 """After this silence a link is lost, s; a live one says something four times as often."""
+
+_RECEIVING_THREADS = 64
 
 Heard = Callable[[str, bytes], None]
 """Is told a key within the show and what was said; in a thread of zenoh's."""
@@ -33,6 +36,9 @@ class Link:
         Raises:
             MotiondeckError: if zenoh is not installed, the address cannot be had, or the certificates are no good.
         """
+        # Zenoh blocks a thread that receives for up to 10 s while it closes a lost link; with its usual two, one cut
+        # link can keep all others from being heard.
+        os.environ.setdefault("ZENOH_RUNTIME", f"(rx: (worker_threads: {_RECEIVING_THREADS}))")
         try:
             import zenoh
         except ImportError:
@@ -125,7 +131,7 @@ def _config(member: Membership) -> zenoh.Config:
         "mode": "peer",
         "listen/endpoints": member.listen,
         "connect/endpoints": member.connect,
-        "connect/timeout_ms": 0,  # goes on in the background
+        "connect/timeout_ms": -1,  # tries for ever, in the background
         "connect/exit_on_failure": False,
         "connect/retry": {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 1.5},
         "scouting/multicast/enabled": False,

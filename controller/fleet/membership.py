@@ -140,7 +140,10 @@ def with_certificates(folder: Path, *, listens: bool = True) -> Membership:
     if (folder / KEY).stat().st_mode & 0o077:
         raise MotiondeckError(f"{folder / KEY}: others may read this key. Forbid that with: chmod 600 {folder / KEY}")
     own = endpoints.pop(file.name)
-    return Membership(file.show, file.name, [own] if listens else [], [*endpoints.values()], folder)
+    # Of each two members the later one in the list dials: one connection for each pair.
+    earlier = [*file.members][: [*file.members].index(file.name)]
+    dialled = [endpoints[name] for name in earlier] if listens else [*endpoints.values()]
+    return Membership(file.show, file.name, [own] if listens else [], dialled, folder)
 
 
 def host_and_port(address: str) -> tuple[str, int]:
