@@ -109,6 +109,11 @@ def _playing(page: Any, hands: Callable[[str], None], work: Path) -> None:
     time.sleep(6.0)
 
 
+def _rig(page: Any, hands: Callable[[str], None], work: Path) -> None:
+    page.get_by_role("tab", name="Rig").click()
+    time.sleep(6.0)
+
+
 def _hot_servo(page: Any, hands: Callable[[str], None], work: Path) -> None:
     page.get_by_role("button", name="l_knee").click()
     for _ in range(5):
@@ -117,7 +122,14 @@ def _hot_servo(page: Any, hands: Callable[[str], None], work: Path) -> None:
     page.locator('.servo-card.warn[aria-label*="hot"]').wait_for()
 
 
+def _registers(page: Any, hands: Callable[[str], None], work: Path) -> None:
+    page.get_by_role("button", name="Registers").click()
+    page.get_by_role("row", name="operating_mode").wait_for()
+    time.sleep(1.0)
+
+
 def _network(page: Any, hands: Callable[[str], None], work: Path) -> None:
+    page.get_by_role("button", name="Close").click()
     page.get_by_text("view", exact=True).click()
     page.get_by_text("network", exact=True).click()
     page.mouse.move(700, 600)
@@ -163,12 +175,13 @@ def _learning(page: Any, hands: Callable[[str], None], work: Path) -> None:
 SCENES: dict[str, Callable[[Any, Callable[[str], None], Path], None]] = {
     "playing": _playing,
     "hot-servo": _hot_servo,
+    "registers": _registers,
     "network": _network,
     "blend": _blend,
     "on-its-way": _on_its_way,
     "emergency-stop": _emergency_stop,
     "learning": _learning,
-    "large": _playing,
+    "large": _rig,
     "phone": _playing,
 }
 SIZES = {"large": (1920, 1080), "phone": (390, 844)}

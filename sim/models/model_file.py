@@ -21,10 +21,9 @@ from sim.models.kinematic_tree import path_to
 from sim.models.model_kind import check_is_model
 from sim.models.surface import Surface
 from sim.models.urdf_packages import with_resolved_packages
+from sim.models.urdf_visuals import MOVED_ORIGIN, note_source
 
 ROOT_JOINT = "(root)"
-MOVED_ORIGIN = "(moved origin)"
-"""The custom number of a model in which it stands how far the origin of its root was moved, in its frame, m."""
 LAST_SHOWN_GROUP = 2
 
 # What a body weighs at least, kg, and its least moment of inertia, kg m^2, where a file has less.
@@ -50,6 +49,8 @@ def read_model(path: Path, packages: Mapping[str, Path] | None = None, feet: Seq
     try:
         text = with_resolved_packages(path, packages or {}) if path.suffix.lower() == ".urdf" else None
         spec = mujoco.MjSpec.from_file(str(path)) if text is None else mujoco.MjSpec.from_string(text)
+        if path.suffix.lower() == ".urdf":
+            note_source(spec, path, packages or {})
         _clear_stage(spec)
         spec.compiler.fusestatic = False
         spec.compiler.discardvisual = False  # a URDF's spec would drop the floor of the stage, too

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from controller.mocap.formats.writing import write_file
 from controller.rotations import Array, rotate
 from motiondeck_base.errors import FileFormatError, UnknownNameError
-from sim.models.model_file import MOVED_ORIGIN
+from sim.models.urdf_visuals import MOVED_ORIGIN
 
 Format = Literal["npz", "csv", "mjlab", "qpos"]
 FORMATS: tuple[Format, ...] = get_args(Format)

@@ -17,6 +17,7 @@ from controller.rotations import Array
 from controller.wire.command_socket import CommandClient
 from controller.wire.messages import Event
 from motiondeck_base.errors import FileFormatError
+from sim.models.urdf_visuals import with_visuals
 from sim.view.drawn_model import DrawnModel
 from sim.view.ghost import Ghost
 from sim.view.learning.hand_recorder import HandRecorder
@@ -175,6 +176,6 @@ class DeckView:
 
 def _model(file: str) -> mujoco.MjModel:
     try:
-        return mujoco.MjModel.from_xml_path(file)
+        return with_visuals(mujoco.MjSpec.from_file(file))
     except ValueError as error:
         raise FileFormatError(f"{file}: MuJoCo refuses it: {error}") from error

@@ -14,6 +14,7 @@ from sim.view.solids import batches, poses
 from sim.view.web.private_page import PrivatePage
 
 SHADOW = (58, 66, 78)
+BRIGHTEST = 215  # of 255: pure white has no shading in the light of the scene
 
 
 class DrawnModel:
@@ -41,7 +42,7 @@ class DrawnModel:
             position, orientation = poses(model, self.data, batch)
             # The same solids, flattened, are their own shadow: there is no shadow map for a slow computer to filter.
             looks = (
-                ("robot", batch.mesh, _linear(batch.colour), 1.0, 0.0, 1.0),
+                ("robot", batch.mesh, _linear(np.minimum(batch.colour, BRIGHTEST)), 1.0, 0.0, 1.0),
                 ("shadow", batch.shadow, SHADOW, 1e-3, 0.002 * height, 0.5),
             )
             self._handles[shape] = [

@@ -1,5 +1,7 @@
 """Tests of robot models as other tools write them."""
 
+import re
+
 import mujoco
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ import pytest
 from motiondeck_base.errors import FileFormatError
 from sim.models.model_file import read_model
 from sim.models.scenery import set_stage
+from sim.models.urdf_visuals import with_visuals
 from sim.robots.calibrate import calibrate
 from sim.robots.robot import load_robot
 from simulated_bodies import human
@@ -50,6 +53,29 @@ def test_a_file_of_another_kind_is_refused_and_says_what_was_expected(tmp_path, 
     with pytest.raises(FileFormatError, match=complaint) as caught:
         read_model(tmp_path / name.split("/")[0] if name else file)
     assert "\n" not in str(caught.value)
+
+
+def test_a_urdf_is_drawn_by_its_visual_shapes_and_moves_by_the_others(tmp_path):
+    path, _ = with_meshes(tmp_path)
+    sole = '<geometry><mesh filename="package://legs_description/meshes/sole.obj"/></geometry>'
+    look = f'<visual><origin xyz="0 0 0.1"/>{sole}<material name="m"><color rgba="1 0 0 1"/></material></visual>'
+    link = re.search(r'<link name="l_shank">', path.read_text())[0]
+    path.write_text(path.read_text().replace(link, link + look))
+    spec = read_model(path)
+    plain = spec.compile()
+    saved = mujoco.MjSpec.from_string(spec.to_xml())  # as the page gets it
+    drawn = with_visuals(saved)
+    assert drawn.ngeom == plain.ngeom + 1
+    shank = drawn.body("l_shank").id
+    (shown,) = np.flatnonzero((drawn.geom_bodyid == shank) & (drawn.geom_group <= 2))
+    assert drawn.geom_type[shown] == mujoco.mjtGeom.mjGEOM_MESH
+    assert drawn.geom_rgba[shown].tolist() == [1, 0, 0, 1]
+    others = (drawn.geom_bodyid == shank) & (np.arange(drawn.ngeom) != shown)
+    assert (drawn.geom_group[others] > 2).all()
+    assert np.array_equal(drawn.geom_group[drawn.geom_bodyid != shank], plain.geom_group[plain.geom_bodyid != shank])
+    assert (drawn.nq, drawn.body_mass.tolist()) == (plain.nq, plain.body_mass.tolist())
+    path.write_text("gone")
+    assert with_visuals(saved).ngeom == plain.ngeom
 
 
 def test_a_package_is_found_above_the_file(tmp_path):

@@ -1,0 +1,100 @@
+"""The <visual> shapes of a URDF: MuJoCo leaves them out, so they are put on a model where it is drawn.
+
+A model that was read from a URDF says so in a text of its own, which goes along where it is saved. Physics, feet and
+limbs know its <collision> shapes only, and never wait for large meshes.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import msgspec
+import mujoco
+import numpy as np
+
+from sim.models.urdf_packages import with_resolved_packages
+
+MOVED_ORIGIN = "(moved origin)"
+"""The custom number of a model in which it stands how far the origin of its root was moved, in its frame, m."""
+_SOURCE = "(urdf)"
+_SHOWN, _HIDDEN = 1, 3  # groups
+_MESHES = (".stl", ".obj")
+_LARGEST = 40_000_000  # bytes of a mesh file
+
+
+class _Source(msgspec.Struct, forbid_unknown_fields=True):
+    file: str
+    packages: dict[str, str]
+
+
+def note_source(spec: mujoco.MjSpec, file: Path, packages: Mapping[str, Path]) -> None:
+    """Writes into a model which URDF it is from, and where its packages are."""
+    source = _Source(str(file.resolve()), {name: str(folder.resolve()) for name, folder in packages.items()})
+    spec.add_text(name=_SOURCE, data=msgspec.json.encode(source).decode())
+
+
+def with_visuals(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """A model with the visual shapes of the URDF it is from, in place of the collision shapes of the same bodies.
+
+    A body with a mesh that MuJoCo cannot read (a .dae), or that is missing, keeps its collision shapes; so do all
+    where the URDF itself cannot be read any more, and a model that is from no URDF.
+    """
+    noted = next((text.data for text in spec.texts if text.name == _SOURCE), None)
+    if noted is None:
+        return spec.compile()
+    source = msgspec.json.decode(noted, type=_Source)
+    dressed = spec.copy()
+    try:
+        _dress(dressed, Path(source.file), {name: Path(folder) for name, folder in source.packages.items()})
+        return dressed.compile()
+    except Exception:  # whatever is wrong with what is only looked at
+        return spec.compile()
+
+
+def _dress(spec: mujoco.MjSpec, file: Path, packages: Mapping[str, Path]) -> None:
+    text = with_resolved_packages(file, packages) or file.read_text(encoding="utf-8")
+    text = re.sub(r"""discardvisual\s*=\s*["'][^"']*["']""", "", text)
+    if "<compiler" in text:
+        text = text.replace("<compiler", '<compiler discardvisual="false"', 1)
+    else:
+        text = re.sub(r"(<robot\b[^>]*>)", r'\1<mujoco><compiler discardvisual="false"/></mujoco>', text, count=1)
+    looks = mujoco.MjSpec.from_string(text)
+    folder = file.resolve().parent / looks.meshdir
+    offsets = {text.name: np.array(text.data) for text in spec.numerics if text.name == MOVED_ORIGIN}
+    root = next(body.name for body in spec.worldbody.bodies if body.joints)
+    names = {body.name for body in spec.bodies}
+    meshes = {mesh.name: mesh for mesh in looks.meshes}
+    for body in looks.bodies[1:]:
+        shapes = [geom for geom in body.geoms if geom.group == _SHOWN and not geom.contype]
+        files = {geom.meshname: folder / meshes[geom.meshname].file for geom in shapes if geom.meshname}
+        if not shapes or body.name not in names or not all(_is_readable(one) for one in files.values()):
+            continue
+        own = spec.body(body.name)
+        for geom in own.geoms:
+            geom.group = _HIDDEN
+        offset = offsets.get(MOVED_ORIGIN, np.zeros(3)) if body.name == root else np.zeros(3)
+        for name, at in files.items():
+            if f"look {name}" not in {mesh.name for mesh in spec.meshes}:
+                spec.add_mesh(name=f"look {name}", file=str(at), scale=meshes[name].scale)
+        for geom in shapes:
+            own.add_geom(
+                type=geom.type,
+                size=geom.size,
+                pos=np.array(geom.pos) - offset,
+                quat=geom.quat,
+                rgba=geom.rgba,
+                meshname=f"look {geom.meshname}" if geom.meshname else "",
+                group=_SHOWN,
+                contype=0,
+                conaffinity=0,
+                mass=0.0,
+            )
+
+
+def _is_readable(mesh: Path) -> bool:
+    return mesh.suffix.lower() in _MESHES and mesh.is_file() and mesh.stat().st_size < _LARGEST
