@@ -42,10 +42,7 @@ def main(folder: Path, names: Sequence[str]) -> None:
             page = browser.new_page(viewport={"width": 1366, "height": 768})
             page.set_default_timeout(PATIENCE_MS)
             page.goto(address)
-            page.get_by_text("PLAYING", exact=True).wait_for()
-            # The browser's own notice: it draws without a graphics card here.
-            page.get_by_text("Software WebGL").locator("xpath=../..").get_by_role("button").click()
-            time.sleep(3.0)
+            _begin(page)
             for name, act in ((name, act) for name, act in SCENES.items() if name in names):
                 size = SIZES.get(name, (1366, 768))
                 page.set_viewport_size({"width": size[0], "height": size[1]})
@@ -105,8 +102,20 @@ def drop(page: Any, file: Path) -> None:
     )
 
 
+def _begin(page: Any) -> None:
+    page.get_by_text("PLAYING", exact=True).wait_for()
+    # The browser's own notice: it draws without a graphics card here.
+    page.get_by_text("Software WebGL").locator("xpath=../..").get_by_role("button").click()
+    time.sleep(3.0)
+
+
 def _playing(page: Any, hands: Callable[[str], None], work: Path) -> None:
     time.sleep(6.0)
+
+
+def _phone(page: Any, hands: Callable[[str], None], work: Path) -> None:
+    page.reload()  # a camera keeps the place that it got where the window was larger
+    _begin(page)
 
 
 def _rig(page: Any, hands: Callable[[str], None], work: Path) -> None:
@@ -182,7 +191,7 @@ SCENES: dict[str, Callable[[Any, Callable[[str], None], Path], None]] = {
     "emergency-stop": _emergency_stop,
     "learning": _learning,
     "large": _rig,
-    "phone": _playing,
+    "phone": _phone,
 }
 SIZES = {"large": (1920, 1080), "phone": (390, 844)}
 
