@@ -27,6 +27,7 @@ from controller.wire.messages import (
     Message,
     Push,
     Queue,
+    ReadRegisters,
     Refused,
     Reply,
     SetInput,
@@ -38,6 +39,9 @@ from controller.wire.run_folder import run_folder
 from controller.wire.run_recording import COMMANDS, MODES
 from controller.wire.telemetry import StateWriter
 from motiondeck_base.errors import FileFormatError
+
+ASKS = (GetStatus, GetPhase, Heartbeat, AlignTicks, Subscribe, ReadRegisters)
+"""Messages that command nothing; they are not recorded."""
 
 KEPT_SECONDS = 8.0
 """How far the recorder may fall behind before ticks are lost, s."""
@@ -84,7 +88,7 @@ class TickRecorder:
 
     def note(self, message: Message, reply: Reply) -> None:
         """Remembers a command and whether it was refused."""
-        if isinstance(message, GetStatus | GetPhase | Heartbeat | AlignTicks | Subscribe):
+        if isinstance(message, ASKS):
             return
         fields = self._writer.fields
         fields["command"][0] = COMMANDS.index(message.__struct_config__.tag) + 1  # a tag is a command's name

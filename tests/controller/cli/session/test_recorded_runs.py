@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -13,9 +14,10 @@ import pytest
 import synthetic
 from command_line import motiondeck
 from controller.cli.pictures.clip_scene import act_of_recording
+from controller.cli.session.tick_recorder import ASKS
 from controller.deck.recorded_deck import RecordedDeck
 from controller.library.motion_library import load_library, save_library
-from controller.wire.messages import LOCK_SOURCES, LOCK_STAGES
+from controller.wire.messages import LOCK_SOURCES, LOCK_STAGES, Message
 from controller.wire.run_recording import COMMANDS, MODES, load_recording
 from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.playback import KinematicPlayback
@@ -87,6 +89,12 @@ def runs(folder):
 @pytest.fixture(scope="module")
 def run(runs):
     return runs[0]
+
+
+def test_every_message_is_a_recorded_command_or_commands_nothing():
+    """A message that is neither would end a run that is recorded."""
+    told = {kind.__struct_config__.tag for kind in get_args(Message)}
+    assert told == {*COMMANDS} | {kind.__struct_config__.tag for kind in ASKS}
 
 
 def test_every_tick_is_recorded_with_its_commands(run, folder):
