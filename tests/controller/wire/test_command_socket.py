@@ -192,7 +192,7 @@ def test_every_command_does_what_it_says(stage):
     assert isinstance(stage.ask(SetTempo(1.5)), Accepted)
     assert isinstance(stage.ask(Pause()), Accepted)
     reply = stage.ask(GetStatus())
-    assert reply == State("walk", ["walk", "jog", "waltz"], 1.5, True, False, reply.id)
+    assert reply == State("walk", ["walk", "jog", "waltz"], 1.5, True, False, reply.id, at=0.02)
     assert isinstance(stage.ask(Resume()), Accepted)
     assert not stage.deck.paused
     assert not stage.stop

@@ -46,7 +46,7 @@ def test_help_teaches_every_command_and_its_examples_are_commands():
     examples = re.findall(r"^  motiondeck send (.+?)(?: --wait)?  +\w", said, re.MULTILINE)
     assert [type(parse_command(line.split())) for line in examples] == [GetStatus, Switch, SetTempo, Pause, Stop]
     assert help_on(["tempo"]).startswith("motiondeck send tempo TEMPO [SECONDS]\n")
-    with pytest.raises(CommandError, match=r"no command 'tepmo'\. Did you mean tempo\?"):
+    with pytest.raises(CommandError, match=r"there is no command 'tepmo'\. Did you mean tempo"):
         help_on(["tepmo"])
 
 
