@@ -17,7 +17,7 @@ from playwright.sync_api import Error
 from bodies import waving
 from controller.mocap.formats.writing import bvh_text
 from controller.wire.command_socket import CommandClient
-from controller.wire.messages import GetStatus
+from controller.wire.messages import Accepted, Event, GetStatus, Subscribe
 from motiondeck_base.shipped import find_rig
 from web_pages import coarse, drop
 
@@ -155,18 +155,17 @@ def test_a_dropped_recording_is_played_within_a_minute(page, emulator):
     page.get_by_role("tab", name="Rig").click()
 
 
-def test_a_servo_that_is_pulled_is_red_within_two_seconds(page, emulator):
-    """Two seconds, and what this browser needs to show anything: on a busy machine that alone can be seconds."""
+def test_a_servo_that_is_pulled_is_told_within_two_seconds_and_red(page, emulator):
+    """Two seconds until the deck says so; how long this browser takes to show anything depends on the machine."""
     servos, _ = emulator
     card = page.get_by_role("button", name=re.compile("^l_knee:"))
     card.wait_for()
     assert "bad" not in card.get_attribute("class")
-    began = time.monotonic()
-    page.get_by_role("tab", name="Learn").click()
-    page.get_by_text("Drop a recording").wait_for()
-    page.get_by_role("tab", name="Rig").click()
-    card.wait_for()
-    slow = 0.5 * (time.monotonic() - began)  # for one of the two
-    servos.stdin.write("pull l_knee\n")
-    servos.stdin.flush()
-    page.locator('.servo-card.bad[aria-label^="l_knee"]').wait_for(timeout=1000.0 * (2.0 + slow))
+    with closing(CommandClient(int(COMMAND_PORT))) as client:
+        assert isinstance(client.request(Subscribe(), timeout_s=30.0), Accepted)
+        began = time.monotonic()
+        servos.stdin.write("pull l_knee\n")
+        servos.stdin.flush()
+        while not (isinstance(event := client.receive(0.1), Event) and "l_knee" in event.text):
+            assert time.monotonic() - began < 2.0
+    page.locator('.servo-card.bad[aria-label^="l_knee"]').wait_for(timeout=30_000)
