@@ -46,7 +46,7 @@ _ENDS = ("close", "hold", "kill", "lasting", "lasting")
 _QUIET = 4.0  # s without faults before the end, in which every joint must come to follow
 _FOLLOWS = 0.15  # rad
 _ACCELERATES = 0.5  # part of its acceleration limit that a joint's sine needs
-_SHORTLY, _CATCHES_UP = 0.5, 0.1  # s; part of its speed limit at which a joint that is still far off must come nearer
+_CATCHES_UP = 0.1  # part of its speed limit at which a joint that is still far off must turn towards its target
 _BLAME = 4.0  # s after a fault in which it may stop the rig
 _RELEASED = 1.5  # s after a jam in which a shaft may snap back to its path
 _MISLED = 0.5  # s after a servo was cut off, or took another's ID, until it is set up again
@@ -206,7 +206,6 @@ def _play(seed: int, until_wrong: bool, turns: Turns) -> Outcome:
     rig = rigs[0] if len(rigs) == 1 else JoinedRig(config, rigs)
     stalls = sorted((fault for fault in plan.faults if fault.kind == "silence"), key=lambda fault: fault.at)
     limits = np.array([joint.lower for joint in config.joints]), np.array([joint.upper for joint in config.joints])
-    shortly_before = np.full(len(config.joints), np.nan)
     elapse(0.0)
     for judge in judges:
         judge.switched_on()
@@ -221,19 +220,22 @@ def _play(seed: int, until_wrong: bool, turns: Turns) -> Outcome:
         if stalls and now >= stalls[0].at:
             elapse(stalls.pop(0).lasts)
         elapse(_TICK)
-        if np.isnan(shortly_before).any() and now > SECONDS - _SHORTLY:
-            shortly_before = _angles(judges, places)
         for judge, part, place in zip(judges, rigs, places, strict=True):
             judge.look(np.clip(targets, *limits)[place], part.faults.unsent)
             if until_wrong and judge.is_wrong:
                 return Outcome(judge.problems)
     outcome.recoveries = rig.recoveries
+    lasting = next((fault for fault in plan.faults if fault.lasts == float("inf")), None)
     if outcome.stopped:
         _judge_stop(plan, outcome, ports[0].now())
+    elif lasting is not None:
+        outcome.problems.append(f"{lasting.kind} of id {lasting.id} did not stop the rig")
     else:
-        angles, targets = _angles(judges, places), np.clip(plan.targets(ports[0].now() - _TICK), *limits)
+        angles = _of_all([judge.angles for judge in judges], places)
+        turning = _of_all([judge.speeds for judge in judges], places)
+        targets = np.clip(plan.targets(ports[0].now() - _TICK), *limits)
         pace = np.abs(plan.targets(ports[0].now()) - plan.targets(ports[0].now() - _TICK)) / _TICK
-        _judge_following(plan, outcome, angles, angles - shortly_before, targets, pace)
+        outcome.problems += forgotten(config.joints, angles, turning, targets, pace)
     closed = plan.end != "kill" or bool(outcome.stopped)
     if closed:
         turns.set_free()
@@ -294,12 +296,12 @@ def _open(port: JudgedPort, baud: int) -> Bus:
     return Bus(port, baud)
 
 
-def _angles(judges: list[ShaftJudge], places: list[NDArray[np.int64]]) -> Array:
-    """Where the shafts of all ports really are, in the order of the rig file, rad."""
-    angles = np.empty(sum(len(place) for place in places))
-    for judge, place in zip(judges, places, strict=True):
-        angles[place] = judge.angles
-    return angles
+def _of_all(parts: list[Array], places: list[NDArray[np.int64]]) -> Array:
+    """What the joints of each port have, in the order of the rig file."""
+    joined = np.empty(sum(len(place) for place in places))
+    for part, place in zip(parts, places, strict=True):
+        joined[place] = part
+    return joined
 
 
 def _judge_stop(plan: Schedule, outcome: Outcome, at: float) -> None:
@@ -309,23 +311,26 @@ def _judge_stop(plan: Schedule, outcome: Outcome, at: float) -> None:
         outcome.problems.append(f"stopped without a reason: {outcome.stopped}")
 
 
-def _judge_following(
-    plan: Schedule, outcome: Outcome, angles: Array, moved: Array, targets: Array, pace: Array
-) -> None:
-    """Whether a rig that has not stopped had no reason to, and each joint follows, or comes nearer to its target.
+def forgotten(joints: tuple[RigJoint, ...], angles: Array, turning: Array, targets: Array, pace: Array) -> list[str]:
+    """Names each joint that neither follows its target nor turns towards it.
 
-    A servo that could still brake before its goal is behind one that moves at `pace`, rad/s, by pace^2 / (2 a).
+    A servo that could still brake before its goal is behind one that moves at v by v^2 / (2 a).
+
+    Args:
+        joints: J of them.
+        angles: where their shafts really are, shape (J,), rad.
+        turning: how fast these turn, shape (J,), rad/s.
+        targets: within the limits, shape (J,), rad.
+        pace: how fast the targets move, shape (J,), rad/s.
     """
-    lasting = next((fault for fault in plan.faults if fault.lasts == float("inf")), None)
-    if lasting is not None:
-        outcome.problems.append(f"{lasting.kind} of id {lasting.id} did not stop the rig")
-        return
-    nearer = moved * np.sign(targets - angles)
-    least = _CATCHES_UP * _SHORTLY * np.array([joint.velocity for joint in plan.config.joints])
-    brakes = pace * pace / (2.0 * np.array([joint.acceleration or np.inf for joint in plan.config.joints]))
-    for index in np.flatnonzero((np.abs(angles - targets) > _FOLLOWS + brakes) & (nearer < least)).tolist():
-        name = plan.config.names[index]
-        outcome.problems.append(f"{name} is forgotten: {angles[index]:.2f} rad instead of {targets[index]:.2f}")
+    towards = turning * np.sign(targets - angles)
+    least = _CATCHES_UP * np.array([joint.velocity for joint in joints])
+    brakes = pace * pace / (2.0 * np.array([joint.acceleration or np.inf for joint in joints]))
+    behind = (np.abs(angles - targets) > _FOLLOWS + brakes) & (towards < least)
+    return [
+        f"{joints[index].name} is forgotten: {angles[index]:.2f} rad instead of {targets[index]:.2f}"
+        for index in np.flatnonzero(behind).tolist()
+    ]
 
 
 def _names(message: str, fault: Fault) -> bool:

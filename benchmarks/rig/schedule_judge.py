@@ -169,6 +169,12 @@ class ShaftJudge:
         return (shafts - self._zero) / self._per_radian
 
     @property
+    def speeds(self) -> Array:
+        """How fast the shafts really turn, shape (J,), rad/s."""
+        speeds = np.array([device.bank.drive.speed[device.row] for device in self._bus.devices])
+        return speeds / self._per_radian
+
+    @property
     def now(self) -> float:
         """The time on the port, s."""
         return self._port.now()
@@ -209,7 +215,7 @@ class ShaftJudge:
         now = self._port.now()
         if now - self._at < 0.5 * _APART:
             return
-        angles, velocity = self.angles, self._speeds()
+        angles, velocity = self.angles, self.speeds
         blocked, cut_off = self._struck(now)
         speed, free = np.abs(velocity), ~blocked
         self.fastest = max(self.fastest, float((speed / self._velocity)[free].max(initial=0.0)))
@@ -225,11 +231,6 @@ class ShaftJudge:
         self._note("left its limits", (angles < self._lower - _PLAY) | (angles > self._upper + _PLAY), angles)
         self._judge_acceleration(now, velocity, free)
         self._at, self._turning = now, velocity
-
-    def _speeds(self) -> Array:
-        """How fast the shafts really turn, shape (J,), rad/s."""
-        speeds = np.array([device.bank.drive.speed[device.row] for device in self._bus.devices])
-        return speeds / self._per_radian
 
     def _swings(self) -> Array:
         """The largest speed of each shaft as a part of the largest of its path, shape (J,)."""

@@ -45,8 +45,8 @@ _MENDED_WITHIN = 2.0  # s, for all but a vanished port
 _PAUSE = 0.05  # s between two tries
 _CATCHING_UP = 0.25  # of the speed limit
 _CAUGHT_UP = 0.02  # rad between goal and target
-# A goal may reach its target while the joint still turns away from it. One has caught up when it is no farther behind
-# than so many seconds at its slower speed and so many rad, or, if load or a hand keeps it there, after a while.
+# A goal may reach its target while the joint is still far off, or turns away. One has caught up when it is no farther
+# behind than so many seconds at the speed of its target and so many rad, or, if load or a hand keeps it, after a while.
 _LAG, _PLAY, _PATIENCE = 0.15, 0.05, 2.0
 _MOST_LOOKS = 8  # servos whose registers wait to be read
 _LONGEST_STEP = 2.0  # ticks' worth of way for an eased joint after a stall: the servo would take it at full speed
@@ -107,7 +107,7 @@ class SupervisedRig:
         self._catching_up = np.zeros(len(self.names), dtype=np.bool_)
         # Since when the goal of a joint that catches up has been at its target, s.
         self._arrived = np.full(len(self.names), np.inf)
-        self._near = _PLAY + _LAG * _CATCHING_UP * self._speed
+        self._targets = np.full(len(self.names), np.nan)  # the last ones, within the limits, rad
         self._last_write = self._rig.now()
         self._health = Health(config, self._last_write)
         self._job: threading.Thread | None = None
@@ -410,10 +410,12 @@ class SupervisedRig:
         self._rig.write(targets, self._speed * part * np.where(part < 1.0, eased_for, passed))
         if np.logical_or.reduce(self._catching_up):
             # A joint that stands at a limit has caught up with a target beyond it.
-            goals = self._rig.goals
-            arrived = np.abs(np.clip(targets, self._lower, self._upper) - goals) < _CAUGHT_UP
+            goals, targets = self._rig.goals, np.clip(targets, self._lower, self._upper)
+            arrived = np.abs(targets - goals) < _CAUGHT_UP
             self._arrived = np.where(arrived & self._catching_up, np.minimum(self._arrived, now), np.inf)
-            there = np.abs(goals - self._rig.positions) < self._near
+            speed = np.abs(targets - self._targets) / max(passed, 1e-3)
+            there = np.abs(goals - self._rig.positions) < _PLAY + _LAG * np.fmin(speed, _CATCHING_UP * self._speed)
+            self._targets = targets
             self._catching_up &= strain.yielding | ~(arrived & (there | (now - self._arrived > _PATIENCE)))
             self._keep_pace()
 

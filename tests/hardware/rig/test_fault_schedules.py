@@ -6,9 +6,10 @@ More of them:  python -m benchmarks fault_schedules 500     python -m benchmarks
 import numpy as np
 import pytest
 
-from benchmarks.rig.fault_schedules import run, schedule
+from benchmarks.rig.fault_schedules import forgotten, run, schedule
 from benchmarks.rig.schedule_judge import swings
 from benchmarks.rig.source_mutants import MUTANTS, Mutant, mutated
+from hardware.rig.rig_file import RigJoint
 from hardware.rig.switching import hold_still
 
 
@@ -35,6 +36,14 @@ def test_a_broken_source_is_noticed_while_it_runs(name, seed, noticed):
 def test_a_source_that_leaves_torque_on_is_noticed_at_the_end():
     with mutated(MUTANTS["no switch-off"]):
         assert "wrong torque after the close" in "; ".join(run(0).problems)
+
+
+@pytest.mark.parametrize(("turning", "named"), [(-1.1, False), (0.0, True), (0.6, True)])
+def test_a_joint_far_behind_is_forgotten_unless_it_turns_towards_its_target(turning, named):
+    """One that has just turned back is where it was half a second ago, and was called forgotten."""
+    joint = RigJoint("hand", 1, "XM430-W350", 1, 2048, -1.3, 1.3, velocity=2.5, acceleration=4.0)
+    said = forgotten((joint,), *(np.array([value]) for value in (0.94, turning, 0.52, 1.35)))
+    assert said == ["hand is forgotten: 0.94 rad instead of 0.52"] * named
 
 
 @pytest.mark.parametrize("loop", [0.3, 0.6, 0.88])

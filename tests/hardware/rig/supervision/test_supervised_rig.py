@@ -139,6 +139,18 @@ def test_a_joint_whose_goal_arrives_before_it_does_not_hurry_after_it(build, bac
     assert (rig.easing == 1.0).all()
 
 
+def test_a_joint_has_caught_up_with_a_target_that_stands_only_when_it_is_there(build):
+    """It was let go 0.14 rad before, and when the target then jumped to the other end, it went there at full speed."""
+    joint = RigJoint("hand", 1, "MX-64", 1, 2048, -1.3, 1.3, velocity=2.5, acceleration=4.0)
+    rig, port = build("dead:id=1,at=2.5,for=0.5", joints=(joint,))
+    play(rig, port, [-1.2], 2.6)
+    play(rig, port, [1.2], 1.0)
+    assert rig.easing[0] == 0.25
+    while rig.easing[0] < 1.0:
+        play(rig, port, [1.2], TICK)
+    assert abs(rig.positions[0] - 1.2) < 0.06
+
+
 @pytest.mark.parametrize(("at", "misled"), [(0.55, 0.0), (0.75, 0.0), (0.95, 0.0), (1.068, 0.1)])
 def test_a_servo_that_takes_the_id_of_a_faster_joint_keeps_its_own_speed(build, rig_of_four, at, misled):
     """It shares that joint's goals then. Only if speeds are just under way does it take them, for less than 0.1 s."""
