@@ -11,6 +11,11 @@ class MotiondeckError(Exception):
     """A mistake that the user can correct; the command line prints it without a traceback."""
 
 
+def in_words(error: BaseException) -> str:
+    """What an error says, behind the name of its type unless it is written for the user."""
+    return str(error) if isinstance(error, MotiondeckError) else f"{type(error).__name__}: {error}"
+
+
 class FileFormatError(MotiondeckError):
     """A file that does not follow its format; the message names the file and the place."""
 

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ParamSpec
 
+from motiondeck_base.errors import in_words
+
 P = ParamSpec("P")
 
 FAULTS_TO_GIVE_UP = 20
@@ -36,6 +38,6 @@ class FaultCounter:
             self.faults += 1
             self._in_a_row += 1
             self.given_up = self._in_a_row >= FAULTS_TO_GIVE_UP
-            self.fault = f"{type(error).__name__}: {error}"
+            self.fault = in_words(error)
         else:
             self._in_a_row = 0

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from controller.deck.interfaces import Output
 from controller.mocap.posture import Pose
 from controller.rotations import Array
+from motiondeck_base.errors import in_words
 
 FAULTS_TO_PARK = 3
 """An output whose turns fail so often in a row is parked: it is no longer served."""
@@ -70,4 +71,4 @@ class Channel:
     def _count(self, error: Exception) -> None:
         self._failed = True
         self.faults += 1
-        self.fault = f"{type(error).__name__}: {error}"
+        self.fault = in_words(error)

@@ -7,6 +7,7 @@ puts its zero elsewhere, a second ID lets another servo's goals move it.
     operating_mode, min_position_limit, max_position_limit, current_limit      at switch-on: the rig file states them
     gains P, I, feed-forward, compliance: the model's own                      at switch-on: they are in RAM
     goal_pwm, torque_limit   what pwm_limit or max_torque allows               at switch-on
+    status_return_level      2: every instruction is answered                  at switch-on, before all else
     drive_mode               0: not reversed, velocity-based profile           on request, refused until then
     homing_offset, multi_turn_offset  0: the rig file has the zero             on request, refused until then
     resolution_divider       1: a count means what the table says              on request, refused until then
@@ -19,7 +20,7 @@ puts its zero elsewhere, a second ID lets another servo's goals move it.
     pwm_limit, max_torque    the model's own                                   on request, advised
     return_delay_time        20 us at most                                     on request, advised
 
-Profiles, bus watchdog and status return level are RAM too; `switching` writes them each time. D gains are left alone:
+Profiles and bus watchdog are RAM too; `switching` writes them each time. D gains are left alone:
 some models have one from the box, and the tables do not hold it.
 """
 
@@ -38,6 +39,8 @@ from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array, RigScale
 
 POSITION_MODE = 3
+ANSWER_EVERYTHING = 2
+"""The status return level at which a servo answers every instruction."""
 _PROTECTED = 4 | 16 | 32  # heat, shock, overload
 _PROTECTED_OLD = 4 | 32  # old models notice no shock
 _JOINT_MODE = 2  # of an XL-320
@@ -52,7 +55,8 @@ _COMPARED = frozenset({
     "max_position_limit",
     "return_delay_time", "position_p_gain", "position_i_gain", "feedforward_1st_gain", "feedforward_2nd_gain",
     "goal_pwm", "control_mode", "multi_turn_offset", "resolution_divider", "torque_control_mode", "torque_limit",
-    "max_torque", "cw_compliance_margin", "ccw_compliance_margin", "cw_compliance_slope", "ccw_compliance_slope",
+    "max_torque", "status_return_level", "cw_compliance_margin", "ccw_compliance_margin", "cw_compliance_slope",
+    "ccw_compliance_slope",
 })  # fmt: skip
 _WHY = {
     "drive_mode": "reversed, or with a profile in time instead of speed",
@@ -67,6 +71,7 @@ _WHY = {
     "max_torque": "it is weaker than its model",
     "multi_turn_offset": "its zero is elsewhere",
     "resolution_divider": "its counts mean other angles",
+    "status_return_level": "it leaves instructions unanswered",
     "return_delay_time": "it waits before each answer, in counts of 2 us",
 }
 
@@ -169,6 +174,7 @@ def _needs(joint: RigJoint, low: int, high: int, held: dict[str, int]) -> Iterat
     for name, most in (("goal_pwm", "pwm_limit"), ("torque_limit", "max_torque")):
         if name in held:
             yield name, held[most], "switch-on"
+    yield "status_return_level", ANSWER_EVERYTHING, "switch-on"
     for name in ("drive_mode", "homing_offset", "startup_configuration", "multi_turn_offset"):
         if name in held:
             yield name, 0, "refused"

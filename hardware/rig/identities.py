@@ -6,10 +6,9 @@ from hardware.bus.servo_bus import Bus, Identity
 from hardware.control_table.meanings import describe_errors
 from hardware.control_table.servo_traits import TRAITS
 from hardware.errors import RigError, ServoError
+from hardware.rig.audit import ANSWER_EVERYTHING
 from hardware.rig.registers import list_joints, read_each, tell_all
 from hardware.rig.rig_file import RigConfig, RigJoint
-
-_ANSWER_EVERYTHING = 2
 
 
 def check_identities(config: RigConfig, bus: Bus) -> None:
@@ -42,7 +41,7 @@ def check_identities(config: RigConfig, bus: Bus) -> None:
 
 def have_answer(config: RigConfig, bus: Bus) -> None:
     """Has servos answer every instruction: one set to keep silent would look like one that is missing."""
-    tell_all(config.only(_answer_by_ram(config)), bus, "status_return_level", _ANSWER_EVERYTHING)
+    tell_all(config.only(_answer_by_ram(config)), bus, "status_return_level", ANSWER_EVERYTHING)
 
 
 def have_old_answer(config: RigConfig, bus: Bus) -> None:
@@ -56,12 +55,12 @@ def have_old_answer(config: RigConfig, bus: Bus) -> None:
             continue
         level = joint.table["status_return_level"]
         try:
-            right = level.decode(bus.read(joint.id, level.address, level.length).params) == _ANSWER_EVERYTHING
+            right = level.decode(bus.read(joint.id, level.address, level.length).params) == ANSWER_EVERYTHING
         except ServoError:
             right = False
         if not right:
             tell_all(config.only([index]), bus, "torque_enable", 0)
-            tell_all(config.only([index]), bus, "status_return_level", _ANSWER_EVERYTHING)
+            tell_all(config.only([index]), bus, "status_return_level", ANSWER_EVERYTHING)
 
 
 def _answer_by_ram(config: RigConfig) -> list[int]:

@@ -15,7 +15,7 @@ from hardware.control_table.meanings import describe_errors
 from hardware.control_table.models import MODELS
 from hardware.control_table.table import ControlTable
 from hardware.errors import NoReplyError, RigError, ServoError
-from hardware.rig.audit import Difference, audit, settle
+from hardware.rig.audit import ANSWER_EVERYTHING, Difference, audit, settle
 from hardware.rig.identities import hardware_errors, have_answer, have_old_answer
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.state_block import arranged
@@ -255,8 +255,11 @@ def fix_settings(config: RigConfig, bus: Bus) -> Fixed:
     for index, joint in enumerate(config.joints):
         one = config.only([index])
         try:
+            level = _answer_level(joint, bus)
             have_old_answer(one, bus)
             have_answer(one, bus)
+            if level != _answer_level(joint, bus) == ANSWER_EVERYTHING:
+                done.append(f"{joint.name} (id {joint.id}): status_return_level was {level} and is {ANSWER_EVERYTHING}")
             torque = joint.table["torque_enable"]
             differences = audit(one, bus)
             if differences and bus.read(joint.id, torque.address, torque.length).params != b"\0":
@@ -269,6 +272,15 @@ def fix_settings(config: RigConfig, bus: Bus) -> Fixed:
         except ServoError as error:
             refused.append(f"{joint.name}: {error}")
     return Fixed(done, refused)
+
+
+def _answer_level(joint: RigJoint, bus: Bus) -> int:
+    """The status return level of a servo: 0, a ping, if it answers no read."""
+    register = joint.table["status_return_level"]
+    try:
+        return register.decode(bus.read(joint.id, register.address, register.length).params)
+    except NoReplyError:
+        return 0
 
 
 def _settle_each(differences: Iterable[Difference], config: RigConfig, bus: Bus) -> Iterator[str]:

@@ -13,6 +13,7 @@ from controller.loop.loop import run
 from controller.loop.output_channel import Channel
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.mocap.posture import Pose
+from motiondeck_base.errors import MotiondeckError
 
 JOINTS = 3
 RATE = 200.0
@@ -166,6 +167,15 @@ def test_first_targets_that_are_no_numbers_start_the_joints_in_the_middle():
     output = Recording()
     play(WavingDeck(spoilt=range(1, 10**9)), Channel(output), seconds=0.1)
     assert np.allclose(output.written, 0.0, atol=1e-9)
+
+
+def test_an_error_that_is_written_for_the_user_is_told_without_the_name_of_its_type():
+    class Rig(Recording):
+        def write(self, targets, pose):
+            raise MotiondeckError("the rig has stopped: elbow (id 3) does not answer")
+
+    report = play(WavingDeck(), Channel(Rig("rig")))
+    assert report.reason == "every output is parked (rig: the rig has stopped: elbow (id 3) does not answer)"
 
 
 def test_with_every_output_parked_the_loop_ends():

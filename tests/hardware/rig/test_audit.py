@@ -101,6 +101,21 @@ def test_what_other_tools_leave_is_named_and_refused_or_mended_and_never_too_fas
     assert rig.positions == pytest.approx([1.4, 1.4], abs=0.01)
 
 
+@pytest.mark.parametrize("model", ["XM430-W350", "AX-12A", "XL-320", "PH54-200-S500"])
+@pytest.mark.parametrize("level", [0, 1])
+def test_the_doctor_lists_the_status_return_level_that_it_has_set(model, level):
+    joint = RigJoint("joint_1", 1, model, 1, 512, -0.5, 0.5, 0.5)
+    config = RigConfig("emulated", 1_000_000, 100.0, (joint,))
+    port = EmulatedPort(EmulatedBus(config), paced=True)
+    bus = Bus(port, 1_000_000)
+    bus.old = config.old_ids
+    assert not any("status_return_level" in line for line in fix_settings(config, bus).done)
+    port.bus[1]["status_return_level"] = level
+    report = examine(config, bus)
+    assert any(f"status_return_level is {level}, the rig needs 2" in line for line in report.problems + report.notes)
+    assert f"joint_1 (id 1): status_return_level was {level} and is 2" in fix_settings(config, bus).done
+
+
 def test_the_doctor_mends_a_servo_that_answers_no_read(used_rig, port, bus):
     port.bus[1]["status_return_level"] = 0
     assert fix_settings(used_rig, bus).refused == []
