@@ -181,10 +181,10 @@ class Performance:
         if blending and use > BLEND_TURNS_OVER:
             self.blend_problem = "turns over"
         elif not blending and use > CORRECTED_FROM and self._corrections < MOST_CORRECTIONS:
-            self._take(extrapolated(self._before, self.posture, dt))
+            self._take(extrapolated(self._before, self.posture, dt, self._rest_direction))
             self._fade_instead()
         if self.blend_problem == "turns over":
-            self._take(extrapolated(self._before, self.posture, dt))
+            self._take(extrapolated(self._before, self.posture, dt, self._rest_direction))
         restarted = self._first.restarted() if self._first.guarded else None
         if restarted is not None and self._blend is None:
             self._first.restart_at(restarted)
@@ -345,6 +345,7 @@ class Performance:
             lambda times: track.ahead(times, self._tempo, starting=starting),
             self._limbs,
             Bounds(FASTEST * speed, acceleration),
+            self._rest_direction,
         )
 
     def _best_anchor(self, motion: str, before: Posture, now: Posture) -> int:

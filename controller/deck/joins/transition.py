@@ -9,6 +9,10 @@ length.
 
 The vectors stay fixed in the world. The heading would be no frame for them: it is that of the hips, and flies round
 while a body stands on its hands.
+
+Where bone directions alone are known, how a bone twists about itself follows a rule (`mocap.orientation`), often faster
+than the bone moves. A rate that held this twist would turn the bone with it once the bone points elsewhere, so it runs
+out beside the vector, about the bone itself.
 """
 
 from __future__ import annotations
@@ -30,6 +34,7 @@ from controller.rotations import (
     to_rotation_vector,
     yaw,
 )
+from controller.rotations import between as shortest_turn
 
 SHORTEST, LONGEST = 0.2, 1.6
 
@@ -69,6 +74,7 @@ class Fade:
         turn, turn_rate: of the root and of each bone, seen from the heading at the switch, shape (1 + B, 3), rad and
             rad/s.
         drift, drift_rate: of height and velocity, seen from there too, shape (3,).
+        twist_rate: of each bone about itself in the rest pose, shape (B, 3), rad/s; None where `turn_rate` holds it.
     """
 
     duration: float
@@ -77,6 +83,7 @@ class Fade:
     turn_rate: Array
     drift: Array
     drift_rate: Array
+    twist_rate: Array | None = None
 
     def apply(self, target: Posture, elapsed: float, turned: float) -> Posture:
         """The target with what is left of the difference after some seconds, its heading turned by some rad since."""
@@ -86,11 +93,14 @@ class Fade:
         back = yaw(-turned)
         left = rotate(back, value * self.turn + slope * self.turn_rate)
         height, *velocity = value * self.drift + slope * self.drift_rate
+        rotation = multiply(from_rotation_vector(left), target.rotation)
+        if self.twist_rate is not None:
+            rotation[1:] = multiply(rotation[1:], from_rotation_vector(slope * self.twist_rate))
         return replace(
             target,
             height=target.height + height,
             velocity=target.velocity + rotate(back, np.array([*velocity, 0.0]))[:2],
-            rotation=multiply(from_rotation_vector(left), target.rotation),
+            rotation=rotation,
         )
 
     def left(self, elapsed: Array) -> tuple[Array, Array]:
@@ -118,6 +128,7 @@ def difference(
     ahead: Callable[[Array], Posture],
     limbs: Callable[[Array], Array],
     bounds: Bounds,
+    rest_direction: Array | None = None,
 ) -> Fade:
     """The fade that leads from what is shown to a target, in the shortest time that keeps joints in bounds.
 
@@ -131,13 +142,19 @@ def difference(
         ahead: the target's postures after so many seconds (S,), from 0 on.
         limbs: joint positions relative to the root of rotations (..., 1 + B, 4), shape (..., J, 3), m.
         bounds: what no joint may exceed.
+        rest_direction: of the bones in the rest pose, shape (B, 3), where their twist follows a rule.
     """
     before, aim = _from_now(shown, dt), _from_now(target, dt)
+    twist_rate: Array | None = None
+    if rest_direction is not None:
+        before, shown_twist = _untwisted(before, shown[1], rest_direction)
+        aim, target_twist = _untwisted(aim, target[1], rest_direction)
+        twist_rate = (shown_twist - target_twist) / dt
     turn = _turn(shown[1].rotation, target[1].rotation)
     turn_rate = (turn - nearest_rotation_vector(_turn(before.rotation, aim.rotation), turn)) / dt
     drift = _drift(shown[1]) - _drift(target[1])
     drift_rate = (drift - _drift(before) + _drift(aim)) / dt
-    best, least, already = Fade(SHORTEST, SHORTEST, turn, turn_rate, drift, drift_rate), np.inf, 0.0
+    best, least, already = Fade(SHORTEST, SHORTEST, turn, turn_rate, drift, drift_rate, twist_rate), np.inf, 0.0
     for share in _SLOWED_WITHIN:
         fade = replace(best, duration=SHORTEST, slowing=share * SHORTEST)
         while True:
@@ -160,9 +177,15 @@ def difference(
     return best
 
 
-def extrapolated(before: Posture, now: Posture, dt: float) -> Posture:
-    """The posture dt seconds after two others, if every bone turns and the root moves on as they did."""
-    step = _turn(now.rotation, _from_now((before, now), dt).rotation)
+def extrapolated(before: Posture, now: Posture, dt: float, rest_direction: Array | None = None) -> Posture:
+    """The posture dt seconds after two others, if every bone turns and the root moves on as they did.
+
+    With rest directions, as for `difference`, bones twist no further.
+    """
+    earlier = _from_now((before, now), dt)
+    if rest_direction is not None:
+        earlier, _ = _untwisted(earlier, now, rest_direction)
+    step = _turn(now.rotation, earlier.rotation)
     turned = float(now.turn_rate) * dt
     back = yaw(-turned)
     return replace(
@@ -224,6 +247,18 @@ def _from_now(postures: tuple[Posture, Posture], dt: float) -> Posture:
     back = yaw(-float(now.turn_rate) * dt)
     velocity = rotate(back, np.append(before.velocity, 0.0))[:2]
     return replace(before, velocity=velocity, rotation=multiply(back, before.rotation))
+
+
+def _untwisted(before: Posture, now: Posture, rest_direction: Array) -> tuple[Posture, Array]:
+    """A posture whose bones lead to the present one the shortest way, and by how much they twist on that way.
+
+    Returns:
+        The posture; rotation vectors about the bones in the rest pose, shape (B, 3), rad.
+    """
+    was, here = (rotate(posture.rotation[1:], rest_direction) for posture in (before, now))
+    bones = multiply(shortest_turn(here, was), now.rotation[1:])
+    twist = to_rotation_vector(multiply(conjugate(before.rotation[1:]), bones))
+    return replace(before, rotation=np.concatenate([before.rotation[:1], bones])), twist
 
 
 def _turn(shown: Array, target: Array) -> Array:
