@@ -52,6 +52,8 @@ class MotionRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_o
             they are other values of it.
         input: the name of an input besides the phase, in which the recordings differ, such as "speed".
         values: of the input in the recording and in each take; without them, those of "speed" are measured, m/s.
+        people: who made the recording and each take; the motion is then learned in the manner of the first, and the
+            others show what the input does. Without it all recordings count as one person's.
     """
 
     file: str
@@ -66,6 +68,7 @@ class MotionRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_o
     takes: tuple[str, ...] = ()
     input: str = ""
     values: tuple[float, ...] = ()
+    people: tuple[str, ...] = ()
 
 
 class LibraryRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -260,8 +263,9 @@ def _motion_problems(recipe: LibraryRecipe) -> Iterator[str]:
 def _input_problems(motion: MotionRecipe, recipe: LibraryRecipe) -> Iterator[str]:
     """What is wrong with the input of a motion."""
     if not motion.input:
-        if motion.values:
-            yield f"motion '{motion.name}' has values, but no input that they are of"
+        for key in ("values", "people"):
+            if getattr(motion, key):
+                yield f"motion '{motion.name}' has {key}, but no input"
         return
     if not NAME.fullmatch(motion.input):
         yield f"input '{motion.input}' cannot be typed; use letters, digits, - and _ (at most 40)"
@@ -272,8 +276,11 @@ def _input_problems(motion: MotionRecipe, recipe: LibraryRecipe) -> Iterator[str
     many = 1 + len(motion.takes)
     if not motion.values and motion.input != "speed":
         yield f"give the values of '{motion.input}' in the {many} recordings of motion '{motion.name}'"
-    if motion.values and not (len(motion.values) == many == len(set(motion.values))):
-        yield f"motion '{motion.name}' has {many} recordings, which need as many different values"
+    different = 2 if motion.people else many  # people may be recorded at the same value
+    if motion.values and not (len(motion.values) == many and len(set(motion.values)) >= different):
+        yield f"motion '{motion.name}' has {many} recordings, which need as many values, {different} of them different"
+    if motion.people and len(motion.people) != many:
+        yield f"motion '{motion.name}' has {many} recordings; give as many people, the first that it is to be like"
 
 
 def _network_problems(recipe: LibraryRecipe) -> Iterator[str]:

@@ -22,6 +22,7 @@ from controller.networks.reservoirs.driving_input import DrivingInput
 from controller.rotations import Array, dot
 from controller.training.preparation.cycles import in_step
 from controller.training.preparation.loops import Seam, best_seam, close_loop, hold_end
+from controller.training.preparation.people import in_the_manner_of
 from controller.training.preparation.takes import read_takes
 from controller.training.preparation.training_motion import TrainingMotion, Variant
 from controller.training.recipe import CenterRecipe, LibraryRecipe, MotionRecipe, find_recording
@@ -150,7 +151,7 @@ def prepare(
         if motion.input:
             takes = [clip, *(read_clip(find_recording(data, take)) for take in motion.takes)]
             alike = [carried(resampled(take, rate), encoding.skeleton) for take in takes]
-            variants[motion.name] = in_step(encoding, alike, motion.values, rate)
+            variants[motion.name] = _of_one_person(motion, in_step(encoding, alike, motion.values, rate))
             usual = variants[motion.name][0]
             frames[motion.name] = usual.frames
             parts[motion.name] = LearnedPart(0.0, usual.seconds, clip.duration)
@@ -167,6 +168,14 @@ def prepare(
     least = LEAST_RANGE if isinstance(recipe.network, PhaseDrivenRecipe) else 0.0
     inputs = {motion.name: motion.input for motion in recipe.motions if motion.input}
     return TrainingSet(encoding, rate, frames, loops, before, parts, least, variants, inputs)
+
+
+def _of_one_person(motion: MotionRecipe, recorded: list[Variant]) -> list[Variant]:
+    """A motion at each of its values as the first of its people does it; as recorded, where none are given."""
+    if not motion.people:
+        return recorded
+    values = list(dict.fromkeys(one.value for one in recorded))
+    return in_the_manner_of(motion.people[0], recorded, motion.people, values)
 
 
 def read_motion(data: Path, motion: MotionRecipe) -> Clip:

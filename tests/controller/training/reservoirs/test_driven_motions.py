@@ -160,8 +160,11 @@ def test_one_stride_of_several_is_cut_out_and_brought_into_step():
         ({"plays": "once"}, "has to be a loop with takes"),
         ({"takes": ()}, "has to be a loop with takes"),
         ({"input": "mood"}, "give the values of 'mood' in the 2 recordings"),
-        ({"values": (1.0, 1.0)}, "need as many different values"),
-        ({"input": "", "values": (1.0, 2.0)}, "no input that they are of"),
+        ({"values": (1.0, 1.0)}, "need as many values, 2 of them different"),
+        ({"values": (1.0, 1.0), "people": ("a", "b")}, "2 of them different"),
+        ({"input": "", "values": (1.0, 2.0)}, "has values, but no input"),
+        ({"input": "", "people": ("a", "b")}, "has people, but no input"),
+        ({"people": ("a",)}, "give as many people"),
     ],
 )
 def test_a_recipe_names_what_is_wrong_with_an_input(tmp_path, changed, problem):
