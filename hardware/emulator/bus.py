@@ -72,7 +72,6 @@ class EmulatedBus:
             self._banks.append(bank)
             placed |= {index: Device(bank, row) for row, index in enumerate(members)}
         self.devices = [placed[index] for index in range(len(config.joints))]
-        self._speaks_old = any(device.protocol == 1 for device in self.devices)
         self._coupling = Coupling(plant, config.joints, self.devices) if plant is not None else None
         self._turned = 0.0  # time of the plant, s
         self.reindex()
@@ -137,13 +136,15 @@ class EmulatedBus:
         return any(device.moving for device in self.devices)
 
     def reindex(self) -> None:
-        """Updates which servo listens to which ID, after a change."""
+        """Updates which servo listens to which ID, in which protocol, after a change."""
         self._by_id: defaultdict[int, list[Device]] = defaultdict(list)
         self._shadows: defaultdict[int, list[Device]] = defaultdict(list)
         for device in self.devices:
+            device.choose_protocol()
             self._by_id[device.id].append(device)
             if device.shadow_id <= 252 and device.shadow_id != device.id:
                 self._shadows[device.shadow_id].append(device)
+        self._speaks_old = any(device.protocol == 1 for device in self.devices)
 
     def everybody(self, protocol: int) -> list[Device]:
         """The servos that hear and speak this protocol."""
@@ -330,7 +331,7 @@ class EmulatedBus:
                 self._write(device, address, data, shadow=True)
 
 
-_LAST_ID_ADDRESS = 12  # of the ID, the baud rate and the second ID
+_LAST_ID_ADDRESS = 13  # of the ID, the baud rate, the second ID and the protocol
 
 _GROUP: dict[int, Callable[[EmulatedBus, bytes], list[Answer]]] = {
     wire.SYNC_READ: EmulatedBus._sync_read,

@@ -14,10 +14,10 @@ puts its zero elsewhere, a second ID lets another servo's goals move it.
     secondary_id             above 252: none                                   on request, refused until then
     startup_configuration    0: torque stays off at power-up                   on request, refused until then
     shutdown                 at least heat, shock and overload                 on request, refused until then
-    temperature_limit        at most the model's own                           on request, refused until then
+    temperature_limit        at most the model's own, at least 40 degC         on request, refused until then
     velocity_limit           at least the joint's velocity                     on request, advised (P series: refused)
     acceleration_limit       P series: at least the joint's acceleration       on request, refused until then
-    pwm_limit, max_torque    the model's own                                   on request, advised
+    pwm_limit, max_torque    the model's own                                   on request, advised (0: refused)
     return_delay_time        20 us at most                                     on request, advised
 
 Profiles and bus watchdog are RAM too; `switching` writes them each time. D gains are left alone:
@@ -48,6 +48,7 @@ _FASTEST_JOINT = 1023  # counts of speed that an old model takes; the next bit i
 _GAINS = ("position_p_gain", "position_i_gain", "feedforward_1st_gain", "feedforward_2nd_gain", "cw_compliance_margin",
           "ccw_compliance_margin", "cw_compliance_slope", "ccw_compliance_slope")  # fmt: skip
 _LAST_ID, _NO_SECOND_ID = 252, 255
+_COOLEST_LIMIT = 40  # degC: with a lower one a servo shuts down where it is warm
 _SLOW_ANSWER = 10  # counts of 2 us that do no harm
 _COMPARED = frozenset({
     "drive_mode", "homing_offset", "secondary_id", "startup_configuration", "shutdown", "temperature_limit",
@@ -59,12 +60,12 @@ _COMPARED = frozenset({
     "ccw_compliance_slope",
 })  # fmt: skip
 _WHY = {
-    "drive_mode": "reversed, or with a profile in time instead of speed",
+    "drive_mode": "reversed, or with a profile in time instead of speed, or with torque that a goal takes on",
     "homing_offset": "its zero is elsewhere",
     "secondary_id": "it obeys a second ID",
     "startup_configuration": "torque or RAM come back at power-up",
     "shutdown": "it does not protect itself",
-    "temperature_limit": "it may get too hot",
+    "temperature_limit": "it gets too hot, or shuts down while it is cool",
     "velocity_limit": "it is slower than the rig file asks",
     "acceleration_limit": "it takes no profile as quick as the rig file asks",
     "pwm_limit": "it is weaker than its model",
@@ -185,7 +186,8 @@ def _needs(joint: RigJoint, low: int, high: int, held: dict[str, int]) -> Iterat
     is_old = joint.model in OLD_MODELS
     protected = joint.table.own_problems(_PROTECTED_OLD) if is_old else _PROTECTED
     yield "shutdown", held["shutdown"] | protected, "refused"
-    yield "temperature_limit", min(held["temperature_limit"], round(joint.hottest)), "refused"
+    hottest, limit = round(joint.hottest), held["temperature_limit"]
+    yield "temperature_limit", limit if _COOLEST_LIMIT <= limit <= hottest else hottest, "refused"
     if "velocity_limit" in held:
         fast_enough = in_counts(joint, "velocity_limit", joint.velocity * joint.gear, 1)
         # The P series would refuse the profile, with which a joint keeps its limits.
@@ -197,6 +199,6 @@ def _needs(joint: RigJoint, low: int, high: int, held: dict[str, int]) -> Iterat
     for name in ("pwm_limit", "max_torque"):
         default = joint.table.registers[name].default if name in held else None
         if default is not None:
-            yield name, default, "advised"
+            yield name, default, "advised" if held[name] else "refused"
     if held["return_delay_time"] > _SLOW_ANSWER:
         yield "return_delay_time", 0, "advised"

@@ -28,7 +28,7 @@ def check_identities(config: RigConfig, bus: Bus) -> None:
     if missing:
         raise RigError(
             f"no answer on {bus.port.name} at {bus.baud} baud from {list_joints(missing)}. "
-            "Check power, cables and ids; motiondeck rig doctor finds servos at other baud rates."
+            "Check power, cables and ids; motiondeck rig doctor finds servos at other ids and baud rates."
         )
     others = [
         f"{joint.name} (id {joint.id}) is a {identity.model}, not a {joint.model}"

@@ -24,6 +24,7 @@ _USB_SERIAL = Path("/sys/bus/usb-serial/devices")
 _LIKELY = (57600, 1_000_000, 4_000_000, 2_000_000, 3_000_000, 115_200, 9600)
 _OLD_BLOCK = 20  # bytes that are read of a servo without indirect cells
 _CLOSE_TO_HOT = 12.0  # degC
+_VOLTAGE, _HEAT = 1, 4  # bits of a hardware error
 _SILENT = (
     "answers a ping but no read, as if its status_return_level is 0, the rig needs 2: --fix sets it, and so does every "
     "switch-on"
@@ -49,7 +50,7 @@ class ServoReport(msgspec.Struct, frozen=True):
         model: the maker's name.
         firmware: version.
         torque: whether torque is on.
-        errors: hardware errors in words; "" for none.
+        errors: hardware errors in words, with the limits that it keeps; "" for none.
         position: rad.
         temperature: degC.
         voltage: V.
@@ -230,17 +231,20 @@ def examine(config: RigConfig, bus: Bus) -> Report:
     return Report(bus.port.name, bus.baud, latency, config.rate_hz, possible, servos, problems, notes, missing)
 
 
-def look_elsewhere(report: Report, open_bus: Callable[[int], Bus]) -> list[str]:
-    """Servos that answer at another baud rate than the rig's, one line each; nobody is looked for if none is missing.
+def look_elsewhere(config: RigConfig, report: Report, open_bus: Callable[[int], Bus]) -> list[str]:
+    """Servos that answer at another ID, baud rate or protocol, one line each; not looked for if none is missing.
 
     Raises:
         SerialPortError: if the port cannot be opened, or vanishes.
     """
-    others = [baud for baud in _LIKELY if baud != report.baud] if report.missing else []
+    known = {joint.id for joint in config.joints} - {*report.missing}
+    bauds = list(dict.fromkeys((report.baud, *_LIKELY))) if report.missing else []
     return [
-        f"a {who.model} answers as id {who.id} at {baud} baud: connect it alone, then motiondeck rig setup "
-        f"{report.port} --id {report.missing[0] if len(report.missing) == 1 else 'ID'} --baud {report.baud}"
-        for baud, who in scan(open_bus, others)
+        f"a {who.model} answers as id {who.id} at {baud} baud{' in Protocol 1.0' * (who.protocol == 1)}: connect it "
+        f"alone, then motiondeck rig setup {report.port} "
+        f"--id {report.missing[0] if len(report.missing) == 1 else 'ID'} --baud {report.baud}"
+        for baud, who in scan(open_bus, bauds)
+        if baud != report.baud or who.id not in known
     ]
 
 
@@ -325,6 +329,9 @@ def set_up(open_bus: Callable[[int], Bus], id: int, baud: int) -> tuple[Found, I
             raise RigError(f"a servo of model {table.model} cannot do {baud} baud.")
         _put(bus, before.identity.id, table, "torque_enable", 0)
         _put(bus, before.identity.id, table, "return_delay_time", 0)
+        if before.identity.protocol != table.protocol:
+            _put(bus, before.identity.id, table, "protocol_type", table.protocol)
+            bus.old = frozenset()
         if id != before.identity.id:
             _put(bus, before.identity.id, table, "id", id)
         if baud != before.baud:
@@ -365,16 +372,27 @@ def _ask(joint: RigJoint, identity: Identity, bus: Bus) -> ServoReport:
         register = joint.table[name]
         return register.decode(bus.read(joint.id, register.address, register.length).params)
 
+    bits, temperature, voltage = (
+        hardware_errors(joint, bus),
+        float(value("present_temperature")),
+        value("present_input_voltage") / 10.0,
+    )
+    why: list[str] = []
+    if bits & _VOLTAGE:
+        low, high = value("min_voltage_limit") / 10.0, value("max_voltage_limit") / 10.0
+        why.append(f" ({voltage:.1f} V; its own limits are {low:.1f} and {high:.1f} V)")
+    if bits & _HEAT:
+        why.append(f" ({temperature:.0f} degC; its own limit is {value('temperature_limit')} degC)")
     return ServoReport(
         name=joint.name,
         id=joint.id,
         model=identity.model,
         firmware=identity.firmware,
         torque=value("torque_enable") != 0,
-        errors=describe_errors(bits) if (bits := hardware_errors(joint, bus)) else "",
+        errors=describe_errors(bits) + "".join(why) if bits else "",
         position=(value("present_position") - joint.zero) / joint.pulses_per_radian,
-        temperature=float(value("present_temperature")),
-        voltage=value("present_input_voltage") / 10.0,
+        temperature=temperature,
+        voltage=voltage,
         return_delay_us=2 * value("return_delay_time"),
     )
 
@@ -392,9 +410,14 @@ def _complaints(servo: ServoReport, joint: RigJoint, who: str, differing: set[st
     found: list[str] = []
     if servo.errors:
         found.append(f"{who} reports {servo.errors}: mend the cause, then switch its power off and on")
-    if not (joint.lower - 0.05 <= servo.position <= joint.upper + 0.05 or differing & _FALSIFIES):
+    position = servo.position
+    if "operating_mode" in differing:  # one that counts many turns; in position mode it shows its place in one
+        lowest, turn = joint.table.one_turn[0], joint.table.pulses_per_turn
+        pulses = lowest + (joint.pulses(position) - lowest) % turn
+        position = (pulses - joint.zero) / joint.pulses_per_radian
+    if not (joint.lower - 0.05 <= position <= joint.upper + 0.05 or differing & _FALSIFIES):
         found.append(
-            f"{who} stands at {servo.position:.2f} rad, its limits are {joint.lower} to {joint.upper}: "
+            f"{who} stands at {position:.2f} rad, its limits are {joint.lower} to {joint.upper}: "
             "move it by hand, or motiondeck rig calibrate"
         )
     if servo.temperature > joint.hottest - _CLOSE_TO_HOT:

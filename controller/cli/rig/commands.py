@@ -58,8 +58,8 @@ def doctor(
                 done, refused = done + fixed.done, refused + fixed.refused
                 print(shorten_latency(bus.port.name), file=sys.stderr)
             reports.append(examine(part, bus))
-    for report in reports:
-        report.problems.extend(look_elsewhere(report, lambda baud, port=report.port: Bus.open(port, baud)))
+    for (part, _), report in zip(parts, reports, strict=True):
+        report.problems.extend(look_elsewhere(part, report, lambda baud, port=report.port: Bus.open(port, baud)))
     if as_json:
         print(msgspec.json.encode(reports[0] if len(reports) == 1 else {"ports": reports}).decode())
     for line in done if not as_json else []:

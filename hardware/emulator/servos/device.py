@@ -46,7 +46,7 @@ class Device:
 
     Attributes:
         model: the maker's name.
-        protocol: 1 or 2, that it speaks.
+        protocol: 1 or 2, that it speaks; see `choose_protocol`.
         asleep_until: the servo is deaf before this time, s, as after a reboot.
     """
 
@@ -150,6 +150,11 @@ class Device:
     def shut_down(self) -> bool:
         """Whether a hardware problem has taken the torque away until the next reboot."""
         return self._get("hardware_error_status") & self._get("shutdown") != 0
+
+    def choose_protocol(self) -> None:
+        """Speaks from now on what its register says, if it has one."""
+        if "protocol_type" in self._places and not self._old:
+            self.protocol = 1 if self._get("protocol_type") == 1 else 2
 
     def fail(self, bits: int) -> None:
         """Gives the servo a hardware problem: 1 voltage, 4 heat, 8 encoder, 16 shock, 32 overload."""

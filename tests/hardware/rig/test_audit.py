@@ -21,6 +21,7 @@ LEFT_BEHIND = {
     "startup_configuration": (1, r"startup_configuration is 1, the rig needs 0"),
     "shutdown": (0, r"shutdown is 0, the rig needs 52"),
     "temperature_limit": (100, r"temperature_limit is 100, the rig needs 80"),
+    "pwm_limit": (0, r"pwm_limit is 0, the rig needs 885"),
 }
 SET_ANYWAY = {
     "operating_mode": 4,
@@ -70,6 +71,8 @@ AS_OTHER_TOOLS_LEAVE_IT = {
     "extended position": ({"operating_mode": 4}, "operating_mode is 4, the rig needs 3", "mended"),
     "status return level 0": ({"status_return_level": 0}, "its status_return_level is 0", "mended"),
     "from the box": ({"baud_rate": 1}, "a XM430-W350 answers as id 1 at 57600 baud", "refused"),
+    "another id": ({"id": 77}, "a XM430-W350 answers as id 77 at 1000000 baud: connect it alone", "refused"),
+    "Protocol 1.0": ({"protocol_type": 1}, "a XM430-W350 answers as id 1 at 1000000 baud in Protocol 1.0", "refused"),
 }
 
 
@@ -77,20 +80,21 @@ AS_OTHER_TOOLS_LEAVE_IT = {
 def test_what_other_tools_leave_is_named_and_refused_or_mended_and_never_too_fast(used_rig, port, left):
     settings, said, then = AS_OTHER_TOOLS_LEAVE_IT[left]
     for register, value in settings.items():
-        port.bus[1][register] = value
+        port.bus.devices[0][register] = value
+    port.bus.reindex()
 
     def open_bus(baud):
         port.bus.baud = baud
         return Bus(port, baud)
 
     report = examine(used_rig, open_bus(used_rig.baud))
-    assert said in "\n".join(report.problems + report.notes + look_elsewhere(report, open_bus))
+    assert said in "\n".join(report.problems + report.notes + look_elsewhere(used_rig, report, open_bus))
     bus = open_bus(used_rig.baud)
     if then == "refused":
         with pytest.raises(RigError, match=r"joint_1 \(id 1\)"):
             DynamixelRig(used_rig, bus)
-        assert [port.bus[id]["torque_enable"] for id in (1, 2)] == [0, 0]
-        if "baud_rate" in settings:
+        assert [device["torque_enable"] for device in port.bus.devices] == [0, 0]
+        if settings.keys() & {"baud_rate", "id", "protocol_type"}:
             port.bus[2].dead = True  # one servo at a time
             set_up(open_bus, 1, used_rig.baud)
             port.bus[2].dead = False
@@ -170,6 +174,35 @@ def test_a_position_that_a_setting_falsifies_is_no_problem_of_its_own(used_rig, 
     problems = examine(used_rig, bus).problems
     assert any(register in problem for problem in problems)
     assert not any("stands at" in problem for problem in problems)
+
+
+def test_a_servo_that_has_counted_turns_is_where_position_mode_will_show_it(used_rig, port, bus):
+    port.bus[1]["operating_mode"] = 4
+    bank = port.bus.devices[0].bank
+    bank.shaft[0] = 2048 + 3 * 4096 + 300
+    port.elapse(0.01)
+    report = examine(used_rig, bus)
+    assert report.servos[0].position == pytest.approx(6 * np.pi + 300 * 2 * np.pi / 4096)
+    assert not any("stands at" in problem for problem in report.problems)
+    DynamixelRig(used_rig, bus).close()
+    assert examine(used_rig, bus).servos[0].position == pytest.approx(300 * 2 * np.pi / 4096)
+    port.bus[1]["operating_mode"] = 4
+    bank.shaft[0] = 2048 + 4096 + 1200
+    port.elapse(0.01)
+    assert any("joint_1 (id 1) stands at 1.84 rad" in problem for problem in examine(used_rig, bus).problems)
+
+
+@pytest.mark.parametrize(
+    ("register", "value", "said"),
+    [
+        ("min_voltage_limit", 140, "input voltage (12.0 V; its own limits are 14.0 and 16.0 V)"),
+        ("temperature_limit", 30, "overheated (32 degC; its own limit is 30 degC)"),
+    ],
+)
+def test_a_servo_in_trouble_is_told_with_the_limit_that_it_keeps(used_rig, port, bus, register, value, said):
+    port.bus[1][register] = value
+    port.elapse(0.1)
+    assert any(f"joint_1 (id 1) reports {said}" in problem for problem in examine(used_rig, bus).problems)
 
 
 def test_nothing_is_written_where_nothing_differs(used_rig, port, bus):

@@ -107,7 +107,7 @@ LEFT_BEHIND = {
     (3, "resolution_divider"): (2, "its counts mean other angles"),
     (1, "shutdown"): (0, "it does not protect itself"),
     (5, "shutdown"): (0, "shutdown is 0, the rig needs 3"),
-    (2, "temperature_limit"): (120, "it may get too hot"),
+    (2, "temperature_limit"): (120, "it gets too hot"),
 }
 
 
