@@ -2,7 +2,9 @@
 
 import gc
 import os
+import re
 import shutil
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -11,6 +13,9 @@ from hypothesis import HealthCheck, settings
 # Each worker has one core; said before numpy is imported, as the program itself does.
 for _library in ("OPENBLAS", "OMP", "MKL"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
+
+# Programs that tests start find our modules compiled, as at a user's, instead of compiling 300 of them anew each time.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 settings.register_profile(
     "motiondeck",
@@ -46,6 +51,38 @@ def pytest_configure(config):
     config.pluginmanager.register(FrozenAfterCollection())
 
 
+@cache
+def has_browser_tests(file):
+    """Whether a test of this file takes the fixture `browser`."""
+    return re.search(r"def test_\w+\([^)]*\bbrowser\b", Path(file).read_text(encoding="utf-8")) is not None
+
+
+def pytest_collection_modifyitems(config, items):
+    """What waits comes first: browsers, then whole programs. What computes fills the gaps, and no wait is left over."""
+    programs = tuple(Path(__file__).parent / folder for folder in ("motiondeck", "controller/cli", "controller/fleet"))
+
+    def turn(item):
+        return not has_browser_tests(item.path), not any(item.path.is_relative_to(folder) for folder in programs)
+
+    items.sort(key=turn)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Hands out whole files, all those with a browser to one worker: two that draw in software slow each other down."""
+    if config.getvalue("dist") != "loadfile":
+        return None
+    from xdist.scheduler import LoadFileScheduling
+
+    class OneBrowser(LoadFileScheduling):
+        def _split_scope(self, nodeid):
+            file = super()._split_scope(nodeid)
+            return "with a browser" if has_browser_tests(config.rootpath / file) else file
+
+    config.option.loadscopereorder = False
+    return OneBrowser(config, log)
+
+
 RECORDINGS = Path(os.environ.get("MOTIONDECK_DATA") or Path(__file__).parents[2] / "shared" / "data")
 
 
@@ -65,7 +102,8 @@ def browser():
     installed = next(filter(None, map(shutil.which, names)), None)
     if installed is None:
         pytest.skip("no Chromium is installed (Debian: apt-get install chromium)")
-    graphics = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+    # Only WebGL is drawn by SwiftShader: with the page put together by it as well, a picture costs four times as much.
+    graphics = ["--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader"]
     try:
         driver = playwright.sync_playwright().start()
     except Exception as error:  # whatever keeps a foreign process from starting, e.g. no libatomic1
