@@ -43,8 +43,14 @@ class Line:
         """A word of this line as a finite number (FileFormatError if it is none)."""
         value = as_float(word)
         if value is None or not math.isfinite(value):
-            raise self.error(f"expected a number, found '{shortened(word)}'.")
+            raise self.error(no_number(word))
         return value
+
+
+def no_number(word: str) -> str:
+    """What is wrong with a word that is no finite number, and what to do."""
+    remedy = "Write decimals with a dot." if "," in word else "Export the recording again."
+    return f"expected a number, found '{shortened(word)}'. {remedy}"
 
 
 def as_float(word: str) -> float | None:
@@ -99,15 +105,18 @@ def read_lines(path: str | Path, largest: int = LARGEST) -> list[str]:
 def read_text(path: str | Path, largest: int = LARGEST) -> str:
     """A text file, every line of which ends with one newline, whatever its line ends were.
 
-    Comments may be in any 8-bit alphabet, so every byte is taken as one character. What editors write before the text
-    to name its alphabet is left out; UTF-16 is read where it is named so.
+    Names may be in any language: text is UTF-8, UTF-16 where the file begins by saying so, and otherwise one
+    character a byte. What editors write before the text to name its alphabet is left out.
 
     Raises:
         FileFormatError: as `read_bytes`, or if the file is not text.
     """
     content = read_bytes(path, largest).removeprefix(codecs.BOM_UTF8)
-    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        content = content.decode("utf-16", errors="replace").encode("latin-1", errors="replace")
-    if b"\0" in content:
+    wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    try:
+        text = content.decode("utf-16" if wide else "utf-8", errors="replace" if wide else "strict")
+    except UnicodeDecodeError:
+        text = content.decode("latin-1")
+    if "\0" in text:
         raise FileFormatError(f"{path}: this is not a text file. Is it the right one?")
-    return content.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")
+    return text.replace("\r\n", "\n").replace("\r", "\n")

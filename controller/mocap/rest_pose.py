@@ -125,7 +125,10 @@ def _stance(body: RecordedBody, up: Up, pose: Array) -> _Stance:
             bone = parts.first(part, side)
             cosines.append(-1.0 if bone is None else -float(direction[bone, 2]))
     spine = [bone for part in ("trunk", "neck") for bone in parts.all(part)] or parts.all("head")
-    cosines.append(float(normalise(vector[spine].sum(axis=0))[2]) if spine else -1.0)
+    if spine:
+        cosines.append(float(normalise(vector[spine].sum(axis=0))[2]))
+    elif named_anatomy(_as_skeleton(body, vector)) is None:  # without names, arms could be taken for legs
+        cosines.append(-1.0)
     return _Stance(up, turn, min(cosines), parts)
 
 

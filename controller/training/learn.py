@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from controller.library.motion_library import MotionLibrary
 from controller.measures.motion_matching import joint_features
 from controller.mocap.canonical.body_doubts import doubts
 from controller.mocap.canonical.canonical_body import to_canonical
-from controller.mocap.canonical.clip_edits import moving_part, resampled, span
+from controller.mocap.canonical.clip_edits import jumps, moving_part, resampled, span
 from controller.mocap.clip import Clip
 from controller.mocap.encodings.encoding import encoding_of
 from controller.mocap.encodings.joint_angles import JointBody
@@ -107,6 +108,7 @@ def recordings_in(paths: Iterable[Path]) -> list[Path]:
     Raises:
         MotiondeckError: if a path does not exist, or there is no recording.
     """
+    paths = list(paths)
     found: list[Path] = []
     for path in paths:
         if path.is_dir():
@@ -117,7 +119,8 @@ def recordings_in(paths: Iterable[Path]) -> list[Path]:
         else:
             raise MotiondeckError(f"{path}: there is no such file or folder")
     if not found:
-        raise MotiondeckError(f"no recording found; recordings end in {', '.join(sorted(RECORDINGS))}")
+        where = ", ".join(map(str, paths)) or "nothing was given"
+        raise MotiondeckError(f"{where}: no recording found. Recordings end in {', '.join(sorted(RECORDINGS))}.")
     return list(dict.fromkeys(found))
 
 
@@ -162,7 +165,8 @@ def learn(
         else:
             prepared.append(read)
     if not prepared:
-        raise MotiondeckError(f"none of {len(files)} recordings can be learned. {files[0]}: {left_out[0].remedy}")
+        none = f"none of {len(files)} recordings can be learned. " if len(files) > 1 else ""
+        raise MotiondeckError(f"{none}{_named(left_out[0])}")
     kinds = {isinstance(one.clip.skeleton, JointBody) for one in prepared}
     if len(kinds) > 1:
         raise MotiondeckError("recordings of bodies and clips taught to a rig do not share a library; learn them apart")
@@ -200,6 +204,11 @@ def examine(
     """
     one = _prepare(file, name, options, [], within)
     return one.motion, one.clip
+
+
+def _named(one: LearnedMotion) -> str:
+    """Why a recording was left out, with its file, which some reasons already name with a line."""
+    return one.remedy if one.remedy.startswith(f"{one.file} ") else f"{one.file}: {one.remedy}"
 
 
 def _row(one: _Prepared, training_set: TrainingSet, library: MotionLibrary) -> LearnedMotion:
@@ -264,15 +273,16 @@ def _prepare(
     first, end = moving_part(clip)
     if within is not None and end:
         first, end = max(first, round(within[0] * clip.rate)), min(end, round(within[1] * clip.rate))
-    seconds = (end - first) / clip.rate
     if end == 0:
         raise FileFormatError(f"{file}: nothing moves in it. Give a recording with a motion.")
+    (first, end), jumped = _without_jumps(clip, first, end)
+    seconds = (end - first) / clip.rate
     if seconds < SHORTEST_SECONDS:
         raise FileFormatError(f"{file}: {seconds:.2f} s are too short; {SHORTEST_SECONDS:g} s are the least.")
     if seconds > LONGEST_SECONDS:
         raise FileFormatError(
             f"{file}: {seconds:.0f} s are more than one motion ({LONGEST_SECONDS:g} s are the most). "
-            "Cut it with `motiondeck segment`."
+            "Cut a piece out with `motiondeck clip convert FILE PIECE.bvh --from SECONDS --to SECONDS`."
         )
     loop, seam_mm, seam_degrees = _loops(span(clip, first, end)) if taught is None else (taught == "loop", 0.0, 0.0)
     motion = MotionRecipe(
@@ -287,7 +297,19 @@ def _prepare(
         takes=tuple(str(take.absolute()) for take in takes),
     )
     body = [] if isinstance(clip.skeleton, JointBody) else doubts(clip)
-    return _Prepared(motion, clip, seam_mm, seam_degrees, body)
+    return _Prepared(motion, clip, seam_mm, seam_degrees, [*jumped, *body])
+
+
+def _without_jumps(clip: Clip, first: int, end: int) -> tuple[tuple[int, int], list[str]]:
+    """The longest part of some frames in which the body does not jump, and the doubt that tells of the others."""
+    at = [first + jump for jump in jumps(span(clip, first, end))]
+    if not at:
+        return (first, end), []
+    begin, stop = max(pairwise([first, *at, end]), key=lambda part: part[1] - part[0])
+    far = max(float(np.linalg.norm(clip.root_position[frame] - clip.root_position[frame - 1])) for frame in at)
+    taken = f"only {begin / clip.rate:.2f} to {stop / clip.rate:.2f} s were learned."
+    when = f"at {at[0] / clip.rate:.2f} s" + (f" and {len(at) - 1} more times" if len(at) > 1 else "")
+    return (begin, stop), [f"the body jumps by up to {far:.1f} m between two frames {when}: {taken}"]
 
 
 def _skeleton(file: Path, options: ReadingOptions) -> Path | None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from controller.measures.motion_matching import joint_features
 from controller.mocap.canonical.canonical_body import carried, to_canonical
-from controller.mocap.canonical.clip_edits import mirrored, resampled, span
+from controller.mocap.canonical.clip_edits import jumps, mirrored, resampled, span
 from controller.mocap.clip import Clip
 from controller.mocap.encodings.encoding import Encoding, encoding_of
 from controller.mocap.encodings.joint_angles import JointBody
@@ -254,7 +254,7 @@ def cut(clip: Clip, motion: MotionRecipe) -> Clip:
     """The frames of a clip that a recipe wants.
 
     Raises:
-        FileFormatError: if they are not in it, or too few.
+        FileFormatError: if they are not in it, too few, or the body jumps in them.
     """
     first, end = motion.frames or (0, len(clip))
     if not 0 <= first < end <= len(clip):
@@ -264,4 +264,12 @@ def cut(clip: Clip, motion: MotionRecipe) -> Clip:
         raise FileFormatError(
             f"motion '{motion.name}': {end - first} frames are too few; {shortest} are the least at {clip.rate:g} Hz"
         )
-    return span(clip, first, end)
+    wanted = span(clip, first, end)
+    for jump in jumps(wanted):
+        at = first + jump
+        far = float(np.linalg.norm(clip.root_position[at] - clip.root_position[at - 1]))
+        raise FileFormatError(
+            f"motion '{motion.name}': from frame {at - 1} to {at} the body jumps {far:.1f} m. "
+            "Give it frames before or after that in the recipe."
+        )
+    return wanted

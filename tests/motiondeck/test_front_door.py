@@ -124,7 +124,7 @@ def test_what_was_generated_is_learned_again(library, tmp_path):
 @pytest.mark.parametrize(
     ("recordings", "says"),
     [
-        ([], "no recording found"),
+        ([], "nothing was given: no recording found"),
         ("none.bvh", "none.bvh: there is no such file"),
         (["none.bvh"], "none.bvh: there is no such file"),
     ],

@@ -70,14 +70,24 @@ def convert(
     unit: UnitOption = None,
     up: UpOption = None,
     rename: RenameOption = None,
+    begin: Annotated[float, typer.Option("--from", metavar="SECONDS", help="Where the piece to write begins.")] = 0.0,
+    end: Annotated[
+        float | None, typer.Option("--to", metavar="SECONDS", help="Where it ends; default: with the recording.")
+    ] = None,
 ) -> None:
     """Convert a recording to BVH (bones and their rotations; y up, cm) or CSV (time, then x, y, z of every joint, m).
 
-    Example:  motiondeck clip convert 02_03.amc run.bvh
+    With --from and --to it writes a piece of the recording.
+
+    [bold]Examples[/]
+
+      motiondeck clip convert 02_03.amc run.bvh
+      motiondeck clip convert session.bvh wave.bvh --from 12.5 --to 18
     """
+    from controller.mocap.canonical.clip_edits import seconds_of
     from controller.mocap.formats.writing import write_clip
 
-    clip = _read(file, reading_options(skeleton, unit, up, rename)).clip
+    clip = seconds_of(_read(file, reading_options(skeleton, unit, up, rename)).clip, begin, end)
     write_clip(clip, out)
     print(f"wrote {out} ({len(clip)} frames of {len(clip.skeleton)} bones)")
 

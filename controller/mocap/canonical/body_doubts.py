@@ -34,7 +34,10 @@ def doubts(clip: Clip) -> list[str]:
         marks = landmarks_of(skeleton)
     except FileFormatError as error:
         return [*found, str(error)]
-    found += [f"no {_called(bone)} was found: its length and direction are assumed." for bone in marks.lacking]
+    lacking = [_called(bone) for bone in marks.lacking]
+    if lacking:
+        what = "was found: its length and direction are" if len(lacking) == 1 else "were found: they are"
+        found.append(f"no {', '.join(lacking)} {what} assumed.")
     found += _sizes(clip, parts)
     own = to_canonical(clip)
     joints = own.joints()

@@ -20,13 +20,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from controller.mocap.anatomy import SIDES, Anatomy, Part, Side, anatomy
-from controller.mocap.bone_names import THESIS_LIMBS
+from controller.mocap.bone_names import THESIS_LIMBS, named_parts
 from controller.mocap.clip import Clip
 from controller.mocap.encodings.joint_angles import JointBody
 from controller.mocap.skeleton import Skeleton
 from controller.mocap.thesis_body import JAEGER_BONES, JAEGER_PARENT, JAEGER_REST, thesis_skeleton
 from controller.rotations import Array, between, continuous, multiply, normalise, rotate, yaw
 from motiondeck_base.errors import FileFormatError
+from motiondeck_base.files import listed
 
 CANONICAL_BONES = JAEGER_BONES
 NO_LENGTH = 1e-6  # m
@@ -69,6 +70,7 @@ def landmarks_of(skeleton: Skeleton) -> Landmarks:
     Raises:
         FileFormatError: if it has no two legs; it names what was found and the remedy.
     """
+    _check_named_legs(skeleton)
     parts = anatomy(skeleton)
     joint: dict[str, int] = {}
     bone: dict[str, int] = {}
@@ -82,10 +84,7 @@ def landmarks_of(skeleton: Skeleton) -> Landmarks:
             joint[side[0] + end], bone[side[0] + end] = 1 + last, last
         thigh = _main(skeleton, parts, "thigh", side)
         if not thigh or side[0] + "ank" not in joint:
-            raise FileFormatError(
-                f"skeleton '{skeleton.name}': no {side} leg was found (bones: {', '.join(skeleton.bones[:8])}, ...). "
-                "Name its joints with --rename OLD=LeftUpLeg and so on."
-            )
+            raise _no_leg(skeleton, side)
         joint[side[0] + "hip"] = 1 + int(skeleton.parent[thigh[0]])
         bone.setdefault(side[0] + "hip", -1)
         arm = _main(skeleton, parts, "upper arm", side)
@@ -104,6 +103,22 @@ def landmarks_of(skeleton: Skeleton) -> Landmarks:
     if top and "neck" in joint:
         joint["head"], bone["head"] = 1 + top[-1], top[-1]
     return Landmarks(joint, bone, waist)
+
+
+def _check_named_legs(skeleton: Skeleton) -> None:
+    """Raises FileFormatError if names tell of one leg only: by shape, some other limb would be taken for the second."""
+    named = set(named_parts(skeleton.bones))
+    has = {side: {("thigh", side), ("shank", side)} <= named for side in SIDES}
+    for side, other in (SIDES, SIDES[::-1]):
+        if has[other] and not has[side]:
+            raise _no_leg(skeleton, side)
+
+
+def _no_leg(skeleton: Skeleton, side: Side) -> FileFormatError:
+    return FileFormatError(
+        f"skeleton '{skeleton.name}': no {side} leg was found (bones: {listed(skeleton.bones)}). "
+        f"Name its joints with --rename OLD={side.capitalize()}UpLeg and so on."
+    )
 
 
 def _main(skeleton: Skeleton, parts: Anatomy, part: Part, side: Side) -> list[int]:
@@ -247,7 +262,8 @@ def _landmark_places(
         else:
             share = _ASSUMED.get(bone, _ASSUMED.get(bone[1:], 0.5))
             carrier = turned[:, 1 + parent]
-            place[:, at] = place[:, 1 + parent] + rotate(carrier, np.array(rest) * share * leg)
+            start = place[:, 0] if bone == "neck" else place[:, 1 + parent]  # the waist halves the way to the neck
+            place[:, at] = start + rotate(carrier, np.array(rest) * share * leg)
         if bone == "neck":
             waist = 0.5 * (place[:, 0] + place[:, at]) if marks.waist is None else joints[:, marks.waist]
             place[:, index["back"]] = waist

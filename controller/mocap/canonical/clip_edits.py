@@ -1,4 +1,4 @@
-"""Clips at another rate, without their still ends, or with left and right exchanged."""
+"""Clips at another rate, without their still ends, between jumps, or with left and right exchanged."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ STILL_KEPT = 0.1  # s of stillness left before and after the motion
 # A pose before the motion is told by the jump after it: within so many s of the beginning, at least so far (m), and so
 # many times as far as any joint moves in a frame of the s that follow.
 JUMP_WITHIN, JUMP, JUMP_TIMES, AFTER_JUMP = 0.1, 0.1, 5.0, 0.25
+FASTEST_BODY = 20.0  # m/s: no body gets farther in a frame; a recording that does was pasted, or lost its body
 SMOOTHED = 0.1  # s over which speeds are averaged: marker noise is fast
 
 
@@ -89,6 +90,12 @@ def moving_part(clip: Clip) -> tuple[int, int]:
     return (first + skipped, end + skipped) if end else (0, 0)
 
 
+def jumps(clip: Clip) -> list[int]:
+    """The frames before which the body is elsewhere, farther than anybody moves from one frame to the next."""
+    step = np.sqrt(np.square(np.diff(clip.root_position, axis=0)).sum(-1))
+    return [int(frame) + 1 for frame in np.flatnonzero(step * clip.rate > FASTEST_BODY)]
+
+
 def without_reference_pose(clip: Clip) -> tuple[Clip, int]:
     """A clip without the pose for reference that may stand before its motion, and how many frames that was."""
     skipped = _reference_frames(clip.joints(), clip.rate) if len(clip) > 2 else 0
@@ -147,3 +154,19 @@ _SIDED = {bone[1:] for bone in CANONICAL_BONES if bone[0] == "l"}
 def span(clip: Clip, first: int, end: int) -> Clip:
     """The frames of a clip from `first` up to `end`."""
     return replace(clip, root_position=clip.root_position[first:end], rotation=clip.rotation[first:end])
+
+
+def seconds_of(clip: Clip, begin: float, end: float | None = None) -> Clip:
+    """The piece of a clip between two times, s; up to its end without the second.
+
+    Raises:
+        FileFormatError: if there is no frame of the clip between them.
+    """
+    frames = len(clip) if end is None else round(end * clip.rate)
+    first = round(begin * clip.rate)
+    if not 0 <= first < frames <= len(clip):
+        until = "its end" if end is None else f"{end:g} s"
+        raise FileFormatError(
+            f"{clip.source}: from {begin:g} s to {until} is no piece of {clip.duration:.2f} s. Give times within it."
+        )
+    return span(clip, first, frames)

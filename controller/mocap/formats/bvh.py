@@ -22,7 +22,7 @@ from controller.mocap.joint_tree import MOST_POSES, JointTree, played
 from controller.mocap.reading_options import AS_FOUND, ReadingOptions
 from controller.rotations import Array, about, multiply
 from motiondeck_base.errors import FileFormatError
-from motiondeck_base.files import Line, as_float, read_text, shortened
+from motiondeck_base.files import Line, as_float, no_number, read_text, shortened
 
 MOST_JOINTS = 1000  # without a bound a broken file could ask for any amount of memory
 LONGEST_PERIOD = 1.0  # s; a longer frame time is a rate that was written in its place
@@ -199,7 +199,10 @@ def _what_follows(rows: str, at: int, frames: float, width: int, count: int) -> 
     if not count:
         return "no frames follow. Export the motion again."
     if width and not count % width:
-        return f"{frames:g} frames are announced, but {count // width} follow. {again}"
+        follow = count // width
+        return (
+            f"{frames:g} frames are announced, but {follow} follow. Fetch the file again, or write 'Frames: {follow}'."
+        )
     for number, row in enumerate(rows.split("\n"), at + 1):
         if 0 < (here := len(row.split())) != width:
             return f"a frame has {width} channels, but line {number} has {here} numbers. {again}"
@@ -212,8 +215,7 @@ def _no_number(path: str | Path, rows: str, at: int) -> FileFormatError:
         for word in row.split():
             value = as_float(word)
             if value is None or not np.isfinite(value):
-                comma = " Decimals are written with a dot." if "," in word else ""
-                return Line(path, number, []).error(f"expected a number, found '{shortened(word)}'.{comma}")
+                return Line(path, number, []).error(no_number(word))
     return FileFormatError(f"{path}: a number cannot be read. Fetch the file again.")
 
 

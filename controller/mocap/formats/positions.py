@@ -25,7 +25,7 @@ from controller.mocap.rest_pose import TO_OURS, RecordedBody, stand
 from controller.mocap.skeleton import ROOT, Skeleton
 from controller.rotations import Array, continuous, normalise, rotate
 from motiondeck_base.errors import FileFormatError
-from motiondeck_base.files import Line, as_float, read_lines, shortened
+from motiondeck_base.files import Line, as_float, no_number, read_lines
 
 MOST_NUMBERS = 30_000_000
 MOST_COLUMNS = 3000
@@ -109,7 +109,7 @@ def _row(line: Line, count: int) -> list[float]:
     for word in line.words:
         value = math.nan if not word.strip() else as_float(word)
         if value is None or abs(value) > FARTHEST or math.isinf(value):
-            raise line.error(f"expected a number, found '{shortened(word)}'.")
+            raise line.error(no_number(word))
         numbers.append(value)
     return numbers
 

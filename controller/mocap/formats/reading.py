@@ -39,9 +39,10 @@ _INSTEAD = {
     "File > Export > glTF 2.0 or Motion Capture (.bvh).",
     ".pkl": "holds Python objects, which are never loaded. Save its arrays as .npz: poses, trans, mocap_framerate.",
     ".blend": "Blender's own format. Export it there: File > Export > glTF 2.0 or Motion Capture (.bvh).",
+    ".zip": "packed. Unpack it, and give the recordings in it.",
     ".usd": "not read. Convert it in Blender: import it, then File > Export > glTF 2.0.",
 }
-CONVERTIBLE = frozenset(_INSTEAD) - {".asf"}
+CONVERTIBLE = frozenset(_INSTEAD) - {".asf", ".zip"}
 """The endings of recordings that `read_clip` refuses with the way to convert them, in small letters."""
 
 
@@ -84,8 +85,8 @@ def read_fitted(path: str | Path, options: ReadingOptions = AS_FOUND) -> FittedC
         return FittedClip(read_pattern(path) if suffix == ".mat" else read_taught_clip(path), None)
     if suffix in _INSTEAD:
         raise FileFormatError(f"{path}: {_INSTEAD[suffix]}")
-    known = ", ".join(sorted(RECORDINGS))
-    raise FileFormatError(f"{path}: no reader for '{suffix}' files. Supported are {known}.")
+    ending = f"'{suffix}' files are not read" if suffix else "a recording is known by its ending, and this has none"
+    raise FileFormatError(f"{path}: {ending}. Give one of {', '.join(sorted(RECORDINGS))}.")
 
 
 def recordings_below(folder: Path) -> list[Path]:

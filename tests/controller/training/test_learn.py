@@ -6,13 +6,14 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from bodies import waving
 from controller.cli.main import app
-from controller.library.motion_library import load_library
+from controller.library.motion_library import load_library, save_library
 from controller.mocap.formats.writing import bvh_text
 from controller.mocap.reading_options import ReadingOptions
 from controller.training.fit import fit, fit_prepared
@@ -76,13 +77,46 @@ def test_files_and_folders_are_searched_once_each(folder):
     ]  # fmt: skip
     with pytest.raises(MotiondeckError, match="there is no such file or folder"):
         recordings_in([folder / "none.bvh"])
-    with pytest.raises(MotiondeckError, match="no recording found; recordings end in"):
+    with pytest.raises(MotiondeckError, match=r"empty: no recording found\. Recordings end in"):
         recordings_in([folder.parent / "empty"] if (folder.parent / "empty").mkdir() is None else [])
 
 
 def test_where_nothing_can_be_learned_the_first_reason_is_given(folder):
-    with pytest.raises(MotiondeckError, match=r"none of 1 recordings can be learned\. .*stone\.bvh: nothing moves"):
-        learn([folder / "stone.bvh"], "mine")
+    with pytest.raises(MotiondeckError, match=r"none of 2 recordings can be learned\. .*stone\.bvh: nothing moves"):
+        learn([folder / "stone.bvh", folder / "blink.bvh"], "mine")
+    swing = folder / "swing.bvh"
+    swing.write_text(swing.read_text().replace("0.0", "0,0"))
+    with pytest.raises(MotiondeckError, match=r"expected a number") as caught:
+        learn([swing], "mine")
+    assert str(caught.value).count("swing.bvh") == 1
+
+
+def test_a_body_that_jumps_is_learned_up_to_the_jump_and_the_library_can_be_opened(folder, tmp_path):
+    jumping = waving(60.0, 5.0)
+    jumping.root_position[200:, 0] += 5.0
+    pasted = folder / "pasted.bvh"
+    pasted.write_text(bvh_text(jumping))
+    learned = learn([pasted], "mine", network=QUICK, seeds=[0])
+    (motion,) = learned.motions
+    assert motion.part.end <= 200 / 60.0
+    assert motion.doubts[0].startswith(
+        "the body jumps by up to 5.0 m between two frames at 3.33 s: only 0.00 to 3.33 s"
+    )
+    save_library(learned.library, tmp_path / "mine.safetensors")
+    assert load_library(tmp_path / "mine.safetensors").network.motions == ("pasted",)
+    whole = msgspec.structs.replace(learned.recipe, motions=[MotionRecipe(name="pasted", file=str(pasted))])
+    with pytest.raises(
+        MotiondeckError, match=r"motion 'pasted': from frame 199 to 200 the body jumps 5\.0 m\. Give it"
+    ):
+        prepare(whole, tmp_path)
+
+
+def test_a_recording_of_minutes_is_refused_with_the_way_to_cut_it(folder, monkeypatch):
+    monkeypatch.setattr("controller.training.learn.LONGEST_SECONDS", 2.0)
+    with pytest.raises(
+        MotiondeckError, match=r"swing\.bvh: . s are more than one motion .*clip convert FILE PIECE\.bvh"
+    ):
+        learn([folder / "swing.bvh"], "mine")
 
 
 def test_files_with_the_same_name_get_names_of_their_own(folder):

@@ -37,9 +37,12 @@ HAND, HEAD, FOOT = 0.3, 0.9, 0.4  # over forearm, shoulder width and shank, wher
 def joint_points(markers: Markers) -> dict[str, Array]:
     """The tracks (T, 3) of the points that lie in joints, by canonical joint; empty if not all of both limbs do."""
     found: dict[str, Array] = {}
+    on_skin = any(mark in label.lower() for label in markers.labels for mark in ("asis", "sacr"))
     for index, part in enumerate(named_parts([label.rpartition(":")[2] for label in markers.labels])):
         track = markers.position[:, index]
         joint = None if part is None else _STARTS.get((part.part, part.side))
+        if on_skin and part is not None and part.part == "thigh" and "hip" not in markers.labels[index].lower():
+            continue  # a marker on the middle of the thigh (Helen Hayes: R.Thigh), not the joint that it starts in
         if joint is not None and joint not in found and not np.isnan(track).all():
             found[joint] = track
     return found if all(joint in found for joint in NEEDED) else {}

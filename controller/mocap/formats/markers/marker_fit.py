@@ -126,7 +126,7 @@ def _named(markers: Markers) -> dict[str, Array]:
     """The tracks (T, 3) of the known markers; of several people in a file, the one with most of them."""
     people: dict[str, dict[str, Array]] = {}
     for index, label in enumerate(markers.labels):
-        person, _, marker = label.rpartition(":")
+        person, _, marker = label.replace("_", ":").rpartition(":")
         marker = marker.upper()
         marker = marker[:1] + ALIASES.get(marker[1:], marker[1:])
         track = markers.position[:, index]
@@ -139,7 +139,7 @@ def _named(markers: Markers) -> dict[str, Array]:
     missing = [marker for marker in NEEDED if marker not in found]
     if missing:
         raise FileFormatError(
-            f"{markers.source}: markers {listed(missing)} are missing (there are: {listed(markers.labels)}). "
+            f"{markers.source}: no marker is called {listed(missing)} (there are: {listed(markers.labels)}). "
             "A skeleton can be fitted to Vicon's full-body markers, labelled as CMU or Plug-in Gait does, and to "
             "points in the joints (LHip, LKnee, LAnkle, LShoulder, LElbow, LWrist and so on)."
         )

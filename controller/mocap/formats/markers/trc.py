@@ -20,7 +20,7 @@ import numpy as np
 from controller.mocap.formats.markers.tracks import FARTHEST, UNITS, Markers
 from controller.mocap.reading_options import AS_FOUND, ReadingOptions
 from motiondeck_base.errors import FileFormatError
-from motiondeck_base.files import Line, as_float, listed, read_lines, shortened
+from motiondeck_base.files import Line, as_float, listed, no_number, read_lines, shortened
 
 MOST_NUMBERS = 30_000_000
 UNSEEN = {"", "nan", "-nan", "none"}
@@ -76,6 +76,6 @@ def _row(line: Line, count: int) -> list[float]:
     for word in words:
         value = math.nan if word.lower() in UNSEEN else as_float(word)
         if value is None:
-            raise line.error(f"expected a number, found '{shortened(word)}'.")
+            raise line.error(no_number(word))
         numbers.append(value)
     return numbers

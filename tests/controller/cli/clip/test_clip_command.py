@@ -8,8 +8,11 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
+from bodies import waving
 from controller.cli.clip.fill import app
 from controller.mocap.formats.markers.c3d import read_c3d
+from controller.mocap.formats.reading import read_clip
+from controller.mocap.formats.writing import bvh_text
 from motiondeck_base.errors import MotiondeckError
 from recordings import BVH, MARKER_RATE, c3d_bytes, markers
 
@@ -39,11 +42,20 @@ def test_convert_and_convert_back(bow, tmp_path):
     assert len((tmp_path / "bow.csv").read_text().splitlines()) == 3
 
 
+def test_a_piece_is_cut_out(tmp_path):
+    (tmp_path / "wave.bvh").write_text(bvh_text(waving(60.0, 3.0)))
+    said = run("convert", tmp_path / "wave.bvh", tmp_path / "piece.bvh", "--from", "0.5", "--to", "1.5")
+    assert "60 frames" in said.stdout
+    whole, piece = (read_clip(tmp_path / name) for name in ("wave.bvh", "piece.bvh"))
+    np.testing.assert_allclose(piece.joints(), whole.joints()[30:90], atol=1e-5)
+
+
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [
         (("show", "gone.bvh"), "gone.bvh: cannot be read"),
-        (("show", "bow.xyz"), "no reader for '.xyz'"),
+        (("show", "bow.xyz"), "'.xyz' files are not read"),
+        (("convert", "bow.bvh", "b.bvh", "--from", "3"), "bow.bvh: from 3 s to its end is no piece of 0.02 s"),
         (("convert", "bow.bvh", "bow.fbx"), "bow.fbx: clips are written as .bvh or .csv"),
         (("view", "bow.bvh", "--robot", "servo21"), "unknown robot 'servo21'. Did you mean servo20?"),
         (("plot", "bow.bvh", "--out", "bow.nothing"), "bow.nothing: cannot be drawn"),

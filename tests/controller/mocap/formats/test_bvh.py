@@ -104,7 +104,7 @@ def test_exporters_files_are_read_to_the_last_joint(mocap_data, file, unit, off)
     [
         (("MOTION", ""), "no MOTION"),
         (("HIERARCHY", "NOTES"), "this is no BVH file"),
-        (("Frames: 2", "Frames: 3"), "line 72: 3 frames are announced, but 2 follow. The file is cut short"),
+        (("Frames: 2", "Frames: 3"), "line 72: 3 frames are announced, but 2 follow. Fetch the file again, or"),
         (("Frame Time: .0083333", "Frame Time: 0"), "line 73: a frame time of 0 s"),
         (("Frame Time: .0083333", "Frame Time: 24"), "For 24 frames a second write 0.041667."),
         (("88 2 10", "88 10"), "line 72: a frame has 37 channels, but line 74 has 36 numbers"),

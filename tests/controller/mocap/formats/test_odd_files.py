@@ -5,9 +5,13 @@ import tracemalloc
 from dataclasses import replace
 from itertools import cycle
 
+import numpy as np
 import pytest
 
+from controller.mocap.canonical.body_doubts import doubts
+from controller.mocap.canonical.canonical_body import to_canonical
 from controller.mocap.formats.reading import read_clip
+from controller.mocap.reading_options import ReadingOptions
 from motiondeck_base.errors import FileFormatError
 from people import KEYS, check_person, moving
 from written_files import LAFAN1, MIXAMO, bvh_text, gltf_file
@@ -46,6 +50,54 @@ def test_an_odd_file_is_read_right(tmp_path, name):
     check_person(read_clip(write(tmp_path, text)), MOTION, tolerance=1e-5, lacking=lacking)
 
 
+@pytest.mark.parametrize(("alphabet", "spine"), [("utf-8", "脊椎"), ("utf-16", "脊椎"), ("latin-1", "Rücken")])
+def test_names_of_any_language_are_read_and_can_be_renamed(tmp_path, alphabet, spine):
+    path = tmp_path / "names.bvh"
+    path.write_bytes(TEXT.replace("JOINT Spine\n", f"JOINT {spine}\n").encode(alphabet))
+    assert any(spine in bone for bone in read_clip(path).skeleton.bones)
+    renamed = read_clip(path, ReadingOptions(rename={spine: "Spine"})).skeleton.bones
+    assert renamed == read_clip(write(tmp_path, TEXT)).skeleton.bones
+
+
+def without(joint, text):
+    """A file without a joint and what is below it, channels included."""
+    kept, depth, left, columns, column = [], 0, None, [], 0
+    head, _, rows = text.partition(TIME)
+    for line in head.splitlines():
+        words = line.split()
+        if words[:2] == ["JOINT", joint]:
+            left = depth
+        if words[:1] == ["CHANNELS"]:
+            columns += [] if left is not None else range(column, column + int(words[1]))
+            column += int(words[1])
+        depth += words.count("{")
+        kept += [] if left is not None else [line]
+        depth -= words.count("}")
+        if "}" in words and depth == left:
+            left = None
+    numbers = [row.split() for row in rows.splitlines()]
+    return "\n".join(kept) + "\n" + TIME + "".join(" ".join(row[at] for at in columns) + "\n" for row in numbers)
+
+
+def test_legs_alone_stand_and_carry_an_assumed_trunk(tmp_path):
+    whole = to_canonical(read_clip(write(tmp_path, TEXT)))
+    legs = read_clip(write(tmp_path, without("Spine", TEXT), "legs.bvh"))
+    assert legs.skeleton.leg_length == pytest.approx(read_clip(tmp_path / "odd.bvh").skeleton.leg_length, rel=1e-6)
+    carried = to_canonical(legs)
+    for bone in ("lkne", "rank"):
+        at = 1 + carried.skeleton.index(bone)
+        np.testing.assert_allclose(carried.joints()[:, at], whole.joints()[:, at], atol=1e-3)
+    neck = carried.joints()[:, 1 + carried.skeleton.index("neck")] - carried.joints()[:, 0]
+    assert np.linalg.norm(neck, axis=-1) == pytest.approx(0.5 * 0.86, abs=0.1)
+    assert sum("are assumed" in doubt for doubt in doubts(legs)) == 1
+
+
+def test_a_leg_that_is_missing_is_named_and_no_arm_taken_for_it(tmp_path):
+    clip = read_clip(write(tmp_path, without("RightUpLeg", TEXT)))
+    with pytest.raises(FileFormatError, match=r"no right leg was found .*--rename OLD=RightUpLeg"):
+        to_canonical(clip)
+
+
 def test_one_frame_is_a_pose(tmp_path):
     one = replace_frames(MOTION, 1)
     check_person(read_clip(write(tmp_path, bvh_text(one))), one, tolerance=1e-5)
@@ -71,13 +123,19 @@ SECOND_ROOT = HEAD.partition("MOTION")[0].replace("HIERARCHY\n", "")
 REFUSED = {
     "two roots": (TEXT.replace("MOTION", SECOND_ROOT + "MOTION"), "expected one ROOT"),
     "no frame": (HEAD.replace("Frames: 20", "Frames: 0") + TIME, "no frames follow. Export the motion again"),
-    "fewer frames than announced": (TEXT.replace("Frames: 20", "Frames: 21"), "21 frames are announced, but 20 follow"),
+    "fewer frames than announced": (
+        TEXT.replace("Frames: 20", "Frames: 21"),
+        "21 frames are announced, but 20 follow. Fetch .* write 'Frames: 20'",
+    ),
     "a frame cut short": (TEXT[: TEXT.rindex(" ")], "cut short or not whole"),
-    "not a number": (beginning_with("nan"), "line 155: expected a number, found 'nan'"),
+    "not a number": (beginning_with("nan"), "line 155: expected a number, found 'nan'. Export the recording again"),
     "an infinite number": (beginning_with("inf"), "line 155: expected a number, found 'inf'"),
     "digit groups": (beginning_with("1_0"), "line 155: expected a number, found '1_0'"),
-    "decimal commas": (HEAD + TIME + ROWS.replace(".", ","), "Decimals are written with a dot"),
-    "a decimal comma in the frame time": (TEXT.replace("0.0166667", "0,0166667"), "found '0,0166667'"),
+    "decimal commas": (HEAD + TIME + ROWS.replace(".", ","), "Write decimals with a dot"),
+    "a decimal comma in the frame time": (
+        TEXT.replace("0.0166667", "0,0166667"),
+        "found '0,0166667'. Write decimals with a dot",
+    ),
 }
 
 

@@ -128,8 +128,15 @@ def test_what_is_missing_is_named():
     labels, positions, _ = worn(frames=3)
     labels[labels.index("eva:LKNE")] = "eva:knee"
     positions[:, labels.index("eva:C7")] = np.nan
-    with pytest.raises(FileFormatError, match=r"worn\.c3d: markers C7, LKNE are missing"):
+    with pytest.raises(FileFormatError, match=r"worn\.c3d: no marker is called C7, LKNE \(there are"):
         fit_markers(markers_of(labels, positions), "eva")
+
+
+def test_the_subject_may_stand_before_an_underscore():
+    labels, positions, _ = worn(frames=3)
+    plain = fit_markers(markers_of(labels, positions), "eva").clip
+    named = fit_markers(markers_of([label.replace("eva:", "Eva_2_") for label in labels], positions), "eva").clip
+    np.testing.assert_array_equal(named.joints(), plain.joints())
 
 
 def test_people_are_fitted_to_within_their_skin(mocap_data):
