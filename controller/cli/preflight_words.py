@@ -88,7 +88,7 @@ def print_summary(verdicts: Sequence[PreflightVerdict], motions: int, report: di
 
 def strength_notes(robot: Robot) -> list[str]:
     """What could not be judged, because the robot's files do not say how strong its servos are."""
-    from sim.physics.preflight import strength
+    from sim.physics.physics_model import strength
 
     if robot.servo is not None:
         return []

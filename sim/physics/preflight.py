@@ -25,7 +25,7 @@ from controller.rotations import Array
 from sim.models.overlaps import OVERLAP
 from sim.models.servo_motor import ROOM
 from sim.physics.loads import Loads, loads_of
-from sim.physics.physics_model import feet_of
+from sim.physics.physics_model import feet_of, strength
 from sim.physics.playback import PhysicsPlayback
 from sim.physics.played_motions import DT, PlayedMotion, onward, poses_at, targets_at
 from sim.robots.robot import Robot
@@ -355,12 +355,6 @@ class Preflight:
         ]
         # A robot without feet, or with its feet in the air most of the time, has no margin.
         return [finding for finding in found if np.isfinite(finding.value)]
-
-
-def strength(model: mujoco.MjModel) -> Array:
-    """The torque that the model file allows each actuator, shape (J,), N m; inf where it says nothing."""
-    limited = model.actuator_forcelimited.astype(bool)
-    return np.where(limited, np.abs(model.actuator_forcerange).max(axis=1), np.inf)
 
 
 def _lasting(off: Array, dt: float = TICK) -> Array:

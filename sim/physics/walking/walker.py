@@ -29,7 +29,6 @@ import numpy as np
 from controller.rotations import (
     Array,
     conjugate,
-    cross,
     from_matrix,
     from_rotation_vector,
     multiply,
@@ -44,6 +43,7 @@ from sim.physics.walking.gait import Gait
 from sim.physics.walking.preview import AHEAD, Preview, Travel
 from sim.physics.walking.senses import Estimate, ExactState, Sensors
 from sim.physics.walking.steps import highest, swing_path
+from sim.physics.walking.strength import check_legs
 from sim.physics.walking.whole_body import WholeBody
 from sim.robots.robot import Robot
 
@@ -99,7 +99,7 @@ class Walker:
             sensors: what it knows itself by; None if it knows its state exactly.
 
         Raises:
-            MotiondeckError: if the robot does not have two feet.
+            MotiondeckError: if the robot does not have two feet, or its legs cannot hold it, one at a time.
         """
         if len(feet) != 2:
             raise MotiondeckError(f"robot '{robot.name}' has {len(feet)} feet; only one that stands on two can walk")
@@ -129,6 +129,9 @@ class Walker:
             self._senses = Estimate(model, down, sensors, self._sole, dt)
             self._late += sensors.delay
         self._yields = self._set.feed_forward * self._body.legs / stiffness
+        self._motion.qpos[2] -= self._stance(self._motion)[0][:, 2].mean()
+        self.start(self._motion)
+        check_legs(robot, model, self._body, tuple(feet), 0.5 * self._length * self._set.roll)
 
     @property
     def own_steps(self) -> int:
@@ -246,17 +249,16 @@ class Walker:
 
     def _carry(self, goal: Array, pressure: Array) -> None:
         """Moves the goal of the legs by what their servos yield under the weight: (7)."""
-        gait, jacobian, standing = self._gait, self._body.jacobian, self._gait.standing
+        gait, standing = self._gait, self._gait.standing
         force = self._weight * np.array([*(self._omega**2 / GRAVITY * (self._centre - pressure)), 1.0])
-        torque = self._weight * jacobian[14]
+        torque = self._weight * self._body.jacobian[14]
         if gait.step is None:
             apart = gait.places[1] - gait.places[0]
             share = min(max(float((pressure - gait.places[0]) @ apart / (apart @ apart)), 0.0), 1.0)
             standing = np.array([1.0 - share, share])
         for foot in np.flatnonzero(standing):
-            rows = jacobian[6 * foot : 6 * foot + 6]
             arm = np.array([*(pressure - gait.places[foot]), 0.0]) if gait.step is not None else np.zeros(3)
-            torque = torque - standing[foot] * (rows[:3].T @ force + rows[3:].T @ cross(arm, force))
+            torque = torque - standing[foot] * self._body.pushed(int(foot), force, arm)
         mujoco.mj_integratePos(self._model, goal, self._yields * torque, 1.0)
 
     def _stance(self, data: mujoco.MjData) -> tuple[Array, Array]:

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from controller.rotations import Array, conjugate, multiply, to_rotation_vector
+from controller.rotations import Array, conjugate, cross, multiply, to_rotation_vector
 from sim.models.feet import Foot
 from sim.models.kinematic_tree import path_to
 from sim.robots.robot import Robot
@@ -113,6 +113,11 @@ class WholeBody:
         most = self._most * pace
         mujoco.mj_integratePos(model, plan.qpos, np.clip(step, -most, most), 1.0)
         self._within_limits()
+
+    def pushed(self, foot: int, force: Array, arm: Array) -> Array:
+        """The joint torques (nv,), N m, of a force (3,), N, on a sole, `arm` (3,), m, from its middle."""
+        rows = self.jacobian[6 * foot : 6 * foot + 6]
+        return rows[:3].T @ force + rows[3:].T @ cross(arm, force)
 
     def _within_limits(self) -> None:
         layout, limits, qpos = self._robot.layout, self._robot.limits, self.plan.qpos

@@ -1,3 +1,7 @@
+from dataclasses import replace
+
+import msgspec
+import mujoco
 import numpy as np
 import pytest
 
@@ -5,7 +9,9 @@ from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library
+from sim.physics.physics_model import feet_of, physics_model
 from sim.physics.playback import PhysicsPlayback
+from sim.physics.walking.walker import Walker
 from sim.robots.robot import load_robot
 from simulated_bodies import HUMAN, ROBOTS, bent_pose, human, skeleton_of
 
@@ -91,3 +97,29 @@ def test_only_a_free_robot_with_two_feet_can_walk():
     one_leg = skeleton_of([bone for bone in HUMAN if bone[0] in ("rhip", "rkne", "rank", "rfoo")])
     with pytest.raises(MotiondeckError, match="has 1 feet"):
         PhysicsPlayback(load_robot(ROBOTS / "mannequin.toml", one_leg), DT, "free", walk=True)
+
+
+def test_a_robot_that_cannot_stand_on_one_leg_is_refused_with_the_joint():
+    robot = load_robot(ROBOTS / "servo20.toml", human())
+    assert robot.servo is not None
+    weak = replace(robot, servo=msgspec.structs.replace(robot.servo, torque=0.5))
+    with pytest.raises(
+        MotiondeckError, match=r"cannot stand on one leg.*_(hip|ankle)_\w+ needs [\d.]+ N m and has 0\.5"
+    ):
+        PhysicsPlayback(weak, DT, "free", walk=True)
+
+
+def test_a_robot_without_ankles_is_refused():
+    robot = load_robot(ROBOTS / "servo20.toml", human())
+    model = physics_model(robot, "free")
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+
+    def as_shank(foot):
+        """The same foot, of one piece with the shank."""
+        shank = foot.body.replace("foot", "shank")
+        below = data.xpos[model.body(foot.body).id] - data.xpos[model.body(shank).id]
+        return replace(foot, body=shank, corners=foot.corners + below)
+
+    with pytest.raises(MotiondeckError, match=r"'servo20' has no ankle above '._shank'"):
+        Walker(robot, model, [as_shank(foot) for foot in feet_of(robot)], DT)
