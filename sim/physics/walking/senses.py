@@ -10,6 +10,9 @@ still moves, so v is what the accelerometer's a makes of it, and (8) draws it ba
 
     v <- v + a dt,      v <- v + (1 - e^(-dt / T)) (v of (8) - v)                                                (9)
 
+Posture x, the trunk's turn included, is followed the same way, so that its noise does not shake the robot: moved on by
+the speeds x', then drawn back to what the angles and gravity say.
+
 What it sees is `delay` old.
 """
 
@@ -27,7 +30,7 @@ import numpy as np
 
 from controller.rotations import Array, between, multiply, rotate
 
-# How fast the legs correct what the accelerometer says, s.
+# How fast the legs correct what the accelerometer says, and angles and gravity what the speeds say, s.
 BLEND = 0.1
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -119,7 +122,8 @@ class Estimate(ExactState):
         side = self._random.uniform(0.0, 2.0 * np.pi)
         self._level = sensors.level * np.array([np.cos(side), np.sin(side), 0.0])
         self._drift = sensors.drift * self._random.choice([-1.0, 1.0], 3)
-        self._jacobian = np.empty((3, model.nv))
+        self._jacobian, self._error = np.empty((3, model.nv)), np.empty(model.nv)
+        self._posture: Array | None = None
 
     def see(self, data: mujoco.MjData, stands: Array) -> mujoco.MjData:
         """The robot as its sensors show it; as of `ExactState`."""
@@ -137,6 +141,7 @@ class Estimate(ExactState):
         seen.qvel[6:] += s.speed * random.standard_normal(self.model.nv - 6)
         seen.qvel[3:6] += self._drift + s.turn * random.standard_normal(3)
         seen.qpos[:3], seen.qvel[:3] = 0.0, 0.0
+        self._follow(seen)
         mujoco.mj_kinematics(self.model, seen)
         mujoco.mj_comPos(self.model, seen)
         by_legs = np.zeros(3)
@@ -149,3 +154,12 @@ class Estimate(ExactState):
         mujoco.mj_comVel(self.model, seen)
         mujoco.mj_subtreeVel(self.model, seen)
         return seen
+
+    def _follow(self, seen: mujoco.MjData) -> None:
+        """Smooths a measured posture with its speeds; the first one is taken as it is."""
+        if self._posture is None:
+            self._posture = seen.qpos.copy()
+        mujoco.mj_integratePos(self.model, self._posture, seen.qvel, self._dt)
+        mujoco.mj_differentiatePos(self.model, self._error, 1.0, self._posture, seen.qpos)
+        mujoco.mj_integratePos(self.model, self._posture, self._error, self._blend)
+        seen.qpos[:] = self._posture

@@ -210,9 +210,9 @@ class Walker:
         turn = float(standing @ _wrapped(gait.yaws - yaws))
         turning, omega = _turning(turn), self._omega
         centre = standing @ gait.places + turning @ (data.subtree_com[self._root] - standing @ soles)[:2]
+        capture = centre + turning @ data.subtree_linvel[self._root, :2] / omega
         # From the measurement until the next target arrives it runs away from the centre of pressure.
-        speed = turning @ data.subtree_linvel[self._root, :2] + self._late * omega**2 * (centre - self._pressure)
-        capture = centre + speed / omega
+        capture = self._pressure + np.exp(omega * self._late) * (capture - self._pressure)
         trunk = multiply(yaw(turn), data.qpos[3:7])
         tilt = to_rotation_vector(multiply(trunk, conjugate(self._body.plan.qpos[3:7])))
         return capture, tilt * (1.0, 1.0, 0.0)

@@ -37,8 +37,8 @@ def swaying(robot, model, seconds, shift=0.0):
     return foot, body, rows
 
 
-def speeds(robot, sensors, shift=0.0):
-    """The speed of the centre of mass, as it is and as it is estimated, shapes (T, 3), m/s."""
+def speeds_and_trunks(robot, sensors, shift=0.0):
+    """The speed of the centre of mass, m/s, and the trunk's way ahead, as they are and estimated, (2, T, 2, 3)."""
     model = physics_model(robot, "free")
     foot, body, rows = swaying(robot, model, 1.5, shift)
     soles = lambda data, _: (data.xpos[body] + data.xmat[body].reshape(3, 3) @ foot.sole, body)  # noqa: E731
@@ -46,8 +46,13 @@ def speeds(robot, sensors, shift=0.0):
     data, seen = mujoco.MjData(model), []
     for data.qpos[:], data.qvel[:] in rows:
         pair = [senses.see(data, np.array([1.0, 0.0])) for senses in (exact, estimate)]
-        seen.append([state.subtree_linvel[1].copy() for state in pair])
+        seen.append([(state.subtree_linvel[1].copy(), state.xmat[1, ::3].copy()) for state in pair])
     return np.array(seen).swapaxes(0, 1)
+
+
+def speeds(robot, sensors, shift=0.0):
+    """The speed of the centre of mass, as it is and as it is estimated, shapes (T, 3), m/s."""
+    return speeds_and_trunks(robot, sensors, shift)[:, :, 0]
 
 
 PERFECT = Sensors(angle=0.0, speed=0.0, tilt=0.0, level=0.0, turn=0.0, drift=0.0, shake=0.0, pull=0.0, delay=0.0)
@@ -63,6 +68,15 @@ def test_perfect_sensors_tell_the_speed_wherever_the_robot_is(robot):
 def test_noise_and_constant_errors_of_usual_sensors_leave_two_centimetres_a_second(robot):
     true, seen = speeds(robot, Sensors(delay=0.0))
     assert 1e-3 < np.sqrt(np.square(true - seen)[100:].mean()) < 0.02
+
+
+def test_gyroscope_and_joint_speeds_smooth_the_posture_without_delay(robot):
+    true, seen = speeds_and_trunks(robot, Sensors(level=0.0, drift=0.0, delay=0.0))[:, 100:, 1]
+    assert np.ptp(true[:, 2]) > 0.1
+    off = (seen - true)[:, 2]
+    assert np.sqrt(np.square(off).mean()) < 0.4 * Sensors.tilt
+    # A trunk that is seen later than it moves would be off along its speed.
+    assert abs(np.polyfit(np.gradient(true[:, 2], DT), off, 1)[0]) < 0.5 * DT
 
 
 def test_on_a_slope_down_is_where_gravity_points(robot):
