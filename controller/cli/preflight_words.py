@@ -88,7 +88,7 @@ def print_summary(verdicts: Sequence[PreflightVerdict], motions: int, report: di
 
 def strength_notes(robot: Robot) -> list[str]:
     """What could not be judged, because the robot's files do not say how strong its servos are."""
-    from sim.physics.physics_model import strength
+    from sim.models.servo_motor import strength
 
     if robot.servo is not None:
         return []

@@ -10,11 +10,15 @@ line), and draws a current in proportion to its torque:
 The gears leave a play, in which the joint is free, and the bus hands a target over late.
 """
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
 from __future__ import annotations
 
 from typing import Annotated
 
 import msgspec
+import mujoco
 import numpy as np
 
 from controller.rotations import Array
@@ -71,3 +75,9 @@ class ServoMotor(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         """How warm it is after so long at a mean square current (of any shape), A^2; degC."""
         settled = ROOM + self.cooling * self.warming * square / self.current**2
         return settled + (start - settled) * np.exp(-seconds / self.cooling)
+
+
+def strength(model: mujoco.MjModel) -> Array:
+    """The torque that the model file allows each actuator, shape (J,), N m; inf where it says nothing."""
+    limited = model.actuator_forcelimited.astype(bool)
+    return np.where(limited, np.abs(model.actuator_forcerange).max(axis=1), np.inf)

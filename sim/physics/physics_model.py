@@ -9,9 +9,8 @@ import math
 from collections.abc import Callable
 
 import mujoco
-import numpy as np
 
-from controller.rotations import Array, from_matrix
+from controller.rotations import from_matrix
 from motiondeck_base.errors import MotiondeckError
 from sim.models.feet import Foot, find_feet
 from sim.models.overlaps import near_bodies
@@ -51,12 +50,6 @@ def check_root(root: str) -> None:
     """Refuses what is none of ROOTS with a MotiondeckError."""
     if root not in ROOTS:
         raise MotiondeckError(f"root '{root}': choose gantry (carried along), fixed (held in place) or free")
-
-
-def strength(model: mujoco.MjModel) -> Array:
-    """The torque that the model file allows each actuator, shape (J,), N m; inf where it says nothing."""
-    limited = model.actuator_forcelimited.astype(bool)
-    return np.where(limited, np.abs(model.actuator_forcerange).max(axis=1), np.inf)
 
 
 Alteration = Callable[[mujoco.MjSpec], None]

@@ -23,9 +23,9 @@ from controller.deck.interfaces import JointLimits
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.rotations import Array
 from sim.models.overlaps import OVERLAP
-from sim.models.servo_motor import ROOM
+from sim.models.servo_motor import ROOM, strength
 from sim.physics.loads import Loads, loads_of
-from sim.physics.physics_model import feet_of, strength
+from sim.physics.physics_model import feet_of
 from sim.physics.playback import PhysicsPlayback
 from sim.physics.played_motions import DT, PlayedMotion, onward, poses_at, targets_at
 from sim.robots.robot import Robot

@@ -17,7 +17,7 @@ import numpy as np
 from motiondeck_base.errors import MotiondeckError
 from sim.models.feet import Foot
 from sim.models.kinematic_tree import path_to
-from sim.physics.physics_model import strength
+from sim.models.servo_motor import strength
 from sim.physics.walking.whole_body import WholeBody
 from sim.robots.robot import Robot
 
