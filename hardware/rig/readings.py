@@ -64,6 +64,7 @@ class Readings:
         temperatures, voltages: shape (J,), degC, V; NaN until first read.
         errors: hardware error bits, shape (J,).
         torque: whether torque is on, shape (J,).
+        read_at: when each joint's position was last read, shape (J,), s.
         health_at: when each joint's error, temperature, torque and voltage were last read, shape (J,), s.
         missed_in_a_row: replies that each joint has missed since its last one, shape (J,).
         looks: whose registers are wanted, in order.
@@ -92,7 +93,7 @@ class Readings:
         self.temperatures, self.voltages = np.full(count, np.nan), np.full(count, np.nan)
         self.errors = np.zeros(count, dtype=np.int64)
         self.torque = np.ones(count, dtype=np.bool_)
-        self.health_at = np.zeros(count)
+        self.read_at, self.health_at = np.zeros(count), np.zeros(count)
         self.missed_in_a_row = np.zeros(count, dtype=np.int64)
 
     def start(self, joints: Sequence[int], positions: Array, blocks: Sequence[StateBlock], now: float) -> None:
@@ -115,7 +116,7 @@ class Readings:
         self.velocities[where] = self.currents[where] = 0.0
         self.missed_in_a_row[where] = self.errors[where] = 0
         self.torque[where] = True
-        self.health_at[where] = now
+        self.read_at[where] = self.health_at[where] = now
 
     def next_question(self) -> Question:
         """What to ask for in the next request; see `asked`."""
@@ -211,6 +212,7 @@ class Readings:
 
     def _keep(self, joints: NDArray[np.int64] | slice, rows: NDArray[Any], now: float) -> None:
         """Takes over what joints measured; an arranged servo that has restarted shows nothing but zeros."""
+        self.read_at[joints] = now
         positions, velocities, currents = self._scale.motion(joints, rows)
         names = rows.dtype.names or ()
         if "torque_enable" in names:

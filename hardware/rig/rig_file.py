@@ -22,6 +22,7 @@ from motiondeck_base.near_names import did_you_mean
 _NEEDED = ("torque_enable", "status_return_level", "goal_position", "present_velocity", "present_position", "shutdown",
            "profile_velocity", "min_position_limit", "max_position_limit")  # fmt: skip
 _NEEDED_UNLESS_OLD = ("bus_watchdog", "hardware_error_status", "operating_mode", "profile_acceleration")
+_WATCHDOG_UNIT_MS = 20  # in which the servos count
 BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
 
 
@@ -56,6 +57,8 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     port: str = ""
 
     def __post_init__(self) -> None:
+        if not (self.name.strip() and self.name.isprintable()):
+            raise ValueError(f"name {self.name!r} must be printable, and not empty")
         if self.model not in MODELS:
             near = MODELS.near(self.model)
             raise ValueError(
@@ -109,7 +112,7 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         baud: of the bus, bits/s.
         rate_hz: how often targets are sent.
         joints: in the order of every array about this rig.
-        watchdog_ms: silence on the bus after which the servos' own watchdogs stop them; 20 to 2540.
+        watchdog_ms: silence on the bus after which the servos' own watchdogs stop them; at least 1.5 ticks and 20 ms.
         read_hz: how often the state is read; 0 for as often as targets are sent.
         on_exit: what the servos do in the end: "off", or "hold" where they are.
         on_loss: what happens when a joint is lost for good: "stop" the rig, or "go on" without it.
@@ -129,6 +132,11 @@ class RigConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def __post_init__(self) -> None:
         if self.baud not in BAUD_RATES:
             raise ValueError(f"baud {self.baud} is not one of {', '.join(map(str, BAUD_RATES))}")
+        if self.watchdog_ms < (shortest := _WATCHDOG_UNIT_MS + math.ceil(1.5e3 / self.rate_hz)):
+            raise ValueError(
+                f"watchdog_ms {self.watchdog_ms} is too short for rate_hz {self.rate_hz:g}: the servos would stop "
+                f"between two targets. It must be at least {shortest}"
+            )
         if not 0 <= self.read_hz <= self.rate_hz:
             raise ValueError(f"read_hz {self.read_hz:g} must be from 0 to rate_hz, {self.rate_hz:g}")
         for number, joint in enumerate(self.joints, 1):

@@ -115,7 +115,7 @@ class Health:
         self._heard = np.full(count, now)
         self._missing = np.zeros(count, dtype=np.bool_)
         self._anchor, self._anchored = np.full(count, np.inf), np.full(count, now)
-        self._was_idle = np.zeros(count, dtype=np.bool_)
+        self._idle, self._was_idle = (np.zeros(count, dtype=np.bool_) for _ in range(2))
         self._given_up = np.zeros(count, dtype=np.bool_)
         self._known, self._seen = (np.zeros((len(_KINDS), count), dtype=np.bool_) for _ in range(2))
         self._mended: list[deque[float]] = [deque(maxlen=_RESTLESS) for _ in range(count)]
@@ -141,8 +141,8 @@ class Health:
         hot = readings.temperatures >= self._hottest + 1.0
         silent = silence > LOST_AFTER
         limp = ~readings.torque & ~down & ~missing
-        still = self._still(readings.positions, goals, now) & readings.torque & ~missing & ~yielding
-        idle = still & (np.abs(readings.currents) < _IDLE_CURRENT * self._stall)
+        still = self._still(readings, goals, now) & readings.torque & ~missing & ~yielding
+        self._idle = idle = still & (np.abs(readings.currents) < _IDLE_CURRENT * self._stall)
         restless = limp & self._often_mended(now) if np.logical_or.reduce(limp) else limp
         if np.logical_or.reduce(self.lost):
             self._return(~missing & ~down, now)
@@ -171,7 +171,7 @@ class Health:
         """Notes that these joints were set up again."""
         for index in np.flatnonzero(joints).tolist():
             self._mended[index].append(now)
-        self._was_idle |= joints & (now - self._anchored > _IDLE_AFTER)
+        self._was_idle |= joints & self._idle
         self._heard[:] = self._anchored[:] = now
         self._anchor[:] = np.inf
         self._missing[:] = False
@@ -212,11 +212,12 @@ class Health:
         """Which joints were set up again too often lately."""
         return np.array([len(times) == _RESTLESS and now - times[0] < _RESTLESS_WITHIN for times in self._mended])
 
-    def _still(self, positions: Array, goals: Array, now: float) -> Mask:
-        """Which joints are far from their goals and have not moved for a while."""
+    def _still(self, readings: Readings, goals: Array, now: float) -> Mask:
+        """Which joints are far from their goals and have not moved for a while, by readings that are new."""
+        positions = readings.positions
         moves = ~(np.abs(positions - self._anchor) < self._moved) | (np.abs(goals - positions) < self._far)
         self._anchor[moves], self._anchored[moves] = positions[moves], now
-        return now - self._anchored > _IDLE_AFTER
+        return readings.read_at - self._anchored > _IDLE_AFTER
 
     def _return(self, well: Mask, now: float) -> None:
         """Takes joints back that were lost and answer without an error again."""

@@ -57,6 +57,10 @@ def test_an_angle_becomes_pulses(written):
         (("upper = 1", "upper = nan"), "joint 1: velocity must be finite"),
         (("velocity = 4", "velocity = inf"), "joint 1: velocity must be finite"),
         (("upper = 1", "upper = 3.5"), "outside the servo's one turn (0 to 4095)"),
+        (("rate_hz = 100", "rate_hz = 4"), "watchdog_ms 200 is too short for rate_hz 4: the servos would stop"),
+        (("rate_hz = 100", "rate_hz = 100\nwatchdog_ms = 34"), "It must be at least 35"),
+        (('"neck"', '""'), "joint 1: name '' must be printable, and not empty"),
+        (('"neck"', '"a\\u001b[31m"'), "must be printable"),
         (("velocity = 4", "velocity = 0"), "joint 1.velocity: Expected `float` > 0"),
         ((f"  {JOINT},\n", f"  {JOINT},\n  {JOINT.replace('neck', 'nose')},\n"), "id 1 is used more than once"),
         (

@@ -75,6 +75,17 @@ def test_what_passes_is_mended_within_two_seconds(build, fault):
     assert all(port.bus[id]["torque_enable"] for id in (1, 2, 3, 4))
 
 
+def test_a_rig_that_is_read_rarely_plays_on_and_finds_a_joint_that_does_not_follow(build):
+    """A position of a second ago was taken for one that does not change, and the run ended."""
+    rig, port = build(read_hz=1.0)
+    for tick in range(250):
+        play(rig, port, np.full(4, 0.5 * np.sin(2.0 * TICK * tick)), TICK)
+    assert (rig.recoveries, list(rig.incidents)) == (0, [])
+    port.bus[2]["goal_pwm"] = 0
+    with pytest.raises(RigError, match=r"joint_2 \(id 2\) does not follow its target"):
+        play(rig, port, [1.0] * 4, 6.0)
+
+
 def test_how_long_a_port_is_looked_for_is_the_ports_own_time(build, monkeypatch):
     """A simulated rig must not depend on how fast the machine computes it."""
     monkeypatch.setattr("time.monotonic", count(0.0, 100.0).__next__)
