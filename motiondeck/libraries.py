@@ -18,6 +18,7 @@ from controller.mocap.skeleton import Skeleton
 from controller.training.fit import fit
 from controller.training.learn import learn as learn_recordings
 from controller.training.recipe import NetworkRecipe, read_recipe
+from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library
 
 __all__ = ["Library", "MotionGenerator", "learn", "learn_recipe", "load_library"]
@@ -95,7 +96,9 @@ class Library:
         Raises:
             MotiondeckError: if there is no such motion (it names the nearest), or a number is impossible.
         """
-        return generate(self.model, motion, seconds, rate or self.rate, tempo=tempo, phase=phase, inputs=inputs)
+        return generate(
+            self.model, motion, seconds, self.rate if rate is None else rate, tempo=tempo, phase=phase, inputs=inputs
+        )
 
     def generate_clip(
         self,
@@ -108,7 +111,9 @@ class Library:
         inputs: Mapping[str, float] | None = None,
     ) -> Clip:
         """The same as a clip of the library's skeleton: to be retargeted, recognized, or saved as BVH."""
-        return generate_clip(self.model, motion, seconds, rate or self.rate, tempo=tempo, phase=phase, inputs=inputs)
+        return generate_clip(
+            self.model, motion, seconds, self.rate if rate is None else rate, tempo=tempo, phase=phase, inputs=inputs
+        )
 
     def generator(
         self, motion: str, *, tempo: float = 1.0, phase: float = 0.0, inputs: Mapping[str, float] | None = None
@@ -120,8 +125,10 @@ class Library:
         """Writes the library into one file (.safetensors), whole or not at all.
 
         Raises:
-            MotiondeckError: if the folder cannot be written.
+            MotiondeckError: if it has another ending, or the folder cannot be written.
         """
+        if Path(path).suffix != ".safetensors":
+            raise MotiondeckError(f"{path}: a library ends in .safetensors. Name the file so.")
         save_library(self.model, Path(path))
 
 

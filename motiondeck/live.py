@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from controller.cli.session.live_deck import Ended, Failed, LiveNews, Ready
+from controller.cli.session.live_deck import Ended, Failed, LiveNews, Ready, wrong_argument
 from controller.wire.command_socket import CommandClient, SocketError
 from controller.wire.command_table import checked
 from controller.wire.messages import (
@@ -83,7 +83,7 @@ class CommandedMotion:
 
 
 class LiveDeck:
-    """A deck that is playing; made by `play`. Use it as a context manager, or `close` it; not from several threads.
+    """A deck that is playing; made by `play`. Use it as a context manager, or `close` it; any thread may use it.
 
     Attributes:
         motions: all that can be played.
@@ -108,7 +108,7 @@ class LiveDeck:
         self.motions = tuple(ready.motions)
         self.command_port = ready.command_port
         self.page = f"http://127.0.0.1:{ready.page_port}" if ready.page_port is not None else None
-        self._client = CommandClient(ready.command_port)
+        self._clients = threading.local()  # replies come to the client that asked: one for each thread
 
     def __enter__(self) -> LiveDeck:
         return self
@@ -302,12 +302,18 @@ class LiveDeck:
                 self._client.post(Stop())
         self._end()
 
+    @property
+    def _client(self) -> CommandClient:
+        if not hasattr(self._clients, "own"):
+            self._clients.own = CommandClient(self.command_port)
+        return self._clients.own
+
     def _commanded(self, motion: str, message: Message) -> CommandedMotion:
-        reply = self._request(message)
+        reply, client = self._request(message), self._client
         assert isinstance(reply, Accepted), "what is not refused is accepted"
 
         def wait(timeout: float) -> float:
-            settled = self._client.wait_settled(reply.id, timeout)
+            settled = client.wait_settled(reply.id, timeout)
             if isinstance(settled, Refused):
                 raise CommandError(settled.reason)
             if not isinstance(settled, Settled):
@@ -320,12 +326,16 @@ class LiveDeck:
         """Sends a command and takes its answer.
 
         Raises:
-            CommandError: if it is refused.
+            CommandError: if it is refused, or an argument is of another type.
             SocketError: if the deck has ended; it says why.
         """
         if not self.running:
             self._end()
             raise SocketError(self._how_it_ended())
+        try:
+            message = msgspec.convert(msgspec.to_builtins(message), type(message))
+        except msgspec.ValidationError as error:
+            raise CommandError(wrong_argument(error)) from None
         try:
             reply = self._client.request(checked(message), _ANSWERS_WITHIN)
         except SocketError:

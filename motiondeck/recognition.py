@@ -21,6 +21,7 @@ from controller.recognition.recognizer import RecognitionVerdict, train_recogniz
 from controller.recognition.recognizer import Recognizer as TrainedRecognizer
 from controller.recognition.recognizer_file import load_recognizer as load_recognizer_file
 from controller.recognition.recognizer_file import save_recognizer
+from motiondeck.recordings import the_clip
 from motiondeck_base.errors import MotiondeckError
 
 __all__ = ["PoseStream", "RecognitionStream", "RecognitionVerdict", "Recognizer", "learn_recognizer", "load_recognizer"]
@@ -50,7 +51,7 @@ class Recognizer:
         Raises:
             MotiondeckError: if the clip's skeleton lacks a joint that is compared, or the clip is too short.
         """
-        return self.model.recognize(clip)
+        return self.model.recognize(the_clip(clip))
 
     def stream(self) -> RecognitionStream:
         """Recognizes frame by frame."""
@@ -67,7 +68,7 @@ class Recognizer:
 
     def frames(self, clip: Clip) -> NDArray[np.float64]:
         """The input of a stream: the features of a clip at `rate` frames per second, shape (T, C)."""
-        return self.model.look(clip)
+        return self.model.look(the_clip(clip))
 
     @property
     def rate(self) -> float:
@@ -91,8 +92,16 @@ class RecognitionStream:
     _online: OnlineRecognizer = field(repr=False)
 
     def update(self, frame: NDArray[np.float64]) -> str | None:
-        """Takes the next frame of features, shape (C,); the motion that is seen, or None while nothing is sure."""
-        self._online.update(frame)
+        """Takes the next frame of features, shape (C,); the motion that is seen, or None while nothing is sure.
+
+        Raises:
+            MotiondeckError: if it has another shape.
+        """
+        channels = self._online.channels
+        if np.shape(frame) != (channels,):
+            takes = f"this recognizer takes ({channels},): rows of Recognizer.frames(clip)"
+            raise MotiondeckError(f"a frame of shape {np.shape(frame)}; {takes}")
+        self._online.update(np.asarray(frame))
         return self.motion
 
     @property
@@ -187,10 +196,17 @@ def load_recognizer(path: str | Path) -> Recognizer:
 
 
 def _labelled(clips: Mapping[str, Collection[Clip]]) -> Dataset:
-    """Clips as a dataset; who has one skeleton is one actor."""
+    """Clips as a dataset; who has one skeleton is one actor.
+
+    Raises:
+        MotiondeckError: if what is given for a motion is no collection of clips.
+    """
+    for motion, own in clips.items():
+        if isinstance(own, Clip | str | Path):
+            raise MotiondeckError(f"motion '{motion}': give a list of its clips, even of one")
     examples = [
         Example(clip, motion, clip.skeleton.name, Path(clip.source or clip.name))
         for motion, own in clips.items()
-        for clip in own
+        for clip in map(the_clip, own)
     ]
     return Dataset(examples, [])

@@ -12,6 +12,7 @@ from controller.mocap.formats.reading import read_clip
 from controller.mocap.formats.writing import write_clip
 from controller.mocap.reading_options import ReadingOptions
 from controller.mocap.skeleton import Skeleton
+from motiondeck_base.errors import MotiondeckError
 
 __all__ = ["Clip", "Skeleton", "read_recording", "save_recording"]
 
@@ -43,10 +44,22 @@ def read_recording(
     return read_clip(path, ReadingOptions(None if skeleton is None else Path(skeleton), unit, up, rename or {}))
 
 
+def the_clip(given: object) -> Clip:
+    """What was given for a clip, if it is one.
+
+    Raises:
+        MotiondeckError: if it is something else, such as the path of a recording.
+    """
+    if not isinstance(given, Clip):
+        kind = f"{str(given)!r}" if isinstance(given, str | Path) else f"a {type(given).__name__}"
+        raise MotiondeckError(f"{kind} is no clip. Read the recording first: motiondeck.read_recording(path)")
+    return given
+
+
 def save_recording(clip: Clip, path: str | Path) -> None:
     """Writes a clip as .bvh (rotations) or .csv (joint positions, m).
 
     Raises:
         MotiondeckError: for another ending, or if the file cannot be written.
     """
-    write_clip(clip, Path(path))
+    write_clip(the_clip(clip), Path(path))

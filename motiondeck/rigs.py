@@ -77,7 +77,7 @@ class Rig:
 
         Raises:
             UnknownNameError: if there is no such joint; it names the nearest.
-            RigError: if the shape is wrong, or the rig has stopped for good.
+            RigError: if the shape is wrong, an angle is not finite, or the rig has stopped for good.
         """
         goal = np.clip(self._targets(angles), self.lower, self.upper)
         self._rig.write(goal)
@@ -109,8 +109,10 @@ class Rig:
             seconds: duration, s; position, speed and acceleration have no jump.
 
         Raises:
-            UnknownNameError, RigError: as `write`.
+            UnknownNameError, RigError: as `write`, or if the time is not above 0.
         """
+        if not 0.0 < seconds < np.inf:
+            raise RigError(f"a movement of {seconds:g} s is not possible. Give a time above 0.")
         start, end = self._goal, np.clip(self._targets(angles), self.lower, self.upper)
         steps = max(1, round(seconds * self.config.rate_hz))
         for step in range(1, steps + 1):
@@ -121,14 +123,17 @@ class Rig:
         """Angles of all joints, shape (J,), rad."""
         if not isinstance(angles, Mapping):
             targets = np.array(angles, dtype=np.float64)
-            if targets.shape != (len(self.joints),) or not np.isfinite(targets).all():
+            if targets.shape != (len(self.joints),):
                 raise RigError(f"targets of shape {targets.shape}; a rig of {len(self.joints)} joints takes one each")
-            return targets
-        targets = self._goal.copy()
-        for joint, angle in angles.items():
-            if joint not in self.joints:
-                raise UnknownNameError.among("joint", str(joint), self.joints)
-            targets[self.joints.index(joint)] = angle
+        else:
+            targets = self._goal.copy()
+            for joint, angle in angles.items():
+                if joint not in self.joints:
+                    raise UnknownNameError.among("joint", str(joint), self.joints)
+                targets[self.joints.index(joint)] = angle
+        for joint, angle in zip(self.joints, targets, strict=True):
+            if not np.isfinite(angle):
+                raise RigError(f"joint '{joint}': a target of {angle} is no angle. Give one in rad.")
         return targets
 
 

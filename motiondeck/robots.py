@@ -10,6 +10,7 @@ from typing import Literal
 
 from controller.jobs import Jobs
 from controller.mocap.clip import Clip
+from motiondeck.recordings import the_clip
 from motiondeck_base.shipped import find_robot
 from sim.models.mannequin.average_body import reference_body
 from sim.models.robot_file import read_robot_file, solver_named
@@ -46,6 +47,7 @@ class Robot:
         Raises:
             MotiondeckError: if the clip's skeleton lacks what the robot needs; it names the bones.
         """
+        clip = the_clip(clip)
         robot = load_robot_for(self.file, clip.skeleton, solver_named(self.solver), 1.0 / clip.rate)
         return retargeted(robot, clip)
 

@@ -22,7 +22,7 @@ class ReadingOptions:
         rename: other names for joints, bones or markers, by the names in the file.
 
     Raises:
-        FileFormatError: if the unit is no length that a file could be in.
+        FileFormatError: if the unit is no length that a file could be in, or the axis is another.
     """
 
     skeleton: Path | None = None
@@ -31,10 +31,12 @@ class ReadingOptions:
     rename: Mapping[str, str] = field(default_factory=dict[str, str])
 
     def __post_init__(self) -> None:
-        if self.unit is not None and not 1e-6 < self.unit < 1e3:
+        if self.unit is not None and not (isinstance(self.unit, int | float) and 1e-6 < self.unit < 1e3):
             raise FileFormatError(
-                f"a unit of {self.unit:g} m is not possible: give the length of one unit of the file in m, such as 0.01"
+                f"a unit of {self.unit} m is not possible: give the length of one unit of the file in m, such as 0.01"
             )
+        if self.up not in (None, "y", "z"):
+            raise FileFormatError(f"the axis '{self.up}' cannot be up: give y or z")
 
     def renamed(self, names: tuple[str, ...], path: str | Path) -> tuple[str, ...]:
         """Names with those replaced that have another.

@@ -112,9 +112,8 @@ def train_recognizer(
                 f"a stretch of {stretch:g} is not between {SHORTEST_STRETCH:g} and {LONGEST_STRETCH:g}"
             )
     if len(dataset.classes) < 2:
-        raise MotiondeckError(
-            f"there is only one class, '{dataset.classes[0]}'; a recognizer needs two folders or more."
-        )
+        there = f"there is only one class, '{dataset.classes[0]}'" if dataset.classes else "there is no class"
+        raise MotiondeckError(f"{there}; a recognizer needs two folders or more.")
     look = FeatureRecipe(
         kind=look.kind,
         joints=look.joints or common_joints([example.clip for example in dataset.examples]),

@@ -125,6 +125,8 @@ def _motions(
     signals: Mapping[str, Array], loops: Collection[str], washout: int
 ) -> tuple[list[TrainingMotion], Normalisation]:
     """What a trainer is given: normalised signals, of which the first frames lead in."""
+    if not isinstance(signals, Mapping):  # what pyright sees, a user's script does not
+        raise MotiondeckError(f"signals are {{name: array of shape (T, D)}}, not a {type(signals).__name__}")
     if not signals:
         raise MotiondeckError("there are no signals to learn")
     for name in loops:

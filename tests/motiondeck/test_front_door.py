@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -91,6 +92,7 @@ def test_half_way_round_is_phase_a_half(library):
         ({"seconds": 0.0}, "at least one frame"),
         ({"seconds": float("nan")}, "at least one frame"),
         ({"rate": -1.0}, "a rate of -1 Hz"),
+        ({"rate": 0.0}, "a rate of 0 Hz"),
         ({"tempo": -1.0}, "cannot be played backwards"),
         ({"tempo": float("inf")}, "a tempo of inf"),
         ({"phase": 1.1}, "a phase of 1.1"),
@@ -148,6 +150,39 @@ def test_a_clip_is_carried_onto_a_robot_and_saved(tmp_path):
     assert motiondeck.read_recording(str(tmp_path / "walk.clip")).skeleton.bones == robot.joints
     with pytest.raises(MotiondeckError, match=r"\.csv or \.clip"):
         motion.save(tmp_path / "walk.txt")
+
+
+@pytest.mark.parametrize("given", ["walk.bvh", Path("walk.bvh"), None, 3])
+def test_what_is_no_clip_is_answered_with_how_to_read_one(given, tmp_path):
+    robot = motiondeck.load_robot("servo20")
+    for use in (robot.retarget, lambda clip: motiondeck.save_recording(clip, tmp_path / "x.bvh")):
+        with pytest.raises(MotiondeckError, match=r"is no clip. Read the recording first: motiondeck.read_recording"):
+            use(given)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [({"unit": "cm"}, "a unit of cm m is not possible"), ({"up": "x"}, "the axis 'x' cannot be up")],
+)
+def test_an_impossible_unit_or_axis_is_refused(options, says):
+    with pytest.raises(MotiondeckError, match=says):
+        motiondeck.read_recording("walk.bvh", **options)
+
+
+def test_recognizers_name_what_does_not_fit(library):
+    clip = library.generate_clip("march", seconds=2.0)
+    for given, says in (
+        ({}, "there is no class; a recognizer needs two"),
+        ({"march": clip}, "motion 'march': give a list of its clips"),
+        ({"march": ["march.bvh"]}, "'march.bvh' is no clip"),
+    ):
+        with pytest.raises(MotiondeckError, match=says):
+            motiondeck.learn_recognizer(given)
+    recognizer = motiondeck.learn_recognizer(
+        {name: [library.generate_clip(name, seconds=2.0)] for name in ("march", "wave")}
+    )
+    with pytest.raises(MotiondeckError, match=r"a frame of shape \(3,\); this recognizer takes \(\d+,\)"):
+        recognizer.stream().update([1.0, 2.0, 3.0])
 
 
 def test_robots_and_solvers_that_do_not_exist_are_named():
@@ -209,7 +244,8 @@ def test_a_simulated_rig_is_moved_without_waiting():
 
 
 @pytest.mark.parametrize(
-    ("angles", "says"), [({"hed": 0.0}, "unknown joint 'hed'"), ([0.0], "one each"), ([np.nan] * 20, "20")]
+    ("angles", "says"),
+    [({"hed": 0.0}, "unknown joint 'hed'"), ([0.0], "one each"), ([np.nan] * 20, "joint 'head_pan': a target of nan")],
 )
 def test_targets_that_do_not_fit_a_rig_are_refused(angles, says):
     with motiondeck.open_rig("servo20", servos="simulated") as rig:
@@ -217,6 +253,12 @@ def test_targets_that_do_not_fit_a_rig_are_refused(angles, says):
         with pytest.raises(MotiondeckError, match=says):
             rig.write(angles)
         assert np.array_equal(rig.read(), before)
+
+
+@pytest.mark.parametrize("seconds", [-1.0, 0.0, np.nan])
+def test_a_movement_takes_some_time(seconds):
+    with motiondeck.open_rig("servo20", servos="simulated") as rig, pytest.raises(MotiondeckError, match="above 0"):
+        rig.move_to({"head_pan": 0.1}, seconds=seconds)
 
 
 def test_an_emulated_rig_is_read_and_moved_over_its_wire():

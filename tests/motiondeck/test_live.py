@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 import pytest
@@ -42,6 +43,28 @@ def test_ten_lines_play_switch_on_a_condition_and_end(library, tmp_path):
     with pytest.raises(MotiondeckError, match="the deck has ended: stopped on command"):
         deck.switch("march")
     deck.close()
+
+
+def test_several_threads_command_one_deck(library):
+    with motiondeck.play(library, "march", physics=False, rate=100.0) as deck:
+        told, waited = [], []
+        asking = [threading.Thread(target=lambda: told.extend(deck.status() for _ in range(20))) for _ in range(3)]
+        waiting = threading.Thread(target=lambda: waited.append(deck.switch("wave").wait()))
+        for thread in (*asking, waiting):
+            thread.start()
+        for thread in (*asking, waiting):
+            thread.join()
+        assert len(told) == 60
+        assert 0.0 < waited[0] < 5.0
+
+
+def test_an_argument_of_another_type_is_named(library):
+    with pytest.raises(MotiondeckError, match="rate: expected float, got str"):
+        motiondeck.play(library, rate="fast")
+    with motiondeck.play(library, "march", physics=False, rate=100.0) as deck:
+        with pytest.raises(MotiondeckError, match="to: expected str, got int"):
+            deck.switch(3)
+        assert deck.status().motion == "march"
 
 
 def test_commands_change_the_status_and_appear_as_events(library):

@@ -62,6 +62,8 @@ def test_what_does_not_fit_is_refused(loaded):
         net.learn_signals({"one": sine(5.0)}, net.ConceptorRecipe(), loops=["two"])
     with pytest.raises(MotiondeckError, match="no signals"):
         net.load_signals({})
+    with pytest.raises(MotiondeckError, match=r"name: array of shape \(T, D\)., not a ndarray"):
+        net.load_signals(sine(5.0))
 
 
 @pytest.mark.parametrize(

@@ -51,6 +51,8 @@ def test_a_file_of_another_kind_is_answered_with_how_to_make_one(tmp_path, monke
     (tmp_path / "walk.bvh").touch()
     with pytest.raises(MotiondeckError, match=r"walk.bvh: not a library file, .* motiondeck learn RECORDING"):
         find_library("walk.bvh")
+    with pytest.raises(MotiondeckError, match=r"walk.bvh: not a library file, .* motiondeck learn RECORDING"):
+        find_library(tmp_path / "walk.bvh")
     with pytest.raises(MotiondeckError, match=r"walk.bvh: not a robot file, which ends in .toml.* robot calibrate"):
         find_robot("walk.bvh")
 

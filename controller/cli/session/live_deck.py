@@ -55,6 +55,12 @@ class LiveRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     lock_to: str | None = None
 
 
+def wrong_argument(error: msgspec.ValidationError) -> str:
+    """An argument of the wrong type in one line: "rate: expected float, got str"."""
+    reason, _, place = str(error).replace("`", "").partition(" - at $.")
+    return f"{place}: {reason[:1].lower()}{reason[1:]}"
+
+
 class Ready(msgspec.Struct, frozen=True, tag="ready"):
     """Everything is open, and commands are taken on this port; the page's, if there is one."""
 
