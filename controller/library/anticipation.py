@@ -17,7 +17,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.library.anticipation_trust import AHEAD_FRAMES, Experience, Forecast, Trust
+from controller.library.anticipation_trust import (
+    AHEAD_FRAMES,
+    VELOCITY_FRAMES,
+    Experience,
+    Forecast,
+    Trust,
+    at_last_velocity,
+)
 from controller.library.motion_library import MotionLibrary
 from controller.measures.motion_matching import joint_features
 from controller.networks.centralized.centralized_frames import CentralizedNetwork
@@ -31,7 +38,6 @@ PHASES_A_SECOND = 30.0
 TEMPOS = (0.75, 0.87, 1.0, 1.15, 1.33)
 VOICES = 8
 FORGET, FORGET_VELOCITY = 0.4, 0.06
-VELOCITY_FRAMES = 4
 TRIALS_A_SECOND = 10.0  # of each motion, predicted from the others
 
 
@@ -74,12 +80,12 @@ class Anticipator:
 
         Both are `joint_features`, mm. Nothing is known of the recording before these frames.
         """
-        return past[-1] + self.forecast(past, Experience()).movement
+        return past[-1] + self.forecast(past, Experience(past)).movement
 
     def forecast(self, past: Array, experience: Experience) -> Forecast:
         """The same as movements away from the last frame, by what is known of the recording already."""
         network, distance = self.by_network(past)
-        return experience.forecast(self.trust, distance, network - past[-1], _moved(past))
+        return experience.forecast(self.trust, distance, network - past[-1], at_last_velocity(past))
 
     def by_network(self, past: Array, without: int = -1) -> tuple[Array, float]:
         """As the motions of the network go on, trusted fully, and how far the nearest of them was, mm.
@@ -113,7 +119,7 @@ class Anticipator:
                 predicted, distance = self.by_network(past, without=index)
                 distances.append(distance)
                 by_network.append(predicted - past[-1])
-                by_velocity.append(_moved(past))
+                by_velocity.append(at_last_velocity(past))
                 came.append(coming - past[-1])
         return Trust.learn(np.array(distances), np.array(by_network), np.array(by_velocity), np.array(came))
 
@@ -157,7 +163,7 @@ def foresight(anticipator: Anticipator, channels: Array, rate: float, every_s: f
             f"a recording of {len(channels) / rate:.2f} s is too short to predict half a second of it"
         )
     missed, trusted, measured = np.zeros((4, AHEAD_FRAMES)), np.zeros((2, AHEAD_FRAMES)), 0
-    experience = Experience()
+    experience = Experience(features[:PAST_FRAMES])
     forecasts: deque[tuple[int, Forecast]] = deque(maxlen=AHEAD_FRAMES)
     for start in starts:
         past, came = features[start - PAST_FRAMES : start], features[start : start + AHEAD_FRAMES]
@@ -175,11 +181,6 @@ def foresight(anticipator: Anticipator, channels: Array, rate: float, every_s: f
     rows = np.vstack([missed, trusted]) / measured
     at = [round(ahead * RATE) - 1 for ahead in (0.1, 0.2, 0.3, 0.4, 0.5)]
     return [Foresight((k + 1) / RATE, *(float(value) for value in rows[:, k])) for k in at]
-
-
-def _moved(past: Array) -> Array:
-    """How far the last velocity goes in each of the next frames, shape (AHEAD_FRAMES, F)."""
-    return np.multiply.outer(np.arange(1, AHEAD_FRAMES + 1) / RATE, _velocity(past))
 
 
 def _velocity(past: Array) -> Array:

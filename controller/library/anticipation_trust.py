@@ -20,6 +20,8 @@ PRIOR_TRIALS = 2.0  # for so many predictions of a recording the trust from the 
 PRIOR_ALONE = 8.0  # for so many its share of the last velocity alone
 CAUTION = 3.0
 EAGERNESS = 2.0
+SEEN_AHEAD = 9  # so many frames ahead the velocity alone is tried before the first prediction
+VELOCITY_FRAMES = 4
 
 
 @dataclass(frozen=True)
@@ -116,20 +118,30 @@ class Experience:
     with m the mean error of the better one, and q the share that the network is trusted with by the library. Were
     every error known at once and p and m the same throughout, the sum of errors would exceed e by no more than
     m ln(1 / (1 - p)) / EAGERNESS + EAGERNESS sum r^2 / (8 m), where r is by how much a prediction's two errors differ.
-    Errors are known as late as the prediction reaches ahead: until then p decides.
+    Errors are known as late as the prediction reaches ahead: until then p decides. The last velocity alone is tried
+    within what was seen before the first prediction as well.
+
+    Args:
+        seen: the frames before the first prediction, shape (T, F), mm.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, seen: Array) -> None:
         self._trials = np.zeros(AHEAD_FRAMES)
+        self._alone = np.zeros((3, AHEAD_FRAMES))  # of the velocity alone: trials, square, product with what came
         self._gram = np.zeros((AHEAD_FRAMES, 2, 2))
         self._came = np.zeros((AHEAD_FRAMES, 2))
         self._missed = np.zeros((AHEAD_FRAMES, 2))
+        for last in range(VELOCITY_FRAMES, len(seen)):
+            velocity = at_last_velocity(seen[: last + 1])
+            for at, frame in enumerate(seen[last + 1 :][:SEEN_AHEAD]):
+                self._add_alone(at, velocity[at], frame - seen[last])
 
     def add(self, ahead: int, forecast: Forecast, came: Array) -> None:
         """Takes in what came, less the last pose of then, (F,), so many frames after a forecast."""
         at = ahead - 1
         ways = np.stack([forecast.network[at], forecast.velocity[at]])
         self._trials[at] += 1.0
+        self._add_alone(at, forecast.velocity[at], came)
         self._gram[at] += ways @ ways.T
         self._came[at] += ways @ came
         self._missed[at, 0] += np.abs(forecast.joint[at] @ ways - came).mean()
@@ -149,12 +161,21 @@ class Experience:
         trials, size = np.maximum(self._trials, 1.0), np.diagonal(self._gram, axis1=1, axis2=2)
         prior = size * PRIOR_TRIALS / trials[:, None] + 1e-9
         joint = shares_of(self._gram + prior[:, None] * np.eye(2), self._came + prior * joint)
-        prior_alone = size[:, 1] * PRIOR_ALONE / trials + 1e-9
-        alone = (self._came[:, 1] + prior_alone * trust.alone) / (size[:, 1] + prior_alone)
+        tried, square, product = self._alone
+        prior_alone = square * PRIOR_ALONE / np.maximum(tried, 1.0) + 1e-9
+        alone = (product + prior_alone * trust.alone) / (square + prior_alone)
         better = np.maximum(self._missed.min(1) / trials, 1e-9)
         favour = EAGERNESS * (self._missed[:, 1] - self._missed[:, 0]) / better
         say = expit(logit(known) + favour)
         return Forecast(network, velocity, joint, np.clip(alone, 0.0, 1.0), say)
+
+    def _add_alone(self, at: int, velocity: Array, came: Array) -> None:
+        self._alone[:, at] += np.array([1.0, velocity @ velocity, velocity @ came])
+
+
+def at_last_velocity(past: Array) -> Array:
+    """How far the last velocity goes in each of the next frames, shape (AHEAD_FRAMES, F)."""
+    return np.multiply.outer(np.arange(1, AHEAD_FRAMES + 1) / VELOCITY_FRAMES, past[-1] - past[-1 - VELOCITY_FRAMES])
 
 
 def shares_of(gram: Array, came: Array) -> Array:

@@ -111,7 +111,7 @@ def test_shares_are_those_of_least_squares_without_negative_ones():
 
 def foretold(trust, ways, shares, count=60, ahead=6):
     """The forecast after so many predictions of which came what these shares of network and velocity make."""
-    rng, experience = np.random.default_rng(0), Experience()
+    rng, experience = np.random.default_rng(0), Experience(np.zeros((0, 40)))
     for _ in range(count):
         network, velocity = ways(rng)
         forecast = experience.forecast(trust, 50.0, network, velocity)
@@ -122,6 +122,16 @@ def foretold(trust, ways, shares, count=60, ahead=6):
 def trusted(network=0.9, velocity=0.1, alone=0.4):
     """The same trust at every distance and frame ahead."""
     return Trust(np.zeros(1), np.full((1, 30), network), np.full((1, 30), velocity), np.full(30, alone))
+
+
+@pytest.mark.parametrize(("steady", "least", "most"), [(True, 0.75, 1.0), (False, 0.0, 0.1)])
+def test_before_anything_was_predicted_the_frames_seen_tell_how_far_the_velocity_comes_true(steady, least, most):
+    """A body that goes on steadily, and one that trembles on the spot."""
+    trembling = np.random.default_rng(0).normal(size=(24, 40))
+    seen = np.multiply.outer(np.arange(24.0), np.ones(40)) if steady else trembling
+    forecast = Experience(seen).forecast(trusted(), 50.0, np.zeros((30, 40)), np.ones((30, 40)))
+    assert least <= forecast.alone[5] <= most
+    assert forecast.alone[20] == pytest.approx(0.4)
 
 
 def unlike(rng):

@@ -6,7 +6,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controller.deck.joins import transition
-from controller.deck.joins.transition import LONGEST, SHORTEST, Bounds, Fade, best_anchor, difference, peaks
+from controller.deck.joins.transition import (
+    LONGEST,
+    SHORTEST,
+    Bounds,
+    Fade,
+    best_anchor,
+    difference,
+    extrapolated,
+    peaks,
+)
 from controller.mocap.posture import Posture
 from controller.rotations import conjugate, from_rotation_vector, multiply, normalise, rotate, to_rotation_vector, yaw
 
@@ -262,6 +271,20 @@ def test_bones_that_twist_about_themselves_by_a_rule_are_not_thrown_by_it(seed):
     for t in (0.05, 0.1, 0.15):
         places = [limbs(fade.apply(still, t, 0.0).rotation) for fade in (quiet, twisting)]
         assert places[1] == pytest.approx(places[0], abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_bone_that_is_carried_on_goes_straight_whatever_its_twist(seed):
+    dt = 0.005
+    before, now = smooth_posture(seed, -dt), smooth_posture(seed, 0.0)
+    onward = extrapolated(twisted(before, 0.2), now, dt, REST)
+    was, here, then = (limbs(posture.rotation)[1:] for posture in (before, now, onward))
+    turn = rotate(yaw(float(now.turn_rate) * dt), then) - here  # seen from the heading of now
+    earlier = here - rotate(yaw(-float(now.turn_rate) * dt), was)
+    assert np.linalg.norm(turn, axis=-1) == pytest.approx(np.linalg.norm(earlier, axis=-1), abs=1e-9)
+    assert (
+        np.linalg.norm(turn - earlier, axis=-1).max() < 0.3 * (np.linalg.norm(earlier, axis=-1) / 0.3).max() ** 2 * 1.1
+    )
 
 
 def test_a_one_shot_gets_going_while_the_fade_lasts():
