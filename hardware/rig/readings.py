@@ -31,7 +31,7 @@ from hardware.rig.scale import Array, RigScale
 from hardware.rig.state_block import StateBlock, everything, row_layout
 
 _PATIENCE = 3  # replies in a row that a servo may miss before it is asked only now and then
-_ASK_AGAIN = 50  # requests from one such question to the next
+_ASK_AGAIN = 0.3  # s from one such question to the next: several before a silent servo is lost
 _VOLT = 0.1  # V, one count
 _XL_320 = np.array([MODELS["XL-320"].problems(bits) for bits in range(256)])
 
@@ -89,6 +89,7 @@ class Readings:
         self.looks: deque[RegisterReading] = deque()
         self._look: RegisterReading | None = None  # the one that the last question was for
         self._turns = _turns(config)
+        self._ask_again = round(_ASK_AGAIN * (config.read_hz or config.rate_hz))  # requests
         self.positions, self.velocities, self.currents = np.zeros(count), np.zeros(count), np.zeros(count)
         self.temperatures, self.voltages = np.full(count, np.nan), np.full(count, np.nan)
         self.errors = np.zeros(count, dtype=np.int64)
@@ -263,8 +264,8 @@ class Readings:
         good = joints[missed == 0].tolist()
         doubtful = joints[(missed > 0) & (missed < _PATIENCE)].tolist()
         lost = joints[missed >= _PATIENCE].tolist()
-        # Each of them once in _ASK_AGAIN requests, however many they are.
-        number, rest = divmod(self._requests, max(1, _ASK_AGAIN // max(1, len(lost))))
+        # Each of them as often, however many they are.
+        number, rest = divmod(self._requests, max(1, self._ask_again // max(1, len(lost))))
         again = [lost[number % len(lost)]] if lost and (rest == 0 or not good + doubtful) else []
         return tuple(good + doubtful + again)
 

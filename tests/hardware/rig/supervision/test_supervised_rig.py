@@ -75,6 +75,18 @@ def test_what_passes_is_mended_within_two_seconds(build, fault):
     assert all(port.bus[id]["torque_enable"] for id in (1, 2, 3, 4))
 
 
+@pytest.mark.parametrize(("rate", "silence"), [(20.0, 0.5), (20.0, 1.2), (100.0, 1.3)])
+def test_a_servo_that_answers_again_in_time_is_not_lost(build, rate, silence):
+    """A silent one was asked once in 50 ticks: at 20 Hz never again before it was given up."""
+    rig, port = build(f"dead:id=2,at=1,for={silence}", rate_hz=rate)
+    for _ in range(round(4.0 * rate)):
+        rig.collect_state()
+        rig.write(np.full(4, 0.3))
+        port.elapse(1.0 / rate)
+    assert rig.recoveries == 1
+    assert rig.positions == pytest.approx(np.full(4, 0.3), abs=0.02)
+
+
 def test_a_rig_that_is_read_rarely_plays_on_and_finds_a_joint_that_does_not_follow(build):
     """A position of a second ago was taken for one that does not change, and the run ended."""
     rig, port = build(read_hz=1.0)
