@@ -58,3 +58,8 @@ def planned_capture_point(times: Array, pressure: Array, now: float, omega: floa
 def follow(centre: Array, capture_point: Array, dt: float, omega: float) -> Array:
     """Equation (4): the centre of mass (2,) dt seconds later, of a capture point (2,) that hardly moves meanwhile."""
     return capture_point + np.exp(-omega * dt) * (centre - capture_point)
+
+
+def run_away(capture_point: Array, pressure: Array, seconds: float, omega: float) -> Array:
+    """Equation (1): where a capture point (2,) is some seconds later if the centre of pressure (2,) stays."""
+    return pressure + np.exp(omega * seconds) * (capture_point - pressure)

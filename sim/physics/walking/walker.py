@@ -38,7 +38,7 @@ from controller.rotations import (
 )
 from motiondeck_base.errors import MotiondeckError
 from sim.models.feet import Foot
-from sim.physics.walking.capture_point import GRAVITY, follow, pendulum_rate, planned_capture_point
+from sim.physics.walking.capture_point import GRAVITY, follow, pendulum_rate, planned_capture_point, run_away
 from sim.physics.walking.gait import Gait
 from sim.physics.walking.preview import AHEAD, Preview, Travel
 from sim.physics.walking.senses import Estimate, ExactState, Sensors
@@ -52,8 +52,9 @@ HEIGHT = 15.0
 # How far ankles move the centre of mass at most, in half lengths of the sole.
 REACH = 0.8
 # They act on an error that is smoothed over so long, s, where nothing limits the servos: the noise of its speed would
-# shake them, and the feet would rattle along the floor. Servos with a torque-speed line do not follow it.
-SMOOTHED = 0.03
+# shake them, and the feet would rattle along the floor. Servos with a torque-speed line do not follow it, but what is
+# seen late comes back as an error of the next ticks: it is smoothed over so many times how late it is.
+SMOOTHED, LATE = 0.03, 2.0
 # How fast lasting errors of the capture point are learned, 1/s, and how much of them at most, in heights of the root.
 LEARNS, LEARNED = 0.5, 0.12
 # Where the capture point is so far off, in heights of the root, the robot is going to fall.
@@ -122,12 +123,13 @@ class Walker:
         stiffness[driven] = np.maximum(model.actuator_gainprm[:, 0], 1e-9)
         self._fades = float(np.exp(-dt / RIGHTS))
         self._late = robot.servo.latency if robot.servo is not None else 0.0
-        self._takes = min(1.0, dt / SMOOTHED) if robot.servo is None else 1.0
         down = model.opt.gravity if gravity is None else gravity
         self._senses = ExactState(model, down)
         if sensors is not None:
             self._senses = Estimate(model, down, sensors, self._sole, dt)
             self._late += sensors.delay
+        smoothed = max(SMOOTHED if robot.servo is None else 0.0, LATE * self._late)
+        self._takes = min(1.0, dt / max(smoothed, dt))
         self._yields = self._set.feed_forward * self._body.legs / stiffness
         self._motion.qpos[2] -= self._stance(self._motion)[0][:, 2].mean()
         self.start(self._motion)
@@ -211,8 +213,8 @@ class Walker:
         turning, omega = _turning(turn), self._omega
         centre = standing @ gait.places + turning @ (data.subtree_com[self._root] - standing @ soles)[:2]
         capture = centre + turning @ data.subtree_linvel[self._root, :2] / omega
-        # From the measurement until the next target arrives it runs away from the centre of pressure.
-        capture = self._pressure + np.exp(omega * self._late) * (capture - self._pressure)
+        # From the measurement until the next target arrives.
+        capture = run_away(capture, self._pressure, self._late, omega)
         trunk = multiply(yaw(turn), data.qpos[3:7])
         tilt = to_rotation_vector(multiply(trunk, conjugate(self._body.plan.qpos[3:7])))
         return capture, tilt * (1.0, 1.0, 0.0)

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.physics.walking.capture_point import follow, pendulum_rate, planned_capture_point
+from sim.physics.walking.capture_point import follow, pendulum_rate, planned_capture_point, run_away
 
 rates = st.floats(2.0, 8.0)
 coordinates = st.floats(-1.0, 1.0)
@@ -72,3 +72,11 @@ def test_the_centre_of_mass_runs_after_the_capture_point():
     for _ in range(1000):
         centre = follow(centre, target, 0.005, omega)
     assert np.allclose(centre, target, atol=1e-6)
+
+
+@given(coordinates, coordinates, st.floats(0.0, 0.1), rates)
+def test_it_runs_away_from_a_pressure_that_stays(start, pressure, seconds, omega):
+    there, steps = start, 1000
+    for _ in range(steps):
+        there += seconds / steps * omega * (there - pressure)
+    assert run_away(np.array([start]), np.array([pressure]), seconds, omega) == pytest.approx(there, abs=2e-3)

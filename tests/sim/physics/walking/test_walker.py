@@ -11,6 +11,7 @@ from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library
 from sim.physics.physics_model import feet_of, physics_model
 from sim.physics.playback import PhysicsPlayback
+from sim.physics.walking.senses import Sensors
 from sim.physics.walking.walker import Walker
 from sim.robots.robot import load_robot
 from simulated_bodies import HUMAN, ROBOTS, bent_pose, human, skeleton_of
@@ -78,6 +79,22 @@ def test_who_stands_and_is_pushed_hard_takes_a_step(direction):
     assert stage.fell_s is None
     assert stage.report()["own_steps"] == 1
     assert stage.incidents == []
+
+
+def shaking(delay):
+    """How fast the legs of a robot that stands turn at most by sensors that are so late, s; median over time, rad/s."""
+    robot = load_robot(ROBOTS / "servo20.toml", human())
+    stage = PhysicsPlayback(robot, DT, "free", walk=True, sensors=Sensors(delay=delay))
+    speeds = []
+    for _ in range(150):
+        stage.write(robot.rest, bent_pose(human()))
+        speeds.append(np.abs(stage.data.qvel[6:]).max())
+    return np.median(speeds[50:])
+
+
+def test_what_is_seen_late_does_not_shake_the_legs():
+    # An ankle that acts at once on what is late answers its own answer.
+    assert shaking(0.01) < 0.3 * shaking(0.0)
 
 
 def test_a_fall_is_seen_coming():
