@@ -231,6 +231,8 @@ def judge_step(theatre: Theatre, at: dict[str, float]) -> list[tuple[str, str]]:
     round_s = _round_seconds(decks[1])
     begun, due = np.array([deck.played("jog", at["opening"] - 5.0) for deck in decks]).T
     apart = apart_ms(decks, at["opening"] + 6.0, at["together"], round_s)
+    # A deck that is killed afterwards takes the last moments of its recording with it.
+    apart = apart[np.isfinite(apart)]
     lateness = np.concatenate([deck.fields["late_us"] for deck in decks])
     shares = f"{np.median(apart):.1f}, {np.percentile(apart, 99):.1f}, {apart.max():.1f}"
     return [
