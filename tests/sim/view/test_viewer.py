@@ -65,9 +65,10 @@ class FakeDeck:
 
     def _play(self):
         motion, tick, mode = 0, 0, "playing"
-        while not self._over.wait(0.02):
+        # Seldom enough for a browser that draws in software to have time for the buttons between two pictures.
+        while not self._over.wait(0.1):
             tick += 1
-            self._qpos[0] += 0.02
+            self._qpos[0] += 0.1
             numbers = {
                 "tick": tick,
                 "motion": motion,
