@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from sim.retargeting.human_limbs import LIMBS, LimbView
-from sim.retargeting.robot_limbs import limb_directions
-from sim.retargeting.stuck_limbs import FAR
+from sim.retargeting.robot_limbs import FEET, limb_directions
+from sim.retargeting.stuck_limbs import FAR, StuckLimbs
 from sim.robots.calibrate import calibrate
 from sim.robots.robot import load_robot
 from simulated_bodies import bent_pose, human
@@ -63,3 +63,38 @@ def test_a_goal_out_of_reach_keeps_the_limb_where_it_is(robot):
     path = np.array([robot.retarget(pose).copy() for _ in range(100)])
     assert not robot.retarget.solver._stuck.crossing.any()
     assert np.abs(np.diff(path[50:], axis=0)).max() < 1e-3
+
+
+def arms_with_a_waist(scout, scout_misses):
+    """Two arms of one joint each on a waist; the scout is at once where it is told."""
+    moved = np.array([[True, True, False], [True, False, True], [True, True, True]])
+    names = ["r_upper_arm", "l_upper_arm", FEET]
+    found = np.array(scout), np.array(scout_misses)
+    return StuckLimbs(names, moved, np.ones(3), np.zeros(3), lambda *_: found, DT)
+
+
+def go(limbs, q, missed):
+    q, far = np.array(q), np.full(3, 3.0)
+    return limbs(q, np.array(missed), np.zeros((3, 3)), -far, far, q - 0.1, q + 0.1)
+
+
+def test_the_joints_of_the_stuck_limb_alone_go_over_as_fast_as_they_may():
+    limbs = arms_with_a_waist([1.0, 1.0, 1.0], [0.0, 0.0, 0.0])
+    np.testing.assert_allclose(go(limbs, [0.0, 0.0, 2.0], [0.0, 1.0, 0.0]), [0.0, 0.0, 1.9])
+    np.testing.assert_array_equal(limbs.crossing, [False, False, True])
+    # Its way is followed to the end, though the goal is no longer far; then it is left to small steps again.
+    np.testing.assert_allclose(go(limbs, [0.0, 0.0, 1.3], [0.0, 0.1, 0.0]), [0.0, 0.0, 1.2])
+    np.testing.assert_allclose(go(limbs, [0.0, 0.0, 1.05], [0.0, 0.1, 0.0]), [0.0, 0.0, 1.0])
+    assert not limbs.crossing.any()
+
+
+def test_a_scout_that_misses_by_more_than_half_is_not_followed_and_the_next_looks_after_a_pause():
+    limbs = arms_with_a_waist([1.0, 1.0, 1.0], [0.0, 0.3, 0.0])
+    stays = [0.0, 0.0, 2.0]
+    np.testing.assert_array_equal(go(limbs, stays, [0.0, 1.0, 0.0]), stays)
+    limbs._advance = lambda *_: (np.ones(3), np.zeros(3))
+    calls = 0
+    while not limbs.crossing.any():
+        calls += 1
+        go(limbs, stays, [0.0, 1.0, 0.0])
+    assert calls == round(0.25 / DT)
