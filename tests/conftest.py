@@ -57,14 +57,10 @@ def has_browser_tests(file):
     return re.search(r"def test_\w+\([^)]*\bbrowser\b", Path(file).read_text(encoding="utf-8")) is not None
 
 
-def pytest_collection_modifyitems(config, items):
+def pytest_collection_modifyitems(items):
     """What waits comes first: browsers, then whole programs. What computes fills the gaps, and no wait is left over."""
-    programs = tuple(Path(__file__).parent / folder for folder in ("motiondeck", "controller/cli", "controller/fleet"))
-
-    def turn(item):
-        return not has_browser_tests(item.path), not any(item.path.is_relative_to(folder) for folder in programs)
-
-    items.sort(key=turn)
+    programs = ("tests/motiondeck/", "tests/controller/cli/", "tests/controller/fleet/")
+    items.sort(key=lambda item: (not has_browser_tests(item.path), not item.nodeid.startswith(programs)))
 
 
 @pytest.hookimpl(optionalhook=True)
