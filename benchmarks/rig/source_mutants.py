@@ -12,7 +12,7 @@ from typing import NamedTuple, cast
 from hardware.rig.braking import places_of_rest
 from hardware.rig.dynamixel_rig import DynamixelRig
 from hardware.rig.identities import check_identities
-from hardware.rig.supervision.supervised_rig import SupervisedRig
+from hardware.rig.supervision.catching_up import CatchingUp
 from hardware.rig.switching import _limit_speed, hold_still, speed_counts
 
 
@@ -39,9 +39,9 @@ MUTANTS = {
         speed_counts, 'in_counts(joint, "profile_velocity", joint.velocity * joint.gear * pace, 1)', "0"
     ),
     "full-speed catch-up": Mutant(
-        cast(property, vars(SupervisedRig)["_pace"]).fget or SupervisedRig.write,
-        "np.where(self._catching_up, _CATCHING_UP, 1.0)",
-        "np.ones(len(self.names))",
+        cast(property, vars(CatchingUp)["pace"]).fget or CatchingUp.note,
+        "np.where(self.joints, SLOWER, 1.0)",
+        "np.ones(len(self.joints))",
     ),
     "no watchdog": Mutant(DynamixelRig._send, '"bus_watchdog", units)', '"bus_watchdog", 0)'),
     "no identity check": Mutant(check_identities, "identity.model != joint.model", "False"),

@@ -34,6 +34,7 @@ from hardware.rig.register_reading import RegisterReading
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array
 from hardware.rig.state_block import StateBlock
+from hardware.rig.supervision.catching_up import SLOWER, CatchingUp
 from hardware.rig.supervision.easing import Easing
 from hardware.rig.supervision.health import Health, Incident
 from hardware.rig.supervision.servo_states import CONDITIONS, ServoStates
@@ -43,11 +44,6 @@ from hardware.rig.timings import Timings
 
 _MENDED_WITHIN = 2.0  # s, for all but a vanished port
 _PAUSE = 0.05  # s between two tries
-_CATCHING_UP = 0.25  # of the speed limit
-_CAUGHT_UP = 0.02  # rad between goal and target
-# A goal may reach its target while the joint is still far off, or turns away. One has caught up when it is no farther
-# behind than so many seconds at the speed of its target and so many rad, or, if load or a hand keeps it, after a while.
-_LAG, _PLAY, _PATIENCE = 0.15, 0.05, 2.0
 _MOST_LOOKS = 8  # servos whose registers wait to be read
 _LONGEST_STEP = 2.0  # ticks' worth of way for an eased joint after a stall: the servo would take it at full speed
 
@@ -100,14 +96,9 @@ class SupervisedRig:
         self._sleep = sleep
         self._rig = DynamixelRig(config, open_bus())
         self._speed = np.array([joint.velocity for joint in config.joints])
-        self._lower = np.array([joint.lower for joint in config.joints])
-        self._upper = np.array([joint.upper for joint in config.joints])
         self._ease = Easing(config)
         self._strain = Strain(config)
-        self._catching_up = np.zeros(len(self.names), dtype=np.bool_)
-        # Since when the goal of a joint that catches up has been at its target, s.
-        self._arrived = np.full(len(self.names), np.inf)
-        self._targets = np.full(len(self.names), np.nan)  # the last ones, within the limits, rad
+        self._catching_up = CatchingUp(config)
         self._last_write = self._rig.now()
         self._health = Health(config, self._last_write)
         self._job: threading.Thread | None = None
@@ -203,7 +194,7 @@ class SupervisedRig:
     @property
     def easing(self) -> Array:
         """The part of its speed limit that each joint may use now, shape (J,)."""
-        return np.minimum(self._ease.part, self._pace)
+        return np.minimum(self._ease.part, self._catching_up.pace)
 
     @property
     def yielding(self) -> NDArray[np.bool_]:
@@ -330,7 +321,7 @@ class SupervisedRig:
             self.recoveries += 1
             self._last_write = self._rig.now()
             self._health.mended(self._health.mend, self._last_write)
-            self._catching_up[:] = True
+            self._catching_up.joints[:] = True
             self._keep_pace()
         return not (self._mending or self._stopped)
 
@@ -377,7 +368,7 @@ class SupervisedRig:
                     do(bus)
                 joints = np.flatnonzero(~self._health.lost).tolist()
                 alive = self.config.only(joints)
-                held = resume(alive, bus, _CATCHING_UP, lambda: self._stopped)
+                held = resume(alive, bus, SLOWER, lambda: self._stopped)
                 self._mended = _Mended(bus, joints, held, arrange_state(alive, bus))
                 return
             except MotiondeckError as error:
@@ -398,25 +389,19 @@ class SupervisedRig:
         passed = max(0.0, now - self._last_write)
         self._last_write = now
         strain, part = self._strain, self._ease.part
-        if np.logical_or.reduce(self._catching_up):
+        if np.logical_or.reduce(self._catching_up.joints):
             part = self.easing
         if np.logical_or.reduce(strain.yielding):
             here = self._rig.positions
             near = np.clip(targets, here - strain.reach, here + strain.reach)
             targets = np.where(strain.yielding, near, targets)
-            self._catching_up |= strain.yielding
+            self._catching_up.joints |= strain.yielding
             part = np.where(strain.yielding, 1.0, self.easing)
         eased_for = min(_LONGEST_STEP / self.config.rate_hz, passed)
         self._rig.write(targets, self._speed * part * np.where(part < 1.0, eased_for, passed))
-        if np.logical_or.reduce(self._catching_up):
-            # A joint that stands at a limit has caught up with a target beyond it.
-            goals, targets = self._rig.goals, np.clip(targets, self._lower, self._upper)
-            arrived = np.abs(targets - goals) < _CAUGHT_UP
-            self._arrived = np.where(arrived & self._catching_up, np.minimum(self._arrived, now), np.inf)
-            speed = np.abs(targets - self._targets) / max(passed, 1e-3)
-            there = np.abs(goals - self._rig.positions) < _PLAY + _LAG * np.fmin(speed, _CATCHING_UP * self._speed)
-            self._targets = targets
-            self._catching_up &= strain.yielding | ~(arrived & (there | (now - self._arrived > _PATIENCE)))
+        if np.logical_or.reduce(self._catching_up.joints):
+            rig = self._rig
+            self._catching_up.note(targets, rig.goals, rig.positions, strain.yielding, passed, now)
             self._keep_pace()
 
     def _keep_pace(self) -> None:
@@ -424,12 +409,7 @@ class SupervisedRig:
 
         One that yields must let go at once.
         """
-        self._rig.keep_pace(np.where(self._strain.yielding, 1.0, self._pace))
-
-    @property
-    def _pace(self) -> Array:
-        """The part of its speed limit at which each joint catches up, 1 for one that does not, shape (J,)."""
-        return np.where(self._catching_up, _CATCHING_UP, 1.0)
+        self._rig.keep_pace(np.where(self._strain.yielding, 1.0, self._catching_up.pace))
 
     def _look_after(self) -> None:
         """Eases hot joints, has joints mended, and stops the rig for a lost one or goes on without it.
