@@ -176,6 +176,7 @@ class CommandDesk:
         self._told: tuple[Mode, bool] = ("playing", deck.paused)
         self._code = 0.0
         self._fallen = False
+        self.fell_s: float | None = None  # when the body fell first, on the clock of events
         self._look: Look | None = None  # that the command being carried out has begun
 
     def __call__(self, stop: StopRequest) -> None:
@@ -269,6 +270,7 @@ class CommandDesk:
 
     def _tell_fall(self, fallen: bool) -> None:
         self._fallen = fallen
+        self.fell_s = self._deck.time if self.fell_s is None else self.fell_s
         self.tell(
             *(("fell", "the robot has fallen") if fallen else ("stands", "the robot stands again")), self._deck.motion
         )

@@ -44,16 +44,22 @@ def with_visuals(spec: mujoco.MjSpec) -> mujoco.MjModel:
     A body with a mesh that MuJoCo cannot read (a .dae), or that is missing, keeps its collision shapes; so do all
     where the URDF itself cannot be read any more, and a model that is from no URDF.
     """
+    return dressed(spec).compile()
+
+
+def dressed(spec: mujoco.MjSpec) -> mujoco.MjSpec:
+    """As `with_visuals`, to be changed further: a copy, or the model itself where there is nothing to put on."""
     noted = next((text.data for text in spec.texts if text.name == _SOURCE), None)
     if noted is None:
-        return spec.compile()
+        return spec
     source = msgspec.json.decode(noted, type=_Source)
-    dressed = spec.copy()
+    shown = spec.copy()
     try:
-        _dress(dressed, Path(source.file), {name: Path(folder) for name, folder in source.packages.items()})
-        return dressed.compile()
+        _dress(shown, Path(source.file), {name: Path(folder) for name, folder in source.packages.items()})
+        shown.copy().compile()
+        return shown
     except Exception:  # whatever is wrong with what is only looked at
-        return spec.compile()
+        return spec
 
 
 def _dress(spec: mujoco.MjSpec, file: Path, packages: Mapping[str, Path]) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from controller.mocap.posture import Pose
 from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array
+from sim.models.urdf_visuals import dressed
 from sim.robots.robot import load_robot
 
 PREFIX = "robot/"
@@ -40,7 +41,7 @@ class SideBySide:
         self.robot = load_robot(robot, skeleton, dt=dt)
         self.scale = self.robot.path_scale
         self.human = load_robot(human, replace(skeleton, length=skeleton.length * self.scale))
-        spec, other = self.human.spec.copy(), self.robot.spec.copy()
+        spec, other = self.human.spec.copy(), dressed(self.robot.spec).copy()
         for thing in [*other.worldbody.geoms, *other.worldbody.lights, *other.equalities]:
             other.delete(thing)
         for texture in [*other.textures]:

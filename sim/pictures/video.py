@@ -116,7 +116,8 @@ def bodies_sheet(
     kind = Image.registered_extensions()[path.suffix.lower()]
     width, height = tile
     margin = 120
-    sheet = Image.new("RGB", (margin + FRAMES_A_ROW * width, len(rows) * height), "white")
+    across = min(FRAMES_A_ROW, max(len(poses) for _, _, poses in rows))
+    sheet = Image.new("RGB", (margin + across * width, len(rows) * height), "white")
     pen = ImageDraw.Draw(sheet)
     font = ImageFont.load_default(15)
     with _written_whole(path) as unfinished:

@@ -25,6 +25,7 @@ from sim.models.robot_file import RobotFile, Solver, read_robot_file
 from sim.models.scenery import add_gantry, add_lamp, set_stage
 from sim.models.servo_motor import ServoMotor
 from sim.models.upright_pelvis import UprightPelvis
+from sim.models.urdf_visuals import with_visuals
 from sim.models.walk_settings import WalkSettings
 from sim.retargeting.footing import Footing
 from sim.retargeting.human_stance import HumanStance
@@ -71,6 +72,11 @@ class Robot:
     def joints(self) -> tuple[str, ...]:
         """The names of its J joint coordinates."""
         return self.layout.joints
+
+    @property
+    def drawn(self) -> mujoco.MjModel:
+        """The model for pictures and films: with the visual shapes of its URDF, if it is from one."""
+        return with_visuals(self.spec)
 
     def place(self, targets: Array, pose: Pose, qpos: Array) -> None:
         """Writes targets (J,), rad, and the root that fits them and a pose, or goes with it, into qpos (nq,)."""

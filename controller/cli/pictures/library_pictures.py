@@ -73,7 +73,7 @@ def draw_sheet(library: str, robot: str, out: Path, blends: Sequence[Blend] = ()
         # A third of what a single act was learned from is the pose that it holds in the end.
         seconds = lasts[motion.name] * SHEET_SECONDS[motion.plays]
         draw(motion.name, Deck(loaded, body.retarget, motion.name), seconds)
-    contact_sheet(body.model, rows, out)
+    contact_sheet(body.drawn, rows, out)
     print(f"wrote {out} ({len(rows)} {'blends' if blends else 'motions'})", file=sys.stderr)
 
 
@@ -162,7 +162,7 @@ def film(
     body = load_robot(find_robot(robot), library.skeleton, solver_named(staging.solver), 1.0 / STEPS_A_SECOND)
     total = max(1, round(seconds * look.fps))
     deck = deck_for(body.retarget)
-    report = film_frames(body.model, _shots(deck, body, timeline, total, look, staging), total, out, look)
+    report = film_frames(body.drawn, _shots(deck, body, timeline, total, look, staging), total, out, look)
     return report | {"fell_back": deck.fell_back}
 
 

@@ -15,6 +15,7 @@ from motiondeck_base.shipped import find_library, find_robot
 
 RATE = 60.0
 MOMENTS = 8
+TILE = (480, 440)  # pixels: knees of a robot beside a human can be told at this size
 
 
 def played(library: str, motion: str, seconds: float) -> Clip:
@@ -32,7 +33,7 @@ def played(library: str, motion: str, seconds: float) -> Clip:
 
 
 def draw_beside(clip: Clip, robot: Path, out: Path) -> None:
-    """One row: moments of a clip, the human on the left and the robot on the right."""
+    """Two rows of moments of a clip: the human, and beside it the robot."""
     from sim.pictures.side_by_side import SideBySide
     from sim.pictures.video import contact_sheet
 
@@ -43,4 +44,4 @@ def draw_beside(clip: Clip, robot: Path, out: Path) -> None:
         qpos = both.qpos(Pose(clip.root_position[frame], np.zeros(()), clip.rotation[frame]))
         if frame % every == every - 1:
             row.append(qpos.copy())
-    contact_sheet(both.model, [(clip.name, row)], out)
+    contact_sheet(both.model, [(clip.name, row[:4]), ("", row[4:])], out, TILE)

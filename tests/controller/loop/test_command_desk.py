@@ -304,6 +304,7 @@ def test_a_push_and_a_fall_are_told_on_the_clock_of_the_status():
     desk.ask(Subscribe())
     desk.ask(Push("back"))
     (pushed,) = (reply for _, reply in desk.server.replies if isinstance(reply, Event))
+    assert desk.desk.fell_s is None
     assert (pushed.kind, pushed.text, pushed.at) == ("push", "pushed from the back with 0.3 N s", desk.deck.time)
     body.fallen = True
     assert [event.kind for event in desk.tick()] == ["fell"]

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from motiondeck_base.errors import FileFormatError
+from motiondeck_base.shipped import find_robot
 from sim.models.model_file import read_model
 from sim.models.scenery import set_stage
 from sim.models.urdf_visuals import with_visuals
+from sim.pictures.side_by_side import PREFIX, SideBySide
 from sim.robots.calibrate import calibrate
 from sim.robots.robot import load_robot
 from simulated_bodies import human
@@ -74,6 +76,12 @@ def test_a_urdf_is_drawn_by_its_visual_shapes_and_moves_by_the_others(tmp_path):
     assert (drawn.geom_group[others] > 2).all()
     assert np.array_equal(drawn.geom_group[drawn.geom_bodyid != shank], plain.geom_group[plain.geom_bodyid != shank])
     assert (drawn.nq, drawn.body_mass.tolist()) == (plain.nq, plain.body_mass.tolist())
+    (tmp_path / "legs.toml").write_text(calibrate(path).to_toml(tmp_path))
+    robot = load_robot(tmp_path / "legs.toml", human())
+    assert (robot.drawn.ngeom, robot.drawn.nq) == (robot.model.ngeom + 1, robot.model.nq)
+    beside = SideBySide(human(), find_robot("mannequin"), tmp_path / "legs.toml", 1.0 / 60.0).model
+    shank = beside.body(f"{PREFIX}l_shank").id
+    assert (beside.geom_type[beside.geom_bodyid == shank] == mujoco.mjtGeom.mjGEOM_MESH).any()
     path.write_text("gone")
     assert with_visuals(saved).ngeom == plain.ngeom
 

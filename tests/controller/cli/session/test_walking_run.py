@@ -14,17 +14,28 @@ from motiondeck_base.shipped import find_library, find_robot
 RATE = 200.0
 
 
-def test_the_report_tells_how_far_it_walked():
+def report_of(motion, seconds, **setup):
     library = load_library(find_library("thesis15"))
-    setup = RobotSetup(find_robot("servo20"), root="free", walk=True)
+    free = RobotSetup(find_robot("servo20"), root="free", **setup)
     with Session(
         library,
-        lambda opening: open_robots(opening, [setup], library, RATE),
-        lambda retarget: Deck(library, retarget, "walk"),
-        RunSettings(rate=RATE, seconds=2.5),
+        lambda opening: open_robots(opening, [free], library, RATE),
+        lambda retarget: Deck(library, retarget, motion),
+        RunSettings(rate=RATE, seconds=seconds),
         clock=VirtualClock(RATE),
     ) as session:
-        report = session.run()
+        return session.run()
+
+
+def test_a_fall_is_told_on_the_clock_of_the_run():
+    report = report_of("jog", 1.0)
+    fell = report["outputs"][0]["fell_s"]
+    assert 0.0 <= fell <= 1.0  # the approach before the motion takes more than a second
+    assert f"the robot fell after {fell:.1f} s" in summary(report)
+
+
+def test_the_report_tells_how_far_it_walked():
+    report = report_of("walk", 2.5, walk=True)
     travel = report["outputs"][0]["travel"]
     assert travel["asked_m"] > travel["walked_m"] > 0.02
     assert f"walked {travel['walked_m']:.1f} m; the motion went {travel['asked_m']:.1f} m" in summary(report)
