@@ -81,7 +81,7 @@ class Theatre:
     def start_conductor(self, *more: str) -> None:
         """Starts the conductor."""
         words = ("conduct", str(self.folder / "show.toml"), "--certificates", str(self.folder / "gala" / "conductor"))
-        self.processes[0] = self._start(0, *words, "--json", *more)
+        self.processes[0] = self._start(0, *words, "--headless", "--json", *more)
 
     def start_strangers(self) -> None:
         """Starts those that do not belong to the show."""

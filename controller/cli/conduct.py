@@ -7,14 +7,17 @@ import os
 import select
 import sys
 import time
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from controller.cli.common.options import SHOW_PAGE_PORT
 from motiondeck_base.printable import printable
 
 if TYPE_CHECKING:
+    from controller.cli.show_page import ShowPage
     from controller.fleet.conductor import Conductor, SeenDeck, Told
     from controller.fleet.link import Link
     from controller.fleet.membership import Membership
@@ -22,6 +25,7 @@ if TYPE_CHECKING:
 _HELP = "go | hold | stop (emergency stop of all) | status | DECK or GROUP COMMAND, such as: all pause | quit"
 _STOP_WITHIN = 3.0  # s for decks to be found and to say that they have stopped
 _STOP_AT_LEAST = 1.0  # s for those that are found later than the first
+_PAGE_EVERY = 0.2  # s between two states for the page
 
 
 def conduct(
@@ -40,15 +44,21 @@ def conduct(
     stop: Annotated[
         bool, typer.Option("--stop", help="Emergency stop of all decks, beside a running conductor or without one.")
     ] = False,
+    page_port: Annotated[
+        int, typer.Option("--port", metavar="PORT", help="The page's port on 127.0.0.1; 0 for any free one.")
+    ] = SHOW_PAGE_PORT,
+    headless: Annotated[bool, typer.Option("--headless", help="No page.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print what happens as JSON objects, one a line.")] = False,
 ) -> None:
     """Conduct a show: decks that were started with `play --show` take its cues at the same time.
 
-    Type `go` at hold points, `stop` for an emergency stop of all decks, `status`, or a deck or group and a command.
+    The page shows the cue list and every deck, with buttons for `go`, `hold` and the emergency stop of all decks.
+    Or type `go` at hold points, `stop` for that emergency stop, `status`, or a deck or group and a command.
     Decks on this machine are found by themselves. Needs the extra `fleet`: pip install "motiondeck\\[fleet]".
 
     Examples:  motiondeck conduct gala.toml      motiondeck conduct gala.toml --stop
     """
+    from controller.cli.show_page import show_page
     from controller.fleet.conductor import Conductor
     from controller.fleet.cue_list import cue_named
     from controller.fleet.link import Link
@@ -67,14 +77,16 @@ def conduct(
         line = json.dumps({"at": round(at, 3), "text": text}) if as_json else f"{at:7.2f} {printable(text)}"
         print(line, flush=True)
 
-    conductor = Conductor(show, Link(member), tell, first)
-    tell(f"{show.show}: {len(show.cues)} cues; {_HELP}")
-    try:
-        _converse(conductor, tell, as_json=as_json)
-    except KeyboardInterrupt:
-        sys.exit(130)
-    finally:
-        conductor.close()
+    with ExitStack() as opening:
+        page = opening.enter_context(show_page(page_port)) if not headless else None
+        conductor = opening.enter_context(closing(Conductor(show, Link(member), tell, first)))
+        tell(f"{show.show}: {len(show.cues)} cues; {_HELP}")
+        try:
+            _converse(conductor, tell, page, as_json=as_json)
+            return
+        except KeyboardInterrupt:
+            pass
+    sys.exit(130)
 
 
 def _member(show: str, file: Path, certificates: Path | None, *, listens: bool) -> Membership:
@@ -93,13 +105,17 @@ def _member(show: str, file: Path, certificates: Path | None, *, listens: bool) 
     return member
 
 
-def _converse(conductor: Conductor, tell: Told, *, as_json: bool) -> None:
-    """Runs the show and takes what is typed until `quit`; a closed input only ends the typing."""
+def _converse(conductor: Conductor, tell: Told, page: ShowPage | None, *, as_json: bool) -> None:
+    """Runs the show, takes what is typed until `quit`, and the same words from the page; it ends with neither."""
+    from controller.fleet.show_state import show_state
+
     keyboard = sys.stdin.fileno() if sys.stdin is not None else None
-    typed, wait = b"", 0.0
+    typed, wait, page_at = b"", 0.0, 0.0
     while True:
-        inputs = [conductor.fileno(), *([keyboard] if keyboard is not None else [])]
+        inputs = [conductor, *(source for source in (keyboard, page) if source is not None)]
         ready, _, _ = select.select(inputs, [], [], wait)
+        if page is not None and page in ready and not _hear_page(conductor, page, tell):
+            page = None
         if keyboard is not None and keyboard in ready:
             data = os.read(keyboard, 4096)
             if not data:
@@ -109,6 +125,26 @@ def _converse(conductor: Conductor, tell: Told, *, as_json: bool) -> None:
                 if not _do(conductor, line.decode(errors="replace").strip(), tell, as_json=as_json):
                     return
         wait = conductor.step()
+        if page is not None and time.monotonic() >= page_at:
+            page_at = time.monotonic() + _PAGE_EVERY
+            page.tell(show_state(conductor))
+
+
+def _hear_page(conductor: Conductor, page: ShowPage, tell: Told) -> bool:
+    """Does what was pressed on the page, as if it had been typed, and tells what came of it; False if it has ended."""
+    from controller.fleet.show_state import ShowNotice
+
+    def tell_both(text: str) -> None:
+        tell(text)
+        page.tell(ShowNotice(text))
+
+    try:
+        for word in page.words():
+            _do(conductor, word, tell_both, as_json=False)
+    except EOFError:
+        tell("the page has ended; the show goes on")
+        return False
+    return True
 
 
 def _do(conductor: Conductor, line: str, tell: Told, *, as_json: bool) -> bool:

@@ -47,6 +47,7 @@ class SeenDeck:
         standing: what it should be doing.
         joined: when it was last given that, s.
         problem: the last one that was told.
+        losses: how often its connection was lost.
     """
 
     name: str
@@ -57,6 +58,7 @@ class SeenDeck:
     standing: Standing = field(default_factory=Standing)
     joined: float = 0.0
     problem: str = ""
+    losses: int = 0
 
 
 class Conductor:
@@ -71,16 +73,20 @@ class Conductor:
 
     Attributes:
         decks: those that were seen, by name.
-        stopped: whether the emergency stop was given; `go` goes on.
+        stopped_by: who gave the emergency stop; "" without one. `go` goes on.
+        show, now: as given.
+        cues: the cue list.
+        given: the time of each cue that was sent, s, by its number from 0.
     """
 
     def __init__(
         self, show: Show, link: Link, tell: Told, first: int = 0, now: Callable[[], float] = time.monotonic
     ) -> None:
-        self._show, self._link, self._tell, self._now = show, link, tell, now
+        self.show, self.now = show, now
+        self._link, self._tell = link, tell
         self._run = os.urandom(6).hex()
         self._arrived = Mailbox[tuple[str, bytes]]()
-        self._cues = CueList(show.cues, show.lead, now(), first)
+        self.cues = CueList(show.cues, show.lead, now(), first)
         self._number = 0
         self._sent: list[tuple[list[str], TimedCue]] = []
         self._stopped_at = 0.0
@@ -88,7 +94,8 @@ class Conductor:
         self._to_say: list[tuple[float, bytes]] = []
         self._told_waiting: ShowCue | None = None
         self.decks: dict[str, SeenDeck] = {}
-        self.stopped = False
+        self.given: dict[int, float] = {}
+        self.stopped_by = ""
         link.answer("clock", self._time)
         link.hear("health/*", self._hear)
         link.hear("stop", self._hear)
@@ -102,18 +109,18 @@ class Conductor:
     @property
     def over(self) -> bool:
         """Whether all cues were sent."""
-        return self._cues.next is None
+        return self.cues.next is None
 
     def step(self) -> float:
         """Does what there is to do; returns after how long to call again at the latest, s."""
         for key, data in self._arrived.take():
             self._take(key, data)
-        now = self._now()
+        now = self.now()
         for due in [due for due in self._to_say if due[0] <= now]:
             self._to_say.remove(due)
             self._link.say("stop", due[1])
-        if not self.stopped:
-            while (due := self._cues.due(now, self._holds)) is not None:
+        if not self.stopped_by:
+            while (due := self.cues.due(now, self._holds)) is not None:
                 number, cue, at = due
                 self._send_show_cue(number, cue, at)
             self._bring_in(now)
@@ -129,21 +136,21 @@ class Conductor:
 
     def go(self) -> str:
         """Passes a hold point, or goes on after an emergency stop; what came of it."""
-        if self.stopped:
+        if self.stopped_by:
             still = [deck.name for deck in self._present if self._is_stopped(deck)]
             if still:
                 return f"first reset the emergency stop at: {', '.join(still)}"
-            self.stopped = False
+            self.stopped_by = ""
             self._sent.clear()
             for deck in self.decks.values():
                 deck.standing = Standing()
-            self._cues.hold()
+            self.cues.hold()
             return "the emergency stop is over; go again for the next cue"
-        return "goes on" if self._cues.go(self._now()) else "the show does not wait for go"
+        return "goes on" if self.cues.go(self.now()) else "the show does not wait for go"
 
     def hold(self) -> None:
         """Sends no more cues until `go`."""
-        self._cues.hold()
+        self.cues.hold()
 
     def command(self, names: list[str], line: str) -> str:
         """Has decks and groups carry out a command together.
@@ -162,14 +169,14 @@ class Conductor:
         for deck, motion in missing:
             about = self.decks[deck].about
             raise UnknownNameError(f"{deck}: {UnknownNameError.among('motion', motion, about.rounds if about else ())}")
-        self._send(line, _on_grid(self._now() + self._show.lead), names, decks, [command])
+        self._send(line, _on_grid(self.now() + self.show.lead), names, decks, [command])
         return f"{', '.join(decks)}: {line}"
 
     def stop(self) -> None:
         """Stops all decks at once."""
         stop = EmergencyStopAll(CONDUCTOR, os.urandom(8).hex())
         self._stops.append(stop.id)
-        now = self._now()
+        now = self.now()
         self._to_say = [(now + STOP_AGAIN * again, encode(stop)) for again in range(1, STOP_SAID)]
         self._link.say("stop", encode(stop))
         self._stopped_by(CONDUCTOR)
@@ -180,7 +187,7 @@ class Conductor:
         self._arrived.put((key, data))
 
     def _time(self) -> bytes:
-        return encode(Time(self._run, self._now(), self._show.if_lost, self._show.lost_after))
+        return encode(Time(self._run, self.now(), self.show.if_lost, self.show.lost_after))
 
     def _take(self, key: str, data: bytes) -> None:
         kind, _, name = key.partition("/")
@@ -190,7 +197,7 @@ class Conductor:
             self._introduce(self._deck(name), about)
         elif kind == "health" and (health := read(data, DeckHealth)) is not None:
             deck = self._deck(name)
-            deck.health, deck.heard = health, self._now()
+            deck.health, deck.heard = health, self.now()
             if health.problem not in ("", deck.problem):
                 self._tell(f"{name}: {health.problem}")
             deck.problem = health.problem
@@ -204,7 +211,7 @@ class Conductor:
         if deck is None:
             deck = self.decks[name] = SeenDeck(name)
             for names, cue in self._sent:
-                if name in self._show.members(names, [name]):
+                if name in self.show.members(names, [name]):
                     deck.standing.take(cue)
         return deck
 
@@ -213,6 +220,7 @@ class Conductor:
         deck.here = here
         if not here:
             deck.health = None
+            deck.losses += 1
             self._tell(f"{name} is gone")
         else:
             self._link.ask(f"deck/{name}", self._hear)
@@ -220,15 +228,15 @@ class Conductor:
     def _introduce(self, deck: SeenDeck, about: About) -> None:
         deck.about = about
         self._tell(f"{deck.name} is here: {about.robot}, {about.library}")
-        for problem in wrong_motions(self._show, {deck.name: about.rounds}):
-            self._tell(f"{self._show.show}: {problem}")
+        for problem in wrong_motions(self.show, {deck.name: about.rounds}):
+            self._tell(f"{self.show.show}: {problem}")
 
     def _is_stopped(self, deck: SeenDeck) -> bool:
         """Whether a deck is in the emergency stop, or has not said that it is not."""
         return deck.health is None or deck.heard < self._stopped_at + _SAID or deck.health.mode == "emergency stop"
 
     def _stopped_by(self, name: str) -> None:
-        self.stopped, self._stopped_at = True, self._now()
+        self.stopped_by, self._stopped_at = name or "a deck without a name", self.now()
         self._tell(f"emergency stop by {name}; reset each deck where it is, then: go")
 
     # Cues.
@@ -239,10 +247,10 @@ class Conductor:
 
     def _named(self, names: list[str]) -> list[str]:
         present = [deck.name for deck in self._present]
-        decks = self._show.members(names, present)
+        decks = self.show.members(names, present)
         for name in decks:
             if name not in present:
-                raise UnknownNameError.among("deck", name, [*present, *self._show.groups, "all"])
+                raise UnknownNameError.among("deck", name, [*present, *self.show.groups, "all"])
         if not decks:
             raise MotiondeckError("no deck is here yet")
         return decks
@@ -252,9 +260,9 @@ class Conductor:
         return about is None or motion in about.rounds
 
     def _send_show_cue(self, number: int, cue: ShowCue, at: float) -> None:
-        at = _on_grid(at)
+        at = self.given[number] = _on_grid(at)
         name = cue.name or f"cue {number + 1}"
-        decks = self._show.members(cue.to, [deck.name for deck in self._present])
+        decks = self.show.members(cue.to, [deck.name for deck in self._present])
         try:
             say = cue.commands
         except CommandError as error:  # the file was checked when it was read
@@ -295,13 +303,13 @@ class Conductor:
             done = health.cue if health.run == self._run else 0
             since = now - max(standing.at, deck.joined)
             if done < standing.number and since > JOINS_EVERY and deck.heard > standing.at:
-                deck.joined = _on_grid(now + self._show.lead)
+                deck.joined = _on_grid(now + self.show.lead)
                 self._link.say("cue", encode(standing.cue(self._run, deck.name, deck.joined)))
                 self._tell(f"{deck.name} joins")
 
     def _holds(self, condition: Condition, cue: ShowCue) -> bool:
-        now = self._now()
-        for name in self._show.members(cue.to, [deck.name for deck in self._present]):
+        now = self.now()
+        for name in self.show.members(cue.to, [deck.name for deck in self._present]):
             deck = self._deck(name)
             health = deck.health
             if health is None or health.clock is None or now - deck.heard > SILENT_AFTER:
@@ -314,7 +322,7 @@ class Conductor:
         return bool(self._present)
 
     def _tell_waiting(self) -> None:
-        cue = self._cues.next if self._cues.waits else None
+        cue = self.cues.next if self.cues.waits else None
         if cue is not self._told_waiting:
             self._told_waiting = cue
             if cue is not None:

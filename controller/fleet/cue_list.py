@@ -40,6 +40,17 @@ class CueList:
         return self._cues[self._next] if self._next < len(self._cues) else None
 
     @property
+    def number(self) -> int:
+        """The number of that cue, from 0."""
+        return self._next
+
+    @property
+    def next_at(self) -> float | None:
+        """When that cue comes, s; None where nobody knows yet."""
+        cue = self.next
+        return self._zero + cue.at if cue is not None and cue.at is not None and not self._held else None
+
+    @property
     def waits(self) -> bool:
         """Whether only `go` brings the next cue."""
         cue = self.next

@@ -272,7 +272,8 @@ class Member:
     def _tell_health(self, state: State) -> None:
         now, clock, known = self._now(), self._clock, None
         if clock.known and self._asked >= _FIRST and not self._lost:
-            known = ClockHealth(1e3 * clock.uncertainty(now), 1e3 * clock.shortest, 1e6 * clock.drift)
+            uncertain, shortest = 1e3 * clock.uncertainty(now), 1e3 * clock.shortest
+            known = ClockHealth(uncertain, shortest, 1e6 * clock.drift, clock.offset(now))
         health = DeckHealth(
             run=self._done[0],
             cue=self._done[1],

@@ -49,12 +49,14 @@ class About(msgspec.Struct, frozen=True):
         robot, library: their names.
         rate: ticks of its loop a second.
         rounds: of each motion that is a loop, how long a round takes at tempo 1, s; 0 for a one-shot.
+        host: the machine where it runs.
     """
 
     robot: str
     library: str
     rate: float
     rounds: dict[str, float]
+    host: str = ""
 
 
 class Time(msgspec.Struct, frozen=True):
@@ -112,11 +114,15 @@ class TimedCue(msgspec.Struct, frozen=True):
 
 
 class ClockHealth(msgspec.Struct, frozen=True):
-    """How well a deck knows the conductor's time: uncertainty and shortest round trip, ms, and drift, ppm."""
+    """How well a deck knows the conductor's time: uncertainty and shortest round trip, ms, and drift, ppm.
+
+    The conductor's clock is ahead of the deck's by the offset, s; both count from any moment, such as a start.
+    """
 
     uncertainty_ms: float
     round_trip_ms: float
     drift_ppm: float
+    offset_s: float = 0.0
 
 
 class DeckHealth(msgspec.Struct, frozen=True):

@@ -41,7 +41,7 @@ from sim.view.ghost import WAYS
 from sim.view.motions.motion_controls import MotionControls
 from sim.view.recognition_text import what_is_seen
 from sim.view.scene import CAMERAS
-from sim.view.web.page_style import STYLE
+from sim.view.web.page_style import CURRENT, NOTICE_SECONDS, STOPS, STYLE
 from sim.view.web.parts import PageParts
 from sim.view.web.private_page import PrivatePage
 from sim.view.web.state_line import RunState, ended_line, number_in, state_line
@@ -57,12 +57,9 @@ MOST_NOTICES = 3  # at a time; what a rig does has its own tab
 STEP = 1.0 / 30.0  # s, of a step; a tick alone is hardly to be seen
 STEPS = "The motion goes on for 1/30 s."
 
-CURRENT = (38, 110, 200)
-STOPS = (201, 42, 42)
 # Keys for the first motions.
 DIGITS = ("1", "2", "3", "4", "5", "6", "7", "8", "9")
 FORCES = "Of the floor on the body; an arrow half as long as the robot is its weight"
-NOTICE_SECONDS = 8.0
 MORE = "All of them are marks in the strip of the last minutes, with their text."
 
 

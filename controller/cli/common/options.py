@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from controller.mocap.reading_options import ReadingOptions
 
 PAGE_PORT = 8040
+SHOW_PAGE_PORT = 8050
 
 SkeletonOption = Annotated[
     Path | None,

@@ -19,7 +19,7 @@ from motiondeck_base.errors import MotiondeckError
 
 @contextmanager
 def child_process(
-    module: str, *arguments: str, patience: float = 2.0, own_session: bool = False
+    module: str, *arguments: str, patience: float = 2.0, own_session: bool = False, stdin: int | None = None
 ) -> Iterator[subprocess.Popen[bytes]]:
     """Runs a module beside the block; after the block it has some seconds to end, then it is killed.
 
@@ -28,8 +28,10 @@ def child_process(
         arguments: its command line.
         patience: how long it may take to end, s.
         own_session: keeps Ctrl-C from it, which is for the deck alone.
+        stdin: an open file that becomes its standard input.
     """
-    child = subprocess.Popen([sys.executable, "-P", "-m", module, *arguments], start_new_session=own_session)
+    command = [sys.executable, "-P", "-m", module, *arguments]
+    child = subprocess.Popen(command, stdin=stdin, start_new_session=own_session)
     try:
         yield child
     except BaseException:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import subprocess
 import time
 from collections.abc import Iterator
@@ -77,7 +78,7 @@ def show_member(show: str, command_port: int, library: MotionLibrary, robot: str
     free.close()
     frames = library.info.rate
     rounds = {motion.name: motion.frames / frames if motion.plays == "loop" else 0.0 for motion in library.info.motions}
-    about = msgspec.json.encode(About(robot, library.info.name, rate, rounds)).decode()
+    about = msgspec.json.encode(About(robot, library.info.name, rate, rounds, socket.gethostname())).decode()
     ports = ("--command-port", str(command_port), "--leader-port", str(port))
     arguments = ("--show", show, *ports, "--about", about)
     with child_process("controller.fleet.member_process", *arguments, own_session=True) as process:

@@ -7,6 +7,8 @@ a browser or another version of viser does not match them, the panel is as viser
 from __future__ import annotations
 
 STATE_LINE = "state-line"
+CURRENT, STOPS = (38, 110, 200), (201, 42, 42)
+NOTICE_SECONDS = 8.0
 
 STYLE = f"""<style>
 #{STATE_LINE} {{

@@ -1,13 +1,18 @@
 """`motiondeck conduct`, `fleet certificates` and `play --show`: a whole show, and mistakes in one line."""
 
 import os
+import socket
 import subprocess
 import sys
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
 from command_line import motiondeck
+from controller.cli.conduct import _hear_page
+from controller.cli.show_page import ShowPage
+from controller.fleet.show_state import ShowNotice
 
 pytest.importorskip("zenoh")
 
@@ -27,7 +32,7 @@ def test_a_show_of_one_deck_from_its_first_cue_to_the_stop(tmp_path, monkeypatch
     options = ("walk", "--headless", "--kinematic", "--rate", "50", "--command-port", "0", "--seconds", "60")
     deck = subprocess.Popen([*command, "play", *options, "--show", "gala/left"], stderr=subprocess.PIPE, text=True)
     conductor = subprocess.Popen(
-        [*command, "conduct", "gala.toml"],
+        [*command, "conduct", "gala.toml", "--headless"],
         cwd=tmp_path,
         env={**os.environ, "PYTHONPATH": str(Path.cwd())},
         stdin=subprocess.PIPE,
@@ -51,6 +56,24 @@ def test_a_show_of_one_deck_from_its_first_cue_to_the_stop(tmp_path, monkeypatch
         for process in (conductor, deck):
             process.kill()
             process.wait()
+
+
+def test_a_button_of_the_page_does_what_the_typed_word_does():
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    page, conductor, told = ShowPage(ours), Mock(), []
+    conductor.go.return_value = "the show does not wait for go"
+    with ours, theirs:
+        theirs.send(b"stop")
+        theirs.send(b"go")
+        assert _hear_page(conductor, page, told.append)
+        assert [call[0] for call in conductor.method_calls] == ["stop", "go"]
+        assert told == ["the show does not wait for go"]
+        assert b"does not wait" in theirs.recv(1000)
+        page.tell(ShowNotice("which the page does not read any more"))
+        theirs.close()
+        assert not _hear_page(conductor, page, told.append)
+        assert told[1:] == ["the page has ended; the show goes on"]
+        page.tell(ShowNotice("which nobody reads"))
 
 
 def test_mistakes_are_one_line(tmp_path, monkeypatch):

@@ -15,6 +15,7 @@ from controller.fleet.member import Member
 from controller.fleet.membership import on_this_machine
 from controller.fleet.messages import About, EmergencyStopAll, encode
 from controller.fleet.show_file import Show, ShowCue
+from controller.fleet.show_state import show_state
 from controller.loop.command_desk import CommandDesk
 from controller.loop.stop_requests import StopRequest
 from controller.wire.command_socket import CommandClient, CommandServer
@@ -120,6 +121,14 @@ def test_two_decks_start_together_keep_step_and_stop_together(theatre):
     theatre.until(lambda: in_step(left, right))
     assert abs(left.began["Switch"] - right.began["Switch"]) < 0.03  # two ticks, and a machine that is busy
     assert "left is here: dummy, small" in theatre.told
+    state = show_state(theatre.conductor)
+    assert (state.present, state.upcoming, state.stopped_by) == (0, None, "")
+    assert [(deck.name, deck.here, deck.health.motion) for deck in state.decks] == [
+        ("left", True, "march"),
+        ("right", True, "march"),
+    ]
+    ahead = [deck.health.clock.offset_s for deck in state.decks]
+    assert ahead[1] - ahead[0] == pytest.approx(570.0 + 2e-4 * time.monotonic(), abs=0.03)
 
     theatre.deck("late", offset=3.0)
     theatre.conductor.command(["all"], "tempo 1")  # `all` are left and right
@@ -129,6 +138,7 @@ def test_two_decks_start_together_keep_step_and_stop_together(theatre):
     theatre.until(late_known)
 
     theatre.conductor.stop()
+    assert show_state(theatre.conductor).stopped_by == "conductor"
     machines = theatre.machines.values()
     theatre.until(lambda: all(machine.stop.emergency for machine in machines), 2.0)
     assert "first reset the emergency stop" in theatre.conductor.go()

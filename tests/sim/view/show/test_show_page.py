@@ -1,0 +1,54 @@
+"""The page of a show in a browser: it shows the cue list, and its buttons reach the conductor as typed words."""
+
+import socket
+import threading
+
+import msgspec
+
+from controller.cli.show_page import ShowPage
+from controller.fleet.show_file import ShowCue
+from controller.fleet.show_state import ShowNotice, ShowState
+from sim.view.show.viewer import view
+from web_pages import free_port, until
+
+SHOW = ShowState("gala", [ShowCue(say="switch walk", name="opening", at=0.0), ShowCue(say="home", hold=True)], 0, 1)
+
+
+def test_the_page_shows_the_cues_and_its_buttons_say_words(browser, monkeypatch):
+    monkeypatch.setattr("sim.view.show.viewer.LAST_WORD", 0.5)
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    port, conductor, heard = free_port(), ShowPage(ours), []
+    viewer = threading.Thread(target=view, args=(theirs, port))
+    viewer.start()
+    conductor.tell(SHOW)
+    tab = browser.new_page(viewport={"width": 900, "height": 600})
+    tab.set_default_timeout(60_000)
+
+    def said(word):
+        heard.extend(conductor.words())
+        return heard[-1:] == [word]
+
+    try:
+        with socket.socket() as probe:
+            until(lambda: probe.connect_ex(("127.0.0.1", port)) == 0, "the page")
+        tab.goto(f"http://127.0.0.1:{port}")
+        tab.locator("#cues .now").get_by_text("switch walk").wait_for()
+        tab.get_by_text("PLAYING").wait_for()
+        for name, word in (("Go", "go"), ("Hold", "hold"), ("Emergency stop", "stop")):
+            tab.get_by_role("button", name=name, exact=True).click()
+            until(lambda word=word: said(word), word)
+        heard.clear()
+        tab.keyboard.press("Escape")
+        until(lambda: said("stop"), "Esc")
+        conductor.tell(msgspec.structs.replace(SHOW, stopped_by="conductor"))
+        conductor.tell(ShowNotice("first reset the emergency stop at: left"))
+        tab.locator("#state-line").get_by_text("EMERGENCY STOP").wait_for()
+        tab.get_by_text("first reset the emergency stop").wait_for()
+        ours.close()
+        tab.get_by_text("ENDED").wait_for()
+        assert not tab.get_by_role("button", name="Emergency stop").is_enabled()
+    finally:
+        ours.close()
+        tab.close()
+        viewer.join()
+        theirs.close()
