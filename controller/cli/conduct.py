@@ -106,7 +106,7 @@ def _member(show: str, file: Path, certificates: Path | None, *, listens: bool) 
 
 
 def _converse(conductor: Conductor, tell: Told, page: ShowPage | None, *, as_json: bool) -> None:
-    """Runs the show, takes what is typed until `quit`, and the same words from the page; it ends with neither."""
+    """Runs the show, and does what is typed and what the page says, until `quit`; it goes on when either ends."""
     from controller.fleet.show_state import show_state
 
     keyboard = sys.stdin.fileno() if sys.stdin is not None else None

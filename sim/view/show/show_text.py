@@ -79,7 +79,7 @@ def _card(deck: DeckRow) -> str:
         lines.append(f"gone so far: {deck.losses}")
     problem = deck.health.problem if deck.health is not None else ""
     said = "".join(f"<div>{html.escape(line)}</div>" for line in lines if line)
-    said += f'<div class="problem">{html.escape(problem)}</div>' if problem else ""
+    said += f'<div class="problem">last problem: {html.escape(problem)}</div>' if problem else ""
     title = f'<b>{html.escape(deck.name)}</b><strong style="color:{colour}">{html.escape(word)}</strong>'
     return f'<div style="border-color:{colour}">{title}{said}</div>'
 

@@ -77,7 +77,7 @@ def test_the_line_says_what_is_and_what_comes(state, said):
         (deck(mode="emergency stop"), ["EMERGENCY STOP"]),
         (deck(heard_ago=3.2), ["SILENT for 3 s"]),
         (deck(here=False, silent=True, losses=2), ["GONE", "gone so far: 2"]),
-        (deck(problem="cue 3 came <late>"), ["cue 3 came <late>"]),
+        (deck(problem="cue 3 came <late>"), ["last problem: cue 3 came <late>"]),
     ],
 )
 def test_a_card_says_how_a_deck_is(seen, said):
