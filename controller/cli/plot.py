@@ -30,7 +30,9 @@ def plot(
 
     recording = load_recording(file)
     if recording.ticks == 0:
-        raise MotiondeckError(f"{file}: this recording is empty")
+        raise MotiondeckError(
+            f"{file}: this recording holds no tick. Record a run that plays: motiondeck play --record FILE."
+        )
     figures = measure(recording)
     if as_json:
         print(json.dumps(figures))

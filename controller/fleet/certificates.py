@@ -57,7 +57,9 @@ def make_certificates(folder: Path, show: str, members: Mapping[str, str]) -> li
         authority = _authority(folder, show)
         return [_make_member(folder, show, name, hosts[name], members, authority) for name in hosts]
     except OSError as error:
-        raise MotiondeckError(f"{error.filename}: cannot be written ({error.strerror or error})") from None
+        raise MotiondeckError(
+            f"{error.filename}: cannot be written ({error.strerror or error}). Check folder and free space."
+        ) from None
 
 
 def _make_member(

@@ -56,7 +56,8 @@ class Anticipator:
         network = library.network
         if not isinstance(network, CentralizedNetwork):
             raise MotiondeckError(
-                f"library '{library.info.name}' holds a {library.info.network} network; this needs a centralized one"
+                f"library '{library.info.name}' holds a {library.info.network} network; this needs a centralized "
+                "one. Train it with: motiondeck fit RECIPE (docs/centralized-networks.md)."
             )
         self.encoding = library.encoding
         steps = np.arange(1 - PAST_FRAMES, AHEAD_FRAMES + 1) / RATE
@@ -160,7 +161,7 @@ def foresight(anticipator: Anticipator, channels: Array, rate: float, every_s: f
     starts = range(PAST_FRAMES, len(features) - AHEAD_FRAMES)
     if not starts:
         raise MotiondeckError(
-            f"a recording of {len(channels) / rate:.2f} s is too short to predict half a second of it"
+            f"a recording of {len(channels) / rate:.2f} s is too short to predict half a second. Give a longer one."
         )
     missed, trusted, measured = np.zeros((4, AHEAD_FRAMES)), np.zeros((2, AHEAD_FRAMES)), 0
     experience = Experience(features[:PAST_FRAMES])

@@ -102,6 +102,6 @@ def load_library(path: Path) -> MotionLibrary:
         if not largest < LARGEST_CHANNEL:
             raise FileFormatError(
                 f"{path}: motion '{motion}' reads out {largest:.3g}, which no body does (m, m/s, rad/s; "
-                f"{LARGEST_CHANNEL:g} is the most). The file is damaged, or not made by {KIND.made_by}"
+                f"{LARGEST_CHANNEL:g} is the most). The file is damaged: make it again with {KIND.made_by}."
             )
     return MotionLibrary(info, network, encoding)

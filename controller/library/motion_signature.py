@@ -40,7 +40,9 @@ def signature(encoding: Encoding, channels: Array, rate: float) -> Array:
     kept = channels[::stride]
     time = np.arange(len(kept)) * stride / rate
     if len(kept) < 2 or time[-1] < SHORTEST_SECONDS:
-        raise MotiondeckError(f"a motion of {len(channels) / rate:.2f} s is too short to tell its frequencies")
+        raise MotiondeckError(
+            f"a motion of {len(channels) / rate:.2f} s is too short to tell its frequencies. Give a longer one."
+        )
     joints = encoding.skeleton.chain @ (encoding.directions(kept) * encoding.skeleton.length[:, None])
     body = anatomy(encoding.skeleton)
     numbers = []

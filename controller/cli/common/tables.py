@@ -94,7 +94,9 @@ def write_csv(table: Table, path: Path) -> None:
             writer.writeheader()
             writer.writerows(rows)
     except OSError as error:
-        raise MotiondeckError(f"{path}: cannot be written ({error.strerror or error})") from None
+        raise MotiondeckError(
+            f"{path}: cannot be written ({error.strerror or error}). Check folder and free space."
+        ) from None
 
 
 def print_measurements(table: Table) -> None:

@@ -110,7 +110,8 @@ def index(
             names += [f"{source}/{name}" for name in more]
             rows += list(numbers)
     if not rows:
-        raise MotiondeckError("there is no motion in what was given")
+        where = ", ".join(map(str, sources))
+        raise MotiondeckError(f"{where}: no motion found. Give recordings, folders of them, or centralized libraries.")
     save_index(names, np.array(rows), out)
     if as_json:
         print(json.dumps({"written": str(out), "motions": len(names), "left_out": left_out}))

@@ -118,9 +118,11 @@ def run(
 
     options = reading_options(skeleton, unit, up, rename)
     loaded = load_recognizer(recognizer)
+    folders = clips
     clips = [clip for path in clips for clip in (recordings_below(path) if path.is_dir() else [path])]
     if not clips:
-        raise MotiondeckError("there is no recording in it. Give a folder with recordings, or a recording.")
+        where = ", ".join(map(str, folders))
+        raise MotiondeckError(f"{where}: no recording found. Give a folder with recordings, or a recording.")
     out: list[dict[str, Any]] = []
     failed: list[str] = []
     for path in clips:

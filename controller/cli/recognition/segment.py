@@ -24,7 +24,7 @@ class SegmentMethod(StrEnum):
 
 
 def segment(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="The recording (.amc, .mat).")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="The recording, of any format.")],
     method: Annotated[SegmentMethod, typer.Option("--method", help="How to cut.")] = SegmentMethod.PLANES,
     labels: Annotated[
         Path | None,

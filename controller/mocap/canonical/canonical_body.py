@@ -178,7 +178,7 @@ def carried(clip: Clip, skeleton: Skeleton) -> Clip:
     same = set(clip.skeleton.bones) == set(skeleton.bones)
     if joints and not same:
         raise FileFormatError(
-            f"clip '{clip.name}': skeleton '{skeleton.name}' has other joints; a rig's are not carried"
+            f"clip '{clip.name}': its joints are not those of '{skeleton.name}'. A taught clip fits its rig only."
         )
     if same and not is_canonical(skeleton):
         return _with_same_bones(clip, skeleton)
