@@ -19,7 +19,7 @@ import numpy as np
 from joblib import delayed
 
 from controller.jobs import EVERY_CORE, Jobs, spread
-from controller.mocap.canonical.clip_edits import resampled, without_reference_pose
+from controller.mocap.canonical.clip_edits import jumps, resampled, without_reference_pose
 from controller.mocap.clip import Clip
 from controller.mocap.formats.reading import read_clip, recordings_below
 from motiondeck_base.errors import MotiondeckError
@@ -207,11 +207,13 @@ def _carried(
     try:
         clip, left_out = without_reference_pose(read_clip(recording))
         notes = (f"a pose before the motion is left out, frames: {left_out}",) if left_out else ()
+        parted = [f"the body jumps at {jump / clip.rate:.2f} s" for jump in jumps(clip)[:1]]
         clip = resampled(clip, RATES.get(format, clip.rate))
         loader = _loader(robot, digest)
         fitted = loader(clip.skeleton, None if loader.file.kind == "mannequin" else solver, 1.0 / clip.rate)
         motion = retargeted(fitted, clip)
         measured = _measures(loader, clip, fitted, motion)
+        measured["infeasible"] = (*measured["infeasible"], *parted)
         known |= {"frames": len(motion), "fps": clip.rate, "notes": notes} | measured
         marked = place.with_suffix(MARK + place.suffix) if measured["infeasible"] else place
         (out / marked).parent.mkdir(parents=True, exist_ok=True)

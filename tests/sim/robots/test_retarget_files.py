@@ -119,6 +119,14 @@ def test_a_first_frame_apart_is_left_out_and_said(folder, tmp_path):
     assert row.limbs_deg["r_upper_arm"][1] < 10.0
 
 
+def test_a_body_that_jumps_is_infeasible(folder, tmp_path):
+    pasted = clip_of([standing()] * 31)
+    pasted.root_position[20:, 1] += 2.0
+    write_clip(pasted, tmp_path / "pasted.bvh")
+    row = run(folder, tmp_path / "out", "npz", [tmp_path / "pasted.bvh"])["pasted.bvh"]
+    assert row.infeasible[-1] == "the body jumps at 0.33 s"
+
+
 def test_motions_of_another_robot_or_format_are_not_mixed(folder, first):
     with pytest.raises(MotiondeckError, match=r"out holds motions for small\.toml as mjlab.*--out"):
         run(folder, folder / "out", "csv")
