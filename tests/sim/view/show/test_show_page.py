@@ -16,6 +16,7 @@ SHOW = ShowState("gala", [ShowCue(say="switch walk", name="opening", at=0.0), Sh
 
 def test_the_page_shows_the_cues_and_its_buttons_say_words(browser, monkeypatch):
     monkeypatch.setattr("sim.view.show.viewer.LAST_WORD", 0.5)
+    monkeypatch.setattr("sim.view.show.viewer.SILENT_AFTER", 60.0)  # a slow browser is there later
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     port, conductor, heard = free_port(), ShowPage(ours), []
     viewer = threading.Thread(target=view, args=(theirs, port))
