@@ -22,8 +22,8 @@ def until(condition, what, seconds=60.0):
 
 
 def coarse(address):
-    """The address of a page whose scene is drawn with a tenth of its pixels: without a graphics card they take long."""
-    return f"{address.rstrip('/')}/?fixedDpr=0.3"
+    """The address of a page whose scene is drawn with a hundredth of its pixels: in software they take long."""
+    return f"{address.rstrip('/')}/?fixedDpr=0.1"
 
 
 def drop(page, *files):
