@@ -136,11 +136,20 @@ def _terminal_is_closed() -> bool:
     return False
 
 
+def _run() -> Any:
+    """Runs the command; what cannot be written fails here, and not unseen when Python ends."""
+    try:
+        return command_line(sys.argv[1:])(standalone_mode=False)
+    finally:
+        if sys.stdout is not None:
+            sys.stdout.flush()
+
+
 def main() -> None:
     """Runs the command line; a user's mistake ends in one clear line and exit code 1."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        sys.exit(command_line(sys.argv[1:])(standalone_mode=False))
+        sys.exit(_run())
     except (KeyboardInterrupt, typer.Abort):
         sys.exit(130)
     except BrokenPipeError:

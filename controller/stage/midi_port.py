@@ -134,7 +134,7 @@ def open_midi_port(name: str) -> MidiPort:
     except OSError as error:
         reason = error.strerror or str(error).rstrip(".")
     there: list[str] = []
-    with contextlib.suppress(OSError):
+    with contextlib.suppress(OSError, ImportError):  # without python-rtmidi, or ALSA's library, there are none
         there = mido.get_input_names()  # pyright: ignore
     ports = (
         f"There are: {', '.join(there)}" if there else "There are none; a raw device has a path, as /dev/snd/midiC1D0"

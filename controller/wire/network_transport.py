@@ -258,6 +258,8 @@ def _resolve(host: str, port: int, fails: str) -> tuple[socket.AddressFamily, An
     """The kind of an address, and the address as sockets take it."""
     if not 0 <= port < 1 << 16:
         raise SocketError(f"command port {port} at {host} {fails}: it must be from 0 to 65535")
+    if host == "localhost":
+        host = "127.0.0.1"  # also where no file of hosts says so (RFC 6761, section 6.3)
     try:
         family, _, _, _, address = socket.getaddrinfo(host or " ", port, type=socket.SOCK_DGRAM)[0]
     except (OSError, UnicodeError) as error:

@@ -141,6 +141,16 @@ def test_without_the_extra_the_error_names_it(monkeypatch, tmp_path, module, tex
     assert 'pip install "motiondeck[stage]"' in result.stderr
 
 
+def test_a_raw_device_that_is_not_there_is_one_line_where_no_port_can_be_named(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "mido.backends.rtmidi", None)
+    monkeypatch.setattr(mido.backend, "_module", None)
+    with StandIn() as deck:
+        result = stage(deck, written(tmp_path, '[midi]\ninput = "/dev/no/midi"'))
+    assert result.returncode == 1
+    assert result.stderr.count("\n") == 1
+    assert "There are none" in result.stderr
+
+
 def test_without_a_deck_it_says_how_to_start_one(tmp_path):
     result = motiondeck("stage", written(tmp_path, "[osc]\nlisten = 9\n"), "--command-port", 1)
     assert (result.returncode, result.stderr) == (

@@ -196,6 +196,14 @@ def test_a_deck_with_another_token_is_not_believed(server, client):
         client.receive(1.0)
 
 
+def test_localhost_needs_no_file_of_hosts(monkeypatch):
+    def numbers_only(host, *rest, lookup=socket.getaddrinfo, **more):
+        return lookup(host, *rest, flags=socket.AI_NUMERICHOST, **more)
+
+    monkeypatch.setattr(socket, "getaddrinfo", numbers_only)
+    CommandServer(0, "localhost", TOKEN).close()
+
+
 @pytest.mark.parametrize(("listened", "sent"), [("0.0.0.0", HERE), ("::", "::1"), ("::1", "::1"), ("localhost", HERE)])
 def test_all_addresses_of_a_kind_are_listened_to(listened, sent):
     try:
