@@ -53,17 +53,13 @@ def write_arrays(path: Path, kind: Kind, header: msgspec.Struct, arrays: dict[st
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         os.close(handle)
     except OSError as error:
-        raise FileFormatError(
-            f"{path}: cannot be written ({error.strerror or error}). Check folder and free space."
-        ) from None
+        raise FileFormatError.unwritable(path, error) from None
     try:
         save_file({name: np.ascontiguousarray(a) for name, a in arrays.items()}, temporary, metadata=metadata)
         Path(temporary).chmod(0o644)
         Path(temporary).replace(path)
     except OSError as error:
-        raise FileFormatError(
-            f"{path}: cannot be written ({error.strerror or error}). Check folder and free space."
-        ) from None
+        raise FileFormatError.unwritable(path, error) from None
     finally:
         Path(temporary).unlink(missing_ok=True)
 

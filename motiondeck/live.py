@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from controller.cli.session.live_deck import Ended, Failed, LiveNews, Ready, wrong_argument
+from controller.cli.session.live_deck import Ended, Failed, LiveNews, Ready, with_right_types
 from controller.wire.command_socket import CommandClient, SocketError
 from controller.wire.command_table import checked
 from controller.wire.messages import (
@@ -332,10 +332,7 @@ class LiveDeck:
         if not self.running:
             self._end()
             raise SocketError(self._how_it_ended())
-        try:
-            message = msgspec.convert(msgspec.to_builtins(message), type(message))
-        except msgspec.ValidationError as error:
-            raise CommandError(wrong_argument(error)) from None
+        message = with_right_types(message)
         try:
             reply = self._client.request(checked(message), _ANSWERS_WITHIN)
         except SocketError:

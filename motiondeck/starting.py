@@ -11,11 +11,10 @@ from typing import Literal
 
 import msgspec
 
-from controller.cli.session.live_deck import LiveRequest, wrong_argument
+from controller.cli.session.live_deck import LiveRequest, with_right_types
 from controller.wire.run_folder import run_folder
 from motiondeck.libraries import Library
 from motiondeck.live import LiveDeck
-from motiondeck_base.errors import MotiondeckError
 
 __all__ = ["play"]
 
@@ -81,10 +80,7 @@ def play(
             record=str(record) if record is not None else None,
             lock_to=str(lock_to.command_port if isinstance(lock_to, LiveDeck) else lock_to) if lock_to else None,
         )
-        try:
-            msgspec.convert(msgspec.to_builtins(request), LiveRequest)
-        except msgspec.ValidationError as error:
-            raise MotiondeckError(wrong_argument(error)) from None
+        request = with_right_types(request)
         module = "controller.cli.session.live_deck"
         # In a session of its own: Ctrl-C is for the program, whose `with` block then ends the deck.
         process = subprocess.Popen(

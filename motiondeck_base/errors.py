@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Self
 
 from motiondeck_base.near_names import did_you_mean
 
 
 class MotiondeckError(Exception):
     """A mistake that the user can correct; the command line prints it without a traceback."""
+
+    @classmethod
+    def unwritable(cls, path: str | Path, error: OSError) -> Self:
+        """The error for a file or a folder that the system does not write."""
+        return cls(f"{path}: cannot be written ({error.strerror or error}). Check folder and free space.")
 
 
 def in_words(error: BaseException) -> str:

@@ -38,7 +38,7 @@ def draw(report: dict[str, Any], folder: Path) -> list[Path]:
             save(figure, folder / name)
             paths.append(folder / name)
     except OSError as error:
-        raise MotiondeckError(f"{folder}: cannot be written ({error.strerror or error})") from None
+        raise MotiondeckError.unwritable(folder, error) from None
     return paths
 
 

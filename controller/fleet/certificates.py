@@ -57,9 +57,7 @@ def make_certificates(folder: Path, show: str, members: Mapping[str, str]) -> li
         authority = _authority(folder, show)
         return [_make_member(folder, show, name, hosts[name], members, authority) for name in hosts]
     except OSError as error:
-        raise MotiondeckError(
-            f"{error.filename}: cannot be written ({error.strerror or error}). Check folder and free space."
-        ) from None
+        raise MotiondeckError.unwritable(error.filename, error) from None
 
 
 def _make_member(

@@ -66,9 +66,7 @@ class RecordingWriter:
             self._file.write(_MAGIC + _HEADER.pack(len(header), zlib.crc32(header)) + header)
             self._file.flush()
         except OSError as error:
-            raise FileFormatError(
-                f"{path}: cannot be written ({error.strerror or error}). Check folder and free space."
-            ) from None
+            raise FileFormatError.unwritable(path, error) from None
 
     def append(self, rows: Array) -> None:
         """Adds ticks, shape (ticks, V).
@@ -82,9 +80,7 @@ class RecordingWriter:
             self._file.flush()
             os.fsync(self._file.fileno())
         except OSError as error:
-            raise FileFormatError(
-                f"{self._path}: cannot be written ({error.strerror or error}). Check folder and free space."
-            ) from None
+            raise FileFormatError.unwritable(self._path, error) from None
 
     def close(self) -> None:
         """Marks the recording complete and closes it; may be called twice."""

@@ -44,22 +44,28 @@ def with_visuals(spec: mujoco.MjSpec) -> mujoco.MjModel:
     A body with a mesh that MuJoCo cannot read (a .dae), or that is missing, keeps its collision shapes; so do all
     where the URDF itself cannot be read any more, and a model that is from no URDF.
     """
-    return dressed(spec).compile()
+    worn = _worn(spec)
+    return spec.compile() if worn is None else worn[1]
 
 
 def dressed(spec: mujoco.MjSpec) -> mujoco.MjSpec:
     """As `with_visuals`, to be changed further: a copy, or the model itself where there is nothing to put on."""
+    worn = _worn(spec)
+    return spec if worn is None else worn[0]
+
+
+def _worn(spec: mujoco.MjSpec) -> tuple[mujoco.MjSpec, mujoco.MjModel] | None:
+    """A copy that has the visual shapes on, and its model; None where there is nothing that can be put on."""
     noted = next((text.data for text in spec.texts if text.name == _SOURCE), None)
     if noted is None:
-        return spec
+        return None
     source = msgspec.json.decode(noted, type=_Source)
     shown = spec.copy()
     try:
         _dress(shown, Path(source.file), {name: Path(folder) for name, folder in source.packages.items()})
-        shown.copy().compile()
-        return shown
+        return shown, shown.copy().compile()
     except Exception:  # whatever is wrong with what is only looked at
-        return spec
+        return None
 
 
 def _dress(spec: mujoco.MjSpec, file: Path, packages: Mapping[str, Path]) -> None:

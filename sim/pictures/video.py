@@ -149,7 +149,7 @@ def _written_whole(path: Path) -> Iterator[Path]:
         if nameless is not None:
             unfinished.unlink()
     except OSError as error:
-        raise PictureError(f"{path}: cannot be written ({error.strerror})") from error
+        raise PictureError.unwritable(path, error) from error
     try:
         yield unfinished if nameless is None else Path(f"/proc/{os.getpid()}/fd/{nameless}")
         if nameless is not None:
@@ -160,7 +160,7 @@ def _written_whole(path: Path) -> Iterator[Path]:
                 os.close(folder)
         unfinished.replace(path)
     except OSError as error:
-        raise PictureError(f"{path}: cannot be written ({error.strerror})") from error
+        raise PictureError.unwritable(path, error) from error
     finally:
         unfinished.unlink(missing_ok=True)
         if nameless is not None:

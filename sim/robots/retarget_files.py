@@ -123,7 +123,7 @@ def retarget_files(
                 manifest.flush()
                 yield row
     except OSError as error:
-        raise MotiondeckError(f"{out}: cannot be written ({error.strerror or error})") from None
+        raise MotiondeckError.unwritable(out, error) from None
 
 
 def _is_done(row: RetargetedFile, recording: Path, out: Path) -> bool:

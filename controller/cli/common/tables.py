@@ -94,9 +94,7 @@ def write_csv(table: Table, path: Path) -> None:
             writer.writeheader()
             writer.writerows(rows)
     except OSError as error:
-        raise MotiondeckError(
-            f"{path}: cannot be written ({error.strerror or error}). Check folder and free space."
-        ) from None
+        raise MotiondeckError.unwritable(path, error) from None
 
 
 def print_measurements(table: Table) -> None:

@@ -12,11 +12,14 @@ import signal
 import sys
 import threading
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 
+from controller.wire.messages import CommandError
 from motiondeck_base.errors import MotiondeckError
+
+T = TypeVar("T")
 
 
 class LiveRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -55,10 +58,17 @@ class LiveRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     lock_to: str | None = None
 
 
-def wrong_argument(error: msgspec.ValidationError) -> str:
-    """An argument of the wrong type in one line: "rate: expected float, got str"."""
-    reason, _, place = str(error).replace("`", "").partition(" - at $.")
-    return f"{place}: {reason[:1].lower()}{reason[1:]}"
+def with_right_types(given: T) -> T:
+    """A request or a message as it was given, if its arguments are of their types.
+
+    Raises:
+        CommandError: if one is not, in one line: "rate: expected float, got str".
+    """
+    try:
+        return msgspec.convert(msgspec.to_builtins(given), type(given))
+    except msgspec.ValidationError as error:
+        reason, _, place = str(error).replace("`", "").partition(" - at $.")
+        raise CommandError(f"{place}: {reason[:1].lower()}{reason[1:]}") from None
 
 
 class Ready(msgspec.Struct, frozen=True, tag="ready"):

@@ -165,9 +165,7 @@ def recording(out: Path, description: Mapping[str, Any], joints: int, rate: floa
     try:
         out.open("ab").close()
     except OSError as error:
-        raise FileFormatError(
-            f"{out}: cannot be written ({error.strerror or error}). Check folder and free space."
-        ) from None
+        raise FileFormatError.unwritable(out, error) from None
     fields = dict.fromkeys(_NUMBERS, 1) | {"targets": joints, "measured": joints}
     fields |= {"root_position": 3, "heading": 1, "root_rotation": 4, "robot_root": 7}
     with run_folder() as folder:

@@ -50,9 +50,7 @@ def write_file(path: Path, content: bytes) -> None:
     except OSError as error:
         if temporary is not None:
             Path(temporary).unlink(missing_ok=True)
-        raise FileFormatError(
-            f"{path}: cannot be written ({error.strerror or error}). Check folder and free space."
-        ) from None
+        raise FileFormatError.unwritable(path, error) from None
 
 
 def bvh_text(clip: Clip) -> str:

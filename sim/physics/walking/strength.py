@@ -18,6 +18,7 @@ from motiondeck_base.errors import MotiondeckError
 from sim.models.feet import Foot
 from sim.models.kinematic_tree import path_to
 from sim.models.servo_motor import strength
+from sim.physics.walking.capture_point import GRAVITY
 from sim.physics.walking.whole_body import WholeBody
 from sim.robots.robot import Robot
 
@@ -40,7 +41,7 @@ def check_legs(robot: Robot, model: mujoco.MjModel, body: WholeBody, feet: tuple
     """
     _check_ankles(robot, model, feet)
     plan, root = body.plan, int(model.jnt_bodyid[0])
-    weight, centre = float(model.body_subtreemass[root]) * 9.81, plan.subtree_com[root]
+    weight, centre = float(model.body_subtreemass[root]) * GRAVITY, plan.subtree_com[root]
     joints = model.actuator_trnid[:, 0]
     dof = model.jnt_dofadr[joints].astype(np.int64)
     dof[robot.layout.ball] += np.arange(3)

@@ -1,7 +1,6 @@
 """Who takes part over a network: members with a certificate of the show's authority, and nobody else."""
 
 import json
-import socket
 import stat
 import time
 from contextlib import ExitStack, closing
@@ -12,28 +11,14 @@ from controller.fleet.certificates import make_certificates
 from controller.fleet.link import Link
 from controller.fleet.membership import deck_in, with_certificates
 from motiondeck_base.errors import MotiondeckError
+from waiting import free_ports, until
 
 zenoh = pytest.importorskip("zenoh")
 pytest.importorskip("cryptography")
 
 
-def free_ports(count):
-    with ExitStack() as probes:
-        opened = [probes.enter_context(socket.socket()) for _ in range(count)]
-        for probe in opened:
-            probe.bind(("127.0.0.1", 0))
-        return [probe.getsockname()[1] for probe in opened]
-
-
 def addresses(*names):
     return {name: f"127.0.0.1:{port}" for name, port in zip(names, free_ports(len(names)), strict=True)}
-
-
-def until(true, longest=5.0):
-    end = time.monotonic() + longest
-    while not true():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 def plain_peer(port):
@@ -60,7 +45,7 @@ def test_members_hear_each_other_and_strangers_neither_hear_nor_command(tmp_path
         left.hear("**", lambda key, data: heard.append(data))
         stranger.hear("**", lambda key, data: overheard.append(data))
         plain.declare_subscriber("**", lambda sample: overheard.append(sample.payload.to_bytes()))
-        until(lambda: conductor.neighbours == 1 and left.neighbours == 1)
+        until(lambda: conductor.neighbours == 1 and left.neighbours == 1, "the link", 5.0)
 
         def said():
             conductor.say("cue", b"true")
@@ -68,7 +53,7 @@ def test_members_hear_each_other_and_strangers_neither_hear_nor_command(tmp_path
             plain.put("motiondeck/gala/cue", b"false")
             return b"true" in heard
 
-        until(said)
+        until(said, "what is said", 5.0)
         time.sleep(0.5)  # for those that are not meant to arrive
         said()
         assert set(heard) == {b"true"}

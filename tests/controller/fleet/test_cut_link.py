@@ -2,7 +2,6 @@
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -14,6 +13,7 @@ from controller.fleet import link
 from controller.fleet.certificates import make_certificates
 from controller.fleet.link import Link
 from controller.fleet.membership import with_certificates
+from waiting import free_ports, until
 
 pytest.importorskip("zenoh")
 pytest.importorskip("cryptography")
@@ -35,21 +35,6 @@ time.sleep(60)
 """
 
 
-def free_ports(count):
-    with ExitStack() as opened:
-        probes = [opened.enter_context(socket.socket()) for _ in range(count)]
-        for probe in probes:
-            probe.bind(("127.0.0.1", 0))
-        return [probe.getsockname()[1] for probe in probes]
-
-
-def until(true):
-    end = time.monotonic() + 20.0
-    while not true():
-        assert time.monotonic() < end
-        time.sleep(0.01)
-
-
 def test_lost_links_do_not_silence_the_one_that_is_left(tmp_path, monkeypatch):
     monkeypatch.setattr(link, "LEASE", LEASE)
     names = ["conductor", "talker", *SILENT]
@@ -65,7 +50,7 @@ def test_lost_links_do_not_silence_the_one_that_is_left(tmp_path, monkeypatch):
         silent = subprocess.Popen([sys.executable, "-c", SITTING, *folders])
         opened.callback(silent.wait)
         opened.callback(silent.kill)
-        until(lambda: conductor.neighbours == talker.neighbours == len(names) - 1 and here)
+        until(lambda: conductor.neighbours == talker.neighbours == len(names) - 1 and here, "all links", 20.0)
         time.sleep(0.2)  # what the last one wants to hear is known too
         os.kill(silent.pid, signal.SIGSTOP)
         for data in UNREAD:

@@ -8,7 +8,7 @@ from controller.networks.orbits import orbits
 from motiondeck_base.shipped import find_library
 from sim.view.network_view import REACH, NetworkView
 from sim.view.web.private_page import PrivatePage
-from web_pages import free_port
+from waiting import free_port
 
 HEIGHT = 1.8
 

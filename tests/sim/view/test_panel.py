@@ -11,7 +11,7 @@ from controller.wire.messages import Accepted, EmergencyStop, Event, Push, StepO
 from controller.wire.run_recording import MODES
 from sim.view.panel import Panel
 from sim.view.web.private_page import PrivatePage
-from web_pages import free_port, until
+from waiting import free_port, until
 
 MOTIONS = ["walk", "jog", "crawl", "standup", "waltz"]
 

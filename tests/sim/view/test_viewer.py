@@ -5,7 +5,6 @@ import socket
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 import msgspec
@@ -34,7 +33,8 @@ from sim.models.mannequin.mannequin import build_mannequin
 from sim.view.scene import Follower
 from sim.view.viewer import main
 from simulated_bodies import human
-from web_pages import coarse, free_port
+from waiting import free_port, until
+from web_pages import coarse
 
 MOTIONS = ["walk", "jog", "waltz"]
 NUMBERS = ["tick", "time_s", "motion", "mode", "tempo", "phase", "paused", "rate_hz", "overruns"]
@@ -128,14 +128,6 @@ def deck(tmp_path):
 def start(deck, port):
     arguments = ["--state", str(deck.state), "--command-port", str(deck.server.port), "--port", str(port)]
     return subprocess.Popen([sys.executable, "-m", "sim.view.viewer", *arguments], stdout=subprocess.PIPE)
-
-
-def until(condition, what):
-    deadline = time.monotonic() + PATIENCE
-    while not (found := condition()):
-        assert time.monotonic() < deadline, f"waited in vain for {what}"
-        time.sleep(0.05)
-    return found
 
 
 # The figure covers about 0.02 of the scene; a scene without it, nothing.

@@ -19,7 +19,8 @@ from sim.view.learning.learn_panel import LearnPanel
 from sim.view.learning.learning_process import LearnRequest, NotLearned, work
 from sim.view.web.parts import PageParts
 from sim.view.web.private_page import PrivatePage
-from web_pages import coarse, drop, free_port, until
+from waiting import free_port, until
+from web_pages import coarse, drop
 
 LEARNS = [sys.executable, "-P", "-m", "controller.cli.session.page_learning"]
 

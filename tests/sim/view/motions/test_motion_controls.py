@@ -13,7 +13,7 @@ from sim.view.motions.motion_controls import MotionControls
 from sim.view.web.parts import PageParts
 from sim.view.web.private_page import PrivatePage
 from sim.view.web.state_line import RunState
-from web_pages import free_port, until
+from waiting import free_port, until
 
 MOTIONS = ["walk", "jog", "waltz", *(f"more-{n}" for n in range(12))]
 

@@ -17,7 +17,8 @@ from sim.view.rig.rig_panel import RigPanel
 from sim.view.rig.servo_look import ServoLook, ServoLooks
 from sim.view.web.parts import PageParts
 from sim.view.web.private_page import PrivatePage
-from web_pages import coarse, free_port, until
+from waiting import free_port, until
+from web_pages import coarse
 
 CONDITIONS = ["well", "is getting hot", "is off on command", "does not answer"]
 LIMITS = {"model": "XM430-W350", "lower": -3.14, "upper": 3.14, "hottest": 80.0}

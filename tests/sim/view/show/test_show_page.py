@@ -9,7 +9,7 @@ from controller.cli.show_page import ShowPage
 from controller.fleet.show_file import ShowCue
 from controller.fleet.show_state import ShowNotice, ShowState
 from sim.view.show.viewer import view
-from web_pages import free_port, until
+from waiting import free_port, until
 
 SHOW = ShowState("gala", [ShowCue(say="switch walk", name="opening", at=0.0), ShowCue(say="home", hold=True)], 0, 1)
 

@@ -13,7 +13,7 @@ import websockets.sync.client
 
 from benchmarks.deck.page import CAMERA
 from sim.view.web.private_page import PagePortError, PrivatePage
-from web_pages import free_port
+from waiting import free_port
 
 
 def open_socket(port, **more):
