@@ -34,10 +34,10 @@ import typer
 from numpy.typing import NDArray
 
 from benchmarks import command
+from benchmarks.rig._wire_time import rate_limit
 from hardware.bus.port import SerialPort
 from hardware.bus.servo_bus import Bus
 from hardware.bus.sync_write import SyncWrite
-from hardware.bus.wire_time import rate_limit
 from hardware.emulator.bus import EmulatedBus
 from hardware.protocol2 import instructions as wire
 from hardware.protocol2.group_reply import GroupReply, WholeReply, fast_reply_length, status_length

@@ -30,12 +30,13 @@ from hardware.rig.faults import RigFaults
 from hardware.rig.identities import knows_fast_reads
 from hardware.rig.indirect_cells import arrange_state
 from hardware.rig.readings import Readings
-from hardware.rig.registers import same_place, tell_all
+from hardware.rig.registers import return_delays, same_place, tell_all
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array, RigScale
 from hardware.rig.state_block import StateBlock
 from hardware.rig.switching import hold_each, speed_counts, switch_off, switch_on
 from hardware.rig.timings import Timings
+from hardware.rig.wire_load import refuse_slow_wire
 
 WATCHDOG_UNIT = 0.02
 """s, in which the servos count."""
@@ -66,8 +67,9 @@ class DynamixelRig:
         """Switches the servos of an open bus on, each where it stands.
 
         Raises:
-            RigError: if servos are missing, of another model, or not fit to be switched on; it names them all. Torque
-                is taken off again, the bus closed, and joints that did not confirm that are named too.
+            RigError: if servos are missing, of another model, or not fit to be switched on; it names them all. Or if
+                the wire is too slow for the rate. Torque is taken off again, the bus closed, and joints that did not
+                confirm that are named too.
             SerialPortError: if the port vanishes; the same.
         """
         self.config = config
@@ -93,6 +95,7 @@ class DynamixelRig:
             self.goals = switch_on(config, bus)
             self._fast = knows_fast_reads(config, bus)
             blocks = arrange_state(config, bus)
+            refuse_slow_wire(config, blocks, self._fast, return_delays(config, bus))
         except MotiondeckError as error:
             raise with_torque(error, self.close()) from error
         except BaseException:

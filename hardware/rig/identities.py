@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from hardware.bus.servo_bus import Bus, Identity
 from hardware.control_table.meanings import describe_errors
 from hardware.control_table.servo_traits import TRAITS
@@ -75,15 +77,17 @@ def knows_fast_reads(config: RigConfig, bus: Bus) -> bool:
         RigError: if a servo does not answer.
         SerialPortError: if the port vanishes.
     """
-    asked = config.only([index for index, joint in enumerate(config.joints) if joint.table.protocol == 2])
-    since = [TRAITS[joint.model].fast_read if joint.model in TRAITS else None for joint in asked.joints]
-    if None in since:
-        return False
     try:
-        found = read_each(asked, bus, "firmware_version")
+        return know_fast_reads(config, read_each(config, bus, "firmware_version"))
     except ServoError as error:
         raise RigError(str(error)) from error
-    return all(first is not None and firmware >= first for firmware, first in zip(found, since, strict=True))
+
+
+def know_fast_reads(config: RigConfig, firmware: Sequence[int]) -> bool:
+    """Whether servos of Protocol 2.0 with these versions of firmware answer fast sync reads; the others have none."""
+    asked = [index for index, joint in enumerate(config.joints) if joint.table.protocol == 2]
+    since = [TRAITS[model].fast_read if (model := config.joints[index].model) in TRAITS else None for index in asked]
+    return all(first is not None and firmware[index] >= first for index, first in zip(asked, since, strict=True))
 
 
 def refuse_shut_down(config: RigConfig, bus: Bus) -> None:

@@ -14,7 +14,7 @@ When somebody wants to see all registers of a servo, now and then a request asks
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -126,6 +126,13 @@ class Readings:
         if self._in_turns:
             wide |= {self._in_turns[self._requests % len(self._in_turns)]}
         return self._questions.get((line, wide)) or self._ask(line, wide)
+
+    def every_question(self) -> Iterator[Question]:
+        """Each that comes up while all servos answer and none reports a problem."""
+        for turn in self._turns:
+            line = self._line(turn)
+            for wide in [frozenset({index}) for index in self._in_turns] or [frozenset[int]()]:
+                yield self._ask(line, wide)
 
     def next_look(self) -> RegisterReading | None:
         """The servo whose registers the next request may ask for in place of `next_question`, if one is wanted."""

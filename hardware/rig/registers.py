@@ -14,6 +14,11 @@ def read_each(config: RigConfig, bus: Bus, name: str) -> list[int]:
     return [row.decode(bus.read(id, row.address, row.length).params) for id, row in rows]
 
 
+def return_delays(config: RigConfig, bus: Bus) -> list[float]:
+    """How long each servo waits before it answers, s."""
+    return [count * 2e-6 for count in read_each(config, bus, "return_delay_time")]
+
+
 def write_each(config: RigConfig, bus: Bus, name: str, values: Sequence[int]) -> None:
     """Writes a register of every servo that has it and waits for each answer."""
     for joint, value in zip(config.joints, values, strict=True):

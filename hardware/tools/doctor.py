@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
 
 from hardware.bus.servo_bus import UNTOLD, Bus, Identity
-from hardware.bus.wire_time import rate_limit
 from hardware.control_table.baud_rates import baud_value
 from hardware.control_table.meanings import describe_errors
 from hardware.control_table.models import MODELS
 from hardware.control_table.table import ControlTable
 from hardware.errors import NoReplyError, RigError, ServoError
 from hardware.rig.audit import ANSWER_EVERYTHING, Difference, audit, settle
-from hardware.rig.identities import hardware_errors, have_answer, have_old_answer
+from hardware.rig.identities import hardware_errors, have_answer, have_old_answer, know_fast_reads
 from hardware.rig.rig_file import RigConfig, RigJoint
-from hardware.rig.state_block import arranged
+from hardware.rig.state_block import arranged, motion
+from hardware.rig.wire_load import longest_tick
 
 _USB_SERIAL = Path("/sys/bus/usb-serial/devices")
 _LIKELY = (57600, 1_000_000, 4_000_000, 2_000_000, 3_000_000, 115_200, 9600)
-_OLD_BLOCK = 20  # bytes that are read of a servo without indirect cells
+_NEWEST = 255  # what a servo that does not answer may have as firmware
 _CLOSE_TO_HOT = 12.0  # degC
 _VOLTAGE, _HEAT = 1, 4  # bits of a hardware error
 _SILENT = (
@@ -217,18 +217,26 @@ def examine(config: RigConfig, bus: Bus) -> Report:
             f"the USB adapter holds answers for up to {latency} ms: --fix sets 1, or: "
             f"echo 1 | sudo tee {_latency_file(bus.port.name)}"
         )
-    slowest = max((servo.return_delay_us for servo in servos), default=0) * 1e-6
-    # The XM430's; a servo that is read in place has fewer.
-    blocks = [plan.block.length for joint in config.joints if (plan := arranged(joint.table, 0)) is not None]
-    possible = rate_limit(
-        len(config.joints), bus.baud, max(blocks, default=_OLD_BLOCK), True, slowest, (latency or 0) * 1e-3
-    )
+    possible = 1.0 / (_longest_tick(config, servos) + (latency or 0) * 1e-3)
     wanted = max(config.rate_hz, config.read_hz)
     if possible < wanted:
         problems.append(
             f"the wire allows {possible:.0f} Hz, the rig file wants {wanted:g}: raise baud, or lower rate_hz"
         )
     return Report(bus.port.name, bus.baud, latency, config.rate_hz, possible, servos, problems, notes, missing)
+
+
+def _longest_tick(config: RigConfig, servos: Sequence[ServoReport]) -> float:
+    """The longest tick of a rig on its wire, s; of a servo that did not answer, as if it never waited."""
+    firmware = {servo.id: servo.firmware for servo in servos}
+    delays = {servo.id: servo.return_delay_us * 1e-6 for servo in servos}
+    versions = [firmware.get(joint.id, _NEWEST) for joint in config.joints]
+    plans = [arranged(joint.table, version) for joint, version in zip(config.joints, versions, strict=True)]
+    blocks = [
+        motion(joint.table) if plan is None else plan.block for joint, plan in zip(config.joints, plans, strict=True)
+    ]
+    fast = know_fast_reads(config, versions)
+    return longest_tick(config, blocks, fast, [delays.get(joint.id, 0.0) for joint in config.joints])
 
 
 def look_elsewhere(config: RigConfig, report: Report, open_bus: Callable[[int], Bus]) -> list[str]:
