@@ -253,6 +253,7 @@ class Member:
 
     def _hear_deck(self) -> bool:
         """Takes what the deck says; False when it has ended."""
+        happened = False
         while (reply := self._deck.receive(0.0)) is not None:
             if isinstance(reply, State):
                 self._state = reply
@@ -266,7 +267,9 @@ class Member:
                     return False
                 if reply.kind == "mode" and reply.text == "emergency stop":
                     self._pass_on_stop()
-                self._deck.post(GetStatus())
+                happened = True
+        if happened:
+            self._deck.post(GetStatus())
         return True
 
     def _tell_health(self, state: State) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Hashable, Iterator
 from dataclasses import dataclass
 
@@ -34,6 +34,7 @@ from controller.wire.network_transport import NetworkConnection, NetworkListener
 __all__ = ["DEFAULT_PORT", "Address", "CommandClient", "CommandServer", "SocketError", "Traffic"]
 
 _PER_SENDER = 8  # commands of one sender that are carried out in one poll
+_LINE = 32  # more of them that stand in line for the next polls; what exceeds that is refused
 _REFUSALS = 8  # refusals of malformed datagrams in one poll: each costs as much as a command
 _TAKEN = 320  # datagrams read from the system in one poll
 _WAITING = 256  # datagrams kept for later polls
@@ -74,6 +75,8 @@ class CommandServer:
         else:
             self._listener = NetworkListener(port, host, token)
         self._waiting: deque[tuple[bytes, Address]] = deque()
+        self._in_line: dict[Address, deque[bytes]] = {}  # empty ones are taken out
+        self._refusals = 0  # in this poll
         self._traffic = Traffic()
         self.port, self.remote = self._listener.port, self._listener.remote
 
@@ -86,29 +89,52 @@ class CommandServer:
         return Traffic(counts.commands, counts.malformed + listener.unsigned, counts.flooded, listener.replayed)
 
     def poll(self, limit: int = 64) -> Iterator[tuple[Message, Address]]:
-        """The commands among the next `limit` datagrams, each with its sender; an emergency stop comes first."""
+        """The commands among the next `limit` datagrams, each with its sender; an emergency stop comes first.
+
+        Of one sender a few are taken at a time, and some more stand in line for the next polls.
+        """
         self._take()
-        share: dict[Address, int] = {}
-        refusals = 0
+        self._refusals = 0
+        share: Counter[Address] = Counter()
         for _ in range(min(limit, len(self._waiting))):
             data, sender = self._waiting.popleft()
-            reason = ""
-            try:
-                message = read_message(data)
-            except CommandError as error:
-                self._traffic.malformed += 1
-                reason = str(error)
-            else:
-                share[sender] = share.get(sender, 0) + 1
-                if share[sender] <= _PER_SENDER or isinstance(message, EmergencyStop):
-                    self._traffic.commands += 1
+            if (sender in self._in_line or share[sender] >= _PER_SENDER) and not _is_stop(data):
+                self._stand_in_line(data, sender)
+            elif (message := self._read(data, sender)) is not None:
+                share[sender] += 1
+                yield message, sender
+        for sender, line in list(self._in_line.items()):
+            while line and share[sender] < _PER_SENDER:
+                share[sender] += 1
+                if (message := self._read(line.popleft(), sender)) is not None:
                     yield message, sender
-                    continue
-                self._traffic.flooded += 1
-                reason = "too many commands at once"
-            if refusals < _REFUSALS:
-                refusals += 1
-                self.reply(sender, Refused(reason, _number_in(data)))
+            if not line:
+                del self._in_line[sender]
+
+    def _stand_in_line(self, data: bytes, sender: Address) -> None:
+        """Keeps a datagram for a later poll, or refuses it."""
+        line = self._in_line.setdefault(sender, deque())
+        if len(line) < _LINE:
+            line.append(data)
+            return
+        self._traffic.flooded += 1
+        self._refuse(data, sender, "too many commands at once")
+
+    def _read(self, data: bytes, sender: Address) -> Message | None:
+        """The command in a datagram; None if it has none, which the sender is told."""
+        try:
+            message = read_message(data)
+        except CommandError as error:
+            self._traffic.malformed += 1
+            self._refuse(data, sender, str(error))
+            return None
+        self._traffic.commands += 1
+        return message
+
+    def _refuse(self, data: bytes, sender: Address, reason: str) -> None:
+        self._refusals += 1
+        if self._refusals <= _REFUSALS:
+            self.reply(sender, Refused(reason, _number_in(data)))
 
     def _take(self) -> None:
         """Reads what has arrived, an emergency stop to the front; what exceeds the limits is dropped and counted."""
@@ -225,6 +251,14 @@ class _Numbered(msgspec.Struct):
 
 
 _numbered = msgspec.json.Decoder(_Numbered)
+
+
+def _is_stop(data: bytes) -> bool:
+    """Whether a datagram is an emergency stop."""
+    try:
+        return b'"estop"' in data and isinstance(read_message(data), EmergencyStop)
+    except CommandError:
+        return False
 
 
 def _number_in(data: bytes) -> int:

@@ -447,6 +447,8 @@ def test_whatever_bytes_arrive_nothing_raises_and_the_next_command_works(datagra
     stage = Stage()
     with closing(stage.server), closing(stage.client):
         stage.send_raw(*datagrams)
+        stage.tick()
+        stage.tick()
         traffic = stage.server.traffic
         assert traffic.commands + traffic.malformed + traffic.flooded == len(datagrams)
         assert isinstance(stage.ask(GetStatus()), State)
@@ -472,12 +474,25 @@ def test_messages_survive_the_wire(name, number):
 
 def test_a_flood_from_one_client_leaves_room_for_another(stage):
     with closing(CommandClient(stage.server.port)) as flooder:
-        for _ in range(50):
+        for _ in range(60):
             flooder.post(Switch("jog"))
         assert isinstance(stage.ask(Pause()), Accepted)
-        assert (stage.server.traffic.commands, stage.server.traffic.flooded) == (9, 42)
+        assert (stage.server.traffic.commands, stage.server.traffic.flooded) == (9, 20)
         replies = [flooder.receive(0.1) for _ in range(16)]
     assert [type(reply) for reply in replies] == [Accepted] * 8 + [Refused] * 8
+
+
+def test_a_burst_of_commands_is_carried_out_in_its_order(stage):
+    """A show's cue, or a program after a pause of the deck, says more at once than one tick takes."""
+    tempos = [0.5 + 0.02 * number for number in range(30)]
+    for tempo in tempos:
+        stage.client.post(SetTempo(tempo))
+    stage.client.post(EmergencyStop())
+    taken = [[message for message, _ in stage.server.poll()] for _ in range(5)]
+    assert [len(messages) for messages in taken] == [8, 8, 8, 7, 0]
+    assert isinstance(taken[0][0], EmergencyStop)
+    assert [message.factor for messages in taken for message in messages if isinstance(message, SetTempo)] == tempos
+    assert stage.server.traffic.flooded == 0
 
 
 def test_one_poll_takes_a_bounded_number(stage):
