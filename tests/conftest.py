@@ -4,6 +4,7 @@ import gc
 import os
 import re
 import shutil
+import sys
 from functools import cache
 from pathlib import Path
 
@@ -14,8 +15,10 @@ from hypothesis import HealthCheck, settings
 for _library in ("OPENBLAS", "OMP", "MKL"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
 
-# Programs that tests start find our modules compiled, as at a user's, instead of compiling 300 of them anew each time.
+# Programs that tests start find our modules compiled, as at a user's, instead of compiling 300 of them anew each time;
+# and the next run of the tests finds the tests compiled.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 settings.register_profile(
     "motiondeck",

@@ -20,6 +20,7 @@ from motiondeck_base.files import Line, listed, read_lines, shortened
 
 Columns: TypeAlias = dict[str, slice]  # which of a frame's values belong to the root and to each bone
 Row: TypeAlias = list[float | None]  # one frame; None where no line has come yet
+_ANGLE_UNITS = {":degrees": np.pi / 180.0, ":radians": 1.0}
 
 
 def read_amc(path: str | Path, skeleton: AcclaimSkeleton, rate: float = 120.0) -> Clip:
@@ -68,20 +69,69 @@ def read_amc(path: str | Path, skeleton: AcclaimSkeleton, rate: float = 120.0) -
 
 def _values(path: str | Path, skeleton: AcclaimSkeleton, columns: Columns) -> tuple[Array, float]:
     """The values as they stand in the file, shape (frames, channels), and what one angle is in rad."""
+    lines = read_lines(path)
     angle_unit = skeleton.angle_unit
+    for text in lines:
+        if text.lstrip().startswith(":"):
+            angle_unit = _ANGLE_UNITS.get(text.partition("#")[0].split()[0].lower(), angle_unit)
+    values = _all_at_once(lines, columns)
+    if values is None:
+        values = _line_by_line(path, lines, skeleton, columns)
+    if not np.isfinite(values).all():
+        _find_infinite(path, lines, columns)
+    return values, angle_unit
+
+
+def _all_at_once(lines: list[str], columns: Columns) -> Array | None:
+    """The values of a file as recorders write it, the same lines in every frame; None for any other, good or bad."""
+    first = next((number for number, text in enumerate(lines) if text.strip() and text.lstrip()[0] not in "#:"), 0)
+    lines = [text for text in lines[first:] if text]
+    per_frame = next((number for number, text in enumerate(lines) if number and text.isdecimal()), len(lines))
+    names = [text.partition(" ")[0] for text in lines[1:per_frame]]
+    if not (names and lines[0].isdecimal() and len(lines[0]) < 10 and columns.keys() >= set(names)):
+        return None
+    order = [channel for name in names for channel in range(columns[name].start, columns[name].stop)]
+    if sorted(order) != list(range(max(span.stop for span in columns.values()))):
+        return None
+    # The words of a frame: its number, then each bone with as many values as it has channels; no file has a \0.
+    row = ["", "\0"]
+    for name in names:
+        row += [name, *[""] * (columns[name].stop - columns[name].start), "\0"]
+    fixed = [place for place, word in enumerate(row) if word]
+    _, *free = (place for place, word in enumerate(row) if not word)
+    frames, start = -(-len(lines) // per_frame), int(lines[0])
+    values = np.empty((frames, len(order)))
+    for frame in range(0, frames, 1000):  # words take ten times the memory of numbers
+        block = values[frame : frame + 1000]
+        text = " \0 ".join(lines[frame * per_frame : (frame + len(block)) * per_frame]) + " \0"
+        words = np.array(text.split(), dtype=object)
+        if len(words) != len(block) * len(row):
+            return None
+        words = words.reshape(len(block), len(row))
+        numbers = [str(number) for number in range(start + frame, start + frame + len(block))]
+        if words[:, 0].tolist() != numbers or not (words[:, fixed] == np.array(row, dtype=object)[fixed]).all():
+            return None
+        try:
+            block[:, order] = words[:, free].astype(np.float64)
+        except ValueError:
+            return None
+        if text.count("_") != len(block) * "".join(names).count("_"):
+            return None
+    return values
+
+
+def _line_by_line(path: str | Path, lines: list[str], skeleton: AcclaimSkeleton, columns: Columns) -> Array:
+    """The values of any file that follows the format; `read_amc` says what is raised."""
     width = sum(len(channels) for channels in skeleton.dof)
     rows: list[Row] = []
     row: Row | None = None
     begin: Line | None = None  # the line with the frame's number
-    lines = read_lines(path)
     for number, text in enumerate(lines, 1):
         words = text.partition("#")[0].split()
-        if not words:
+        if not words or words[0].startswith(":"):
             continue
         name = words[0]
-        if name[0] == ":":
-            angle_unit = {":degrees": np.pi / 180.0, ":radians": 1.0}.get(name.lower(), angle_unit)
-        elif len(words) == 1 and name.isdecimal() and len(name) < 10:
+        if len(words) == 1 and name.isdecimal() and len(name) < 10:
             _check_frame(begin, row, skeleton, columns)
             if begin is not None and int(name) != int(begin.words[0]) + 1:
                 raise Line(path, number, words).error(
@@ -102,10 +152,7 @@ def _values(path: str | Path, skeleton: AcclaimSkeleton, columns: Columns) -> tu
     _check_frame(begin, row, skeleton, columns)
     if not rows:
         raise FileFormatError(f"{path}: there is no frame in this file. Give a complete AMC file.")
-    values = np.array(rows, dtype=np.float64)
-    if not np.isfinite(values).all():
-        _find_infinite(path, lines, columns)
-    return values, angle_unit
+    return np.array(rows, dtype=np.float64)
 
 
 def _check_frame(begin: Line | None, row: Row | None, skeleton: AcclaimSkeleton, columns: Columns) -> None:
