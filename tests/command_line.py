@@ -6,7 +6,15 @@ import subprocess
 import sys
 from contextlib import redirect_stderr, redirect_stdout
 
-from controller.cli.main import main
+from typer.testing import CliRunner
+
+from controller.cli.main import command_line, main
+
+
+def invoked(*words, **options):
+    """How a command ended, as Typer's runner tells it; what it raised is in the result, and no signal is touched."""
+    words = [str(word) for word in words]
+    return CliRunner().invoke(command_line(words), words, **options)
 
 
 def motiondeck(*words):

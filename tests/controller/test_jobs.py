@@ -8,11 +8,10 @@ import time
 import numpy as np
 import pytest
 from joblib import delayed
-from typer.testing import CliRunner
 
 import synthetic
 from bodies import waving
-from controller.cli.main import app
+from command_line import invoked
 from controller.jobs import ALONE, ClusterError, Jobs, spread
 from controller.library.motion_library import save_library
 from controller.mocap.clip import Clip
@@ -163,7 +162,7 @@ def test_an_index_is_the_same_wherever_recordings_are_read(cluster, tmp_path):
     files = []
     for where in ("1", cluster.scheduler_address.replace("tcp", "dask")):
         files.append(tmp_path / f"{len(files)}.index")
-        run = CliRunner().invoke(app, ["library", "index", str(takes), "--out", str(files[-1]), "--jobs", where])
+        run = invoked("library", "index", str(takes), "--out", str(files[-1]), "--jobs", where)
         assert run.exit_code == 0, run.output
         assert "4 motions" in run.stdout
         assert "left out" in run.stderr
@@ -174,9 +173,7 @@ def test_a_preflight_on_a_cluster_comes_to_the_same_verdicts(cluster, tmp_path):
     file = tmp_path / "small.safetensors"
     save_library(synthetic.small_library(), file)
     said = [
-        CliRunner().invoke(
-            app, ["preflight", str(file), "--robot", "mannequin", "--json", "--motions-only", "--jobs", where]
-        )
+        invoked("preflight", str(file), "--robot", "mannequin", "--json", "--motions-only", "--jobs", where)
         for where in ("1", cluster.scheduler_address.replace("tcp", "dask"))
     ]
     assert said[0].stdout.startswith("{")

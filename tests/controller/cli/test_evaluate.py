@@ -6,11 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import synthetic
+from command_line import invoked
 from controller.cli.common.tables import print_measurements, write_csv
-from controller.cli.main import app
 from controller.cli.pictures.figures import check_picture
 from controller.evaluation.failure_rates import Count
 from controller.evaluation.tables import Table, failure_table
@@ -19,7 +18,7 @@ from motiondeck_base.errors import FileFormatError, MotiondeckError
 
 
 def invoke(*words):
-    return CliRunner().invoke(app, ["evaluate", *map(str, words)])
+    return invoked("evaluate", *words)
 
 
 def counts():

@@ -9,9 +9,7 @@ import sys
 import time
 from pathlib import Path
 
-from typer.testing import CliRunner
-
-from controller.cli.main import app
+from command_line import invoked
 
 PAGE = Path(__file__).parents[3] / "docs" / "first-motion.md"
 BLOCK = re.compile(r"^```(sh|text)\n(.*?)^```", re.M | re.S)
@@ -25,7 +23,7 @@ def pasted(line):
         return done.stdout
     if words[1] == "play" and "--headless" not in words:
         return interrupted([sys.executable, "-m", *words, "--port", "0"])
-    result = CliRunner().invoke(app, words[1:])
+    result = invoked(*words[1:])
     assert result.exit_code == 0, (line, result.output, result.exception)
     return result.output
 

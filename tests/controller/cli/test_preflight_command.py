@@ -4,10 +4,9 @@ import json
 from dataclasses import replace
 
 import pytest
-from typer.testing import CliRunner
 
 import synthetic
-from controller.cli.main import app
+from command_line import invoked
 from controller.library.motion_library import save_library
 from simulated_bodies import human
 
@@ -20,7 +19,7 @@ def library(tmp_path_factory):
 
 
 def preflight(*arguments):
-    return CliRunner().invoke(app, ["preflight", *map(str, arguments)], env={"COLUMNS": "220"})
+    return invoked("preflight", *arguments, env={"COLUMNS": "220"})
 
 
 def test_every_motion_and_every_switch_is_judged_and_the_exit_code_says_so(library, tmp_path):

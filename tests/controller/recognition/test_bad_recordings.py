@@ -4,18 +4,15 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from controller.cli.main import app
+from command_line import invoked
 from controller.recognition.recognizer_file import load_recognizer
 from motiondeck_base.errors import MotiondeckError
 from recognition_examples import ASF, amc, write_folder
 
-CLI = CliRunner()
-
 
 def invoke(*words):
-    result = CLI.invoke(app, [str(word) for word in words])
+    result = invoked(*words)
     if result.exception and not isinstance(result.exception, SystemExit):
         raise result.exception
     return result

@@ -3,14 +3,13 @@
 import json
 
 import pytest
-from typer.testing import CliRunner
 
 from benchmarks.recognition.committee import A_JOINT, GROUPS
 from benchmarks.recognition.contenders import contenders, doubters, ours
 from benchmarks.recognition.folds import measure
 from benchmarks.recognition.recorded_angles import recorded_angles
 from benchmarks.recognition.unknown import unknown_auc
-from controller.cli.main import app
+from command_line import invoked
 from controller.recognition.labelled_recordings import read_dataset
 
 
@@ -49,6 +48,6 @@ def test_subject_86_is_cut_where_it_was_marked(mocap_data):
         pytest.skip("the folder of recordings has no cmu/86/86_01.amc")
     words = ["segment", str(folder / "86_01.amc"), "--method", "experts", "--json"]
     words += ["--labels", str(folder / "labels" / "barbic_01_ground_truth.txt")]
-    report = json.loads(CliRunner().invoke(app, words).stdout)
+    report = json.loads(invoked(*words).stdout)
     assert report["score"]["f1"] == 1.0
     assert report["accuracy"] >= 0.985

@@ -3,15 +3,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
-from controller.cli.main import app
+from command_line import invoked
 from controller.recognition.labelled_recordings import read_dataset
 from controller.recognition.recognizer_file import load_recognizer, save_recognizer
 from motiondeck_base.errors import MotiondeckError
 from recognition_examples import amc, write_folder
-
-CLI = CliRunner()
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +17,7 @@ def folder(tmp_path_factory):
 
 
 def invoke(*words):
-    result = CLI.invoke(app, [str(word) for word in words])
+    result = invoked(*words)
     if result.exception and not isinstance(result.exception, SystemExit):
         raise result.exception
     return result

@@ -2,10 +2,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from bodies import waving
-from controller.cli.main import app
+from command_line import invoked
 from controller.library.motion_library import load_library, save_library
 from controller.mocap.formats.reading import read_clip
 from controller.mocap.formats.writing import bvh_text
@@ -86,13 +85,13 @@ def test_two_recordings_of_one_name_need_names_of_their_own(tmp_path):
 def test_fit_given_a_recording_says_what_to_type(tmp_path):
     (tmp_path / "walk.bvh").write_text("HIERARCHY")
     with pytest.raises(MotiondeckError, match=r"Type: motiondeck learn \S*walk\.bvh --out mine\.safetensors"):
-        CliRunner().invoke(app, ["fit", str(tmp_path / "walk.bvh")], standalone_mode=False, catch_exceptions=False)
+        invoked("fit", str(tmp_path / "walk.bvh"), standalone_mode=False, catch_exceptions=False)
 
 
 def test_fit_given_a_closed_format_says_how_to_convert_it(tmp_path):
     (tmp_path / "walk.fbx").touch()
     with pytest.raises(MotiondeckError, match=r"walk\.fbx: a closed format .* FBX2glTF"):
-        CliRunner().invoke(app, ["fit", str(tmp_path / "walk.fbx")], standalone_mode=False, catch_exceptions=False)
+        invoked("fit", str(tmp_path / "walk.fbx"), standalone_mode=False, catch_exceptions=False)
 
 
 def test_motions_are_carried_to_one_body(tmp_path, mocap_data):
@@ -232,7 +231,7 @@ def test_a_library_that_exists_is_only_written_over_when_it_is_named(tmp_path, m
     Path("waves.toml").write_text(
         "[[motions]]\nfile = 'wave.bvh'\n[network]\ntype = 'phase-conceptor'\nneurons = 60\nrank = 20\n"
     )
-    assert CliRunner().invoke(app, ["fit", "waves.toml"]).exit_code == 0
+    assert invoked("fit", "waves.toml").exit_code == 0
     assert Path("waves.safetensors").exists()
-    again = CliRunner().invoke(app, ["fit", "waves.toml"])
+    again = invoked("fit", "waves.toml")
     assert "waves.safetensors exists already: write over it with --out" in str(again.exception)

@@ -9,10 +9,9 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from bodies import waving
-from controller.cli.main import app
+from command_line import invoked
 from controller.library.motion_library import load_library, save_library
 from controller.mocap.formats.writing import bvh_text
 from controller.mocap.reading_options import ReadingOptions
@@ -129,7 +128,7 @@ def test_files_with_the_same_name_get_names_of_their_own(folder):
 
 def test_the_command_writes_library_and_recipe_and_prints_what_it_found(folder, tmp_path):
     out = tmp_path / "mine.safetensors"
-    result = CliRunner().invoke(app, ["learn", str(folder), "--out", str(out), "--json"])
+    result = invoked("learn", str(folder), "--out", str(out), "--json")
     assert result.exit_code == 0, result.output
     told = json.loads(result.stdout)
     assert {row["name"]: row["plays"] for row in told["motions"]} == {
@@ -206,7 +205,7 @@ def test_a_recording_of_several_things_is_no_loop_of_one_of_them(tmp_path):
 
 def test_the_table_tells_parts_seams_and_doubts(folder, tmp_path):
     out = tmp_path / "mine.safetensors"
-    result = CliRunner().invoke(app, ["learn", str(folder / "swing.bvh"), "--out", str(out), "--unit", "0.002"])
+    result = invoked("learn", str(folder / "swing.bvh"), "--out", str(out), "--unit", "0.002")
     assert result.exit_code == 0, result.output
     words = " ".join(result.stdout.split())
     assert re.search(r"swing loop 3\.00 \d\.\d\d to \d\.\d\d of 6\.00 s \d mm, \d°", words)
@@ -219,9 +218,9 @@ def test_the_first_motion_is_played_on_the_robot_that_is_named(folder, tmp_path,
     monkeypatch.setattr("os.execv", lambda program, command: started.append(command))
     out = tmp_path / "mine.safetensors"
     command = ["learn", str(folder / "swing.bvh"), "--out", str(out), "--play", "--robot", "servo20"]
-    assert CliRunner().invoke(app, command).exit_code == 0
+    assert invoked(*command).exit_code == 0
     assert started[0][-6:] == ["play", "swing", "--library", str(out), "--robot", "servo20"]
-    refused = CliRunner().invoke(app, ["learn", str(folder), "--out", str(out), "--robot", "servo20"])
+    refused = invoked("learn", str(folder), "--out", str(out), "--robot", "servo20")
     assert "give --play too" in str(refused.exception)
 
 
@@ -229,36 +228,36 @@ def test_a_recipe_that_may_have_been_edited_is_replaced_only_on_request(folder, 
     out = tmp_path / "mine.safetensors"
     out.with_suffix(".toml").write_text("# edited by hand")
     command = ["learn", str(folder / "swing.bvh"), "--out", str(out)]
-    refused = str(CliRunner().invoke(app, command).exception)
+    refused = str(invoked(*command).exception)
     assert "mine.toml is there already; give another --out, or --force" in refused
     assert f"motiondeck fit {out.with_suffix('.toml')}" in refused
     assert out.with_suffix(".toml").read_text() == "# edited by hand"
     assert not out.exists()
-    assert CliRunner().invoke(app, [*command, "--force"]).exit_code == 0
+    assert invoked(*command, "--force").exit_code == 0
     assert "swing" in out.with_suffix(".toml").read_text()
 
 
 def test_any_file_is_added_to_what_was_learned(folder, tmp_path):
     out = tmp_path / "mine.safetensors"
-    assert CliRunner().invoke(app, ["learn", str(folder / "swing.bvh"), "--out", str(out)]).exit_code == 0
+    assert invoked("learn", str(folder / "swing.bvh"), "--out", str(out)).exit_code == 0
     bow = ["library", "add", str(out), str(folder / "my bow (1).bvh"), "--name", "bow", "--once"]
-    added = json.loads(CliRunner().invoke(app, [*bow, "--json"]).stdout)
+    added = json.loads(invoked(*bow, "--json").stdout)
     assert [motion["name"] for motion in added["motions"]] == ["swing", "bow"]
     assert added["learned_from"]["recorded_s"] == pytest.approx(1.0, abs=0.01)
-    again = CliRunner().invoke(app, [*bow[:-3], "--name", "loop", "--rename", "nobody=head"])
+    again = invoked(*bow[:-3], "--name", "loop", "--rename", "nobody=head")
     assert "nothing to rename is called 'nobody'" in str(again.exception)
-    looped = CliRunner().invoke(app, ["library", "add", str(out), str(folder / "swing.bvh"), "--name", "loop"])
+    looped = invoked("library", "add", str(out), str(folder / "swing.bvh"), "--name", "loop")
     assert re.search(r"loop: \d\.\d\d to \d\.\d\d of 6\.00 s, seam \d mm", looped.stdout)
 
 
 def test_fit_of_a_recording_says_what_to_type_and_of_a_recipe_tells_parts(folder, tmp_path):
     out = tmp_path / "mine.safetensors"
-    refused = CliRunner().invoke(app, ["fit", str(folder / "swing.bvh"), "--out", str(out)])
+    refused = invoked("fit", str(folder / "swing.bvh"), "--out", str(out))
     assert f"Type: motiondeck learn {folder / 'swing.bvh'} --out {out}" in str(refused.exception)
     learned = learn([folder / "swing.bvh"], "mine", network=PhaseRecipe(neurons=100, rank=20), seeds=[0])
     (tmp_path / "mine.toml").write_text(recipe_text(learned.recipe))
     assert 'licence = "unknown"  #' in (tmp_path / "mine.toml").read_text()
-    fitted = CliRunner().invoke(app, ["fit", str(tmp_path / "mine.toml"), "--data", "/", "--out", str(out)])
+    fitted = invoked("fit", str(tmp_path / "mine.toml"), "--data", "/", "--out", str(out))
     assert "warning" in fitted.stderr
     assert "set licence in the recipe" in fitted.stderr
     part = learned.motions[0].part

@@ -8,9 +8,8 @@ import time
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from typer.testing import CliRunner
 
-from controller.cli.main import app
+from command_line import invoked
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import KINDS, Fault, FaultError, FaultPlan, parse_fault
@@ -188,7 +187,7 @@ def test_the_command_line_emulates_scans_and_stops(servo20_file, tmp_path):
         assert emulator.stdout.readline().strip() == str(link)
 
         def run(*words):
-            return CliRunner().invoke(app, ["rig", *words], catch_exceptions=False)
+            return invoked("rig", *words, catch_exceptions=False)
 
         scanned = run("scan", str(link), "--baud", "4000000", "--json")
         assert scanned.stdout.count("XM430-W350") == 20, scanned.stderr

@@ -6,10 +6,9 @@ import json
 import numpy as np
 import pytest
 from PIL import Image
-from typer.testing import CliRunner
 
 from bodies import waving
-from controller.cli.clip.fill import app
+from command_line import invoked
 from controller.mocap.formats.markers.c3d import read_c3d
 from controller.mocap.formats.reading import read_clip
 from controller.mocap.formats.writing import bvh_text
@@ -18,7 +17,7 @@ from recordings import BVH, MARKER_RATE, c3d_bytes, markers
 
 
 def run(*arguments):
-    return CliRunner().invoke(app, [str(word) for word in arguments])
+    return invoked("clip", *arguments)
 
 
 @pytest.fixture

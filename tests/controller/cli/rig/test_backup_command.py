@@ -1,9 +1,8 @@
 """Settings of servos in a file: an earlier backup stays."""
 
 import pytest
-from typer.testing import CliRunner
 
-from controller.cli.main import app
+from command_line import invoked
 from motiondeck_base.errors import MotiondeckError
 
 
@@ -12,9 +11,7 @@ def test_a_backup_never_replaces_an_earlier_one(tmp_path):
     file = tmp_path / "servos.json"
     file.write_text("[]")
     with pytest.raises(MotiondeckError, match=r"servos\.json is there already"):
-        CliRunner().invoke(app, ["rig", "backup", "servo20", "--out", str(file)], catch_exceptions=False)
+        invoked("rig", "backup", "servo20", "--out", str(file), catch_exceptions=False)
     assert file.read_text() == "[]"
     with pytest.raises(MotiondeckError, match="there is no such folder"):
-        CliRunner().invoke(
-            app, ["rig", "backup", "servo20", "--out", str(tmp_path / "no" / "s.json")], catch_exceptions=False
-        )
+        invoked("rig", "backup", "servo20", "--out", str(tmp_path / "no" / "s.json"), catch_exceptions=False)

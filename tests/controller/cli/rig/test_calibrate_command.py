@@ -7,9 +7,8 @@ from contextlib import nullcontext
 import msgspec
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from controller.cli.main import app
+from command_line import invoked
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.hands import Hands
@@ -78,7 +77,7 @@ def calibrate(rig, tmp_path, monkeypatch):
             lambda config, ports: nullcontext([(config, Bus(port, config.baud))]),
         )
         monkeypatch.setattr("controller.cli.rig.calibrate._KEPT", 0.0)
-        result = CliRunner().invoke(app, ["rig", "calibrate", str(rig), "--out", str(tmp_path / "my.toml")])
+        result = invoked("rig", "calibrate", str(rig), "--out", str(tmp_path / "my.toml"))
         return result, somebody.asked
 
     run.port = port
@@ -159,7 +158,7 @@ def test_scan_setup_and_import_write_rig_files_with_the_lasting_name_of_the_port
     monkeypatch.setattr("hardware.bus.port.lasting_name", {"/dev/ttyUSB0": "/dev/serial/by-id/U2D2"}.__getitem__)
 
     def run(*words):
-        return CliRunner().invoke(app, ["rig", *map(str, words)])
+        return invoked("rig", *words)
 
     assert run("scan", "/dev/ttyUSB0", "--out", tmp_path / "new.toml").exit_code == 0
     assert load_rig(tmp_path / "new.toml").port == "/dev/serial/by-id/U2D2"

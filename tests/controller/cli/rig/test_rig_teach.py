@@ -11,9 +11,8 @@ from contextlib import nullcontext
 import msgspec
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from controller.cli.main import app
+from command_line import invoked
 from controller.cli.rig.play import play_clip
 from controller.cli.session.session import RunSettings
 from controller.mocap.encodings.joint_angles import how_taught, read_taught_clip, save_taught_clip, taught_clip
@@ -39,13 +38,13 @@ joints = [
 
 
 def motiondeck(*words):
-    result = CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
+    result = invoked(*words, catch_exceptions=False)
     assert result.exit_code == 0, result.output
     return json.loads(result.stdout.splitlines()[-1])
 
 
 def diagnosed(*words):
-    result = CliRunner().invoke(app, ["rig", "doctor", *map(str, words), "--json"], catch_exceptions=False)
+    result = invoked("rig", "doctor", *words, "--json", catch_exceptions=False)
     return json.loads(result.stdout.splitlines()[-1])
 
 
@@ -91,7 +90,7 @@ def test_sigterm_ends_a_run_on_the_rig_without_torque_and_with_its_report(rig, p
 
 def test_one_port_that_is_gone_does_not_keep_the_others_from_being_switched_off(rig, port):
     words = ["rig", "stop", str(rig), *port[:2], "--port", "/dev/nowhere", "--json"]
-    result = CliRunner().invoke(app, words)
+    result = invoked(*words)
     assert result.exit_code == 1
     assert json.loads(result.stdout) == {"off": ["pan"], "unconfirmed": ["tilt"]}
     assert "/dev/nowhere" in result.stderr
@@ -132,7 +131,7 @@ def test_a_recording_that_breaks_off_is_saved_as_far_as_it_goes(rig, tmp_path, m
     monkeypatch.setattr("controller.cli.rig.teach.open_buses", lambda config, ports: nullcontext([]))
     monkeypatch.setattr("hardware.tools.teaching.watch_hands", watch)
     words = ["rig", "teach", str(rig), "--out", str(clip), "--seconds", "60", "--json"]
-    result = CliRunner().invoke(app, words)
+    result = invoked(*words)
     assert (result.exit_code, json.loads(result.stdout)["frames"]) == (1, len(read_taught_clip(clip)))
     assert said in json.loads(result.stdout)["cut_short"]
     assert said in result.stderr
@@ -168,7 +167,7 @@ def session(rig, tmp_path, monkeypatch):
         monkeypatch.setattr("controller.cli.rig.teach.open_buses", lambda config, ports: nullcontext([]))
         monkeypatch.setattr("controller.cli.rig.teach.TypedLines", Somebody(lines))
         monkeypatch.setattr("hardware.tools.teaching.watch_hands", watch)
-        return CliRunner().invoke(app, ["rig", "teach", str(rig), "--out", str(out), *options])
+        return invoked("rig", "teach", str(rig), "--out", str(out), *options)
 
     return run
 
@@ -262,7 +261,7 @@ def test_what_cannot_be_taught_or_played_is_said(rig, tmp_path):
         (("rig", "emulate", rig, "--root", "free"), "--root free is about a body"),
     ):
         with pytest.raises(Exception, match=error) as raised:
-            CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
+            invoked(*words, catch_exceptions=False)
         assert any(kind.__name__ == "MotiondeckError" for kind in type(raised.value).__mro__)
 
 
@@ -285,7 +284,7 @@ def test_a_fault_of_one_model_among_others_ends_the_run_with_its_name_and_exit_c
     connected = SupervisedRig(config, lambda: Bus(port, config.baud), beside=False)
     monkeypatch.setattr(SupervisedRig, "write", write)
     monkeypatch.setattr("hardware.rig.supervision.joined_rig.connect_rig", lambda config, ports: connected)
-    result = CliRunner().invoke(app, ["rig", "play", str(rig), str(clip), "--command-port", "0", "--seconds", "4"])
+    result = invoked("rig", "play", str(rig), str(clip), "--command-port", "0", "--seconds", "4")
     assert result.exit_code == 1
     assert len(writes) <= 22
     assert "rig: pan (id 1) has shut down: overload" in result.stdout

@@ -5,10 +5,9 @@ import json
 import joblib
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import motiondeck
-from controller.cli.main import app
+from command_line import invoked
 from controller.mocap.clip import Clip
 from controller.mocap.formats.writing import write_clip
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
@@ -31,7 +30,7 @@ def walk(tmp_path):
 
 
 def run(*arguments):
-    result = CliRunner().invoke(app, ["retarget", *map(str, arguments)])
+    result = invoked("retarget", *arguments)
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
     return result

@@ -2,9 +2,8 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from controller.cli.main import app
+from command_line import invoked
 from controller.cli.robot import calibration
 from controller.mocap.clip import Clip
 from controller.mocap.formats.writing import write_clip
@@ -14,7 +13,7 @@ from small_robots import full_humanoid, humanoid, urdf
 
 
 def run(*arguments):
-    result = CliRunner().invoke(app, ["robot", *map(str, arguments)])
+    result = invoked("robot", *arguments)
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
     return result

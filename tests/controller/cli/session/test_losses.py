@@ -10,10 +10,9 @@ import tempfile
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 import synthetic
-from controller.cli.main import app
+from command_line import invoked
 from controller.cli.session.tick_recorder import TickRecorder
 from controller.library.motion_library import save_library
 from controller.wire.run_folder import run_folder, write_shared
@@ -45,7 +44,7 @@ def test_a_recorder_that_is_killed_is_said_at_once_and_in_the_report(play, tmp_p
         _record(self, *words, **numbers)
 
     monkeypatch.setattr(TickRecorder, "record", record)
-    result = CliRunner().invoke(app, [*play, "--seconds", "0.8", "--record", str(tmp_path / "run.rec"), "--json"])
+    result = invoked(*play, "--seconds", "0.8", "--record", str(tmp_path / "run.rec"), "--json")
     assert result.exit_code == 1
     assert json.loads(result.stdout)["recording"] == {"file": str(tmp_path / "run.rec"), "complete": False}
     assert "the recorder has ended; the deck plays on" in result.stderr
@@ -53,7 +52,7 @@ def test_a_recorder_that_is_killed_is_said_at_once_and_in_the_report(play, tmp_p
 
 
 def test_a_disk_that_is_full_is_said_and_ends_with_exit_code_1(play, capfd):
-    result = CliRunner().invoke(app, [*play, "--seconds", "0.8", "--record", "/dev/full"])
+    result = invoked(*play, "--seconds", "0.8", "--record", "/dev/full")
     assert result.exit_code == 1
     assert "the recording /dev/full is not complete" in result.stdout
     assert "/dev/full: cannot be written (No space left on device)" in capfd.readouterr().err

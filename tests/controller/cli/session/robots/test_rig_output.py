@@ -4,9 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from controller.cli.main import app
+from command_line import invoked
 from controller.cli.session.robots.rig_output import RigOutput, narrowed
 from controller.deck.interfaces import JointLimits
 from controller.loop.loop import run
@@ -180,7 +179,7 @@ def test_stopping_a_rig_that_another_program_plays_on_says_how_to_stop_that():
     config = load_rig(find_rig("servo20"))
     server = PtyServer(EmulatedBus(config))
     player = Bus.open(server.port, config.baud)
-    result = CliRunner().invoke(app, ["rig", "stop", "servo20", "--port", server.port])
+    result = invoked("rig", "stop", "servo20", "--port", server.port)
     player.close()
     server.close()
     assert result.exit_code == 1
