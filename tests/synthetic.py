@@ -1,5 +1,8 @@
 """A small body and three motions made up for tests, so that everything but the readers runs without recordings."""
 
+from copy import deepcopy
+from functools import wraps
+
 import msgspec
 import numpy as np
 
@@ -96,11 +99,27 @@ def lessons():
     return [TrainingMotion(name, normalisation.apply(f), name != "bow") for name, f in frames.items()], normalisation
 
 
+def learned_once(learn):
+    """What a function learned, a copy for each caller: as many tests ask for it, but for the first it costs little."""
+    learned = {}
+
+    @wraps(learn)
+    def copied(*arguments, **recipe):
+        asked = repr((arguments, recipe))
+        if asked not in learned:
+            learned[asked] = learn(*arguments, **recipe)
+        return deepcopy(learned[asked])
+
+    return copied
+
+
+@learned_once
 def small_network(seed=0, recipe=SMALL_RECIPE):
     taught, normalisation = lessons()
     return conceptor_network(load_reservoir(taught, recipe, seed), taught, normalisation, recipe)
 
 
+@learned_once
 def small_phase_network(seed=0, **recipe):
     taught, normalisation = lessons()
     network = train_phase_driven(taught, normalisation, PhaseRecipe(**(SMALL_PHASE | recipe)), RATE, seed)
@@ -108,6 +127,7 @@ def small_phase_network(seed=0, **recipe):
     return network
 
 
+@learned_once
 def small_phase_echo_state(seed=0, **recipe):
     """The same motions in a phase-driven echo-state network."""
     taught, normalisation = lessons()

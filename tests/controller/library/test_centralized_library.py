@@ -19,7 +19,7 @@ from controller.training.centralized.centralized_training import CentralizedReci
 from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
 from motiondeck_base.shipped import find_library
 
-RECIPE = CentralizedRecipe(satellites=16, iterations=30)
+RECIPE = CentralizedRecipe(satellites=16, iterations=10)
 
 
 @pytest.fixture(scope="module")

@@ -94,7 +94,7 @@ def echo_state_library():
 
 
 def centralized_library():
-    plan = CentralizedRecipe(satellites=30, iterations=30)
+    plan = CentralizedRecipe(satellites=30, iterations=10)
     return described(plan, train_centralized_network(*synthetic.lessons(), plan, synthetic.RATE, 0))
 
 

@@ -62,7 +62,7 @@ def test_ten_minutes_stay_within_the_range_of_training(generator, loops, encodin
         room = 0.1 * np.ptp(taught, axis=0) + 0.1
         generator.cue(name)
         for _ in range(10):
-            played = joint_features(encoding, np.array([generator.step(0.02).copy() for _ in range(3000)]))
+            played = joint_features(encoding, np.array([generator.step(0.05).copy() for _ in range(1200)]))
             assert (played <= taught.max(0) + room).all()
             assert (played >= taught.min(0) - room).all()
 

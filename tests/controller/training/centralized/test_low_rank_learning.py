@@ -23,7 +23,7 @@ def body_like(channels=40, curves=5, seed=0):
 
 def learned(target, parameters=None, **more):
     starts = slow_and_fast(TIME[-1], 1, 30, 0)
-    return learn_low_rank(target, TIME, starts, satellites=80, parameters=parameters, iterations=60, **more)
+    return learn_low_rank(target, TIME, starts, satellites=80, parameters=parameters, iterations=20, **more)
 
 
 @pytest.fixture(scope="module", params=[150, 250])
@@ -40,7 +40,7 @@ def test_it_takes_no_more_numbers_than_asked_for_and_says_more_with_them_than_fu
     by_hand = np.count_nonzero(weights.shares) + np.count_nonzero(weights.curves) + 3 * len(places) + 2
     assert by_hand <= network.numbers <= by_hand + weights.rank + weights.shares.size // 32 + 1
     few = parameters // target.shape[1]
-    full = learn(target, TIME, few, slow_and_fast(TIME[-1], 1, 30, 0), iterations=60)
+    full = learn(target, TIME, few, slow_and_fast(TIME[-1], 1, 30, 0), iterations=20)
     response = full.respond(TIME)
     left = np.square(target - response @ ridge_readout(response, target).T).sum()
     assert np.square(target - network.play(TIME)).sum() < 0.25 * left
@@ -88,7 +88,7 @@ def test_what_cannot_be_learned_is_refused():
 @pytest.mark.parametrize(("name", "loop"), [("march", True), ("bow", False)])
 def test_a_motion_of_low_rank_comes_back_in_fewer_numbers(name, loop):
     frames = synthetic.MOTIONS[name]()
-    part = train_centralized(frames, synthetic.RATE, loop=loop, satellites=40, rank="auto", iterations=60)
+    part = train_centralized(frames, synthetic.RATE, loop=loop, satellites=40, rank="auto", iterations=20)
     assert np.abs(part.at(np.arange(len(frames)) / synthetic.RATE) - frames).max() < 0.05
     assert part.weights.numbers < part.matrix.size
     if loop:
