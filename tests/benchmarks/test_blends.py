@@ -18,9 +18,10 @@ def test_the_mixture_leads_from_the_first_motion_to_the_second(library, way):
     first, second = [motion.name for motion in library.info.motions if motion.plays == "loop"][:2]
     places = played(library, first, second, 1.0, seed=0, way=way)
 
+    own = {name: joint_features(library.encoding, library.network.anchors(name)) for name in (first, second)}
+
     def away(motion, frame):
-        own = joint_features(library.encoding, library.network.anchors(motion))
-        return np.linalg.norm(own - frame, axis=1).min()
+        return np.linalg.norm(own[motion] - frame, axis=1).min()
 
     assert away(first, places[0]) < away(second, places[0])
     late = places[round(2 * library.info.rate) :]

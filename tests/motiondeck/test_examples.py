@@ -9,7 +9,7 @@ import pytest
 EXAMPLES = Path(__file__).parents[2] / "examples"
 RUNS = {
     "play_ten_lines.py": ((), "ended: stopped on command"),
-    "switch_by_sensor.py": (("--seconds", "4"), "so jog"),
+    "switch_by_sensor.py": (("--seconds", "2.5"), "so jog"),
     "push_and_walk.py": (("--seconds", "1"), "still stands"),
     "learn_two_motions.py": (("--satellites", "25", "--out", "OUT/two.safetensors"), "400 frames of 61 channels"),
     "retarget_and_save.py": (("--out", "OUT/walk.csv"), "wrote 200 frames of 20 joints"),

@@ -60,7 +60,7 @@ def test_page_recording_and_emulated_rig_work_beside_foreign_packages(command, c
     deck = subprocess.Popen(
         [
             *(command, "play", "--robot", "servo20", "--rig", "emulated", "--kinematic", "--record", "show.rec"),
-            *("--port", "0", "--command-port", "0", "--json"),
+            *("--rate", "100", "--port", "0", "--command-port", "0", "--json"),
         ],
         cwd=crowded,
         env=environment(),

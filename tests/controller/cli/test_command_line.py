@@ -71,8 +71,8 @@ def test_without_json_a_few_words_are_said(library):
 
 def test_an_emulated_rig_is_streamed_to_and_answers():
     run = process(
-        *("play", "box1", "--headless", "--command-port", "0", "--seconds", "1"),
-        *("--rig", "emulated", "--robot", "servo20", "--json"),
+        *("play", "box1", "--headless", "--command-port", "0", "--seconds", "0.5"),
+        *("--rig", "emulated", "--robot", "servo20", "--rate", "100", "--json"),
     )
     assert run.returncode == 0, run.stderr
     rig = json.loads(run.stdout)["rig"]

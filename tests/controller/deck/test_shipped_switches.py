@@ -19,11 +19,12 @@ def library():
 
 def play(library, deck, seconds):
     """Joint positions in the world, shape (ticks, joints, 3), m."""
-    out = []
+    roots, rotations = [], []
     for _ in range(round(seconds / DT)):
         deck.update(DT)
-        out.append(library.skeleton.joints(deck.pose.root_position, deck.pose.rotation))
-    return np.array(out)
+        roots.append(deck.pose.root_position.copy())
+        rotations.append(deck.pose.rotation.copy())
+    return library.skeleton.joints(np.array(roots), np.array(rotations))
 
 
 def peak_acceleration(places):

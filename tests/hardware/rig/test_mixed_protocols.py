@@ -122,18 +122,17 @@ def test_what_could_move_an_old_servo_wrongly_is_refused_named_and_fixed_on_requ
 
 
 @pytest.mark.parametrize(
-    ("id", "register", "value"),
+    "left",
     [
-        *((1, name, value) for name, value in (("status_return_level", 0), ("torque_limit", 0), ("max_torque", 700))),
-        *((1, name, 0) for name in ("min_position_limit", "max_position_limit", "profile_velocity")),
-        *((1, "cw_compliance_slope", value) for value in (2, 254)),
-        (5, "control_mode", 1),
-        (4, "torque_control_mode", 1),
-        (3, "profile_acceleration", 3),
+        {(1, "status_return_level"): 0, (3, "profile_acceleration"): 3, (4, "torque_control_mode"): 1},
+        {(1, "torque_limit"): 0, (1, "min_position_limit"): 0, (1, "cw_compliance_slope"): 2, (5, "control_mode"): 1},
+        {(1, "max_torque"): 700, (1, "max_position_limit"): 0, (1, "cw_compliance_slope"): 254},
+        {(1, "profile_velocity"): 0},
     ],
 )
-def test_what_may_be_set_is_set_at_switch_on(config, port, bus, id, register, value):
-    port.bus[id][register] = value
+def test_what_may_be_set_is_set_at_switch_on(config, port, bus, left):
+    for (id, register), value in left.items():
+        port.bus[id][register] = value
     rig = supervised(config, port)
     assert play(rig, port, 1.2, 1.2).max() < 1.1 * 2.0 + 0.1
     assert shafts(config, port) == pytest.approx(np.full(COUNT, 1.2), abs=0.02)

@@ -44,6 +44,7 @@ def emulator(tmp_path_factory):
     assert servos.stdout is not None
     rig = tmp_path_factory.mktemp("rig") / "servo20.toml"
     text = find_rig("servo20").read_text().replace("/dev/ttyUSB0", servos.stdout.readline().strip())
+    text = re.sub(r"^rate_hz = .*$", "rate_hz = 25", text, flags=re.M)
     rig.write_text(f'on_loss = "go on"\n{text}')
     yield servos, rig
     servos.kill()
@@ -52,9 +53,9 @@ def emulator(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def address(emulator):
-    """A deck that plays walk on a robot with servos, and its page."""
+    """A deck that plays walk on a robot with servos, and its page; it ticks rarely, as nobody looks at the motion."""
     _, rig = emulator
-    robot = ["--robot", "servo20", "--rig", str(rig)]
+    robot = ["--robot", "servo20", "--rig", str(rig), "--rate", "50"]
     deck = subprocess.Popen(
         [*COMMAND, "play", "walk", *robot, "--port", "0", "--command-port", COMMAND_PORT],
         cwd=rig.parent,

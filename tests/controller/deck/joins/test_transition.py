@@ -66,6 +66,7 @@ def fade_of(seed, bound, dt=0.005, rest_direction=None):
     return fade, shown, seed + 1
 
 
+@settings(max_examples=25)
 @given(st.integers(0, 200), st.floats(5.0, 500.0))
 def test_it_starts_where_the_body_is_and_ends_on_the_target(seed, bound):
     fade, shown, other = fade_of(seed, bound)
@@ -77,6 +78,7 @@ def test_it_starts_where_the_body_is_and_ends_on_the_target(seed, bound):
 
 
 @pytest.mark.parametrize("rest_direction", [None, REST])
+@settings(max_examples=25)
 @given(seed=st.integers(0, 200))
 def test_velocity_in_the_world_is_continuous_at_the_switch(rest_direction, seed):
     dt = 1e-4
@@ -99,7 +101,7 @@ def accelerations(fade, target, dt=2.5e-3):
     return np.linalg.norm(np.diff(places, n=2, axis=0), axis=-1) / dt**2
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(st.integers(0, 200), st.floats(20.0, 500.0))
 def test_no_joint_is_accelerated_beyond_the_bound(seed, bound):
     rng = np.random.default_rng(seed)
@@ -132,7 +134,7 @@ def test_a_target_that_turns_takes_longer():
     assert found.duration > difference((shown, shown), (target, target), dt, staying(target), limbs, bounds).duration
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(st.integers(0, 200), st.floats(2.0, 8.0))
 def test_no_joint_gets_faster_than_the_bound(seed, bound):
     rng = np.random.default_rng(seed)
