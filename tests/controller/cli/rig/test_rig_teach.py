@@ -241,6 +241,7 @@ def test_prompts_leave_stdout_to_the_answer(session, tmp_path):
 
 
 def test_what_cannot_be_taught_or_played_is_said(rig, tmp_path):
+    any_port = ("--command-port", "0")
     other = tmp_path / "other.clip"
     save_taught_clip(taught_clip("other", ("pan", "grip"), 50.0, np.zeros((60, 2))), other)
     for words, error in (
@@ -249,9 +250,9 @@ def test_what_cannot_be_taught_or_played_is_said(rig, tmp_path):
         (("rig", "teach", rig, "--out", tmp_path / "a.clip", "--seconds", "0"), "not between"),
         (("rig", "teach", rig, "--out", tmp_path, "--seconds", "3"), "give it a file, not the folder"),
         (("fit", rig, "--no-trim", "--data", tmp_path, "--out", tmp_path / "x.safetensors"), "--no-trim is for clips"),
-        (("rig", "play", rig, other), "'grip'"),
-        (("rig", "play", rig, other, "wave"), "no motion 'wave' to choose"),
-        (("rig", "play", rig, "thesis15", "wlak"), "unknown motion 'wlak'"),
+        (("rig", "play", rig, other, *any_port), "'grip'"),
+        (("rig", "play", rig, other, "wave", *any_port), "no motion 'wave' to choose"),
+        (("rig", "play", rig, "thesis15", "wlak", *any_port), "unknown motion 'wlak'"),
         (
             ("fit", other, rig, "--out", tmp_path / "x.safetensors"),
             "other.clip: a recording, not a recipe",
