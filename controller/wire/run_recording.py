@@ -42,6 +42,7 @@ _MAGIC = b"MDRECORD"
 _HEADER, _CHUNK = struct.Struct("<II"), struct.Struct("<II")
 _MOST_HEADER = 1 << 20
 _MOST_VALUES = 1 << 16
+_MOST_ROWS = 50  # of a chunk: a recorder that was held up writes many at once, onto a disk that may fill up meanwhile
 
 
 class _RecordingHeader(msgspec.Struct, forbid_unknown_fields=True):
@@ -69,15 +70,17 @@ class RecordingWriter:
             raise FileFormatError.unwritable(path, error) from None
 
     def append(self, rows: Array) -> None:
-        """Adds ticks, shape (ticks, V).
+        """Adds ticks, shape (ticks, V), in chunks; an empty array is the mark of the end.
 
         Raises:
             FileFormatError: if they cannot be written; earlier ticks stay readable.
         """
-        data = np.ascontiguousarray(rows, dtype="<f8").tobytes()
         try:
-            self._file.write(_CHUNK.pack(len(rows), zlib.crc32(data)) + data)
-            self._file.flush()
+            for start in range(0, max(len(rows), 1), _MOST_ROWS):
+                part = rows[start : start + _MOST_ROWS]
+                data = np.ascontiguousarray(part, dtype="<f8").tobytes()
+                self._file.write(_CHUNK.pack(len(part), zlib.crc32(data)) + data)
+                self._file.flush()
             os.fsync(self._file.fileno())
         except OSError as error:
             raise FileFormatError.unwritable(self._path, error) from None

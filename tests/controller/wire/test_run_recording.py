@@ -1,3 +1,4 @@
+import os
 import subprocess
 import sys
 import time
@@ -87,6 +88,16 @@ def test_any_file_is_a_recording_or_refused(tmp_path, data):
         (tmp_path / "r").write_bytes(content)
         with pytest.raises(FileFormatError, match="recording"):
             load_recording(tmp_path / "r")
+
+
+def test_of_many_ticks_that_are_written_at_once_the_first_are_kept_when_the_disk_is_full(tmp_path):
+    path = tmp_path / "run.rec"
+    writer = RecordingWriter(path, {}, {"tick": 1})
+    writer.append(np.arange(500.0)[:, None])
+    os.truncate(path, path.stat().st_size // 2)
+    kept = load_recording(path).fields["tick"][:, 0]
+    assert 190 < len(kept) < 250
+    np.testing.assert_array_equal(kept, np.arange(float(len(kept))))
 
 
 def test_what_cannot_be_opened_is_said(tmp_path):
