@@ -1,27 +1,23 @@
-"""What is on a bus and what is wrong with it: scanning, examining, fixing, and setting up one servo at a time."""
+"""What is wrong with the servos of a rig, and setting right what their registers hold."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
 
 from hardware.bus.servo_bus import UNTOLD, Bus, Identity
-from hardware.control_table.baud_rates import baud_value
 from hardware.control_table.meanings import describe_errors
-from hardware.control_table.models import MODELS
-from hardware.control_table.table import ControlTable
-from hardware.errors import NoReplyError, RigError, ServoError
+from hardware.errors import NoReplyError, ServoError
 from hardware.rig.audit import ANSWER_EVERYTHING, Difference, audit, settle
 from hardware.rig.identities import hardware_errors, have_answer, have_old_answer, know_fast_reads
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.state_block import arranged, motion
 from hardware.rig.wire_load import longest_tick
+from hardware.tools.latency_timer import latency_file, latency_timer
+from hardware.tools.scan import LIKELY_BAUDS, scan
 
-_USB_SERIAL = Path("/sys/bus/usb-serial/devices")
-_LIKELY = (57600, 1_000_000, 4_000_000, 2_000_000, 3_000_000, 115_200, 9600)
 _NEWEST = 255  # what a servo that does not answer may have as firmware
 _CLOSE_TO_HOT = 12.0  # degC
 _VOLTAGE, _HEAT = 1, 4  # bits of a hardware error
@@ -32,13 +28,6 @@ _SILENT = (
 _SET_ANYWAY = "set at every switch-on"
 _FALSIFIES = {"drive_mode", "homing_offset", "multi_turn_offset", "resolution_divider"}  # the position a servo reports
 _THE_RIGS_OWN = ("min_position_limit", "max_position_limit", "current_limit")  # of which no servo knows beforehand
-
-
-class Found(NamedTuple):
-    """A servo that answered a scan."""
-
-    baud: int
-    identity: Identity
 
 
 class ServoReport(msgspec.Struct, frozen=True):
@@ -107,63 +96,6 @@ class Fixed(NamedTuple):
     refused: list[str]
 
 
-def scan(
-    open_bus: Callable[[int], Bus],
-    bauds: Iterable[int] = _LIKELY,
-    on_garbled: Callable[[int], object] = lambda baud: None,
-) -> list[Found]:
-    """Who answers at each baud rate, of both protocols; the likely rates first.
-
-    Args:
-        open_bus: opens the port at a baud rate.
-        bauds: where to look.
-        on_garbled: told each baud rate at which some bytes are no answer: two servos may have one ID.
-
-    Raises:
-        SerialPortError: if the port cannot be opened, or vanishes.
-    """
-    found: list[Found] = []
-    for baud in bauds:
-        bus = open_bus(baud)
-        try:
-            found += [Found(baud, identity) for identity in bus.ping_all()]
-            if bus.garbled:
-                on_garbled(baud)
-            found += [Found(baud, identity) for identity in bus.ping_old()]
-        finally:
-            bus.close()
-    return found
-
-
-def latency_timer(port: str) -> int | None:
-    """The latency timer of a USB adapter, ms; None where the system has none for this port."""
-    try:
-        return int(_latency_file(port).read_text())
-    except (OSError, ValueError):
-        return None
-
-
-def shorten_latency(port: str) -> str:
-    """Sets the latency timer of a USB adapter to 1 ms; what was done, or what to do for it, in words.
-
-    The adapter forgets it when it is unplugged.
-    """
-    before, file = latency_timer(port), _latency_file(port)
-    if before is None:
-        return f"{port} has no latency timer that could be set"
-    if before <= 1:
-        return f"the latency timer of {port} is 1 ms already"
-    try:
-        file.write_text("1")
-    except OSError as error:
-        return f"the latency timer of {port} stays {before} ms ({error.strerror}): echo 1 | sudo tee {file}"
-    return f"the latency timer of {port} was {before} ms and is {latency_timer(port)} ms now, until it is unplugged"
-
-
-def _latency_file(port: str) -> Path:
-    return _USB_SERIAL / Path(port).resolve().name / "latency_timer"
-
-
 def examine(config: RigConfig, bus: Bus) -> Report:
     """Asks every servo of a rig how it is, compares its settings, and lists what would go wrong; moves nothing.
 
@@ -215,7 +147,7 @@ def examine(config: RigConfig, bus: Bus) -> Report:
     if latency is not None and latency > 1:
         problems.append(
             f"the USB adapter holds answers for up to {latency} ms: --fix sets 1, or: "
-            f"echo 1 | sudo tee {_latency_file(bus.port.name)}"
+            f"echo 1 | sudo tee {latency_file(bus.port.name)}"
         )
     possible = 1.0 / (_longest_tick(config, servos) + (latency or 0) * 1e-3)
     wanted = max(config.rate_hz, config.read_hz)
@@ -246,7 +178,7 @@ def look_elsewhere(config: RigConfig, report: Report, open_bus: Callable[[int], 
         SerialPortError: if the port cannot be opened, or vanishes.
     """
     known = {joint.id for joint in config.joints} - {*report.missing}
-    bauds = list(dict.fromkeys((report.baud, *_LIKELY))) if report.missing else []
+    bauds = list(dict.fromkeys((report.baud, *LIKELY_BAUDS))) if report.missing else []
     return [
         f"a {who.model} answers as id {who.id} at {baud} baud{' in Protocol 1.0' * (who.protocol == 1)}: connect it "
         f"alone, then motiondeck rig setup {report.port} "
@@ -300,77 +232,6 @@ def _settle_each(differences: Iterable[Difference], config: RigConfig, bus: Bus)
     for one in differences:
         settle([one], config, bus)
         yield f"{one.joint} (id {one.id}): {one.register} was {one.found} and is {one.needed}"
-
-
-def set_up(open_bus: Callable[[int], Bus], id: int, baud: int) -> tuple[Found, Identity]:
-    """Gives the only servo on a bus its ID and baud rate, and a return delay of 0; verifies that it answers there.
-
-    Returns:
-        What it was, and what it is now.
-
-    Raises:
-        RigError: if there is no servo, or more than one, or its model is not known.
-        RefusedError: if it does not take a value.
-        NoReplyError: if it does not answer afterwards.
-        SerialPortError: if the port cannot be opened, or vanishes.
-    """
-    garbled: list[int] = []
-    found = scan(open_bus, on_garbled=garbled.append)
-    if garbled:
-        raise RigError(
-            f"garbled answers at {garbled[0]} baud: two servos may have the same id. Connect the one to set up alone."
-        )
-    if not found:
-        raise RigError("no servo answers at any baud rate. Check power, cable and adapter.")
-    if len(found) > 1:
-        who = ", ".join(f"id {one.identity.id} at {one.baud}" for one in found)
-        raise RigError(f"{len(found)} servos answer ({who}). Connect the one to set up alone.")
-    before = found[0]
-    bus = open_bus(before.baud)
-    try:
-        if before.identity.protocol == 1:
-            bus.old = frozenset((before.identity.id, id))
-        before = Found(before.baud, _who_answers(before.identity, bus))
-        table = MODELS[before.identity.model]
-        value = baud_value(table, baud)
-        if value is None:
-            raise RigError(f"a servo of model {table.model} cannot do {baud} baud.")
-        _put(bus, before.identity.id, table, "torque_enable", 0)
-        _put(bus, before.identity.id, table, "return_delay_time", 0)
-        if before.identity.protocol != table.protocol:
-            _put(bus, before.identity.id, table, "protocol_type", table.protocol)
-            bus.old = frozenset()
-        if id != before.identity.id:
-            _put(bus, before.identity.id, table, "id", id)
-        if baud != before.baud:
-            _put(bus, id, table, "baud_rate", value)
-    finally:
-        bus.close()
-    bus = open_bus(baud)
-    try:
-        bus.old = frozenset((id,)) if table.protocol == 1 else frozenset()
-        after = bus.ping(id)
-    finally:
-        bus.close()
-    if after is None:
-        raise NoReplyError(f"the servo does not answer as id {id} at {baud} baud. Try motiondeck rig scan.")
-    return before, after
-
-
-def _who_answers(identity: Identity, bus: Bus) -> Identity:
-    """The identity of a servo that answers every instruction from now on, whatever its status return level was."""
-    untold = identity.model_number == UNTOLD
-    table = MODELS["AX-12A" if untold else identity.model] if untold or identity.model in MODELS else None
-    if table is None:
-        raise RigError(f"the servo is a {identity.model}, whose control table is not known.")
-    for name, value in (("torque_enable", 0), ("status_return_level", 2)):  # at the same place in all of Protocol 1.0
-        bus.sync_write(table[name].address, 1, bytes((identity.id, value)))
-    return bus.ping(identity.id) or identity if untold else identity
-
-
-def _put(bus: Bus, id: int, table: ControlTable, name: str, value: int) -> None:
-    register = table[name]
-    bus.write(id, register.address, register.encode(value))
 
 
 def _ask(joint: RigJoint, identity: Identity, bus: Bus) -> ServoReport:

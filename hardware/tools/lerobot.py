@@ -18,8 +18,8 @@ import msgspec
 from hardware.errors import RigError
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.tools.calibration import measured_joint
-from hardware.tools.doctor import Found
 from hardware.tools.rig_writing import assembled, new_joint
+from hardware.tools.scan import Found
 
 _REVERSED = 1
 

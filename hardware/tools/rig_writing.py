@@ -11,7 +11,7 @@ import msgspec
 from hardware.control_table.models import MODELS
 from hardware.errors import RigError
 from hardware.rig.rig_file import RigConfig, RigJoint, load_rig
-from hardware.tools.doctor import Found
+from hardware.tools.scan import Found
 
 FIRST_VELOCITY = 2.0  # rad/s: what a joint may do until somebody knows better; every model can
 _RATE = 100.0  # Hz

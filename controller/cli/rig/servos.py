@@ -13,7 +13,7 @@ from controller.cli.rig.rig_port import JsonOption
 from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:
-    from hardware.tools.doctor import Found
+    from hardware.tools.scan import Found
 
 
 def scan(
@@ -82,8 +82,8 @@ def setup(
     from hardware.bus.port import lasting_name
     from hardware.bus.servo_bus import Bus
     from hardware.rig.rig_file import BAUD_RATES, load_rig
-    from hardware.tools.doctor import set_up
     from hardware.tools.rig_writing import set_port
+    from hardware.tools.set_up import set_up
 
     lasting = lasting_name(port)
     if rig is not None:
@@ -143,7 +143,7 @@ def _answering(port: str, bauds: list[int] | None = None) -> list[Found]:
     """Who answers on a port, at the likely baud rates or at these."""
     from hardware.bus.servo_bus import Bus
     from hardware.rig.rig_file import BAUD_RATES
-    from hardware.tools.doctor import scan as scan_port
+    from hardware.tools.scan import scan as scan_port
 
     wrong = [rate for rate in bauds or [] if rate not in BAUD_RATES]
     if wrong:

@@ -10,7 +10,8 @@ from hardware.errors import RigError
 from hardware.rig.audit import audit, settle
 from hardware.rig.dynamixel_rig import DynamixelRig
 from hardware.rig.rig_file import RigConfig, RigJoint
-from hardware.tools.doctor import examine, fix_settings, look_elsewhere, set_up
+from hardware.tools.doctor import examine, fix_settings, look_elsewhere
+from hardware.tools.set_up import set_up
 
 LIMIT = 1.5  # rad/s
 

@@ -16,8 +16,10 @@ from hardware.errors import RigError
 from hardware.rig.audit import audit
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.supervision.supervised_rig import SupervisedRig
-from hardware.tools.doctor import examine, fix_settings, scan, set_up
+from hardware.tools.doctor import examine, fix_settings
 from hardware.tools.monitor import observe
+from hardware.tools.scan import scan
+from hardware.tools.set_up import set_up
 
 COUNT = len(OLD_MODELS)
 TICK = 0.01

@@ -15,10 +15,11 @@ from hardware.errors import RigError
 from hardware.rig.rig_file import RigConfig, RigJoint, load_rig
 from hardware.rig.switching import switch_on
 from hardware.tools.calibration import Sweep, clear_offsets, load_progress, measured_joint, save_progress
-from hardware.tools.doctor import fix_settings, scan
+from hardware.tools.doctor import fix_settings
 from hardware.tools.lerobot import imported, read_calibration
 from hardware.tools.loose_joints import positions
 from hardware.tools.rig_writing import rig_of, save_rig, set_port
+from hardware.tools.scan import scan
 
 
 def passing(config, port, hands, sweep, words, seconds):
