@@ -69,9 +69,10 @@ def anatomy(skeleton: Skeleton) -> Anatomy:
 def named_anatomy(skeleton: Skeleton) -> Anatomy | None:
     """The parts of a skeleton whose names say what both legs are; None for others."""
     named = named_parts(skeleton.bones)
+    bones = {(of.part, of.side): bone for bone, of in reversed(list(enumerate(named))) if of is not None}
 
     def first(part: Part, side: Side) -> int | None:
-        return next((b for b, of in enumerate(named) if of is not None and (of.part, of.side) == (part, side)), None)
+        return bones.get((part, side))
 
     part: list[Part] = ["other"] * len(skeleton)
     side: list[Side] = ["middle"] * len(skeleton)

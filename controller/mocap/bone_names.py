@@ -161,11 +161,15 @@ class _Style(NamedTuple):
 
 def named_parts(names: Iterable[str]) -> list[NamedPart | None]:
     """The part that each name of a skeleton means; None where it means none of a human's."""
-    names = tuple(names)
+    return list(_named_parts(tuple(names)))
+
+
+@lru_cache(maxsize=64)  # while a recording is read, its body is looked at in many poses
+def _named_parts(names: tuple[str, ...]) -> tuple[NamedPart | None, ...]:
     if set(_THESIS) <= set(names):
-        return [_THESIS.get(name) for name in names]
+        return tuple(_THESIS.get(name) for name in names)
     style = _Style.of(names)
-    return [_named(name, style) for name in names]
+    return tuple(_named(name, style) for name in names)
 
 
 def _named(name: str, style: _Style) -> NamedPart | None:

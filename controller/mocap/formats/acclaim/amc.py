@@ -72,7 +72,7 @@ def _values(path: str | Path, skeleton: AcclaimSkeleton, columns: Columns) -> tu
     lines = read_lines(path)
     angle_unit = skeleton.angle_unit
     for text in lines:
-        if text.lstrip().startswith(":"):
+        if ":" in text and text.lstrip().startswith(":"):
             angle_unit = _ANGLE_UNITS.get(text.partition("#")[0].split()[0].lower(), angle_unit)
     values = _all_at_once(lines, columns)
     if values is None:
