@@ -1,5 +1,20 @@
 """Robots made up for tests: a small humanoid as MJCF or URDF, with whatever names, axes and faults a test wants."""
 
+from dataclasses import replace
+
+from sim.robots.calibrate import calibrate
+
+_CALIBRATED = {}
+
+
+def calibrated(path):
+    """What `calibrate` finds in a model file that needs no others; it takes long, so a model is calibrated once."""
+    text = path.name, path.read_text()
+    if text not in _CALIBRATED:
+        _CALIBRATED[text] = calibrate(path)
+    return replace(_CALIBRATED[text], model=path.resolve())
+
+
 LEG = """
 <body name="{s}_hip" pos="{x} {y} 0">
   <joint name="{s}_hip_yaw" axis="0 0 1" range="-1 1"/>

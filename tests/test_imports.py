@@ -32,13 +32,19 @@ def imported_names(tree, module, is_package):
             yield from (f"{base}.{alias.name}" for alias in node.names)
 
 
-def import_graph(trees):
+def imports_of(trees):
+    """The names that each module imports."""
+    return {
+        module_of(path): list(imported_names(tree, module_of(path), path.stem == "__init__"))
+        for path, tree in trees.items()
+    }
+
+
+def import_graph(imports):
     """The modules that each module imports; a name that is no module counts for the module that holds it."""
-    graph = defaultdict(set)
-    known = {module_of(path) for path in trees}
-    for path, tree in trees.items():
-        module = module_of(path)
-        for name in imported_names(tree, module, path.stem == "__init__"):
+    graph, known = defaultdict(set), imports.keys()
+    for module, names in imports.items():
+        for name in names:
             target = name if name in known else name.rpartition(".")[0]
             if target in known and target != module:
                 graph[module].add(target)
@@ -75,8 +81,13 @@ def trees():
 
 
 @pytest.fixture(scope="module")
-def graph(trees):
-    return import_graph(trees)
+def imports(trees):
+    return imports_of(trees)
+
+
+@pytest.fixture(scope="module")
+def graph(imports):
+    return import_graph(imports)
 
 
 def test_circles_are_found():
@@ -85,7 +96,7 @@ def test_circles_are_found():
     late = "def f():\n    from sim.b import g\n"
     hinted = "if TYPE_CHECKING:\n    import sim.a\n"
     trees = {ROOT / "sim" / "a.py": ast.parse(late), ROOT / "sim" / "b.py": ast.parse(hinted)}
-    assert circles(import_graph(trees)) == [("sim.a", "sim.b")]
+    assert circles(import_graph(imports_of(trees))) == [("sim.a", "sim.b")]
 
 
 def test_no_files_import_each_other_in_a_circle(graph):
@@ -97,11 +108,10 @@ def test_no_folders_import_each_other_in_a_circle(graph):
     assert circles(folder_graph(graph, folder_of)) == []
 
 
-def test_no_product_file_imports_the_benchmarks(trees):
-    for path, tree in trees.items():
-        names = imported_names(tree, module_of(path), path.stem == "__init__")
+def test_no_product_file_imports_the_benchmarks(imports):
+    for module, names in imports.items():
         found = [name for name in names if name.partition(".")[0] in ("benchmarks", "tests")]
-        assert not found, f"{path.relative_to(ROOT)} imports {found}"
+        assert not found, f"{module} imports {found}"
 
 
 def test_no_class_name_stands_twice_below_the_front_door(trees):

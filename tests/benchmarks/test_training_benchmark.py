@@ -10,10 +10,9 @@ from controller.jobs import Jobs
 from controller.mocap.clip import Clip
 from controller.mocap.formats.reading import read_clip
 from controller.mocap.formats.writing import write_clip
-from sim.robots.calibrate import calibrate
 from sim.robots.retarget_files import retarget_files
 from simulated_bodies import human, smooth_poses
-from small_robots import humanoid
+from small_robots import calibrated, humanoid
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +37,7 @@ def test_the_longest_clips_are_cut_in_halves_and_nothing_is_lost(tmp_path, swing
 def test_a_file_is_where_mujoco_has_the_robot_and_one_that_is_not_is_noticed(tmp_path, swing):
     model = tmp_path / "small.xml"
     model.write_text(humanoid())
-    (tmp_path / "small.toml").write_text(calibrate(model).to_toml(tmp_path))
+    (tmp_path / "small.toml").write_text(calibrated(model).to_toml(tmp_path))
     write_clip(swing, tmp_path / "swing.bvh")
     out = tmp_path / "motions"
     (row,) = retarget_files(tmp_path / "small.toml", [tmp_path / "swing.bvh"], out, "mjlab", jobs=Jobs(1))

@@ -19,10 +19,9 @@ from controller.mocap.formats.writing import bvh_text, write_clip
 from controller.training.learn import learn
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe
 from motiondeck_base.errors import MotiondeckError
-from sim.robots.calibrate import calibrate
 from sim.robots.retarget_files import MANIFEST, retarget_files
 from simulated_bodies import bent_pose, human
-from small_robots import humanoid
+from small_robots import calibrated, humanoid
 
 distributed = pytest.importorskip("distributed")
 
@@ -129,7 +128,7 @@ def test_recordings_are_read_on_a_cluster_as_here(jobs, tmp_path):
 
 def test_files_are_carried_on_a_cluster_as_here_though_a_worker_is_killed(cluster, jobs, tmp_path):
     (tmp_path / "small.xml").write_text(humanoid())
-    (tmp_path / "small.toml").write_text(calibrate(tmp_path / "small.xml").to_toml(tmp_path))
+    (tmp_path / "small.toml").write_text(calibrated(tmp_path / "small.xml").to_toml(tmp_path))
     (tmp_path / "takes").mkdir()
     for number in range(5):
         poses = [bent_pose(human(), relb=(1.3, 0, 0), rank=(0, 0.02 * number * np.sin(0.1 * k), 0)) for k in range(31)]

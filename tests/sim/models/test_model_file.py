@@ -15,7 +15,7 @@ from sim.pictures.side_by_side import PREFIX, SideBySide
 from sim.robots.calibrate import calibrate
 from sim.robots.robot import load_robot
 from simulated_bodies import human
-from small_robots import humanoid, urdf
+from small_robots import calibrated, humanoid, urdf
 
 
 def with_meshes(folder, uri="package://legs_description/meshes/sole.obj"):
@@ -139,7 +139,7 @@ def test_a_model_with_names_of_the_stage_and_an_include_loads(tmp_path):
     text = humanoid().replace("<worldbody>", '<include file="looks.xml"/><worldbody>', 1)
     (tmp_path / "small.xml").write_text(text)
     file = tmp_path / "small.toml"
-    file.write_text(calibrate(tmp_path / "small.xml").to_toml(tmp_path))
+    file.write_text(calibrated(tmp_path / "small.xml").to_toml(tmp_path))
     model = load_robot(file, human()).model
     assert {"floor", "(floor)"} <= {model.material(k).name for k in range(model.nmat)}
     assert sum(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) == 1  # the file's own floor is left out

@@ -10,10 +10,9 @@ from sim.models.feet import find_feet
 from sim.models.surface import LowestPoint
 from sim.physics.physics_model import feet_of, physics_model
 from sim.physics.playback import PhysicsPlayback, has_fallen
-from sim.robots.calibrate import calibrate
 from sim.robots.robot import load_robot
 from simulated_bodies import HUMAN, ROBOTS, bent_pose, human, skeleton_of
-from small_robots import full_humanoid, humanoid
+from small_robots import calibrated, full_humanoid, humanoid
 
 NAMES = ["mannequin", "servo20"]
 DT = 0.005
@@ -65,7 +64,7 @@ def test_the_gantry_lets_go_of_a_free_root_only():
 def without_servos(folder, text):
     """A robot calibrated from a model file whose joints have no servos."""
     (folder / "small.xml").write_text(re.sub("<actuator>.*</actuator>", "", text))
-    found = calibrate(folder / "small.xml")
+    found = calibrated(folder / "small.xml")
     (folder / "small.toml").write_text(found.to_toml(folder))
     return load_robot(folder / "small.toml", human())
 

@@ -6,10 +6,9 @@ import pytest
 from sim.retargeting.human_limbs import LIMBS, LimbView
 from sim.retargeting.robot_limbs import FEET, limb_directions
 from sim.retargeting.stuck_limbs import FAR, StuckLimbs
-from sim.robots.calibrate import calibrate
 from sim.robots.robot import load_robot
 from simulated_bodies import bent_pose, human
-from small_robots import humanoid
+from small_robots import calibrated, humanoid
 
 DT = 0.01
 
@@ -18,7 +17,7 @@ DT = 0.01
 def robot(tmp_path):
     (tmp_path / "small.xml").write_text(humanoid())
     file = tmp_path / "small.toml"
-    file.write_text(calibrate(tmp_path / "small.xml").to_toml(tmp_path))
+    file.write_text(calibrated(tmp_path / "small.xml").to_toml(tmp_path))
     return load_robot(file, human(), "ik", DT)
 
 

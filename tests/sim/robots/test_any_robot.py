@@ -22,7 +22,7 @@ from sim.robots.calibrate import calibrate, standing
 from sim.robots.limb_directions import LimbDirections
 from sim.robots.robot import load_robot
 from simulated_bodies import bent_pose, human, smooth_poses
-from small_robots import LEG, SERVOS, full_humanoid, humanoid, urdf
+from small_robots import LEG, SERVOS, calibrated, full_humanoid, humanoid, urdf
 
 pytestmark = pytest.mark.smoke
 
@@ -36,7 +36,7 @@ def model_file(tmp_path, text, name="small.xml"):
 
 
 def robot_file(tmp_path, text, name="small.xml"):
-    found = calibrate(model_file(tmp_path, text, name))
+    found = calibrated(model_file(tmp_path, text, name))
     path = tmp_path / "small.toml"
     path.write_text(found.to_toml(tmp_path))
     return path
@@ -67,7 +67,7 @@ def test_names_that_tell_no_side_leave_it_to_the_feet(tmp_path):
 
 
 def test_a_calibrated_robot_stands_as_a_human_does(tmp_path):
-    found = calibrate(model_file(tmp_path, humanoid()))
+    found = calibrated(model_file(tmp_path, humanoid()))
     assert max(found.missed.values()) < 0.05
     assert found.root_height == pytest.approx(0.4 * np.cos(0.08) + 0.03, abs=0.01)
 
@@ -99,7 +99,7 @@ def test_a_sampled_robot_lets_joints_go_as_fast_as_they_may(tmp_path):
 
 
 def test_signs_and_zeros_of_the_angle_solver_are_found(tmp_path):
-    found = calibrate(model_file(tmp_path, humanoid()))
+    found = calibrated(model_file(tmp_path, humanoid()))
     signs = {name: angle.sign for name, angle in found.angles.items()}
     assert signs["l_hip_roll"] == 1
     assert signs["r_hip_roll"] == -1

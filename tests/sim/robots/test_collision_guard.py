@@ -9,28 +9,27 @@ from hypothesis import strategies as st
 
 from controller.mocap.posture import Pose
 from sim.models.overlaps import OVERLAP
-from sim.robots.calibrate import calibrate
 from sim.robots.collision_guard import CollisionGuard
 from sim.robots.robot import load_robot
 from sim.robots.self_collision import SelfCollision
 from simulated_bodies import ROBOTS, human
-from small_robots import humanoid
+from small_robots import calibrated, humanoid
 
 DT = 0.01
 POSE = Pose(np.zeros(3), np.array(0.0), np.tile([1.0, 0.0, 0.0, 0.0], (17, 1)))
 
 
-def calibrated(folder):
+def robot_file(folder):
     """A robot file that the calibration has written for a model it did not know."""
     (folder / "small.xml").write_text(humanoid())
-    (folder / "small.toml").write_text(calibrate(folder / "small.xml").to_toml(folder))
+    (folder / "small.toml").write_text(calibrated(folder / "small.xml").to_toml(folder))
     return folder / "small.toml"
 
 
 @pytest.fixture(scope="module", params=["servo20", "mannequin", "calibrated"])
 def robot(request, tmp_path_factory):
     if request.param == "calibrated":
-        return load_robot(calibrated(tmp_path_factory.mktemp("small")), human())
+        return load_robot(robot_file(tmp_path_factory.mktemp("small")), human())
     return load_robot(ROBOTS / f"{request.param}.toml", human())
 
 

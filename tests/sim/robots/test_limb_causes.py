@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from sim.retargeting.human_limbs import LIMBS
-from sim.robots.calibrate import calibrate
 from sim.robots.limb_causes import limb_causes
 from sim.robots.limb_directions import LimbDirections, degrees_between
 from sim.robots.reachable import ReachableLimb
 from sim.robots.robot import load_robot
 from simulated_bodies import human
-from small_robots import SERVOS, humanoid
+from small_robots import SERVOS, calibrated, humanoid
 
 LID = '<body name="lid" pos="0 0 0.3"><joint name="lid" axis="0 1 0"/><geom size="0.02"/></body>'
 # The right elbow follows the left knee: what bends them together is no closed form.
@@ -19,7 +18,7 @@ FOLLOWS = '<equality><joint joint1="right_elbow" joint2="right_arm_pitch" polyco
 
 def loaded(folder, extra=""):
     (folder / "small.xml").write_text(humanoid(extra=extra))
-    calibration = calibrate(folder / "small.xml")
+    calibration = calibrated(folder / "small.xml")
     (folder / "small.toml").write_text(calibration.to_toml(folder))
     robot = load_robot(folder / "small.toml", human(), "ik")
     return robot, LimbDirections(robot.model, calibration.parts, calibration.root_rotation)

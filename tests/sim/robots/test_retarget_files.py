@@ -11,10 +11,9 @@ from controller.mocap.clip import Clip
 from controller.mocap.formats.writing import write_clip
 from motiondeck_base.errors import MotiondeckError
 from sim.robots import retarget_files as module
-from sim.robots.calibrate import calibrate
 from sim.robots.retarget_files import MANIFEST, retarget_files
 from simulated_bodies import bent_pose, human
-from small_robots import humanoid
+from small_robots import calibrated, humanoid
 
 
 @pytest.fixture(autouse=True)
@@ -40,7 +39,7 @@ def folder(tmp_path_factory):
     """A robot, and recordings: one that it can do, one with its knees bent forward, one that cannot be read."""
     folder = tmp_path_factory.mktemp("batch")
     (folder / "small.xml").write_text(humanoid())
-    (folder / "small.toml").write_text(calibrate(folder / "small.xml").to_toml(folder))
+    (folder / "small.toml").write_text(calibrated(folder / "small.xml").to_toml(folder))
     takes = folder / "takes" / "deep"
     takes.mkdir(parents=True)
     easy = [standing(rank=(0, 0.2 * np.sin(0.1 * k) + 0.2, 0)) for k in range(31)]

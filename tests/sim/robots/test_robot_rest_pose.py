@@ -8,8 +8,8 @@ from sim.models.model_file import read_model
 from sim.retargeting.human_limbs import LIMBS
 from sim.retargeting.inverse_kinematics import LimbSolver
 from sim.retargeting.robot_limbs import RobotLimbs, limb_directions
-from sim.robots.calibrate import calibrate, standing
-from small_robots import full_humanoid
+from sim.robots.calibrate import standing
+from small_robots import calibrated, full_humanoid
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -26,7 +26,7 @@ def turned_round(text, side):
 def test_an_arm_that_hangs_the_wrong_way_round_is_turned_until_its_elbow_bends_forwards(tmp_path):
     path = tmp_path / "robot.xml"
     path.write_text(turned_round(full_humanoid(), "left"))
-    calibration = calibrate(path)
+    calibration = calibrated(path)
     rest = dict(zip(calibration.joints, calibration.rest.tolist(), strict=True))
     assert abs(rest["left_shoulder_yaw_joint"]) > 1.5
     assert abs(rest["right_shoulder_yaw_joint"]) < 0.5

@@ -7,12 +7,11 @@ import pytest
 from controller.mocap.clip import Clip
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 from motiondeck_base.shipped import find_robot
-from sim.robots.calibrate import calibrate
 from sim.robots.joint_motion import retargeted
 from sim.robots.robot import load_robot
 from sim.robots.training_files import format_named, write_training_file
 from simulated_bodies import human, smooth_poses
-from small_robots import SERVOS, humanoid
+from small_robots import SERVOS, calibrated, humanoid
 
 RATE = 50.0
 LID = '<body name="lid" pos="0 0 0.3"><joint name="lid" axis="0 1 0"/><geom size="0.02"/></body>'
@@ -29,7 +28,7 @@ def loaded(folder, text):
     """The model as its file has it, and the robot that plays it."""
     (folder / "small.xml").write_text(text)
     file = folder / "small.toml"
-    file.write_text(calibrate(folder / "small.xml").to_toml(folder))
+    file.write_text(calibrated(folder / "small.xml").to_toml(folder))
     return mujoco.MjModel.from_xml_path(str(folder / "small.xml")), load_robot(file, human(), dt=1.0 / RATE)
 
 
