@@ -105,6 +105,13 @@ def named_anatomy(skeleton: Skeleton) -> Anatomy | None:
     return Anatomy(tuple(part), tuple(side))
 
 
+def leg_without_name(skeleton: Skeleton) -> Side | None:
+    """The side whose leg names do not tell although they tell the other: by shape, some other limb would pass for it."""
+    named = set(named_parts(skeleton.bones))
+    has = {side: {("thigh", side), ("shank", side)} <= named for side in SIDES}
+    return next((side for side in SIDES if not has[side]), None) if any(has.values()) else None
+
+
 _LEG: tuple[Part, ...] = ("hip", "thigh", "shank", "foot")
 _ARM: tuple[Part, ...] = ("clavicle", "upper arm", "forearm", "hand")
 

@@ -9,6 +9,7 @@ as the joint, and none of the file's own floor, sky and lamps: the stage brings 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -18,9 +19,10 @@ import numpy as np
 from motiondeck_base.errors import FileFormatError
 from sim.models.guessed_servo import guess_servo, stances
 from sim.models.kinematic_tree import path_to
+from sim.models.mesh_files import read_solids
 from sim.models.model_kind import check_is_model
 from sim.models.surface import Surface
-from sim.models.urdf_packages import with_resolved_packages
+from sim.models.urdf_text import has_collision_shapes, readable_urdf
 from sim.models.urdf_visuals import MOVED_ORIGIN, note_source
 
 ROOT_JOINT = "(root)"
@@ -28,6 +30,16 @@ LAST_SHOWN_GROUP = 2
 
 # What a body weighs at least, kg, and its least moment of inertia, kg m^2, where a file has less.
 LEAST_MASS, LEAST_INERTIA = 1e-4, 1e-7
+
+# How many numbers say how large a solid is.
+_SIZES = {
+    mujoco.mjtGeom.mjGEOM_SPHERE: 1,
+    mujoco.mjtGeom.mjGEOM_CAPSULE: 2,
+    mujoco.mjtGeom.mjGEOM_CYLINDER: 2,
+    mujoco.mjtGeom.mjGEOM_BOX: 3,
+}
+_NO_VOLUME = re.compile(r"mesh volume is (?:too small|negative)[^:]*: (\S+)")
+_SHELL = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
 
 
 def read_model(path: Path, packages: Mapping[str, Path] | None = None, feet: Sequence[str] = ()) -> mujoco.MjSpec:
@@ -47,16 +59,17 @@ def read_model(path: Path, packages: Mapping[str, Path] | None = None, feet: Seq
     """
     check_is_model(path)
     try:
-        text = with_resolved_packages(path, packages or {}) if path.suffix.lower() == ".urdf" else None
-        spec = mujoco.MjSpec.from_file(str(path)) if text is None else mujoco.MjSpec.from_string(text)
-        if path.suffix.lower() == ".urdf":
-            note_source(spec, path, packages or {})
+        spec = (
+            _read_urdf(path, packages or {}) if path.suffix.lower() == ".urdf" else mujoco.MjSpec.from_file(str(path))
+        )
         _clear_stage(spec)
         spec.compiler.fusestatic = False
         spec.compiler.discardvisual = False  # a URDF's spec would drop the floor of the stage, too
         # The model may be saved elsewhere; its meshes stay where they are.
         folder = path.resolve().parent
         spec.meshdir, spec.texturedir = str(folder / spec.meshdir), str(folder / spec.texturedir)
+        read_solids(spec, Path(spec.meshdir))
+        _mend_volumes(spec)
         _mend_inertias(spec)
         _free_root(path, spec)
         model = spec.compile()
@@ -73,6 +86,21 @@ def read_model(path: Path, packages: Mapping[str, Path] | None = None, feet: Seq
         spec.compile()
     except ValueError as error:
         raise FileFormatError(f"{path}: MuJoCo refuses it: {' '.join(str(error).split())}") from error
+    return spec
+
+
+def _read_urdf(path: Path, packages: Mapping[str, Path]) -> mujoco.MjSpec:
+    """A URDF; one without <collision> shapes touches with its <visual> ones."""
+    text = readable_urdf(path, packages)
+    spec = mujoco.MjSpec.from_string(text)
+    note_source(spec, path, packages)
+    for geom in [*spec.geoms]:
+        sizes = _SIZES.get(geom.type, 0)
+        if sizes and min(geom.size[:sizes]) <= 0.0:
+            spec.delete(geom)  # a point, by which some tools mark a place
+        elif not has_collision_shapes(text):
+            geom.contype = geom.conaffinity = 1
+            geom.group = 0
     return spec
 
 
@@ -113,6 +141,20 @@ def _clear_stage(spec: mujoco.MjSpec) -> None:
         spec.delete(thing)
 
 
+def _mend_volumes(spec: mujoco.MjSpec) -> None:
+    """Takes the mass of a mesh that encloses nothing from its surface."""
+    for _ in spec.meshes:
+        try:
+            spec.copy().compile()
+            return
+        except ValueError as error:
+            named = _NO_VOLUME.search(str(error))
+            mesh = spec.mesh(named[1]) if named else None
+            if mesh is None or mesh.inertia == _SHELL:
+                return
+            mesh.inertia = _SHELL
+
+
 def _mend_inertias(spec: mujoco.MjSpec) -> None:
     """Gives bodies masses and inertias that can be, where the file's own are zero or break the triangle inequality."""
     for body in spec.bodies[1:]:
@@ -120,10 +162,19 @@ def _mend_inertias(spec: mujoco.MjSpec) -> None:
         matrix = np.diag(body.inertia) if np.isnan(xx) else np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         a, b, c = np.linalg.eigvalsh(matrix).tolist()
         given = bool(body.explicitinertial)
-        if given and (body.mass < LEAST_MASS or a < LEAST_INERTIA or a + b < c * (1.0 - 1e-6)):
+        weightless = (
+            not given and bool(body.joints) and not any(geom.density and geom.mass != 0.0 for geom in body.geoms)
+        )
+        if weightless or (given and (body.mass < LEAST_MASS or a < LEAST_INERTIA or a + b < c * (1.0 - 1e-6))):
             spec.compiler.balanceinertia = True
             spec.compiler.boundmass = max(spec.compiler.boundmass, LEAST_MASS)
             spec.compiler.boundinertia = max(spec.compiler.boundinertia, LEAST_INERTIA)
+        if given and a < LEAST_INERTIA and not np.isnan(xx):
+            # MuJoCo refuses such a matrix before it would mend it.
+            moments, axes = np.linalg.eigh(matrix)
+            least = np.maximum(moments, LEAST_INERTIA)
+            xx, yy, zz, xy, xz, yz = ((axes * least) @ axes.T)[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].tolist()
+            body.fullinertia = [xx, yy, zz, xy, xz, yz]
 
 
 def _free_root(path: Path, spec: mujoco.MjSpec) -> None:

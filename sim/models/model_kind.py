@@ -28,20 +28,21 @@ def check_is_model(path: Path) -> None:
     if path.suffix.lower() == ".toml":
         raise FileFormatError(f"{path}: a TOML file; {MODEL}. A robot file names its own under `model`")
     content = path.read_bytes()
-    root = _root_of(content)
+    tags = _tags_of(content)
+    root = tags[0] if tags else ""
     if not root:
         raise FileFormatError(f"{path}: not XML; {MODEL}")
     if root not in ROOTS:
         raise FileFormatError(f"{path}: an XML file of another kind (<{root}>); {MODEL}")
-    if b"<xacro:" in content:
+    if any(tag.startswith("xacro:") for tag in tags):
         raise FileFormatError(f"{path}: a URDF with xacro macros; write them out first: xacro {path.name} > robot.urdf")
 
 
-def _root_of(content: bytes) -> str:
-    """The name of the outermost element of an XML file; "" if none begins."""
+def _tags_of(content: bytes) -> list[str]:
+    """The names of the elements of an XML file, in its order, as far as it can be read."""
     found: list[str] = []
     parser = expat.ParserCreate()
     parser.StartElementHandler = lambda tag, _: found.append(tag)
     with suppress(expat.ExpatError):  # what is wrong further on, MuJoCo says
         parser.Parse(content, True)
-    return found[0] if found else ""
+    return found

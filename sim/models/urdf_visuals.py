@@ -9,7 +9,6 @@ limbs know its <collision> shapes only, and never wait for large meshes.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -17,13 +16,14 @@ import msgspec
 import mujoco
 import numpy as np
 
-from sim.models.urdf_packages import with_resolved_packages
+from sim.models.mesh_files import READABLE, fill, read_meshes
+from sim.models.urdf_text import readable_urdf
 
 MOVED_ORIGIN = "(moved origin)"
 """The custom number of a model in which it stands how far the origin of its root was moved, in its frame, m."""
 _SOURCE = "(urdf)"
 _SHOWN, _HIDDEN = 1, 3  # groups
-_MESHES = (".stl", ".obj")
+_SHELL = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
 _LARGEST = 40_000_000  # bytes of a mesh file
 
 
@@ -41,7 +41,7 @@ def note_source(spec: mujoco.MjSpec, file: Path, packages: Mapping[str, Path]) -
 def with_visuals(spec: mujoco.MjSpec) -> mujoco.MjModel:
     """A model with the visual shapes of the URDF it is from, in place of the collision shapes of the same bodies.
 
-    A body with a mesh that MuJoCo cannot read (a .dae), or that is missing, keeps its collision shapes; so do all
+    A body with a mesh that cannot be read, or that is missing, keeps its collision shapes; so do all
     where the URDF itself cannot be read any more, and a model that is from no URDF.
     """
     worn = _worn(spec)
@@ -69,30 +69,32 @@ def _worn(spec: mujoco.MjSpec) -> tuple[mujoco.MjSpec, mujoco.MjModel] | None:
 
 
 def _dress(spec: mujoco.MjSpec, file: Path, packages: Mapping[str, Path]) -> None:
-    text = with_resolved_packages(file, packages) or file.read_text(encoding="utf-8")
-    text = re.sub(r"""discardvisual\s*=\s*["'][^"']*["']""", "", text)
-    if "<compiler" in text:
-        text = text.replace("<compiler", '<compiler discardvisual="false"', 1)
-    else:
-        text = re.sub(r"(<robot\b[^>]*>)", r'\1<mujoco><compiler discardvisual="false"/></mujoco>', text, count=1)
-    looks = mujoco.MjSpec.from_string(text)
+    looks = mujoco.MjSpec.from_string(readable_urdf(file, packages, visuals=True))
     folder = file.resolve().parent / looks.meshdir
     offsets = {text.name: np.array(text.data) for text in spec.numerics if text.name == MOVED_ORIGIN}
     root = next(body.name for body in spec.worldbody.bodies if body.joints)
     names = {body.name for body in spec.bodies}
+    files = {mesh.name: folder / mesh.file for mesh in looks.meshes}
+    files = {name: file for name, file in files.items() if _is_readable(file)}
+    read = read_meshes(looks, files)
     meshes = {mesh.name: mesh for mesh in looks.meshes}
+    done: set[str] = set()
     for body in looks.bodies[1:]:
         shapes = [geom for geom in body.geoms if geom.group == _SHOWN and not geom.contype]
-        files = {geom.meshname: folder / meshes[geom.meshname].file for geom in shapes if geom.meshname}
-        if not shapes or body.name not in names or not all(_is_readable(one) for one in files.values()):
+        named = {geom.meshname for geom in shapes if geom.meshname}
+        if not shapes or body.name not in names or not named <= files.keys():
             continue
         own = spec.body(body.name)
         for geom in own.geoms:
             geom.group = _HIDDEN
         offset = offsets.get(MOVED_ORIGIN, np.zeros(3)) if body.name == root else np.zeros(3)
-        for name, at in files.items():
-            if f"look {name}" not in {mesh.name for mesh in spec.meshes}:
-                spec.add_mesh(name=f"look {name}", file=str(at), scale=meshes[name].scale)
+        for name in named - done:
+            mesh = spec.add_mesh(name=f"look {name}", scale=meshes[name].scale, inertia=_SHELL)
+            if name in read:
+                fill(mesh, read[name])
+            else:
+                mesh.file = str(files[name])
+        done |= named
         for geom in shapes:
             own.add_geom(
                 type=geom.type,
@@ -109,4 +111,4 @@ def _dress(spec: mujoco.MjSpec, file: Path, packages: Mapping[str, Path]) -> Non
 
 
 def _is_readable(mesh: Path) -> bool:
-    return mesh.suffix.lower() in _MESHES and mesh.is_file() and mesh.stat().st_size < _LARGEST
+    return mesh.suffix.lower() in READABLE and mesh.is_file() and mesh.stat().st_size < _LARGEST

@@ -5,8 +5,8 @@ A robot with other proportions than the human's slides and floats if its root ju
 - the lowest point of its soles is as high above the floor as that of the human's soles, to scale, and nothing of it is
   ever below the floor: no fixed offset;
 - what stands stays where it is: the root goes back by as much as the touching points of the robot's skin would have
-  gone on. Those of a foot count as far as the human's heel or ball is still and low. Where nothing touches, or slides
-  on purpose, the root takes the human's way, to scale.
+  gone on. Those of a foot count as far as the human's heel or ball is still and low, and most where its whole sole is.
+  Where nothing touches, or slides on purpose, the root takes the human's way, to scale.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -138,7 +138,7 @@ class Footing:
         heights -= lows[:, None]
         heights *= -1.0 / self._touches
         weight = np.exp(heights, out=heights)
-        counts = np.array(stance.standing if self._feet_known else (OTHERS,))
+        counts = np.array(stance.holding if self._feet_known else (OTHERS,))
         weight *= (counts if self._one_each else counts.take(self._side))[:, None]
         touching = float(np.maximum.reduce(weight, axis=None))
         weight *= weight

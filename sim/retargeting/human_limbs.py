@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from controller.mocap.anatomy import Part, Side, anatomy
+from controller.mocap.anatomy import Part, Side, anatomy, leg_without_name
 from controller.mocap.posture import Pose
 from controller.mocap.skeleton import ROOT, Skeleton
 from controller.rotations import Array, conjugate, multiply
@@ -49,6 +49,9 @@ class LimbView:
     """
 
     def __init__(self, skeleton: Skeleton) -> None:
+        lacks = leg_without_name(skeleton)
+        if lacks is not None:
+            raise FileFormatError(f"skeleton '{skeleton.name}' has no {lacks} leg; the robot needs one")
         parts = anatomy(skeleton)
 
         def bone(part: Part, side: Side) -> int:

@@ -18,6 +18,8 @@ STANDS = 0.02
 # than the second.
 STILL, FLAT = 0.4, 0.15
 NEAR = 0.05  # lengths of the leg above the other foot: so high a still foot hardly stands
+# So much a foot holds that rolls, where the other one stands on its whole sole.
+ROLLING = 0.1
 # So fast the floor follows a foot upwards, 1/s, that has been still for so long, s: at the top of a leap it is still
 # for a moment. Down it follows any foot at once.
 FOLLOWS, SURE = 60.0, 0.08
@@ -34,6 +36,8 @@ class HumanStance:
         begun: whether the human appeared in the last pose, or came there as nobody walks.
         standing: how much each foot stands: 1 if its heel or its ball is still, and low; towards 0 the faster both go.
         planted: how much each foot stands on its whole sole: its heel and its ball are still.
+        holding: how much what touches under each foot is to stay where it is: as it stands, but a foot that rolls, or
+            turns on its ball, holds little while the other one stands on its whole sole.
         rolled: which part of each foot is stiller: 0 its heel, 1 its ball.
         heights: of that part of each foot, m.
         raised: how high the lowest sole is above the floor, m.
@@ -103,3 +107,5 @@ class HumanStance:
             near = 1.0 - other * (1.0 - exp((low - height) / (NEAR * self.leg)))
             self.standing.append(still[foot] * near)
             self.planted.append(flat[foot] * near)
+        most = max(self.planted) + ROLLING
+        self.holding = [s * (p + ROLLING) / most for s, p in zip(self.standing, self.planted, strict=True)]

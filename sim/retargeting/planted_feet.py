@@ -19,6 +19,8 @@ from sim.retargeting.robot_limbs import FEET, SIDES, RobotLimbs
 
 # How soon a foot that stands is held, and let go, s; how soon what is held goes along with a foot that does not stand.
 SETTLES, GOES_ALONG = 0.03, 0.01
+# The way that a sole points is let go more slowly, s: let go at once, it would turn before the foot has left the floor.
+TURNS = 0.2
 # A foot that stands by more than this is held in full; by less than this, not at all.
 SURE, DOUBTFUL = 0.6, 0.2
 # A foot is to be as high above the other one as the human's while it is near the floor: in lengths of the leg.
@@ -43,6 +45,7 @@ class PlantedFeet:
         names = limbs.vectors.names
         self._rows = [names.index(name) for name in (FEET, *(f"{side}_foot_ahead" for side in SIDES))]
         self._settles, self._ticks = 1.0 - exp(-dt / SETTLES), dt / GOES_ALONG
+        self._lets_go = 1.0 - np.exp(-dt / np.array([SETTLES, TURNS, TURNS]))
         self.reset()
 
     def reset(self) -> None:
@@ -68,7 +71,8 @@ class PlantedFeet:
             # From heel to ball the foot stands on another part, and stays where it is.
             self._held[0] += self.root @ (vectors[0] - before)
             shares = _certain(np.array([min(stance.standing), *stance.planted]))
-            self._shares += self._settles * (shares - self._shares)
+            more = shares - self._shares
+            self._shares += np.where(more > 0.0, self._settles, self._lets_go) * more
             raised = abs(stance.heights[1] - stance.heights[0]) / (LOW * stance.leg)
             self.higher += self._settles * (max(stance.standing) * exp(-raised * raised) - self.higher)
             self._held += (1.0 - np.exp((self._shares - 1.0) * self._ticks))[:, None] * (now - self._held)

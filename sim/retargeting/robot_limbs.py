@@ -301,7 +301,8 @@ class RobotLimbs:
         points = mine.positions(self._data)
         if not len(points):
             raise FileFormatError(
-                f"{self._path}: parts: body '{self._model.body(body).name}' has no solids that tell where it ends"
+                f"{self._path}: parts: body '{self._model.body(body).name}' has no solids that tell where it ends; "
+                "give it one in the model (in a URDF a <collision> shape)"
             )
         direction = points.mean(axis=0) - start
         direction /= max(float(np.linalg.norm(direction)), 1e-9)

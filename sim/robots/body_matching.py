@@ -45,6 +45,9 @@ TOES_SHARE, FINGERS_SHARE = 0.15, 0.3
 # Of the robot's height: what starts so close to the middle is no arm yet but a clavicle, and a head is as close.
 CLAVICLE_SHARE, HEAD_SHARE = 0.03, 0.06
 
+# A wheel touches the floor so nearly, in parts of its radius, and is round but for such a share of it.
+ROLLS, ROUND = 0.2, 0.15
+
 # From the way a file has its root to each axis being up: z, y, x, -y, -x, -z.
 _QUARTER = 0.5 * np.pi
 _TURNS = ((0, 0, 0), (_QUARTER, 0, 0), (0, -_QUARTER, 0), (-_QUARTER, 0, 0), (0, _QUARTER, 0), (np.pi, 0, 0))
@@ -73,8 +76,10 @@ def match(path: Path, model: mujoco.MjModel) -> BodyMatch:
         model: with a free root, as `read_model` makes it.
 
     Raises:
-        FileFormatError: if there are no two legs, or nothing tells ahead from behind; it says what was found.
+        FileFormatError: if there are no two legs, it stands on wheels, or nothing tells ahead from behind; it says what
+            was found.
     """
+    _Matcher(path, model, from_rotation_vector(np.zeros(3))).refuse_wheels()
     refusal: FileFormatError | None = None
     for turn in _TURNS:
         try:
@@ -142,6 +147,29 @@ class _Matcher:
             parts["head"] = self._name(head)
         facing = float(np.arctan2(ahead[1], ahead[0]))
         return BodyMatch(parts, multiply(conjugate(yaw(facing)), self.data.xquat[self.root]), tuple(self.doubts))
+
+    def refuse_wheels(self) -> None:
+        """Refuses a robot that stands on wheels: arms that hang low could pass for its legs."""
+        wheels = [self._name(body) for body in self.ends if self._is_wheel(body)]
+        if wheels:
+            raise self._refusal(f"it stands on wheels ({', '.join(wheels[:4])})")
+
+    def _is_wheel(self, body: int) -> bool:
+        """Whether a body turns round and round a level axis, is round about it and touches the floor."""
+        (*_, joint) = hinges_at(self.model, body)
+        axis = self.data.xaxis[joint]
+        mine = np.isin(self.surface.body, self._fixed_to(body))
+        if self.model.jnt_limited[joint] or abs(axis[2]) > PARALLEL or not mine.any():
+            return False
+        away = self.points[mine] - self.data.xanchor[joint]
+        ahead = np.cross(axis, [0.0, 0.0, 1.0])
+        ahead /= np.linalg.norm(ahead)
+        radius = self.surface.radius[mine]
+        reaches = [
+            float((sign * (away @ d) + radius).max()) for d in (ahead, np.cross(ahead, axis)) for sign in (1, -1)
+        ]
+        least, most = min(reaches), max(reaches)
+        return least > (1.0 - ROUND) * most and self._lowest(body) < self.floor + ROLLS * most
 
     def _legs(self) -> list[int]:
         """The ends of the two limbs that stand on the floor."""

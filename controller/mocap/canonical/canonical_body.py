@@ -19,8 +19,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from controller.mocap.anatomy import SIDES, Anatomy, Part, Side, anatomy
-from controller.mocap.bone_names import THESIS_LIMBS, named_parts
+from controller.mocap.anatomy import SIDES, Anatomy, Part, Side, anatomy, leg_without_name
+from controller.mocap.bone_names import THESIS_LIMBS
 from controller.mocap.clip import Clip
 from controller.mocap.encodings.joint_angles import JointBody
 from controller.mocap.skeleton import Skeleton
@@ -70,7 +70,9 @@ def landmarks_of(skeleton: Skeleton) -> Landmarks:
     Raises:
         FileFormatError: if it has no two legs; it names what was found and the remedy.
     """
-    _check_named_legs(skeleton)
+    lacks = leg_without_name(skeleton)
+    if lacks is not None:
+        raise _no_leg(skeleton, lacks)
     parts = anatomy(skeleton)
     joint: dict[str, int] = {}
     bone: dict[str, int] = {}
@@ -103,15 +105,6 @@ def landmarks_of(skeleton: Skeleton) -> Landmarks:
     if top and "neck" in joint:
         joint["head"], bone["head"] = 1 + top[-1], top[-1]
     return Landmarks(joint, bone, waist)
-
-
-def _check_named_legs(skeleton: Skeleton) -> None:
-    """Raises FileFormatError if names tell of one leg only: by shape, some other limb would be taken for the second."""
-    named = set(named_parts(skeleton.bones))
-    has = {side: {("thigh", side), ("shank", side)} <= named for side in SIDES}
-    for side, other in (SIDES, SIDES[::-1]):
-        if has[other] and not has[side]:
-            raise _no_leg(skeleton, side)
 
 
 def _no_leg(skeleton: Skeleton, side: Side) -> FileFormatError:

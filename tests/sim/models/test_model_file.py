@@ -126,6 +126,46 @@ def test_masses_and_inertias_that_cannot_be_are_balanced_and_said(tmp_path, was,
     assert np.all(model.body_inertia[1:].sum(axis=1) - 2.0 * model.body_inertia[1:].max(axis=1) >= -1e-9)
 
 
+def test_a_link_without_weight_between_two_joints_gets_some(tmp_path):
+    path = tmp_path / "legs.urdf"
+    text = urdf().replace('<child link="l_thigh"/>', '<child link="l_hinge"/>')
+    extra = (
+        '<link name="l_hinge"/><joint name="l_twist" type="revolute"><parent link="l_hinge"/><child link="l_thigh"/>'
+        '<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="5" velocity="4"/></joint>'
+    )
+    path.write_text(text.replace("</robot>", f"{extra}</robot>"))
+    assert read_model(path).compile().body("l_hinge").mass > 0.0
+    assert calibrate(path).mended
+
+
+def test_a_moment_of_inertia_below_zero_is_mended(tmp_path):
+    path = tmp_path / "legs.urdf"
+    path.write_text(urdf().replace('ixy="0" ', 'ixy="0.02" '))
+    assert np.all(read_model(path).compile().body_inertia[1:] > 0.0)
+
+
+def test_a_urdf_with_what_other_readers_let_pass(tmp_path):
+    """Macros in comments, commas between numbers, points marked by balls without a size."""
+    path = tmp_path / "legs.urdf"
+    ball = '<collision><geometry><sphere radius="0"/></geometry></collision>'
+    text = urdf().replace("</inertial>", f"</inertial>{ball}", 1).replace('xyz="0 0 -0.2"', 'xyz="0, 0, -0.2"')
+    path.write_text(text.replace("</robot>", "<!-- <xacro:hand/> --></robot>"))
+    plain = tmp_path / "plain.urdf"
+    plain.write_text(urdf())
+    model, expected = read_model(path).compile(), read_model(plain).compile()
+    assert np.array_equal(model.body_pos, expected.body_pos)
+    assert model.ngeom == expected.ngeom
+
+
+def test_a_urdf_without_collision_shapes_stands_on_its_visual_ones(tmp_path):
+    path = tmp_path / "legs.urdf"
+    path.write_text(urdf().replace("collision>", "visual>"))
+    assert calibrate(path).root_height == pytest.approx(0.44, abs=0.01)
+    model = read_model(path).compile()
+    assert model.geom_contype.all()
+    assert with_visuals(read_model(path)).ngeom >= model.ngeom
+
+
 def test_inertias_that_can_be_stay(tmp_path):
     path = tmp_path / "legs.urdf"
     path.write_text(urdf())

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from controller.mocap.posture import Pose
 from controller.mocap.rest_pose import FOOT_SLOPE
-from controller.rotations import from_rotation_vector, multiply
+from controller.rotations import from_rotation_vector, multiply, to_rotation_vector
 from sim.models.model_file import read_model
 from sim.models.surface import LowestPoint
 from sim.retargeting.footing import Footing
@@ -231,3 +231,18 @@ def test_a_toe_that_trails_does_not_drag_the_foot_that_stands(footing, model):
         places.append(data.body("right_sole").xpos.copy())
     assert np.array(places)[:, 2].max() > 0.02 + 0.01  # it does hang in the air
     assert np.ptp(np.array(places)[3:, :2], axis=0).max() < 0.003
+
+
+def test_a_foot_that_turns_on_its_heel_does_not_drag_the_one_on_its_whole_sole(footing, model):
+    stand, flat = bent_pose(human(), **FLAT), from_rotation_vector(np.array(FLAT["lfoo"]))
+    data, places = mujoco.MjData(model), []
+    for frame in range(25):
+        turn = from_rotation_vector(np.array([0.0, 0.0, 0.04 * frame]))
+        pose = bent_pose(human(), rfoo=FLAT["rfoo"], lfoo=tuple(to_rotation_vector(multiply(turn, flat))))
+        data.joint("left_hip_pitch").qpos[0] = 0.004 * frame  # the sole of a robot made otherwise moves
+        footing.place(Pose(stand.root_position, stand.heading, pose.rotation), data.qpos)
+        mujoco.mj_kinematics(model, data)
+        places.append([data.body(f"{side}_sole").xpos[:2].copy() for side in ("right", "left")])
+    moved_by = np.ptp(np.array(places), axis=0).max(axis=1)
+    assert moved_by[0] < 0.003
+    assert moved_by[1] > 0.02

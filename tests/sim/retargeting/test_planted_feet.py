@@ -88,6 +88,23 @@ def test_a_sole_that_rolls_from_heel_to_ball_stays_where_it_is(limbs):
     assert np.ptp(np.array(places)[10:], axis=0).max() < 0.004
 
 
+def test_a_sole_turns_slowly_to_where_the_leg_points_when_it_is_let_go(limbs):
+    """Let go at once, it would turn while it still touches the floor."""
+    solver = solver_of(limbs)[0]
+    stance: Any = SimpleNamespace(
+        begun=True, standing=[1.0, 1.0], planted=[1.0, 1.0], rolled=[1.0, 1.0], heights=[0, 0], leg=1.0
+    )
+    feet, shares = PlantedFeet(stance, limbs, 0.5, DT), []
+    for k in range(60):
+        stance.begun, stance.planted = k == 0, [1.0, 1.0 if k < 30 else 0.0]
+        feet(UPRIGHT, solver.q)
+        shares.append(feet.turned.copy())
+    right, left = np.array(shares).T
+    assert left[29] > 0.99
+    assert left[30 + round(0.05 / DT)] > 0.7
+    assert right[-1] > 0.99
+
+
 @pytest.mark.parametrize(("lifted", "bends"), [(0.1, True), (0.4, False)])
 def test_only_for_a_foot_near_the_floor_the_leg_that_stands_bends(limbs, lifted, bends):
     """The human's right foot is higher than that of a robot whose limbs point as the human's do."""

@@ -5,10 +5,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from controller.mocap.skeleton import Skeleton
 from controller.rotations import between, conjugate, from_rotation_vector, multiply, rotate
 from motiondeck_base.errors import FileFormatError
 from sim.retargeting.arm_angles import FOREARM
-from sim.retargeting.human_limbs import LIMBS, up_of
+from sim.retargeting.human_limbs import LIMBS, LimbView, up_of
 from sim.retargeting.retarget import (
     GAIN,
     SERVO_HUMANOID_JOINTS,
@@ -282,3 +283,20 @@ def test_goals_out_of_range_are_waited_for_at_the_end_and_counted(servo20):
 def test_the_vertical_is_seen_from_the_root(seed):
     pose = random_pose(human(), np.random.default_rng(seed))
     assert up_of(pose) == pytest.approx(rotate(conjugate(pose.rotation[0]), np.array([0.0, 0.0, 1.0])), abs=1e-12)
+
+
+def test_a_body_without_a_leg_is_refused_by_that_leg():
+    """Where names tell one leg only, shape would take an arm for the other, and then miss that arm."""
+    body = human()
+    names = {"hip": "", "kne": "UpperLeg", "ank": "LowerLeg", "foo": "Foot", "elb": "UpperArm", "wri": "LowerArm"}
+    kept = [b for b, bone in enumerate(body.bones) if bone not in ("lkne", "lank", "lfoo")]
+    bones = [f"{names[n[1:]]}_{n[0].upper()}" if names.get(n[1:]) else n for n in body.bones]
+    lame = Skeleton(
+        "lame",
+        tuple(bones[b] for b in kept),
+        np.array([kept.index(p) if p >= 0 else -1 for p in body.parent[kept]]),
+        body.rest_direction[kept],
+        body.length[kept],
+    )
+    with pytest.raises(FileFormatError, match="skeleton 'lame' has no left leg; the robot needs one"):
+        LimbView(lame)

@@ -108,14 +108,25 @@ def arms(count):
     return on_a_base('<geom type="box" size=".1 .3 .5"/>', text)
 
 
-def rover():
+def rover(limbs=""):
     wheels = "".join(
         f'<body name="caster{k}" pos="{x} {y} 0"><joint name="c{k}" axis="0 0 1"/><geom size="0.02"/>'
         f'<body name="wheel{k}" pos="0 0 -.05"><joint name="w{k}" axis="0 1 0"/>'
         '<geom type="cylinder" size="0.05 0.02" euler="90 0 0"/></body></body>'
         for k, (x, y) in enumerate(((0.2, 0.2), (0.2, -0.2), (-0.2, 0.2), (-0.2, -0.2)))
     )
-    return on_a_base('<freejoint/><geom type="box" size=".3 .3 .2" pos="0 0 .3"/>', wheels)
+    return on_a_base('<freejoint/><geom type="box" size=".3 .3 .2" pos="0 0 .3"/>', wheels + limbs)
+
+
+def hanging_arms():
+    """They reach down nearly to the floor, as the arms of a robot on wheels that bends do."""
+    return "".join(
+        f'<body name="arm{k}" pos="0 {y} .5"><joint name="a{k}" axis="0 1 0"/><geom size="0.05"/>'
+        '<geom type="capsule" fromto="0 0 0 0 0 -.3" size=".03"/>'
+        f'<body name="fore{k}" pos="0 0 -.3"><joint name="b{k}" axis="0 1 0"/>'
+        '<geom type="capsule" fromto="0 0 0 0 0 -.25" size=".03"/></body></body>'
+        for k, y in (("_l", 0.35), ("_r", -0.35))
+    )
 
 
 @pytest.mark.parametrize(
@@ -124,9 +135,10 @@ def rover():
         (quadruped(), r"4 limbs stand on the floor.*'FL' \(3 hinges\)"),
         (arms(1), r"'stand' \(3 hinges\)"),
         (arms(2), r"'arm0' \(3 hinges\), 'arm1' \(3 hinges\)"),
-        (rover(), r"'caster0' \(2 hinges\)"),
+        (rover(), r"it stands on wheels \(wheel0, wheel1, wheel2, wheel3\).*'caster0' \(2 hinges\)"),
+        (rover(hanging_arms()), r"it stands on wheels \(wheel0, .*'arm_l' \(2 hinges\)"),
     ],
-    ids=["quadruped", "arm", "two arms", "wheels"],
+    ids=["quadruped", "arm", "two arms", "wheels", "arms on wheels"],
 )
 def test_what_is_no_humanoid_is_refused_in_one_line_with_what_was_found(tmp_path, text, found):
     with pytest.raises(FileFormatError, match=f"robot.xml: this is not a humanoid with two legs.*{found}") as error:

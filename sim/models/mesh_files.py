@@ -1,0 +1,126 @@
+"""Mesh files that MuJoCo does not read: COLLADA (.dae), and STL files that are text or have very many triangles."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from controller.rotations import Array, rotate
+from motiondeck_base.errors import FileFormatError
+from sim.models.collada import Triangles, read_collada
+
+READABLE = (".stl", ".obj", ".msh", ".dae")
+_MOST = 200_000  # triangles of an STL file that MuJoCo reads
+_THIN = 1e-3  # of the length of a flat mesh: how thick it is made
+_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
+_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # turns what has y up
+_CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+
+
+def read_solids(spec: mujoco.MjSpec, folder: Path) -> None:
+    """Gives the meshes of a model that MuJoCo cannot read the points of their convex hulls: only these touch anything.
+
+    Args:
+        spec: the model.
+        folder: where the files of its meshes are.
+
+    Raises:
+        FileFormatError: if a mesh is of a kind that cannot be read at all, or is broken.
+    """
+    for name, read in read_meshes(spec, {mesh.name: folder / mesh.file for mesh in spec.meshes if mesh.file}).items():
+        fill(spec.mesh(name), _hull(read.points))
+        spec.mesh(name).file = ""
+
+
+def read_meshes(spec: mujoco.MjSpec, files: Mapping[str, Path]) -> dict[str, Triangles]:
+    """The triangles of the mesh files that MuJoCo does not read, by the names of the meshes in a model.
+
+    Files that say that y is up are turned if that brings the solids nearer to the centres of mass of their bodies: RViz
+    shows such files as they are, and many a robot was made to look right there.
+
+    Raises:
+        FileFormatError: if a mesh is of a kind that cannot be read at all, or is broken.
+    """
+    found = {name: read for name, file in files.items() if (read := read_triangles(file)) is not None}
+    away = np.zeros(2)
+    for body in spec.bodies[1:]:
+        for geom in body.geoms:
+            read = found.get(geom.meshname)
+            if read is None or not read.y_up or not body.explicitinertial:
+                continue
+            for k, points in enumerate((read.points, read.points @ _Y_UP.T)):
+                scaled = points * spec.mesh(geom.meshname).scale
+                middle = geom.pos + rotate(geom.quat, 0.5 * (scaled.min(axis=0) + scaled.max(axis=0)))
+                away[k] += float(np.linalg.norm(middle - body.ipos))
+    if away[1] < away[0]:
+        found = {n: replace(r, points=r.points @ _Y_UP.T) if r.y_up else r for n, r in found.items()}
+    return found
+
+
+def fill(mesh: mujoco.MjsMesh, triangles: Triangles) -> None:
+    """Gives a mesh of a model its points and faces."""
+    mesh.uservert, mesh.userface = triangles.points.ravel().tolist(), triangles.faces.ravel().tolist()
+
+
+def read_triangles(path: Path) -> Triangles | None:
+    """The triangles of a mesh file; None for one that MuJoCo reads itself, or that is not there.
+
+    Raises:
+        FileFormatError: if it is of another kind, or broken.
+    """
+    kind = path.suffix.lower()
+    if not path.is_file():
+        return None
+    if kind == ".dae":
+        return read_collada(path)
+    if kind == ".stl":
+        return _read_stl(path)
+    if kind and kind not in READABLE:
+        raise FileFormatError(f"{path}: a mesh of an unknown kind; convert it to STL, OBJ or DAE")
+    return None
+
+
+def _read_stl(path: Path) -> Triangles | None:
+    content = path.read_bytes()
+    count = int.from_bytes(content[80:84], "little")
+    if len(content) == 84 + _FACET.itemsize * count:
+        if 0 < count <= _MOST:
+            return None
+        corners = np.frombuffer(content, _FACET, offset=84)["corners"].reshape(-1, 3).astype(np.float64)
+    elif content[:5].lower() == b"solid":
+        corners = np.array(_VERTEX.findall(content), dtype="S32").astype(np.float64).reshape(-1, 3)
+    else:
+        return None
+    if len(corners) < 3 or len(corners) % 3:
+        raise FileFormatError(f"{path}: there are no triangles in this STL file")
+    return Triangles(corners, np.arange(len(corners)).reshape(-1, 3))
+
+
+def _hull(points: Array) -> Triangles:
+    """The convex hull of points (V, 3); a thin box where they lie in a plane."""
+    from scipy.spatial import ConvexHull, QhullError  # few models need it, and it is slow to import
+
+    try:
+        hull = ConvexHull(points)
+    except (QhullError, ValueError):
+        low, high = points.min(axis=0), points.max(axis=0)
+        size = np.maximum(high - low, max(_THIN * float((high - low).max()), 1e-6))
+        hull = ConvexHull(0.5 * (low + high) + _CORNERS * size)
+    kept = hull.vertices
+    number = np.full(len(hull.points), -1)
+    number[kept] = np.arange(len(kept))
+    faces = number[hull.simplices]
+    # Qhull lists corners either way round; the outside is where its equations say.
+    a, b, c = (hull.points[hull.simplices[:, corner]] for corner in range(3))
+    inwards = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
+    faces[inwards] = faces[inwards][:, ::-1]
+    return Triangles(hull.points[kept], faces)

@@ -1,0 +1,74 @@
+"""URDF files as other tools write them: what MuJoCo does not read is written as it does.
+
+Meshes are named by package:// or from the folder of the file, numbers have commas between them, and there may be no
+<collision> shapes at all.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+from motiondeck_base.errors import FileFormatError
+
+_COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
+_NUMBERS = re.compile(r"""\b(xyz|rpy)\s*=\s*(["'])([^"']*,[^"']*)\2""")
+_URI = re.compile(r'package:/{2,3}([^/"\']+)/([^"\']*)')
+_FILE = re.compile(r"""(<mesh\b[^>]*\bfilename\s*=\s*["'])(?:file://)?([^"':]+)(?=["'])""")
+
+
+def readable_urdf(path: Path, packages: Mapping[str, Path], visuals: bool = False) -> str:
+    """The text of a URDF as MuJoCo reads it, its meshes named by absolute paths.
+
+    A package lies in a folder of its name, given in `packages` or found beside or above the file. The <visual> shapes
+    are kept with `visuals`, or where there are no others.
+
+    Raises:
+        FileFormatError: if a package is in none of these places, or the file cannot be read as text.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileFormatError(f"{path}: it cannot be read as text ({error})") from None
+    if not re.search(r"<robot\b", text):
+        return text  # an MJCF, by another name
+
+    def in_package(uri: re.Match[str]) -> str:
+        name, inside = uri[1], uri[2]
+        folders = [packages[name]] if name in packages else []
+        for above in path.resolve().parents if not folders else ():
+            folders += [above] if above.name == name else [above / name]
+        found = next((folder / inside for folder in folders if (folder / inside).exists()), None)
+        if found is None:
+            where = f"in {packages[name]}" if name in packages else f"beside or above {path.resolve().parent}"
+            raise FileFormatError(
+                f"{path}: {uri[0]} is not {where}. Say where the package is with --package {name}=FOLDER."
+            )
+        return found.resolve().as_posix()
+
+    def in_folder(name: re.Match[str]) -> str:
+        # Where the file says where its meshes are, or they are beside it, they are found as MuJoCo finds them.
+        found = path.resolve().parent / name[2]
+        return f"{name[1]}{found.as_posix()}" if found.is_file() else name[0]
+
+    text = _COMMENT.sub("", text)
+    text = _NUMBERS.sub(lambda numbers: f'{numbers[1]}="{numbers[3].replace(",", " ")}"', text)
+    resolved = _FILE.sub(in_folder, _URI.sub(in_package, text))
+    if resolved != text:
+        # MuJoCo takes the folders off the meshes of a URDF, unless the file says otherwise.
+        text = _with_setting(resolved, "strippath", "false")
+    return _with_setting(text, "discardvisual", "false") if visuals or not has_collision_shapes(text) else text
+
+
+def has_collision_shapes(text: str) -> bool:
+    """Whether a URDF says what of it touches things; its comments are not looked at."""
+    return "<collision" in _COMMENT.sub("", text)
+
+
+def _with_setting(text: str, name: str, value: str) -> str:
+    """A URDF with a setting of MuJoCo's compiler."""
+    text = re.sub(rf"""\b{name}\s*=\s*["'][^"']*["']""", "", text)
+    if "<compiler" in text:
+        return text.replace("<compiler", f'<compiler {name}="{value}"', 1)
+    return re.sub(r"(<robot\b[^>]*>)", rf'\1<mujoco><compiler {name}="{value}"/></mujoco>', text, count=1)
