@@ -32,6 +32,7 @@ class PublishedModel:
 
 
 _SUITE, _MORE = "robosuite/models/assets/robots", "robosuite_models/assets/robots"
+_EXAMPLES = "cmeel.prefix/share/example-robot-data/robots"
 _FOURIER = "fourier_robot_descriptions/assets/urdf"
 MODELS = (
     PublishedModel("unitree_g1", "mjlab", "mjlab/asset_zoo/robots/unitree_g1/xmls/g1.xml", True),
@@ -40,7 +41,15 @@ MODELS = (
     PublishedModel("unitree_g1_23", "robosuite-models", f"{_MORE}/g1/robot.xml", True),
     PublishedModel("fourier_gr3", "fourier-robot-descriptions", f"{_FOURIER}/gr3.urdf", True),
     PublishedModel("qinglong", "fourier-robot-descriptions", f"{_FOURIER}/qinglong.urdf", True),
+    PublishedModel("talos", "example-robot-data", f"{_EXAMPLES}/talos_data/robots/talos_reduced.urdf", True),
+    PublishedModel("romeo", "example-robot-data", f"{_EXAMPLES}/romeo_description/urdf/romeo_small.urdf", True),
+    PublishedModel("jvrc1", "jvrc-description", "jvrc_description/urdf/jvrc1.urdf", True),
+    PublishedModel("booster_k1", "rcsssmj", "rcsssmj/resources/robots/K1/robot.xml", True),
+    PublishedModel("armar4", "armar", "armar/description/urdf/armar4.urdf", True),
     PublishedModel("unitree_go1", "mjlab", "mjlab/asset_zoo/robots/unitree_go1/xmls/go1.xml", False),
+    PublishedModel("anymal", "example-robot-data", f"{_EXAMPLES}/anymal_c_simple_description/urdf/anymal.urdf", False),
+    PublishedModel("upkie", "upkie-description", "upkie_description/urdf/upkie.urdf", False),
+    PublishedModel("vega", "dexmate-urdf", "dexmate_urdf/robots/humanoid/vega_1/vega_1.urdf", False),
     PublishedModel("baxter", "robosuite", f"{_SUITE}/baxter/robot.xml", False),
     PublishedModel("tiago", "robosuite", f"{_SUITE}/tiago/robot.xml", False),
 )

@@ -79,12 +79,13 @@ def match(path: Path, model: mujoco.MjModel) -> BodyMatch:
         FileFormatError: if there are no two legs, it stands on wheels, or nothing tells ahead from behind; it says what
             was found.
     """
-    _Matcher(path, model, from_rotation_vector(np.zeros(3))).refuse_wheels()
     refusal: FileFormatError | None = None
     for turn in _TURNS:
         try:
             found = _Matcher(path, model, from_rotation_vector(np.array(turn, dtype=float))).match()
         except FileFormatError as error:
+            if isinstance(error, _StandsOtherwise) and not any(turn):
+                raise  # stood on its side, its legs or arms could pass for a human's
             refusal = refusal or error
             continue
         # A robot that has to be stood up first must show arms too: many a pair of arms could pass for legs.
@@ -92,6 +93,10 @@ def match(path: Path, model: mujoco.MjModel) -> BodyMatch:
             return found
     assert refusal is not None
     raise refusal
+
+
+class _StandsOtherwise(FileFormatError):
+    """A robot that stands on more than two limbs, or on wheels."""
 
 
 @dataclass(frozen=True)
@@ -121,6 +126,9 @@ class _Matcher:
         self.doubts: list[str] = []
 
     def match(self) -> BodyMatch:
+        wheels = [self._name(body) for body in self.ends if self._is_wheel(body)]
+        if wheels:
+            raise _StandsOtherwise(self._refusal(f"it stands on wheels ({', '.join(wheels[:4])})"))
         legs = self._legs()
         pelvis = self._common(*legs)
         ahead = self._ahead(legs, pelvis)
@@ -148,12 +156,6 @@ class _Matcher:
         facing = float(np.arctan2(ahead[1], ahead[0]))
         return BodyMatch(parts, multiply(conjugate(yaw(facing)), self.data.xquat[self.root]), tuple(self.doubts))
 
-    def refuse_wheels(self) -> None:
-        """Refuses a robot that stands on wheels: arms that hang low could pass for its legs."""
-        wheels = [self._name(body) for body in self.ends if self._is_wheel(body)]
-        if wheels:
-            raise self._refusal(f"it stands on wheels ({', '.join(wheels[:4])})")
-
     def _is_wheel(self, body: int) -> bool:
         """Whether a body turns round and round a level axis, is round about it and touches the floor."""
         (*_, joint) = hinges_at(self.model, body)
@@ -178,7 +180,7 @@ class _Matcher:
             pair for pair in combinations(standing, 2) if all(self._is_leg(end, self._common(*pair)) for end in pair)
         ]
         if not pairs:
-            raise self._refusal("no two limbs of two or more hinges each point down to the floor")
+            raise FileFormatError(self._refusal("no two limbs of two or more hinges each point down to the floor"))
         # The rods and toes of one leg part late; the legs part first.
         first = min(len(path_to(self.model, self._common(*pair))) for pair in pairs)
         legs = [pair for pair in pairs if len(path_to(self.model, self._common(*pair))) == first]
@@ -187,7 +189,7 @@ class _Matcher:
         for end in {end for pair in pairs for end in pair}:
             branches.setdefault(self._branch(end, pelvis), []).append(end)
         if len(branches) > 2:
-            raise self._refusal(f"{len(branches)} limbs stand on the floor")
+            raise _StandsOtherwise(self._refusal(f"{len(branches)} limbs stand on the floor"))
         # Of the rods and the foot of one leg the foot reaches lowest.
         return [min(ends, key=self._lowest) for ends in branches.values()]
 
@@ -357,15 +359,15 @@ class _Matcher:
         path = path_to(self.model, end)
         return path[path.index(above) + 1] if above in path[:-1] else 0
 
-    def _refusal(self, why: str) -> FileFormatError:
-        """The error of a robot that is no humanoid, with the limbs that were found."""
+    def _refusal(self, why: str) -> str:
+        """What is said of a robot that is no humanoid, with the limbs that were found."""
         limbs: dict[int, int] = {}
         for end in self.ends:
             branch = next((b for b in path_to(self.model, end) if self._ends_below(b) == 1), end)
             limbs[branch] = sum(len(hinges_at(self.model, b)) for b in below(self.model, branch))
         words = [f"'{self.model.body(b).name}' ({count} hinge{'s' * (count > 1)})" for b, count in limbs.items()]
         listed = ", ".join(words[:6]) + (f" and {len(words) - 6} more" if len(words) > 6 else "")
-        return FileFormatError(
+        return (
             f"{self.path}: this is not a humanoid with two legs: {why}; its limbs are {listed or 'none'}. "
             "If it is one, write a robot file by hand and name its bodies under [parts]."
         )

@@ -84,14 +84,15 @@ def on_a_base(base, limbs):
     return f'<mujoco><worldbody><body name="stand" pos="0 0 .5">{base}{limbs}</body></worldbody></mujoco>'
 
 
-def quadruped():
+def quadruped(splay=0.0):
+    """A dog, or a lizard: splayed thighs and shanks could stand on their sides as the limbs of a human."""
     legs = "".join(
-        f'<body name="{name}" pos="{x} {y} 0"><joint name="{name}_a" axis="1 0 0"/><geom size="0.03"/>'
+        f'<body name="{name}" pos="{x} {0.1 * side} 0"><joint name="{name}_a" axis="1 0 0"/><geom size="0.03"/>'
         f'<body name="{name}_thigh"><joint name="{name}_b" axis="0 1 0"/>'
-        f'<geom type="capsule" fromto="0 0 0 0 0 -.2" size="0.03"/><body name="{name}_shank" pos="0 0 -.2">'
-        f'<joint name="{name}_c" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 -.2" size="0.02"/>'
-        "</body></body></body>"
-        for name, x, y in (("FL", 0.2, 0.1), ("FR", 0.2, -0.1), ("RL", -0.2, 0.1), ("RR", -0.2, -0.1))
+        f'<geom type="capsule" fromto="0 0 0 0 {splay * side} -.2" size="0.03"/>'
+        f'<body name="{name}_shank" pos="0 {splay * side} -.2"><joint name="{name}_c" axis="0 1 0"/>'
+        f'<geom type="capsule" fromto="0 0 0 0 {splay * side} -.2" size="0.02"/></body></body></body>'
+        for name, x, side in (("FL", 0.2, 1.0), ("FR", 0.2, -1.0), ("RL", -0.2, 1.0), ("RR", -0.2, -1.0))
     )
     return on_a_base('<freejoint/><geom type="box" size=".25 .1 .05"/>', legs)
 
@@ -133,12 +134,13 @@ def hanging_arms():
     ("text", "found"),
     [
         (quadruped(), r"4 limbs stand on the floor.*'FL' \(3 hinges\)"),
+        (quadruped(splay=0.2), r"4 limbs stand on the floor.*'FL' \(3 hinges\)"),
         (arms(1), r"'stand' \(3 hinges\)"),
         (arms(2), r"'arm0' \(3 hinges\), 'arm1' \(3 hinges\)"),
         (rover(), r"it stands on wheels \(wheel0, wheel1, wheel2, wheel3\).*'caster0' \(2 hinges\)"),
         (rover(hanging_arms()), r"it stands on wheels \(wheel0, .*'arm_l' \(2 hinges\)"),
     ],
-    ids=["quadruped", "arm", "two arms", "wheels", "arms on wheels"],
+    ids=["dog", "lizard", "arm", "two arms", "wheels", "arms on wheels"],
 )
 def test_what_is_no_humanoid_is_refused_in_one_line_with_what_was_found(tmp_path, text, found):
     with pytest.raises(FileFormatError, match=f"robot.xml: this is not a humanoid with two legs.*{found}") as error:
