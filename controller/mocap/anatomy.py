@@ -106,7 +106,7 @@ def named_anatomy(skeleton: Skeleton) -> Anatomy | None:
 
 
 def leg_without_name(skeleton: Skeleton) -> Side | None:
-    """The side whose leg names do not tell although they tell the other: by shape, some other limb would pass for it."""
+    """The side whose leg names do not tell though they tell the other: by shape, some other limb would pass for it."""
     named = set(named_parts(skeleton.bones))
     has = {side: {("thigh", side), ("shank", side)} <= named for side in SIDES}
     return next((side for side in SIDES if not has[side]), None) if any(has.values()) else None
