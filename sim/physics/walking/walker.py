@@ -49,6 +49,9 @@ from sim.robots.robot import Robot
 
 # What it costs that the root is a metre higher or lower than it is to be.
 HEIGHT = 15.0
+# How fast the root rises at most, in heights a second, beside the motion's own rise: a knee that lifts the body faster
+# than its servo can under load lags, and the trunk tilts.
+CLIMBS = 0.35
 # How far ankles move the centre of mass at most, in half lengths of the sole.
 REACH = 0.8
 # They act on an error that is smoothed over so long, s, where nothing limits the servos: the noise of its speed would
@@ -159,7 +162,8 @@ class Walker:
         goal[2] -= self._set.bend * height
         self._body.settle(goal, *self._feet(np.zeros(3)), self._centre)
         data.qpos[:] = plan.qpos
-        self._lower = height - float(plan.qpos[2])
+        self._high = float(plan.qpos[2])
+        self._lower = height - self._high
         mujoco.mj_kinematics(model, plan)
         mujoco.mj_comPos(model, plan)
         self._omega = pendulum_rate(float(plan.subtree_com[self._root, 2]))
@@ -185,10 +189,12 @@ class Walker:
         self.falling, self.worst = off > 1.0, max(self.worst, off)
         self._centre = follow(self._centre, wanted, self._dt, omega)
         wanted_posture = self.preview.goal.copy()
-        wanted_posture[2] = self.preview.height - self._lower
+        high, before = self.preview.height - self._lower, self._high
+        self._high = wanted_posture[2] = high
+        rise = CLIMBS * self._height * self._dt + max(high - before, 0.0)
         self._astray = gait.turn(self._now, self.preview.heading)
         wanted_posture[3:7] = multiply(yaw(self._astray), wanted_posture[3:7])
-        self._body.step(wanted_posture, *self._feet(tilt), self._centre + self._ankles(capture - wanted))
+        self._body.step(wanted_posture, *self._feet(tilt), self._centre + self._ankles(capture - wanted), rise)
         goal[:] = self._body.plan.qpos
         self._pressure = np.array([np.interp(self._now, times, knots[:, axis]) for axis in range(2)])
         self._carry(goal, self._pressure)

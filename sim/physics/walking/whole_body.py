@@ -5,7 +5,8 @@ Each tick makes one damped least-squares step on a robot of its own, from where 
     min over dv of   |W_f (J_f dv - e_f)|^2 + |W_c (J_c dv - e_c)|^2 + |W_q (dv - e_q)|^2
 
 where e_f is the distance of the soles from their places, e_c that of the centre of mass from its goal, and e_q that of
-root and joints from the played motion: the legs give way, the rest of the body keeps playing.
+root and joints from the played motion: the legs give way, the rest of the body keeps playing. Long steps of flat feet
+pull the root down; where it would rise faster than it may, the step is solved again with its height given.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -26,6 +27,8 @@ from sim.robots.robot import Robot
 # Weights of one metre or one radian off.
 FOOT, CENTRE, LEAN, LEG, REST = 100.0, 60.0, 3.0, 0.3, 3.0
 STARTING_STEPS = 60
+# Weight of a root that may not rise faster.
+HELD = 1e4
 # A leg with fewer hinges cannot put a foot anywhere at any angle: an ankle without roll leaves it at this weight.
 LEG_HINGES, ROLL = 6, 1.0
 
@@ -67,10 +70,16 @@ class WholeBody:
     def settle(self, goal: Array, places: Sequence[Array], turns: Sequence[Array], centre: Array) -> None:
         """Solves it to the end, however far joints have to go; as `step`."""
         for _ in range(STARTING_STEPS):
-            self.step(goal, places, turns, centre, np.inf)
+            self.step(goal, places, turns, centre, pace=np.inf)
 
     def step(
-        self, goal: Array, places: Sequence[Array], turns: Sequence[Array], centre: Array, pace: float = 1.0
+        self,
+        goal: Array,
+        places: Sequence[Array],
+        turns: Sequence[Array],
+        centre: Array,
+        rise: float = np.inf,
+        pace: float = 1.0,
     ) -> None:
         """Goes one step from the last solution.
 
@@ -79,6 +88,7 @@ class WholeBody:
             places: where the middles of the soles are to be, two of shape (3,), m.
             turns: the rotations of the feet's bodies, two quaternions.
             centre: where the centre of mass is to be, shape (2,), m.
+            rise: how far the root may go up in this step, m.
             pace: how many ticks the step may take up of the joints' speed.
         """
         model, plan = self._model, self.plan
@@ -109,7 +119,12 @@ class WholeBody:
         weighted = tasks * np.square(weight)[:, None]
         matrix = tasks.T @ weighted
         matrix[np.diag_indices_from(matrix)] += square + 1e-6
-        step = np.linalg.solve(matrix, square * self._error + weighted.T @ off)
+        wanted = square * self._error + weighted.T @ off
+        step = np.linalg.solve(matrix, wanted)
+        if step[2] > rise:
+            matrix[2, 2] += HELD**2
+            wanted[2] += HELD**2 * rise
+            step = np.linalg.solve(matrix, wanted)
         most = self._most * pace
         mujoco.mj_integratePos(model, plan.qpos, np.clip(step, -most, most), 1.0)
         self._within_limits()

@@ -189,6 +189,16 @@ def test_a_robot_that_walks_is_judged_by_how_it_stands_and_how_far_it_goes(monke
         Preflight(weak, weak.limits, "free", walk=True).simulated(played, 1.0)
 
 
+def test_a_robot_that_falls_while_it_is_to_walk_is_told_so_with_the_time(monkeypatch):
+    monkeypatch.setattr(preflight, "FALL_SECONDS", 4.0)
+    played = PlayedMotion("still", True, np.tile(SERVO20.rest, (40, 1)), (bent_pose(human()),) * 40)
+    late = replace(SERVO20, servo=msgspec.structs.replace(SERVO20.servo, latency=0.3))
+    found = {f.check: f for f in Preflight(late, late.limits, "free", walk=True).simulated(played, 1.0)}
+    assert not found["physics: stands"].ok
+    assert 0.5 < found["physics: stands"].value < found["physics: stands"].limit
+    assert not found["capture point off"].ok
+
+
 def test_round_after_round_a_loop_goes_on_where_it_was():
     angle = np.linspace(0.0, 0.5, 51)
     circle = [
