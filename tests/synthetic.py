@@ -108,7 +108,7 @@ def learned_once(learn):
         asked = repr((arguments, recipe))
         if asked not in learned:
             learned[asked] = learn(*arguments, **recipe)
-        return deepcopy(learned[asked])
+        return deepcopy(learned[asked]).twin()  # whose state and readout share memory again
 
     return copied
 
