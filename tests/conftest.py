@@ -62,24 +62,39 @@ def has_browser_tests(file):
 
 def pytest_collection_modifyitems(items):
     """What waits comes first: browsers, then whole programs. What computes fills the gaps, and no wait is left over."""
-    programs = ("tests/motiondeck/", "tests/controller/cli/", "tests/controller/fleet/")
-    items.sort(key=lambda item: (not has_browser_tests(item.path), not item.nodeid.startswith(programs)))
+    items.sort(key=lambda item: (not has_browser_tests(item.path), not item.nodeid.startswith(PROGRAMS)))
+
+
+PROGRAMS = ("tests/motiondeck/", "tests/controller/cli/", "tests/controller/fleet/")
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
-    """Hands out whole files, all those with a browser to one worker: two that draw in software slow each other down."""
+    """Hands out whole files, all those with a browser to one worker: two that draw in software slow each other down.
+
+    The second worker runs programs as long as there are any, which mostly wait; the third computes.
+    """
     if config.getvalue("dist") != "loadfile":
         return None
     from xdist.scheduler import LoadFileScheduling
 
-    class OneBrowser(LoadFileScheduling):
+    class OneOfEach(LoadFileScheduling):
         def _split_scope(self, nodeid):
             file = super()._split_scope(nodeid)
             return "with a browser" if has_browser_tests(config.rootpath / file) else file
 
+        def _assign_work_unit(self, node):
+            kind = min(self.nodes.index(node), 2)
+            preferred = next((file for file in self.workqueue if kind == self._kind(file)), None)
+            if preferred is not None:
+                self.workqueue.move_to_end(preferred, last=False)
+            super()._assign_work_unit(node)
+
+        def _kind(self, file):
+            return 0 if file == "with a browser" else 1 if file.startswith(PROGRAMS) else 2
+
     config.option.loadscopereorder = False
-    return OneBrowser(config, log)
+    return OneOfEach(config, log)
 
 
 RECORDINGS = Path(os.environ.get("MOTIONDECK_DATA") or Path(__file__).parents[2] / "shared" / "data")

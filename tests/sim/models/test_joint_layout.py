@@ -21,9 +21,13 @@ def tiny(free="<freejoint/>", joint='type="hinge"', servo='<position name="arm" 
     return mujoco.MjModel.from_xml_string(ROBOT.format(free=free, joint=joint, servo=servo))
 
 
+@pytest.fixture(scope="module")
+def model():
+    return build_mannequin(human()).compile()
+
+
 @given(st.integers(0, 2**32 - 1))
-def test_what_is_placed_is_read_back(seed):
-    model = build_mannequin(human()).compile()
+def test_what_is_placed_is_read_back(model, seed):
     layout = JointLayout.of(model)
     random = np.random.default_rng(seed)
     # Up to three quarters of a turn: past the half turn the short way round would read otherwise.
