@@ -34,7 +34,7 @@ def angles(a, b):
     return np.linalg.norm(to_rotation_vector(multiply(a, conjugate(b))), axis=-1)
 
 
-@settings(max_examples=30)
+@settings(max_examples=12)
 @given(st.integers(0, 500), st.sampled_from([0.0, 1.0]))
 def test_at_either_end_it_is_one_of_the_motions(seed, weight):
     blend = PostureBlend(swinging(seed, 0.0), swinging(seed + 1, 0.0))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
@@ -41,6 +41,7 @@ def integrated_frequency(spring, control, momentum):
     return 2 * np.pi / (passages[1] - passages[0])
 
 
+@settings(max_examples=25)
 @given(frequencies, st.floats(1e-4, 0.1))
 def test_amplitude_does_not_drift(frequency, dt):
     centers = HarmonicCenters.at_phase(frequency)
@@ -152,6 +153,7 @@ def test_without_damping_it_stays_on_another_orbit(spring):
     assert abs(float(undamped.energy[0]) - 0.5) > 0.1
 
 
+@settings(max_examples=30)
 @given(st.sampled_from(SPRINGS), st.floats(0.001, 2.0), st.floats(3.0, 200.0))
 def test_no_step_is_so_long_that_it_blows_up(spring, dt, control):
     centers = NonlinearCenters.at_rest(spring, np.array([control]), 1.0)

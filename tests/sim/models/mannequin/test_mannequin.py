@@ -33,7 +33,7 @@ def joint_error(model, skeleton, poses):
     return worst
 
 
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(skeletons(), st.integers(0, 2**32 - 1))
 def test_any_pose_of_any_skeleton_plays_back_exactly(skeleton, seed):
     random = np.random.default_rng(seed)
