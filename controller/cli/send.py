@@ -84,7 +84,7 @@ def send(
         elif isinstance(request, ReadRegisters | WriteRegister | ScanPorts) and isinstance(answer, Accepted):
             answer = client.wait_settled(answer.id, _LONGEST_WAIT)
             if answer is None:
-                raise MotiondeckError("the rig does not answer")
+                raise MotiondeckError("the rig does not answer. Is it connected? See: motiondeck send status")
     finally:
         client.close()
     if as_json:
@@ -138,7 +138,9 @@ def events(
             if reply is not None:
                 heard = time.monotonic()
             elif time.monotonic() > heard + 2.0 * every + 1.0:
-                raise MotiondeckError("the deck does not reply any more")
+                raise MotiondeckError(
+                    "the deck does not reply any more. Is it still running? See: motiondeck send status"
+                )
             if isinstance(reply, Event):
                 if last and reply.number > last + 1:
                     print(f"{reply.number - last - 1} events were lost on the way", file=sys.stderr)

@@ -211,7 +211,9 @@ class Deck(Lockable):
         """
         self._check(to)
         if len(self._queued) >= MOST_QUEUED:
-            raise MotiondeckError(f"the queue is full: {MOST_QUEUED} motions are waiting")
+            raise MotiondeckError(
+                f"the queue is full: {MOST_QUEUED} motions are waiting; wait until one of them begins"
+            )
         switch = CommandedSwitch(to, self.time)
         self.switches.append(switch)
         self._queued.append(switch)

@@ -82,7 +82,7 @@ def read_dataset(folder: Path, progress: Callable[[int, int], None] = lambda don
         MotiondeckError: if there is no such folder, or not a single usable recording in it.
     """
     if not folder.is_dir():
-        raise MotiondeckError(f"{folder}: there is no such folder")
+        raise MotiondeckError(f"{folder}: there is no such folder. Check the name.")
     paths = recordings_below(folder)
     examples: list[Example] = []
     skipped: list[str] = []

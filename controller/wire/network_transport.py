@@ -235,7 +235,7 @@ class NetworkConnection:
         except OSError:
             raise self._nobody() from None
         if body is None:
-            raise SocketError(f"the deck at {self._host} uses another token")
+            raise SocketError(f"the deck at {self._host} uses another token; give --token-file its own")
         if body[1:9] != self._name:
             return b""
         if body[:1] == b"K" and len(body) == _CHALLENGE.size:

@@ -94,7 +94,7 @@ def read_robot_file(path: Path) -> RobotFile:
         FileFormatError: if the file is missing, is no TOML, or a key or a value is none that a robot file has.
     """
     if not path.exists():
-        raise FileFormatError(f"{path}: there is no such robot file")
+        raise FileFormatError(f"{path}: there is no such robot file. Check the name.")
     robot = read_toml(path, RobotFile)
     _check_numbers(path, robot)
     return robot

@@ -88,7 +88,7 @@ def index(
     from motiondeck_base.errors import MotiondeckError
 
     if out.suffix != INDEX:
-        raise MotiondeckError(f"{out}: an index is called something{INDEX}")
+        raise MotiondeckError(f"{out}: an index is called something{INDEX}; try --out {out.with_suffix(INDEX)}")
     where = Jobs.parse(jobs)
     names: list[str] = []
     rows: list[Array] = []
@@ -271,7 +271,7 @@ def _cut(file: Path, frames: tuple[int, int] | None, skeleton: Path | None) -> C
     from motiondeck_base.errors import MotiondeckError
 
     if not file.is_file():
-        raise MotiondeckError(f"{file}: there is no such file")
+        raise MotiondeckError(f"{file}: there is no such file. Check the name.")
     clip = read_clip(file, ReadingOptions(skeleton))
     if frames is None:
         return clip

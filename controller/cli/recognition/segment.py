@@ -70,7 +70,7 @@ def segment(
     from motiondeck_base.errors import MotiondeckError
 
     if not file.is_file():
-        raise MotiondeckError(f"{file}: there is no such file")
+        raise MotiondeckError(f"{file}: there is no such file. Check the name.")
     if recognizer is not None and method is not SegmentMethod.EXPERTS:
         raise MotiondeckError(f"--recognizer goes with --method experts, not with {method.value}")
     if count is not None and method is not SegmentMethod.PLANES:
@@ -158,7 +158,7 @@ def _by_experts(clip: Clip, marked: Labels | None, recognizer: Path | None) -> d
     else:
         raise MotiondeckError("--method experts needs --recognizer FILE, or --labels FILE to learn from")
     if len(signal) < 2:
-        raise MotiondeckError(f"{clip.source}: too short to be cut")
+        raise MotiondeckError(f"{clip.source}: too short to be cut. Give a longer one.")
     stride = clip.rate / look.rate
     costs = frame_costs(bank, signal)
     path = viterbi(costs, CHANGE_COST * look.rate)

@@ -63,7 +63,9 @@ def test_each_switch_of_the_script_is_on_record(report):
 
 
 def test_without_json_a_few_words_are_said(library):
-    run = process("play", "--library", library, "--headless", "--rate", "100", "--command-port", "0", "--seconds", "0.3")
+    run = process(
+        "play", "--library", library, "--headless", "--rate", "100", "--command-port", "0", "--seconds", "0.3"
+    )
     assert run.returncode == 0
     assert "played to the end" in run.stdout
     assert "ticks at" in run.stdout
