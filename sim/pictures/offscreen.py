@@ -135,6 +135,10 @@ class OffScreen:
                 part[:] = _smoothed(part)
         return picture
 
+    def pass_by(self, qpos: Array) -> None:
+        """Lets the cameras follow a robot (nq,) that is not drawn."""
+        self._look(qpos, cut=False)
+
     def _look(self, qpos: Array, cut: bool) -> None:
         """Points the cameras at the middle of all roots, from so far away that all is in the picture."""
         places = np.array([qpos[root : root + 2] for root in self._roots])

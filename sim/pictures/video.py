@@ -10,7 +10,6 @@ import os
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,24 +18,10 @@ from PIL import Image, ImageDraw, ImageFont
 
 from controller.rotations import Array
 from sim.pictures.offscreen import Camera, OffScreen, PictureError
+from sim.pictures.screens import Screens, Shot
 
 GIF_COLOURS = 64
 FRAMES_A_ROW = 8
-
-
-@dataclass(frozen=True)
-class Shot:
-    """One picture of a film.
-
-    Attributes:
-        qpos: the robot, shape (nq,).
-        ghost: the robot drawn translucent as well, shape (nq,).
-        prints: corners of footprints on the floor, shape (4, 3) each, m.
-    """
-
-    qpos: Array
-    ghost: Array | None = None
-    prints: Sequence[Array] = ()
 
 
 def render(
@@ -71,14 +56,13 @@ def render(
 
     def pictures() -> Iterator[bytes]:
         nonlocal count
-        for frame in frames:
-            shot = frame if isinstance(frame, Shot) else Shot(frame)
-            yield screen.draw(shot.qpos, ghost=shot.ghost, prints=shot.prints).tobytes()
+        for picture in screens(frame if isinstance(frame, Shot) else Shot(frame) for frame in frames):
+            yield picture.tobytes()
             count += 1
             if progress:
                 progress(count)
 
-    with _written_whole(path) as unfinished, OffScreen(model, size, shadows, camera) as screen:
+    with _written_whole(path) as unfinished, Screens(model, size, shadows, camera) as screens:
         writers[path.suffix.lower()](pictures(), unfinished, fps, size)
         if count == 0:
             raise PictureError(f"{path}: there are no frames to film")

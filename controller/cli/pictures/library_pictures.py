@@ -25,7 +25,7 @@ from motiondeck_base.shipped import find_library, find_robot
 if TYPE_CHECKING:
     from sim.physics.playback import KinematicPlayback
     from sim.pictures.offscreen import Camera
-    from sim.pictures.video import Shot
+    from sim.pictures.screens import Shot
     from sim.robots.robot import Robot
 
 # Pictures a second, and their size: a GIF has to be small to be shown on a page.
@@ -184,7 +184,7 @@ def _shots(
     from sim.models.scenery import body_height
     from sim.physics.physics_model import feet_of
     from sim.physics.playback import KinematicPlayback, PhysicsPlayback
-    from sim.pictures.video import Shot
+    from sim.pictures.screens import Shot
     from sim.view.footprints import StepWatch
 
     dt = 1.0 / STEPS_A_SECOND

@@ -8,6 +8,7 @@ from PIL import Image, ImageSequence
 from sim.models.mannequin.mannequin import build_mannequin
 from sim.pictures.mesh_detail import with_less_detail
 from sim.pictures.offscreen import OffScreen, PictureError
+from sim.pictures.screens import Screens, Shot
 from sim.pictures.video import contact_sheet, render
 from simulated_bodies import human
 
@@ -194,3 +195,15 @@ def test_meshes_lose_what_a_picture_cannot_show():
     used = np.unique(coarse.mesh_face[: coarse.mesh_facenum[0]])
     assert np.ptp(coarse.mesh_vert[used], axis=0) == pytest.approx(np.ptp(full.mesh_vert, axis=0), abs=0.2)
     assert len(full.mesh_face) == full.mesh_facenum[0]
+
+
+def test_screens_that_share_a_film_draw_the_same_pictures(model, monkeypatch):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1, 2}, raising=False)
+    shots = [Shot(standing(model, 0.2 * k), ghost=standing(model) if k == 3 else None) for k in range(5)]
+    with OffScreen(model, (120, 90)) as screen:
+        expected = [screen.draw(shot.qpos, ghost=shot.ghost) for shot in shots]
+    with Screens(model, (120, 90), False, "follow") as screens:
+        drawn = list(screens(shots))
+    drawn, expected = np.array(drawn, dtype=int), np.array(expected, dtype=int)
+    assert np.abs(drawn - expected).max() <= 1  # as OpenGL rounds
+    assert np.abs(expected[1] - expected[0]).max() > 50
