@@ -77,6 +77,7 @@ class Footing:
         if not self._feet_known:  # then whatever is lowest stands
             sides = dict.fromkeys(sides or map(int, np.unique(surface.body)), 0)
         self._bodies, self._side = np.array([*sides], np.int64), np.array([*sides.values()], np.int64)
+        self._side_of_row = [*sides.values()]
         self._sides = sorted(set(sides.values()))
         self._one_each = len(sides) == len(self._sides)
         most = max(int((surface.body == body).sum()) for body in sides)
@@ -131,20 +132,21 @@ class Footing:
         heights = points[:, 2] - self._radius
         lows = np.minimum.reduce(heights, axis=1)
         bounds = self._lowest.bounds(data)
-        height = max(self._scale * stance.raised - float(np.minimum.reduce(lows)), -self._lowest(data, bounds))
+        height = max(self._scale * stance.raised - min(lows.tolist()), -self._lowest(data, bounds))
         # A foot stands on its own lowest points if the human's is still and low: a toe that trails may hold it up.
         if not self._one_each:
             lows = np.array([lows[self._side == foot].min() for foot in self._sides]).take(self._side)
         heights -= lows[:, None]
-        heights *= -1.0 / self._touches
+        heights *= -2.0 / self._touches
         weight = np.exp(heights, out=heights)
-        counts = np.array(stance.holding if self._feet_known else (OTHERS,))
-        weight *= (counts if self._one_each else counts.take(self._side))[:, None]
-        touching = float(np.maximum.reduce(weight, axis=None))
-        weight *= weight
-        total = float(np.add.reduce(weight, axis=None))
-        gone = np.matmul(points[:, :2] - self._before[:, :2], weight[:, :, None])
-        gone_x, gone_y = np.add.reduce(gone)[:, 0].tolist()
+        totals = np.add.reduce(weight, axis=1).tolist()
+        ways = np.matmul(points[:, :2] - self._before[:, :2], weight[:, :, None])[:, :, 0].tolist()
+        counts = stance.holding if self._feet_known else (OTHERS,)
+        touching = max(counts)
+        total = gone_x = gone_y = 0.0
+        for side, own, (x_way, y_way) in zip(self._side_of_row, totals, ways, strict=True):
+            square = counts[side] * counts[side]
+            total, gone_x, gone_y = total + square * own, gone_x + square * x_way, gone_y + square * y_way
         others = self._others_gone(bounds, height)
         if others is not None:
             gone_x, gone_y, total = gone_x + others[0], gone_y + others[1], total + others[2]
