@@ -13,6 +13,8 @@ from motiondeck_base.errors import FileFormatError
 
 LARGEST = 256 * 2**20  # bytes; CMU's files need that much for three quarters of an hour
 
+GZIP = b"\x1f\x8b"  # how a file begins that gzip has packed
+
 
 @dataclass(frozen=True, slots=True)
 class Line:
@@ -117,6 +119,8 @@ def read_text(path: str | Path, largest: int = LARGEST) -> str:
         text = content.decode("utf-16" if wide else "utf-8", errors="replace" if wide else "strict")
     except UnicodeDecodeError:
         text = content.decode("latin-1")
+    if content.startswith(GZIP):
+        raise FileFormatError(f"{path}: the file is packed by gzip. Unpack it: gunzip < {Path(path).name} > NEW.")
     if "\0" in text:
         raise FileFormatError(f"{path}: this is not a text file. Is it the right one?")
     return text.replace("\r\n", "\n").replace("\r", "\n")

@@ -5,7 +5,8 @@ VRM, iClone and the names of OpenSim and OpenPose: prefixes and separators are d
 such as "Left", "L" or "lt", and what is left is looked up. A bone is called after the joint that it starts from
 ("LeftLeg" is a shank) or after itself ("ltibia"); where a joint has several bones each bears both names
 ("Hips-LeftUpLeg"). Some words depend on the others: a "leg" above a "shin" is a thigh, a "foot" below an "ankle" are
-the toes, a "shoulder" above an "elbow" is an upper arm. A word that most names share ("Robot_Hips") says nothing.
+the toes, a "shoulder" above an "elbow" is an upper arm. A word that most names share ("Robot_Hips") says nothing. Names
+in other languages are translated (`foreign_names`).
 """
 
 from __future__ import annotations
@@ -15,6 +16,9 @@ from collections import Counter
 from collections.abc import Iterable
 from functools import lru_cache
 from typing import Literal, NamedTuple
+
+from controller.mocap import foreign_names
+from controller.mocap.foreign_names import ENGLISH, without_accents
 
 Part = Literal[
     "pelvis",
@@ -67,10 +71,12 @@ _PREFIXES = re.compile(
     r"^(mixamorig\d*|character\d*|bip\d*|cc base|j bip|joint|jnt|def|org|mch|rl|b|[mf] avg|avg|bone|valvebiped)\b"
 )
 _RIGGED = re.compile(r"^(DEF|ORG|MCH)-")  # Blender's rigs
-_LEFT, _RIGHT = {"left", "l", "lt", "lf"}, {"right", "r", "rt", "rg"}
+_LEFT = foreign_names.LEFT | {"left", "l", "lt", "lf", "lft"}
+_RIGHT = foreign_names.RIGHT | {"right", "r", "rt", "rg", "rgt"}
 _SIDED_ONLY: dict[str, Part] = {"hip": "thigh", "thorax": "clavicle"}
 # "LFArm" is a left forearm, though "lf" elsewhere means left.
 _WHOLE = {f"{letter}{key}" for letter in "lr" for key in ("farm", "uarm")}
+_KNOWN = frozenset(_KEYS) | frozenset(ENGLISH)
 _SHARED = 0.6  # of the names bear a word that says nothing
 # What a bone may lead to: a bone "A-B" belongs to A only where B continues it.
 _FOLLOWS: dict[Part, tuple[Part, ...]] = {
@@ -108,12 +114,20 @@ for _letter, _side in _SIDES:
     _THESIS |= {_letter + end: NamedPart(part, _side) for end, part in THESIS_LIMBS}
 
 
+# Sides as they are written together with a part, the longest first: "links" before "l".
+_AFFIXES: tuple[tuple[str, Side], ...] = tuple(
+    (word, side)
+    for words, side in ((_LEFT, _SIDES[0][1]), (_RIGHT, _SIDES[1][1]))
+    for word in sorted(words, key=len, reverse=True)
+)
+
+
 class _Style(NamedTuple):
     """What the names of one skeleton have in common.
 
     Attributes:
         shared: words that say nothing, because most names bear them.
-        joints: bones are called after joints, such as elbow and knee.
+        joints: bones are called after joints, such as elbow and knee, and so is the upper arm.
         shins: a leg is a thigh, because what follows it is called shin.
         ankles: a foot is what follows the ankle: the toes.
     """
@@ -129,7 +143,7 @@ class _Style(NamedTuple):
         joints = {joint for name in names for joint in _RIGGED.sub("", name).split("-")}
         said = [frozenset(_words(joint)) for joint in joints]
         counts = Counter(word for words in said for word in words)
-        known = _LEFT | _RIGHT | set(_KEYS)
+        known = _LEFT | _RIGHT | _KNOWN
         shared = frozenset(
             word
             for word, count in counts.items()
@@ -138,7 +152,8 @@ class _Style(NamedTuple):
         keys = {key for joint in joints for key, _ in [_key(joint, shared)]}
         thighs = bool(keys & {"upleg", "upperleg", "thigh", "femur"})
         shins = bool(keys & {"shin", "calf", "shank", "lowerleg", "lowleg"})
-        return cls(shared, bool(keys & {"elbow", "knee"}), "leg" in keys and shins and not thighs, "ankle" in keys)
+        joints = bool(keys & {"elbow", "knee"}) and not keys & {"upperarm", "uparm", "arm", "uarm", "humerus"}
+        return cls(shared, joints, "leg" in keys and shins and not thighs, "ankle" in keys)
 
     def part(self, name: str) -> NamedPart | None:
         """What the name of a joint means."""
@@ -194,10 +209,10 @@ def _named(name: str, style: _Style) -> NamedPart | None:
 @lru_cache(maxsize=4096)
 def _words(name: str) -> tuple[str, ...]:
     """The words of a name in small letters, without the prefixes of the usual exporters."""
-    name = name.rsplit(":", 1)[-1]
+    name = without_accents(name.rsplit(":", 1)[-1])
     name = re.sub(r"([a-z0-9])([A-Z])", r"\1 \2", name)
     name = re.sub(r"([A-Z])([A-Z][a-z])", r"\1 \2", name)
-    spaced = " ".join(re.sub(r"[^a-z0-9]+", " ", name.lower()).split())
+    spaced = " ".join(re.sub(r"[\W_]+", " ", name.lower()).split())
     while (shorter := _PREFIXES.sub("", spaced).strip()) and shorter != spaced:
         spaced = shorter
     return tuple(spaced.split())
@@ -205,7 +220,13 @@ def _words(name: str) -> tuple[str, ...]:
 
 @lru_cache(maxsize=4096)
 def _key(name: str, shared: frozenset[str]) -> tuple[str, Side]:
-    """A name without prefix, separators, numbers and side; and the side."""
+    """A name in English without prefix, separators, numbers and side; and the side."""
+    key, side = _sided_key(name, shared)
+    return ENGLISH.get(key, key), side
+
+
+def _sided_key(name: str, shared: frozenset[str]) -> tuple[str, Side]:
+    """As `_key`, in the language of the name."""
     words = [word for word in _words(name) if word not in shared]
     side: Side = "middle"
     kept: list[str] = []
@@ -219,11 +240,10 @@ def _key(name: str, shared: frozenset[str]) -> tuple[str, Side]:
         elif bare or len(words) == 1:
             kept.append(bare if bare not in ("", "l", "t") else word)
     key = "".join(word for word in kept if word != "c")
-    if side == "middle" and key not in _KEYS:
-        prefixes: tuple[tuple[str, Side], ...] = (("left", "left"), ("right", "right"), *_SIDES)
-        for word, which in prefixes:
-            if key.startswith(word) and key[len(word) :] in _KEYS:
+    if side == "middle" and key not in _KNOWN:
+        for word, which in _AFFIXES:
+            if key.startswith(word) and key[len(word) :] in _KNOWN:
                 return key[len(word) :], which
-            if key.endswith(word) and key[: -len(word)] in _KEYS:
+            if key.endswith(word) and key[: -len(word)] in _KNOWN:
                 return key[: -len(word)], which
     return key, side

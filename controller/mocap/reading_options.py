@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from controller.mocap.rest_pose import Up
+from controller.mocap.up_axis import Up
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import listed
 

@@ -1,8 +1,10 @@
 """The rest pose of a recorded body whose file gives only some zero pose: standing, arms out, facing x, in metres.
 
 A file's zero pose may serve (the usual T or A pose), or mean nothing (bones along their own axes, as iClone writes
-them). Then the most upright frame of the recording is taken and straightened: legs down, trunk up, arms out. Which way
-is up is read from how the body stands, which way it faces from its feet, and what one unit is from its size.
+them). Then the most upright frame of the recording is taken and straightened: legs down, trunk up, arms out. Of a body
+that never stands (it lies, crawls, does a handstand) frames are first turned until the pelvis is upright, if names tell
+its limbs. Which way is up is read from how the body stands and touches the ground (`up_axis`), which way it faces from
+its feet, and what one unit is from its size.
 
 With K the turn of a bone from its zero pose to the rest pose, P the turn of the file's axes to ours and R the rotation
 recorded, the bone rests along K v and moves by P R K^-1, so that every joint stays where the file has it.
@@ -12,27 +14,24 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from controller.mocap.anatomy import SIDES, Anatomy, anatomy, named_anatomy
-from controller.mocap.clip import Clip
 from controller.mocap.skeleton import ROOT, Skeleton
-from controller.rotations import IDENTITY, Array, between, conjugate, multiply, normalise, rotate, yaw
+from controller.mocap.up_axis import AXES, TO_OURS, UPRIGHT, Up, up_in_recording
+from controller.rotations import IDENTITY, Array, best_fit, between, conjugate, cross, multiply, normalise, rotate, yaw
 
 # What one unit of length may be, m: metre, centimetre, millimetre, inch, and the inch / 0.45 of CMU's skeletons.
 UNITS = (1.0, 0.01, 0.001, 0.0254, 0.0254 / 0.45)
 STATURE = 1.70  # m, of a person
 LEG_PER_STATURE = 0.245 + 0.246  # thigh and shank (Winter 2009, fig. 4.1)
 
-# The turns that bring a file's axes to ours (z up), by the axis that is up: (x, y, z) becomes (z, x, y), or stays.
-Up = Literal["y", "z"]
-TO_OURS = {"y": np.array([0.5, 0.5, 0.5, 0.5]), "z": IDENTITY}
 FRAMES_TRIED = 24
-UPRIGHT = 0.8  # cosine: a leg within 37 degrees of straight down still stands
+FRAMES_JUDGED = 200  # at most, by which the up axis is told
 STANDING = 0.5  # of a frame that can be straightened into standing
+RAISED = -0.9  # the same where names tell the limbs and the pelvis is set upright: whatever bends can be straightened
 # A foot bone runs from the ankle down to the toes: this far below the horizontal when the sole is flat, rad.
 FOOT_SLOPE = 0.30
 KNEES_TELL = 0.3  # what a bent knee counts against a foot when it is asked which way is ahead
@@ -68,13 +67,6 @@ class _Stance:
     parts: Anatomy | None
 
 
-def turned_up(clip: Clip, was: Up, up: Up) -> Clip:
-    """A clip that was read with one axis of its file taken for up, as if with another."""
-    turn = multiply(TO_OURS[up], conjugate(TO_OURS[was]))
-    rotation = multiply(np.broadcast_to(turn, clip.rotation.shape), clip.rotation)
-    return replace(clip, root_position=rotate(turn, clip.root_position), rotation=rotation)
-
-
 def stand(
     name: str, body: RecordedBody, unit: float | None = None, up: Up | None = None
 ) -> tuple[Skeleton, Array, Array]:
@@ -87,19 +79,20 @@ def stand(
         up: the file's axis that is up; None finds out.
     """
     zero = np.tile(IDENTITY, (1 + len(body.bones), 1))
-    axes: tuple[Up, ...] = ("y", "z")
-    stances = [_stance(body, axis, zero) for axis in axes]
+    stances = [_stance(body, axis, zero) for axis in AXES]
     best = max(stances, key=lambda stance: stance.upright)
-    if best.upright < UPRIGHT:
+    stands = best.upright >= UPRIGHT
+    if not stands:
         tried = np.unique(np.linspace(0, len(body.position) - 1, FRAMES_TRIED).astype(int))
-        frames = [_stance(body, axis, body.rotation[frame]) for axis in axes for frame in tried]
-        frame = _agreed(frames)
-        best = _straightened(body, frame) if frame.upright > STANDING else stances[0]
+        frame = _agreed([_stance(body, axis, body.rotation[frame]) for axis in AXES for frame in tried])
+        if frame.upright <= STANDING:
+            frame = max((_raised(body, body.rotation[frame]) for frame in tried), key=lambda stance: stance.upright)
+        best = _straightened(body, frame) if frame.parts is not None and frame.upright > RAISED else stances[0]
     vector = rotate(best.turn[1:], body.vector)
     length = np.linalg.norm(vector, axis=1)
     unit = _unit(body, vector, best.parts) if unit is None else unit
     skeleton = Skeleton(name, body.bones, body.parent, normalise(vector), length * unit)
-    world = TO_OURS[up or _up_in_recording(body, best, skeleton, unit)]
+    world = TO_OURS[up or _up_in_recording(body, best, stands, skeleton, unit)]
     return (
         skeleton,
         rotate(world, body.position) * unit,
@@ -130,6 +123,23 @@ def _stance(body: RecordedBody, up: Up, pose: Array) -> _Stance:
     elif named_anatomy(_as_skeleton(body, vector)) is None:  # without names, arms could be taken for legs
         cosines.append(-1.0)
     return _Stance(up, turn, min(cosines), parts)
+
+
+def _raised(body: RecordedBody, pose: Array) -> _Stance:
+    """How the body stands in a pose (1 + B, 4) that is turned until its pelvis is upright; by names alone."""
+    vector = rotate(pose[1:], body.vector)
+    skeleton = _as_skeleton(body, vector)
+    parts = named_anatomy(skeleton)
+    if parts is None:
+        return _Stance("y", pose, -1.0, None)
+    start = skeleton.chain @ vector - vector
+    left, right = (start[bone] for side in SIDES if (bone := parts.first("thigh", side)) is not None)
+    trunk = parts.all("trunk") or parts.all("neck")
+    up = normalise(vector[trunk[:1]].sum(axis=0) - 1e-3 * vector[parts.all("thigh")].sum(axis=0))
+    across = normalise(left - right)
+    ahead = normalise(cross(across, up))
+    turn = best_fit(np.stack([ahead, across, cross(ahead, across)]))
+    return replace(_stance(body, "z", multiply(np.broadcast_to(turn, pose.shape), pose)), up="y")
 
 
 def _agreed(stances: list[_Stance]) -> _Stance:
@@ -215,21 +225,17 @@ def _straightened(body: RecordedBody, stance: _Stance) -> _Stance:
     return _Stance(stance.up, multiply(more, stance.turn), 1.0, parts)
 
 
-def _up_in_recording(body: RecordedBody, rest: _Stance, skeleton: Skeleton, unit: float) -> Up:
-    """The axis that is up while the body moves: that of its rest pose, unless it clearly stands along the other."""
+def _up_in_recording(body: RecordedBody, rest: _Stance, stands: bool, skeleton: Skeleton, unit: float) -> Up:
+    """The axis that is up while the body moves."""
     spine = [] if rest.parts is None else rest.parts.all("trunk")
-    if not spine:
+    if rest.parts is None or not spine:
         return rest.up
     along = rotate(body.rotation[:, np.array(spine) + 1], body.vector[spine]).sum(axis=1)
-    mean = normalise(along).mean(axis=0)
-    axes: tuple[Up, ...] = ("y", "z")
-    for up in axes:
-        turn = TO_OURS[up]
-        # Upright along an axis says little of someone who lies; its root is at the height of its legs too.
-        height = np.median(rotate(turn, body.position)[:, 2]) * unit / skeleton.leg_length
-        if up != rest.up and rotate(turn, mean)[2] > UPRIGHT and 0.6 < height < 1.3:
-            return up
-    return rest.up
+    some = slice(None, None, 1 + len(along) // FRAMES_JUDGED)
+    turned = multiply(body.rotation[some], conjugate(rest.turn))
+    joints = skeleton.joints(body.position[some] * unit, turned)
+    limbs = [1 + bone for bone, part in enumerate(rest.parts.part) if part != "other"]
+    return up_in_recording(rest.up, stands, along, body.position * unit, joints[:, limbs], skeleton.leg_length)
 
 
 def _unit(body: RecordedBody, vector: Array, parts: Anatomy | None) -> float:

@@ -11,7 +11,7 @@ import msgspec
 
 from controller.mocap.encodings.joint_angles import how_taught
 from controller.mocap.formats.reading import read_clip
-from controller.mocap.rest_pose import Up
+from controller.mocap.up_axis import Up
 from controller.training.centralized.centralized_training import CentralizedRecipe
 from controller.training.preparation.takes import by_motion, motion_of
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe

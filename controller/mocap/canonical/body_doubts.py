@@ -10,11 +10,12 @@ import numpy as np
 from controller.mocap.anatomy import SIDES, Anatomy, Part, anatomy, named_anatomy
 from controller.mocap.canonical.canonical_body import CANONICAL_BONES, landmarks_of, to_canonical
 from controller.mocap.clip import Clip
-from controller.rotations import normalise, rotate
+from controller.rotations import dot, rotate
 from motiondeck_base.errors import FileFormatError
 
 SHORTEST_LEG, LONGEST_LEG = 0.5, 1.3  # m, thigh and shank
 HIGHEST_ROOT = 1.5  # m, in the middle of the recording
+DEEPEST = 0.3  # m: the lowest joint below the ground, in the middle of the recording
 SIDES_DIFFER = 1.25  # a bone over its counterpart
 PROPORTIONS: tuple[tuple[Part, Part, float, float], ...] = (
     ("thigh", "shank", 0.6, 1.7),
@@ -42,15 +43,35 @@ def doubts(clip: Clip) -> list[str]:
     own = to_canonical(clip)
     joints = own.joints()
     head, toes = (joints[:, 1 + CANONICAL_BONES.index(bone), 2] for bone in ("head", "lfoo"))
+    deep = -float(np.median(joints[..., 2].min(axis=1)))
+    if deep > DEEPEST:
+        found.append(
+            f"the body is {deep:.2f} m below the ground: its height is not in the file, or the up axis (--up)."
+        )
     if np.median(head - toes) < 0.0:
         found.append("the head is below the feet most of the time: the up axis may be wrong (--up).")
-    ahead_at_rest = np.array([1.0, 0.0, 0.0])
-    forward = rotate(own.rotation[:, 0], ahead_at_rest)
-    feet = [rotate(own.rotation[:, 1 + own.skeleton.index(bone)], ahead_at_rest) for bone in ("lfoo", "rfoo")]
-    ahead = float(np.median((normalise(feet[0] + feet[1]) * forward).sum(-1)))
-    if "lfoo" in marks.joint and ahead < -0.3:
+    if "lfoo" in marks.joint and _toes_ahead(own) < -0.3:
         found.append("the toes point backwards: names may have left and right exchanged (--rename).")
     return found
+
+
+def _toes_ahead(own: Clip) -> float:
+    """How far the toes of a canonical clip point ahead of the body: cosine, median over time.
+
+    Only what points aside of the shank counts: the feet of somebody who crawls or kneels point behind him.
+    """
+    line = {
+        bone: rotate(
+            own.rotation[:, 1 + own.skeleton.index(bone)], own.skeleton.rest_direction[own.skeleton.index(bone)]
+        )
+        for bone in ("lank", "rank", "lfoo", "rfoo")
+    }
+    aside = [
+        foot - dot(foot, shank)[:, None] * shank
+        for foot, shank in ((line["lfoo"], line["lank"]), (line["rfoo"], line["rank"]))
+    ]
+    forward = rotate(own.rotation[:, 0], np.array([1.0, 0.0, 0.0]))
+    return float(np.median(dot(0.5 * (aside[0] + aside[1]), forward)))
 
 
 def _sizes(clip: Clip, parts: Anatomy) -> list[str]:

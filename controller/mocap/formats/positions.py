@@ -21,8 +21,9 @@ from controller.mocap.clip import Clip
 from controller.mocap.formats.markers.tracks import FARTHEST, Markers
 from controller.mocap.orientation import orient
 from controller.mocap.reading_options import AS_FOUND, ReadingOptions
-from controller.mocap.rest_pose import TO_OURS, RecordedBody, stand
+from controller.mocap.rest_pose import RecordedBody, stand
 from controller.mocap.skeleton import ROOT, Skeleton
+from controller.mocap.up_axis import TO_OURS
 from controller.rotations import Array, continuous, normalise, rotate
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import Line, as_float, no_number, read_lines

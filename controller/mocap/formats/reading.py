@@ -21,7 +21,7 @@ from controller.mocap.formats.mvnx import read_mvnx
 from controller.mocap.formats.positions import is_table, read_positions
 from controller.mocap.formats.smpl import read_smpl
 from controller.mocap.reading_options import AS_FOUND, ReadingOptions
-from controller.mocap.rest_pose import turned_up
+from controller.mocap.up_axis import turned_up
 from motiondeck_base.errors import FileFormatError
 
 _TREES = {
@@ -33,16 +33,17 @@ _TREES = {
 _TABLES = {".c3d": read_c3d, ".trc": read_trc, ".csv": read_positions}
 RECORDINGS = frozenset({".amc", ".mat", ".clip", *_TREES, *_TABLES})
 """The endings of the files that `read_clip` reads, in small letters."""
+_PACKED = "packed. Unpack it, and give the recordings in it."
 _INSTEAD = {
     ".asf": "a skeleton, not a motion. Give a recording that belongs to it (.amc).",
     ".fbx": "a closed format that is not read. Convert it with FBX2glTF (to .glb), or in Blender: import it, then "
     "File > Export > glTF 2.0 or Motion Capture (.bvh).",
     ".pkl": "holds Python objects, which are never loaded. Save its arrays as .npz: poses, trans, mocap_framerate.",
     ".blend": "Blender's own format. Export it there: File > Export > glTF 2.0 or Motion Capture (.bvh).",
-    ".zip": "packed. Unpack it, and give the recordings in it.",
+    **dict.fromkeys((".zip", ".gz", ".xz", ".7z", ".rar", ".tar"), _PACKED),
     ".usd": "not read. Convert it in Blender: import it, then File > Export > glTF 2.0.",
 }
-CONVERTIBLE = frozenset(_INSTEAD) - {".asf", ".zip"}
+CONVERTIBLE = frozenset(suffix for suffix, said in _INSTEAD.items() if said != _PACKED) - {".asf"}
 """The endings of recordings that `read_clip` refuses with the way to convert them, in small letters."""
 
 

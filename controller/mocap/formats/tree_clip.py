@@ -8,7 +8,8 @@ from pathlib import Path
 from controller.mocap.clip import Clip
 from controller.mocap.joint_tree import JointTree, body_of
 from controller.mocap.reading_options import ReadingOptions
-from controller.mocap.rest_pose import Up, stand
+from controller.mocap.rest_pose import stand
+from controller.mocap.up_axis import Up
 from controller.rotations import continuous
 
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from controller.mocap.clip import Clip
 from controller.mocap.formats.markers.tracks import Markers
-from controller.mocap.rest_pose import TO_OURS
 from controller.mocap.skeleton import ROOT
+from controller.mocap.up_axis import TO_OURS
 from controller.rotations import Array, conjugate, multiply, rotate, to_matrix
 from motiondeck_base.errors import FileFormatError
 

@@ -12,7 +12,8 @@ SIDED = ("hip", "thigh", "shank", "foot", "toes", "clavicle", "upper arm", "fore
 
 def mirrored(name):
     """The same bone of the right side."""
-    for left, right in (("Left", "Right"), ("left", "right"), ("LEFT", "RIGHT")):
+    pairs = (("Left", "Right"), ("left", "right"), ("LEFT", "RIGHT"), ("Links", "Rechts"), ("Linker", "Rechter"))
+    for left, right in (*pairs, ("Izq", "Der"), ("gauche", "droite"), ("左", "右"), ("lft", "rgt")):
         if left in name:
             return name.replace(left, right)
     swap = {"l": "r", "L": "R"}

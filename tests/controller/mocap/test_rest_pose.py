@@ -1,12 +1,15 @@
 """Whatever zero pose a file has, the body is found standing, and every joint stays where the file has it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controller.mocap.rest_pose import TO_OURS, RecordedBody, stand
-from controller.rotations import IDENTITY, conjugate, multiply, normalise, rotate, yaw
+from controller.mocap.rest_pose import RecordedBody, stand
+from controller.mocap.up_axis import TO_OURS
+from controller.rotations import IDENTITY, about, conjugate, dot, multiply, normalise, rotate, yaw
 from simulated_bodies import human, random_pose, skeleton_of, smooth_poses
 
 
@@ -75,6 +78,33 @@ def test_a_body_that_zeroes_with_y_up_and_moves_with_z_up_is_set_upright():
     np.testing.assert_allclose(
         found.joints(position, rotation), human().joints(body.position, body.rotation), atol=1e-9
     )
+
+
+LYING = {
+    "on the back": (0.0, -90.0),
+    "on the front": (0.0, 90.0),
+    "on a side": (90.0, 0.0),
+    "on the hands": (180.0, 0.0),
+}
+
+
+@pytest.mark.parametrize("up", ["y", "z"])
+@pytest.mark.parametrize("how", LYING)
+def test_a_body_that_never_stands_touches_the_ground_and_rests_standing(how, up):
+    """Bones with axes of their own, and a trunk that lies along the axis that would be up in other files."""
+    skeleton = human()
+    body = moving(skeleton, 3)
+    roll, pitch = np.radians(LYING[how])
+    over = multiply(about(np.array([0.0, 1.0, 0.0]), pitch), about(np.array([1.0, 0.0, 0.0]), roll))
+    rotation = multiply(np.broadcast_to(over, body.rotation.shape), body.rotation)
+    lowest = skeleton.joints(np.zeros((30, 3)), rotation)[..., 2].min(axis=1)
+    place = np.stack([np.full(30, 1.4), np.full(30, -0.7), 0.02 - lowest], axis=1)
+    turns = normalise(np.random.default_rng(5).normal(size=(20, 4)))
+    lying = in_other_axes(replace(body, position=place, rotation=rotation), up, 0.01, 0.0, turns)
+    found, position, turned = stand("found", lying)
+    np.testing.assert_allclose(found.joints(position, turned), skeleton.joints(place, rotation), atol=1e-9)
+    # It rests as it would stand, but for feet that slope: no bone is turned about itself by the way up.
+    assert np.abs(dot(turned, rotation)).min() > np.cos(0.5 * np.radians(20.0))
 
 
 @pytest.mark.parametrize("direction", [(0.0, 0.0, 1.0), (1.0, 0.0, 0.0)])

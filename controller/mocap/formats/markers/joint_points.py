@@ -13,9 +13,9 @@ from controller.mocap.bone_names import named_parts
 from controller.mocap.clip import Clip
 from controller.mocap.formats.markers.tracks import Markers, bridged
 from controller.mocap.orientation import orient
-from controller.mocap.rest_pose import TO_OURS
 from controller.mocap.skeleton import ROOT
 from controller.mocap.thesis_body import JAEGER_BONES, JAEGER_PARENT, thesis_skeleton
+from controller.mocap.up_axis import TO_OURS
 from controller.rotations import Array, continuous, normalise, rotate
 
 # The canonical joint in which a named part starts; toes and fingers are points on them.

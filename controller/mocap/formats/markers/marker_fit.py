@@ -21,9 +21,9 @@ import numpy as np
 from controller.mocap.clip import Clip
 from controller.mocap.formats.markers.tracks import Markers, bridged
 from controller.mocap.orientation import orient
-from controller.mocap.rest_pose import TO_OURS
 from controller.mocap.skeleton import ROOT, Skeleton
 from controller.mocap.thesis_body import JAEGER_BONES, JAEGER_PARENT, thesis_skeleton
+from controller.mocap.up_axis import TO_OURS
 from controller.rotations import (
     Array,
     conjugate,

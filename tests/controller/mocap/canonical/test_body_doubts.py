@@ -8,6 +8,7 @@ import pytest
 
 from controller.mocap.canonical.body_doubts import doubts, taken_for
 from controller.mocap.clip import Clip
+from controller.rotations import about
 from simulated_bodies import human
 
 
@@ -43,6 +44,7 @@ def longer(bone, factor):
     [
         (standing(replace(human(), length=0.1 * human().length)), r"the left leg is 0\.\d\d m long: the unit .*--unit"),
         (standing(human(), height=2.3), r"the root is 2\.30 m high: the unit \(--unit\) or the up axis \(--up\)"),
+        (standing(human(), height=0.0), r"the body is 0\.\d\d m below the ground: .*--up"),
         (standing(longer("lkne", 2.5)), r"bone 'lkne', taken for the left thigh, is .*--rename"),
         (standing(longer("relb", 1.5)), r"bones 'lelb' and 'relb', taken for both upper arms, are .*--rename"),
         (standing(renamed({"lkne": "bone1", "rkne": "bone2"})), r"no names of legs were understood.*--rename"),
@@ -60,3 +62,15 @@ def test_a_body_on_its_head_and_one_with_sides_exchanged_are_doubted():
     assert any("--up" in line for line in doubts(replace(upside_down, rotation=flipped)))
     sides = {bone: {"l": "r", "r": "l"}[bone[0]] + bone[1:] for bone in human().bones if bone[0] in "lr"}
     assert any("toes point backwards" in line for line in doubts(standing(renamed(sides))))
+
+
+def test_the_feet_of_somebody_who_crawls_may_point_behind_him():
+    """The pelvis half faces the ground, the shanks lie behind, and the feet go on from them."""
+    clip = standing(human(), height=0.1)
+    half, shanks, feet = (about(np.array([0.0, 1.0, 0.0]), np.radians(angle)) for angle in (60.0, 90.0, 180.0))
+    rotation = clip.rotation.copy()
+    rotation[:] = half
+    for side in "lr":
+        rotation[:, 1 + clip.skeleton.index(side + "ank")] = shanks
+        rotation[:, 1 + clip.skeleton.index(side + "foo")] = feet
+    assert not any("toes" in line for line in doubts(replace(clip, rotation=rotation)))

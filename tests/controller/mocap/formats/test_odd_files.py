@@ -1,5 +1,6 @@
 """Odd and hostile files as they come: each is read right, or refused in one line that says what to do."""
 
+import gzip
 import re
 import tracemalloc
 from dataclasses import replace
@@ -169,3 +170,10 @@ def test_a_million_frames_are_refused_before_memory_is_taken(tmp_path, suffix, m
     path.write_bytes(gltf_file(MOTION).glb() if suffix == ".glb" else TEXT.encode())
     with pytest.raises(FileFormatError, match="fit into memory"):
         read_clip(path)
+
+
+@pytest.mark.parametrize("name", ["walk.bvh.gz", "walk.bvh"])
+def test_a_packed_file_is_refused_with_the_way_to_unpack_it(tmp_path, name):
+    (tmp_path / name).write_bytes(gzip.compress(TEXT.encode()))
+    with pytest.raises(FileFormatError, match=r"packed.* Unpack it"):
+        read_clip(tmp_path / name)

@@ -7,8 +7,8 @@ from controller.mocap.formats.markers.c3d import read_c3d
 from controller.mocap.formats.markers.marker_fit import ANKLE, BONE_OF, ELBOW, HIP, KNEE, SHOULDER, fit_markers
 from controller.mocap.formats.markers.tracks import Markers
 from controller.mocap.formats.reading import read_clip
-from controller.mocap.rest_pose import TO_OURS
 from controller.mocap.thesis_body import JAEGER_BONES
+from controller.mocap.up_axis import TO_OURS
 from controller.rotations import conjugate, rotate
 from motiondeck_base.errors import FileFormatError
 from recordings import c3d_bytes
