@@ -115,11 +115,10 @@ for _letter, _side in _SIDES:
 
 
 # Sides as they are written together with a part, the longest first: "links" before "l".
-_AFFIXES: tuple[tuple[str, Side], ...] = tuple(
-    (word, side)
-    for words, side in ((_LEFT, _SIDES[0][1]), (_RIGHT, _SIDES[1][1]))
-    for word in sorted(words, key=len, reverse=True)
-)
+_SPELLED: tuple[tuple[frozenset[str], Side], ...] = ((_LEFT, "left"), (_RIGHT, "right"))
+_AFFIXES: list[tuple[str, Side]] = [
+    (word, side) for words, side in _SPELLED for word in sorted(words, key=len, reverse=True)
+]
 
 
 class _Style(NamedTuple):

@@ -72,6 +72,7 @@ FAR_OFF = 0.03  # m: a marker farther than this from where it should be counts l
 # Collar bones and hands carry one marker each, which does not tell their twist: they rather stay in line with what
 # carries them, as if held at this lever, m.
 HELD = {"lsho": 0.05, "rsho": 0.05, "lhan": 0.02, "rhan": 0.02}
+NO_BODY = 0.1  # m: markers half of which are farther than this from their places are on no body
 SAMPLE = 150  # frames, spread over the recording, that settle where the markers ride
 TURNS = 6
 STEPS = 4  # of Gauss and Newton, each turn
@@ -118,6 +119,12 @@ def fit_markers(markers: Markers, name: str) -> Fit:
     offset = body.offsets(*few, place[sample])
     position, rotation = body.pose(position, rotation, place, weight, offset, 3 * STEPS)
     off = np.linalg.norm(place - body.markers(position, rotation, offset), axis=-1)
+    typical = float(np.median(off[weight == 1.0]))
+    if typical > NO_BODY:
+        raise FileFormatError(
+            f"{markers.source}: the markers lie {1000.0 * typical:.0f} mm off the body that fits them best. "
+            "Labels may be exchanged, or be those of several people: check them, or use --rename."
+        )
     clip = Clip(name, skeleton, markers.rate, position, continuous(rotation), markers.source)
     return Fit(clip, tuple(names), np.where(weight == 1.0, off, np.nan))
 
@@ -125,23 +132,31 @@ def fit_markers(markers: Markers, name: str) -> Fit:
 def _named(markers: Markers) -> dict[str, Array]:
     """The tracks (T, 3) of the known markers; of several people in a file, the one with most of them."""
     people: dict[str, dict[str, Array]] = {}
+    unseen: set[str] = set()
     for index, label in enumerate(markers.labels):
         person, _, marker = label.replace("_", ":").rpartition(":")
         marker = marker.upper()
         marker = marker[:1] + ALIASES.get(marker[1:], marker[1:])
         track = markers.position[:, index]
         if np.isnan(track).all():
+            unseen.add(marker)
             continue
         for known in ("LBWT", "RBWT") if marker == "SACR" else (marker,):
             if known in BONE_OF:
                 people.setdefault(person, {}).setdefault(known, track)
     found = max(people.values(), key=len, default={})
     missing = [marker for marker in NEEDED if marker not in found]
-    if missing:
+    unnamed = [marker for marker in missing if marker not in unseen]
+    if unnamed:
         raise FileFormatError(
-            f"{markers.source}: no marker is called {listed(missing)} (there are: {listed(markers.labels)}). "
+            f"{markers.source}: no marker is called {listed(unnamed)} (there are: {listed(markers.labels)}). "
             "A skeleton can be fitted to Vicon's full-body markers, labelled as CMU or Plug-in Gait does, and to "
             "points in the joints (LHip, LKnee, LAnkle, LShoulder, LElbow, LWrist and so on)."
+        )
+    if missing:
+        raise FileFormatError(
+            f"{markers.source}: never seen in this recording: {listed(missing)}. "
+            "The skeleton cannot be fitted without: take another recording, or a part in which they are seen."
         )
     return found
 

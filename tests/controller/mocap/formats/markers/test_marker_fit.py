@@ -128,7 +128,7 @@ def test_what_is_missing_is_named():
     labels, positions, _ = worn(frames=3)
     labels[labels.index("eva:LKNE")] = "eva:knee"
     positions[:, labels.index("eva:C7")] = np.nan
-    with pytest.raises(FileFormatError, match=r"worn\.c3d: no marker is called C7, LKNE \(there are"):
+    with pytest.raises(FileFormatError, match=r"worn\.c3d: no marker is called LKNE \(there are"):
         fit_markers(markers_of(labels, positions), "eva")
 
 
@@ -148,3 +148,18 @@ def test_people_are_fitted_to_within_their_skin(mocap_data):
     ours = fit.clip.skeleton
     for bone, name in (("rkne", "rfemur"), ("rank", "rtibia"), ("lkne", "lfemur"), ("lank", "ltibia")):
         assert ours.length[ours.index(bone)] == pytest.approx(theirs.length[theirs.index(name)], abs=0.045)
+
+
+def test_a_marker_that_was_never_seen_is_called_so():
+    labels, positions, _ = worn(frames=3)
+    positions[:, labels.index("eva:LKNE")] = np.nan
+    with pytest.raises(FileFormatError, match=r"worn\.c3d: never seen in this recording: LKNE\."):
+        fit_markers(markers_of(labels, positions), "worn")
+
+
+def test_markers_that_are_on_no_body_are_refused():
+    """Labels that change from frame to frame, as where a tracker has lost the person."""
+    labels, positions, _ = worn(frames=20)
+    positions = np.random.default_rng(2).permuted(positions, axis=1)
+    with pytest.raises(FileFormatError, match=r"worn\.c3d: the markers lie \d+ mm off the body .*--rename"):
+        fit_markers(markers_of(labels, positions), "worn")
