@@ -338,8 +338,8 @@ def play(
             raise MotiondeckError(f"give either a motion ('{motion}') or a --script, not both")
         if kinematic and (root != "gantry" or balance or walk):
             raise MotiondeckError("--root, --balance and --walk are for simulated servos: leave --kinematic")
-        if walk and (ghost or lock_to == "body"):
-            raise MotiondeckError("with --walk the body is 1.2 s behind its targets: leave --ghost and --lock-to body")
+        if walk and lock_to == "body":
+            raise MotiondeckError("with --walk the body is 1.2 s behind its targets: leave --lock-to body")
         if show is not None and lock_to is not None:
             raise MotiondeckError("with --show the show says what loops keep step with: leave --lock-to")
         if recognize and recognizer is not None:

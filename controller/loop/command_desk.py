@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 import time
 from collections import deque
@@ -93,9 +94,10 @@ class Pushable(Protocol):
     """A simulated body that can be pushed; the call does not wait."""
 
     fallen: bool
+    clock: Callable[[], float]
 
-    def push_from(self, side: Side, impulse: float) -> float:
-        """Pushes it from a side with an impulse, N s, 0 for its own choice; that impulse."""
+    def push_from(self, side: Side, impulse: float, towards: float | None) -> float:
+        """Pushes it from a side, or towards a direction, with an impulse, N s, 0 for its own choice; that impulse."""
         ...
 
 
@@ -176,7 +178,6 @@ class CommandDesk:
         self._told: tuple[Mode, bool] = ("playing", deck.paused)
         self._code = 0.0
         self._fallen = False
-        self.fell_s: float | None = None  # when the body fell first, on the clock of events
         self._look: Look | None = None  # that the command being carried out has begun
 
     def __call__(self, stop: StopRequest) -> None:
@@ -270,7 +271,6 @@ class CommandDesk:
 
     def _tell_fall(self, fallen: bool) -> None:
         self._fallen = fallen
-        self.fell_s = self._deck.time if self.fell_s is None else self.fell_s
         self.tell(
             *(("fell", "the robot has fallen") if fallen else ("stands", "the robot stands again")), self._deck.motion
         )
@@ -348,8 +348,8 @@ class CommandDesk:
                     self._look = self._rig.registers(joint, (register, count))
                 case ScanPorts():
                     self._look = self._rig.scan()
-                case Push(side=side, impulse=impulse):
-                    self._push(side, impulse)
+                case Push():
+                    self._push(message)
                 case _:
                     progress = self._play(message, stop)
         except MotiondeckError as error:
@@ -369,11 +369,12 @@ class CommandDesk:
         stop.ask(f"starts again with {message.to} of {Path(message.library).name}")
         stop.then = message.library, message.to
 
-    def _push(self, side: Side, impulse: float) -> None:
+    def _push(self, push: Push) -> None:
         if self._body is None:
             raise MotiondeckError("nothing can be pushed here: play with a robot in simulated physics")
-        given = self._body.push_from(side, impulse)
-        self.tell("push", f"pushed from the {side} with {given:.3g} N s", self._deck.motion)
+        given = self._body.push_from(push.side, push.impulse, push.towards)
+        where = f"from the {push.side}" if push.towards is None else f"towards {math.degrees(push.towards):.0f}°"
+        self.tell("push", f"pushed {where} with {given:.3g} N s", self._deck.motion)
 
     @property
     def _rig(self) -> RigServos:
@@ -431,6 +432,7 @@ class CommandDesk:
             lock=deck.lock_state,
             at=deck.time,
             fallen=self._fallen,
+            approaching=stop.approaching,
         )
 
 

@@ -90,7 +90,7 @@ def safe_targets(
     envelope.start(_measured(channels, _reachable(source.targets, envelope)))
     ticks = seconds / source.dt - 0.5
     phases = {
-        "playing": lambda: _follow(source, envelope),
+        "playing": lambda: _follow(source, envelope, stop),
         "home": lambda: _hold(source, envelope, rest, stop),
         "held": lambda: _hold(source, envelope, None, stop),
         "emergency stop": lambda: _hold(source, envelope, None, stop),
@@ -105,6 +105,7 @@ def safe_targets(
             break
         if stop.mode != mode:
             mode = stop.mode
+            stop.approaching = False
             phase = phases[mode]()
         yield next(phase)
 
@@ -118,10 +119,11 @@ def safe_targets(
         yield envelope.brake()
 
 
-def _follow(source: Source, envelope: SafetyEnvelope) -> Iterator[Array]:
+def _follow(source: Source, envelope: SafetyEnvelope, stop: StopRequest) -> Iterator[Array]:
     """Approaches the deck's targets slowly, and then follows them."""
-    source.running = False
+    source.running, stop.approaching = False, True
     yield from _move_to(_reachable(source.targets, envelope), envelope, source.dt)
+    stop.approaching = False
     while True:
         source.update()
         yield envelope(source.targets)

@@ -25,12 +25,14 @@ class StopRequest:
         reason: why the run is to end; empty while it is not.
         mode: whether the joints follow the deck, stand at home, are held, or are held by the emergency stop.
         at_rest: whether the joints have come to rest where they are held; set by the loop.
+        approaching: whether the joints are on their slow way to the motion, whose time waits; set by the loop.
         then: the library file and the motion to start again with, if that was asked for.
     """
 
     reason: str = ""
     mode: Mode = "playing"
     at_rest: bool = False
+    approaching: bool = False
     then: tuple[str, str] | None = None
 
     @property

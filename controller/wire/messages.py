@@ -289,11 +289,13 @@ class Push(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="push"):
     Attributes:
         side: of the body, where the push meets it.
         impulse: N s; 0 for one that a person would have to step against.
+        towards: where it drives the body, rad from the world's x to its y axis; None for straight away from that side.
     """
 
     side: Side
     impulse: float = 0.0
     id: Number = 0
+    towards: float | None = None
 
 
 class LoadLibrary(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="load"):
@@ -448,8 +450,9 @@ class State(msgspec.Struct, frozen=True, tag="state"):
         fell_back: why the last blend was given up and what was played instead.
         seen: the motion that is recognized, and the confidence, while that is switched on.
         inputs: the present values of the inputs that motions have besides the phase.
-        at: s of the deck, the clock of its events.
+        at: s of the deck, the clock of its events; it waits while the joints approach the motion.
         fallen: whether the simulated robot has fallen and not stood again.
+        approaching: whether the joints are on their slow way to the motion.
     """
 
     motion: str
@@ -468,6 +471,7 @@ class State(msgspec.Struct, frozen=True, tag="state"):
     lock: LockState | None = None
     at: float = 0.0
     fallen: bool = False
+    approaching: bool = False
 
 
 EventKind = Literal[

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import mujoco
 import numpy as np
@@ -99,8 +99,10 @@ class PhysicsPlayback:
         data: MuJoCo's state.
         model: the model of that state, apart from the robot's own.
         placed: the commanded root of the last write, position (m) and quaternion, shape (7,).
-        near_falls: when a robot that walks was about to fall, s since the first write.
-        fell_s: when a free robot fell first, s since the first write; None if it never has.
+        wanted: where it was to be after the last write, shape (nq,); a free root where it is along the ground.
+        clock: the time at which falls are noted, s; by default since the first write.
+        near_falls: when a robot that walks was about to fall, s.
+        fell_s: when a free robot fell first, s; None if it never has.
         fallen: whether a free robot has fallen and not stood again for a second.
         behind_s: how far the body is behind what is written, s.
     """
@@ -161,7 +163,7 @@ class PhysicsPlayback:
         # Which degree of freedom an actuator drives: of a ball joint each of the three in a row has its own.
         self._dof = model.jnt_dofadr[model.actuator_trnid[:, 0]].astype(np.int64)
         self._dof[robot.layout.ball] += np.arange(3)
-        self._goal, self._goal_before = model.qpos0.copy(), model.qpos0.copy()
+        self._goal, self._goal_before, self.wanted = (model.qpos0.copy() for _ in range(3))
         self.placed = np.empty(7)
         self._straight = model.qpos0.copy()
         robot.layout.place(np.zeros(model.nu), self._straight)
@@ -169,6 +171,7 @@ class PhysicsPlayback:
         self._measured, self._played = robot.rest.copy(), robot.rest.copy()
         self._started = False
         self._writes = self._faults = 0
+        self.clock: Callable[[], float] = lambda: self._writes * self._dt
         self.fell_s: float | None = None
         self.fallen = False
         self._stands_for = 0  # writes since a fallen robot was seen to stand
@@ -204,6 +207,7 @@ class PhysicsPlayback:
             data.mocap_pos[0] = self._goal[:3]
             data.mocap_quat[0] = self._goal[3:7]
         self.placed[:] = self._goal[:7]
+        self.wanted[:] = self._goal
         if self._legs is not None:
             self._legs.adjust(data, self._goal, self._heading)
             if starting:
@@ -235,21 +239,23 @@ class PhysicsPlayback:
         root = self.placed
         if self._walker is not None:
             if self._walker.falling and not self._lost and self.fell_s is None:
-                self.near_falls.append(self._writes * self._dt)
+                self.near_falls.append(self.clock())
             self._lost = self._walker.falling
             # The body is behind: it is judged by what it was to do now.
             root = self._walker.preview.goal[:7]
             targets = self._played
             robot.layout.read(self._walker.preview.goal, near=self._measured, out=targets)
+            self.wanted[:] = self._walker.preview.goal
         self._count(targets)
         if self._root == "free":
+            self.wanted[:2] = data.qpos[:2]
             self._look_for_fall(root)
 
     def _look_for_fall(self, played: Array) -> None:
         """Notes whether the robot lies where its root is to be as `played`, shape (>= 7,)."""
         if has_fallen(self.data.qpos, played, self.model.qpos0[3:7]):
             self.fallen, self._stands_for = True, 0
-            self.fell_s = self._writes * self._dt if self.fell_s is None else self.fell_s
+            self.fell_s = self.clock() if self.fell_s is None else self.fell_s
         elif self.fallen:
             self._stands_for += 1
             self.fallen = self._stands_for * self._dt < STANDS_AGAIN
@@ -305,12 +311,13 @@ class PhysicsPlayback:
         root = int(self.model.jnt_bodyid[0])
         self.data.xfrc_applied[root, :3] = force
 
-    def push_from(self, side: Side, impulse: float) -> float:
+    def push_from(self, side: Side, impulse: float, towards: float | None = None) -> float:
         """Pushes the root for PUSH_LASTS seconds, level, from a side of the body as the motion heads.
 
         Args:
             side: where the push meets it.
             impulse: N s; 0 for `usual_push`.
+            towards: where it drives the body, rad from the world's x to its y axis, in place of a side.
 
         Returns:
             The impulse, N s.
@@ -320,7 +327,7 @@ class PhysicsPlayback:
         """
         if self._root == "fixed":
             raise MotiondeckError("a fixed root cannot be pushed: play with --root gantry or free")
-        away = self._heading + PUSHES_TOWARDS[side]
+        away = self._heading + PUSHES_TOWARDS[side] if towards is None else towards
         impulse = impulse or usual_push(self._robot.model)
         self.push(push_force(impulse, away))
         self._pushed = round(PUSH_LASTS / self._dt)

@@ -18,12 +18,14 @@ from controller.wire.command_socket import CommandClient
 from controller.wire.messages import Event
 from motiondeck_base.errors import FileFormatError
 from sim.models.urdf_visuals import with_visuals
+from sim.view.body.body_push import BodyPush
+from sim.view.body.live_footprints import LiveSteps
+from sim.view.body.live_forces import LiveForces
+from sim.view.body.target_pose import TargetPose
 from sim.view.drawn_model import DrawnModel
 from sim.view.ghost import Ghost
 from sim.view.learning.hand_recorder import HandRecorder
 from sim.view.learning.learn_panel import LearnPanel
-from sim.view.live_footprints import LiveSteps
-from sim.view.live_forces import LiveForces
 from sim.view.network_view import NetworkView
 from sim.view.panel import Panel
 from sim.view.rig.joint_glow import JointGlow
@@ -63,7 +65,8 @@ class DeckView:
     ):
         self._page = page
         self._motions = [str(motion) for motion in description["motions"]]
-        model = _model(str(description["model_file"]))
+        model_file, push_ns = str(description["model_file"]), float(description.get("push_ns", 0.0))
+        model = _model(model_file)
         self._scene = Scene(page, model)
         height = self._scene.height
         files = [str(file) for file in description.get("followers", ())]
@@ -79,6 +82,7 @@ class DeckView:
         self._steps = LiveSteps(page, model, np.array(description.get("rest", model.qpos0)), height)
         weight = description.get("weight")
         self._forces = LiveForces(page, float(weight), height) if weight else None
+        self._target = TargetPose(page, lambda: _model(model_file), height) if description.get("has_target") else None
         self._panel = Panel(
             page,
             self._motions,
@@ -88,11 +92,14 @@ class DeckView:
             has_human=self._ghost is not None,
             has_phase=bool(description.get("has_phase")),
             has_network=self._network is not None,
-            push_ns=float(description.get("push_ns", 0.0)),
+            push_ns=push_ns,
             has_forces=self._forces is not None,
+            has_target=self._target is not None,
             library=Path(file) if (file := description.get("library_file")) else None,
             recognizable=description.get("recognizable", ()),
         )
+        if push_ns:
+            BodyPush(self._scene.robot, height, push_ns, self._panel.send)
         self._add_side(model, description, looks, dropped)
         self._follower, self._centre = Follower(), np.zeros(2)
         self._last_picture = self._last_health = 0.0
@@ -156,6 +163,8 @@ class DeckView:
                 other.show(qpos, centre)
             if self._ghost is not None:
                 self._ghost.show(self._panel.human, seen["human_root"], seen["human_turn"], seen["qpos"][:2], centre)
+            if self._target is not None:
+                self._target.show(seen["target"], centre, visible=self._panel.shows_target)
             if self._network is not None:
                 self._network.show(latest["activation"], playing, visible=self._panel.shows_network)
             self._steps.show(self._scene.data, centre, dt, visible=self._panel.marks_steps)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+import viser
 from numpy.typing import NDArray
 
 from controller.rotations import Array
@@ -36,7 +37,7 @@ class DrawnModel:
         self._model, self._visible = model, True
         self.data = mujoco.MjData(model)
         self._batches = batches(model)
-        self._handles = {}
+        self._handles: dict[str, list[viser.BatchedMeshHandle]] = {}
         mujoco.mj_kinematics(model, self.data)
         for shape, batch in self._batches.items():
             position, orientation = poses(model, self.data, batch)
@@ -64,6 +65,11 @@ class DrawnModel:
                 )
                 for look, mesh, colour, thickness, lift, share in looks
             ]
+
+    @property
+    def solids(self) -> list[viser.BatchedMeshHandle]:
+        """Its solids on the page, without their shadows."""
+        return [solid for solid, _ in self._handles.values()]
 
     def show(self, qpos: Array, centre: Array) -> None:
         """Draws it at qpos (nq,), as seen by someone at the centre (2,), m."""

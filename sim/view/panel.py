@@ -59,6 +59,7 @@ STEPS = "The motion goes on for 1/30 s."
 
 # Keys for the first motions.
 DIGITS = ("1", "2", "3", "4", "5", "6", "7", "8", "9")
+TARGET = "The pose that the simulated servos are to reach, translucent"
 FORCES = "Of the floor on the body; an arrow half as long as the robot is its weight"
 MORE = "All of them are marks in the strip of the last minutes, with their text."
 
@@ -68,7 +69,7 @@ class Panel:
 
     With `has_phase` motions can be played backwards and sent to a phase; with `has_network` one can look inside it. A
     body in physics can be pushed; a good push is `push_ns`, N s, and 0 means that there is none. With `has_forces` the
-    forces of the floor on it are known.
+    forces of the floor on it are known, with `has_target` the pose that its servos are to reach.
     """
 
     def __init__(
@@ -84,6 +85,7 @@ class Panel:
         has_network: bool = False,
         push_ns: float = 0.0,
         has_forces: bool = False,
+        has_target: bool = False,
         library: Path | None = None,
         recognizable: Sequence[str] = (),
     ) -> None:
@@ -121,6 +123,7 @@ class Panel:
         self._tap = self._add_tap() if has_phase else None
         with gui.add_folder("view", expand_by_default=False):
             self._human = gui.add_dropdown("human", WAYS, hint="The pose that the network plays") if has_human else None
+            self._target = gui.add_checkbox("target pose", False, hint=TARGET) if has_target else None
             self._network = (
                 gui.add_checkbox(
                     "network", False, hint="The orbits of its neurons, in the three directions that show most"
@@ -198,6 +201,11 @@ class Panel:
     def shows_network(self) -> bool:
         """Whether the network is shown beside the body."""
         return self._network is not None and bool(self._network.value)
+
+    @property
+    def shows_target(self) -> bool:
+        """Whether the pose that the servos are to reach is shown."""
+        return self._target is not None and bool(self._target.value)
 
     @property
     def marks_steps(self) -> bool:

@@ -59,6 +59,7 @@ class Scene:
 
     Attributes:
         height: of the robot, m.
+        robot: as it is drawn.
     """
 
     def __init__(self, page: PrivatePage, model: mujoco.MjModel) -> None:
@@ -77,7 +78,7 @@ class Scene:
         self._floor = scene.add_frame("/floor", show_axes=False)
         for parity, colour in enumerate(FLOOR):
             scene.add_mesh_simple(f"/floor/{parity}", *_tiles(self._cell, parity), color=colour, flat_shading=True)
-        self._robot = DrawnModel(page, model, height)
+        self.robot = DrawnModel(page, model, height)
         page.initial_camera.position, page.initial_camera.look_at = self._camera("three")
         page.initial_camera.fov = np.radians(42.0)
 
@@ -103,12 +104,12 @@ class Scene:
     @property
     def data(self) -> mujoco.MjData:
         """MuJoCo's state of the robot as it is shown."""
-        return self._robot.data
+        return self.robot.data
 
     def show(self, qpos: Array, centre: Array) -> None:
         """Draws the robot at qpos (nq,) as seen by an observer who walks along with the centre (2,)."""
         with self._page.atomic():
-            self._robot.show(qpos, centre)
+            self.robot.show(qpos, centre)
             # Moving the floor back by less than two squares looks like walking on.
             self._floor.position = (*(-np.mod(centre, 2.0 * self._cell)), 0.0)
 

@@ -213,6 +213,8 @@ def _shots(
             if look.ghost and done == ticks:
                 body.layout.place(targets, ghost)
                 ghost[:7] = stage.placed
+                if isinstance(stage, PhysicsPlayback):
+                    ghost[:] = stage.wanted
             if watch is not None:
                 prints += watch(stage.data, dt)
         yield Shot(stage.qpos, ghost if look.ghost else None, prints)

@@ -59,6 +59,7 @@ _NUMBERS = (
     "work_p50_us",
     "kept_apart",
     "fallen",
+    "approaching",
 )
 # What it shows of the servos of a rig, in the order of their `ServoStates`: each field has one number a servo.
 _OF_SERVOS = tuple(
@@ -139,6 +140,13 @@ class Showable(Protocol):
 
 
 @runtime_checkable
+class Driven(Protocol):
+    """A simulated body that servos bring to where it is to be."""
+
+    wanted: Array
+
+
+@runtime_checkable
 class OnFloor(Protocol):
     """A simulated body that stands on a floor."""
 
@@ -188,6 +196,7 @@ class Page:
         # The human is shown as the body is that follows it.
         self._human = LatePoses(first.stage.behind_s)
         self._body, self._on_floor = robots[0].pushable, _on_floor(robots[0])
+        self._driven = first.stage if isinstance(first.stage, Driven) else None
         self._guards = [robot.guard for robot in robots if robot.guard is not None]
 
     @classmethod
@@ -246,6 +255,9 @@ class Page:
         if _on_floor(robots[0]) is not None:
             description["weight"] = 9.81 * float(robot.model.body_mass.sum())
             numbers["contacts"] = 6 * MOST_FORCES
+        if isinstance(_simulations(robots)[0].stage, Driven):
+            description["has_target"] = True
+            numbers["target"] = robot.model.nq
         if robots[0].pushable is not None:
             description["push_ns"] = usual_push(robot.model)
         if servos is not None:
@@ -284,9 +296,12 @@ class Page:
         beats = lock.per_minute if lock is not None else None
         fields["beats_per_minute"][0] = beats if beats is not None else math.nan
         fields["mode"][0] = MODES.index(stop.mode)
+        if self._driven is not None:
+            fields["target"][:] = self._driven.wanted
         if self._on_floor is not None:
             self._on_floor.contact_forces(fields["contacts"].reshape(MOST_FORCES, 6))
         fields["fallen"][0] = self._body is not None and self._body.fallen
+        fields["approaching"][0] = stop.approaching
         fields["rate_hz"][0] = state.rate
         fields["overruns"][0] = state.overruns
         fields["restarts"][0] = deck.restarts

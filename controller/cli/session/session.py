@@ -201,6 +201,8 @@ class Session:
         servos = rig if isinstance(rig, RigOutput) else None
         self._deck = self._make_deck(together([robot.retarget for robot in self.robots]))
         self._channels = channels_of(self.robots)
+        for body in filter(None, (robot.pushable for robot in self.robots)):
+            body.clock = lambda: self._deck.time  # as events do; the approach comes before
         if isinstance(self._deck, Lockable):
             self._deck.measured = self._measured
             lock_deck(opening, self._deck, settings.lock_to)
@@ -320,9 +322,6 @@ class Session:
         recorded = {"recording": self._recorder.finish()} if self._recorder else {}
         names = [name for robot in self.robots for name in robot.joints]
         full = run_report(report, names, self._deck.switches, self._permissions)
-        fallen = next((output for output in full["outputs"] if output.get("fell_s") is not None), None)
-        if fallen and self._desk.fell_s is not None:  # on the clock of the run; the body's own counts the approach too
-            fallen["fell_s"] = self._desk.fell_s
         full |= {"refused": self._refused, "restarts": self._deck.restarts}
         full |= {"library": self._source_name, "robot": self._first.name} | recorded
         return full | self._kept_apart() | ({"recognition": self._watch.report()} if self._watch else {})

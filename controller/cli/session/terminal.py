@@ -124,6 +124,7 @@ def describe(reply: Reply) -> str:
             how += "".join(f", {name} {value:.3g}" for name, value in reply.inputs.items())
             how += f", {reply.lock}" if reply.lock is not None else ""
             doing = "switching to" if reply.switching else "playing"
+            doing = "slowly approaching" if reply.approaching else doing
             mode = "FALLEN; " if reply.fallen else ""
             mode += "" if reply.mode == "playing" else f"{reply.mode}; "
             queue = f"; next: {', '.join(reply.queue)}" if reply.queue else ""

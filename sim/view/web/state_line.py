@@ -30,6 +30,7 @@ class RunState:
         blend: the motion that is blended in, and its weight.
         settled: whether no switch is under way.
         fallen: whether the simulated robot lies on the floor.
+        approaching: whether the joints are on their slow way to the motion.
     """
 
     mode: str = "playing"
@@ -41,6 +42,7 @@ class RunState:
     blend: tuple[str, float] | None = None
     settled: bool = True
     fallen: bool = False
+    approaching: bool = False
 
     @classmethod
     def of(cls, state: Mapping[str, Array], motions: Sequence[str]) -> RunState:
@@ -62,6 +64,7 @@ class RunState:
             blend=(blended[0], number_in(state, "blend_weight", 0.0)) if blended else None,
             settled=bool(number_in(state, "settled", 1.0)),
             fallen=bool(number_in(state, "fallen", 0.0)),
+            approaching=bool(number_in(state, "approaching", 0.0)),
         )
 
 
@@ -100,6 +103,8 @@ def state_line(state: RunState) -> StateLine:
         return StateLine("HELD", "nothing moves", "choose a motion, or Home", AMBER)
     if state.mode == "home":
         return StateLine("HOME", "at rest, or on the way there", "choose a motion to play on", GREY)
+    if state.approaching:
+        return StateLine("ON ITS WAY", f"slowly to {state.playing}", upcoming, VIOLET)
     if state.paused:
         return StateLine("PAUSED", state.playing, upcoming, AMBER)
     if state.way:

@@ -14,7 +14,7 @@ from controller.mocap.posture import Pose
 from sim.robots.robot import load_robot
 from sim.view.drawn_model import DrawnModel
 from sim.view.ghost import OPACITY, WAYS, Ghost, draw_ghost
-from sim.view.live_footprints import LiveSteps
+from sim.view.body.live_footprints import LiveSteps
 from simulated_bodies import ROBOTS, bent_pose, human
 
 
