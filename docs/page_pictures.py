@@ -1,5 +1,8 @@
 """Makes the pictures of the page in these docs: plays the shipped library in a browser, and takes screenshots.
 
+Each scene is shown in three windows: page-NAME.webp (1366 x 768), page-NAME-large.webp (1920 x 1080) and
+page-NAME-phone.webp (390 x 844).
+
 .venv/bin/python docs/page_pictures.py [FOLDER [NAME...]]        # default: all, into docs/pictures
 """
 
@@ -8,6 +11,7 @@ from __future__ import annotations
 import base64
 import io
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -15,7 +19,9 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from threading import Event, Thread
 from typing import Any
 
 from PIL import Image
@@ -23,34 +29,70 @@ from playwright.sync_api import sync_playwright
 
 from controller.library.motion_library import load_library
 from controller.wire.command_socket import CommandClient
-from controller.wire.messages import Blend, Reset, Resume, Switch
+from controller.wire.messages import Blend, EmergencyStop, Reset, Resume, SetTempo, Stop, Switch
 from motiondeck_base.shipped import find_library, find_rig
 from sim.physics.played_motions import as_clip
 
-GRAPHICS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+GRAPHICS = ["--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader"]
 PATIENCE_MS = 180_000
 COMMAND_PORT = 47899
 COMMAND = [sys.executable, "-P", "-m", "motiondeck"]
+WINDOWS = {"": (1366, 768), "-large": (1920, 1080), "-phone": (390, 844)}
+Shots = Iterator[tuple[str, Any]]
 
 
 def main(folder: Path, names: Sequence[str]) -> None:
-    """Writes page-NAME.webp for these of SCENES."""
+    """Writes the pictures of these of SCENES."""
     browser_path = next(filter(None, map(shutil.which, ("chromium", "google-chrome"))))
     with tempfile.TemporaryDirectory() as work, sync_playwright() as tool:
         browser = tool.chromium.launch(executable_path=browser_path, args=GRAPHICS)
         with deck_on_emulated_servos(Path(work)) as (address, hands):
-            page = browser.new_page(viewport={"width": 1366, "height": 768})
-            page.set_default_timeout(PATIENCE_MS)
-            page.goto(address)
-            _begin(page)
-            for name, act in ((name, act) for name, act in SCENES.items() if name in names):
-                size = SIZES.get(name, (1366, 768))
-                page.set_viewport_size({"width": size[0], "height": size[1]})
-                act(page, hands, Path(work))
-                file = folder / f"page-{name}.webp"
-                Image.open(io.BytesIO(page.screenshot(timeout=PATIENCE_MS))).save(file, quality=80)
-                print(file, flush=True)
+            setting = Setting(browser, address, hands, Path(work))
+            for name in (name for name in SCENES if name in names):
+                for window, page in SCENES[name](setting):
+                    file = folder / f"page-{name}{window}.webp"
+                    picture = page.screenshot(timeout=PATIENCE_MS)
+                    Image.open(io.BytesIO(picture)).save(file, quality=80 if not window else 70)
+                    print(file, flush=True)
         browser.close()
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Where a scene is played.
+
+    Attributes:
+        browser: of Playwright.
+        address: of the page.
+        hands: told what to do to the emulated servos.
+        work: the folder in which the deck was started.
+    """
+
+    browser: Any
+    address: str
+    hands: Callable[[str], None]
+    work: Path
+
+    def open(self, window: str) -> Any:
+        """The page in a browser window of a size, when it shows what happens."""
+        width, height = WINDOWS[window]
+        page = self.browser.new_page(viewport={"width": width, "height": height})
+        page.set_default_timeout(PATIENCE_MS)
+        page.goto(self.address)
+        page.locator("#state-line").wait_for()
+        # The browser's own notice: it draws without a graphics card here.
+        page.get_by_text("Software WebGL").locator("xpath=../..").get_by_role("button").click()
+        page.get_by_role("button", name=re.compile("^walk")).locator("svg").first.wait_for(state="attached")
+        return page
+
+    def shots(self, arrange: Callable[[Any], None] = lambda page: None, seconds: float = 3.0) -> Shots:
+        """The page in each window, one after the other, arranged and then left alone for some seconds."""
+        for window in WINDOWS:
+            page = self.open(window)
+            arrange(page)
+            time.sleep(seconds)
+            yield window, page
+            page.close()
 
 
 @contextmanager
@@ -102,98 +144,122 @@ def drop(page: Any, file: Path) -> None:
     )
 
 
-def _begin(page: Any) -> None:
-    page.get_by_text("PLAYING", exact=True).wait_for()
-    # The browser's own notice: it draws without a graphics card here.
-    page.get_by_text("Software WebGL").locator("xpath=../..").get_by_role("button").click()
-    time.sleep(3.0)
-
-
-def _playing(page: Any, hands: Callable[[str], None], work: Path) -> None:
+def _playing(setting: Setting) -> Shots:
     time.sleep(6.0)
+    yield from setting.shots()
 
 
-def _phone(page: Any, hands: Callable[[str], None], work: Path) -> None:
-    page.reload()  # a camera keeps the place that it got where the window was larger
-    _begin(page)
-
-
-def _rig(page: Any, hands: Callable[[str], None], work: Path) -> None:
-    page.get_by_role("tab", name="Rig").click()
-    time.sleep(6.0)
-
-
-def _hot_servo(page: Any, hands: Callable[[str], None], work: Path) -> None:
+def _knee(page: Any) -> None:
     page.get_by_role("button", name="l_knee").click()
-    for _ in range(5):
-        hands("warm l_knee 75")
-        time.sleep(1.0)
-    page.locator('.servo-card.warn[aria-label*="hot"]').wait_for()
+    page.locator('.servo-card.warn[aria-label*="hot"]').scroll_into_view_if_needed()
 
 
-def _registers(page: Any, hands: Callable[[str], None], work: Path) -> None:
+def _hot_servo(setting: Setting) -> Shots:
+    with warmed(setting.hands, "l_knee", 75):
+        time.sleep(6.0)
+        yield from setting.shots(_knee)
+
+
+@contextmanager
+def warmed(hands: Callable[[str], None], joint: str, degrees: int) -> Iterator[None]:
+    """Keeps a servo hot."""
+    over = Event()
+
+    def warm() -> None:
+        while not over.wait(1.0):
+            hands(f"warm {joint} {degrees}")
+
+    thread = Thread(target=warm)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+
+
+def _registers(setting: Setting) -> Shots:
+    page = setting.open("")
+    page.get_by_role("button", name="l_knee").click()
     page.get_by_role("button", name="Registers").click()
     page.get_by_role("row", name="operating_mode").wait_for()
     time.sleep(1.0)
-
-
-def _network(page: Any, hands: Callable[[str], None], work: Path) -> None:
+    yield "", page
     page.get_by_role("button", name="Close").click()
+    page.close()
+
+
+def _look_inside(page: Any) -> None:
     page.get_by_text("view", exact=True).click()
-    page.get_by_text("network", exact=True).click()
+    box = page.get_by_role("checkbox", name="network")
+    if not box.is_checked():
+        box.click()
     page.mouse.move(700, 600)
-    time.sleep(6.0)
 
 
-def _blend(page: Any, hands: Callable[[str], None], work: Path) -> None:
-    page.get_by_text("network", exact=True).click()
+def _network(setting: Setting) -> Shots:
+    yield from setting.shots(_look_inside, 5.0)
+    page = setting.open("")
     page.get_by_text("view", exact=True).click()
+    page.get_by_role("checkbox", name="network").click()
+    page.close()
+
+
+def _blend(setting: Setting) -> Shots:
     send(Blend("walk", "jog", 0.4))
-    page.get_by_text("BLEND", exact=True).wait_for()
-    time.sleep(3.0)
+    time.sleep(4.0)
+    yield from setting.shots()
 
 
-def _on_its_way(page: Any, hands: Callable[[str], None], work: Path) -> None:
+def _on_its_way(setting: Setting) -> Shots:
     send(Switch("crawl"))
+    time.sleep(8.0)
+    send(SetTempo(0.1), Switch("waltz"))
+    yield from setting.shots(lambda page: page.get_by_text("ON ITS WAY").wait_for(), 1.0)
+    send(SetTempo(1.0))
     time.sleep(6.0)
-    send(Switch("waltz"))
-    page.get_by_text("ON ITS WAY").wait_for()
-    time.sleep(0.5)
 
 
-def _emergency_stop(page: Any, hands: Callable[[str], None], work: Path) -> None:
-    page.keyboard.press("Escape")
-    page.get_by_text("EMERGENCY STOP", exact=True).wait_for()
-    time.sleep(1.0)
+def _emergency_stop(setting: Setting) -> Shots:
+    send(EmergencyStop())
+    time.sleep(2.0)
+    yield from setting.shots()
+    send(Reset(), Resume())
 
 
-def _learning(page: Any, hands: Callable[[str], None], work: Path) -> None:
-    if page.get_by_text("EMERGENCY STOP", exact=True).is_visible():
-        send(Reset(), Resume())
-    page.get_by_role("tab", name="Learn").click()
+def _learning(setting: Setting) -> Shots:
     from controller.mocap.formats.writing import bvh_text
 
-    recording = work / "my-waltz.bvh"
+    recording = setting.work / "my-waltz.bvh"
     recording.write_text(bvh_text(as_clip(load_library(find_library("thesis15")), "waltz", 6.0, 60.0)))
+    page = setting.open("")
+    page.get_by_role("tab", name="Learn").click()
     drop(page, recording)
-    page.get_by_role("button", name="Learn it").wait_for()
     page.get_by_role("button", name="Learn it").click()
     page.get_by_role("button", name="Play it").wait_for()
+    page.close()
+    yield from setting.shots(lambda page: page.get_by_role("tab", name="Learn").click())
 
 
-SCENES: dict[str, Callable[[Any, Callable[[str], None], Path], None]] = {
+def _ended(setting: Setting) -> Shots:
+    pages = {window: setting.open(window) for window in WINDOWS}
+    send(Stop())
+    for page in pages.values():
+        page.get_by_text("ENDED", exact=True).wait_for()
+    yield from pages.items()
+
+
+SCENES: dict[str, Callable[[Setting], Shots]] = {
     "playing": _playing,
+    "network": _network,
     "hot-servo": _hot_servo,
     "registers": _registers,
-    "network": _network,
     "blend": _blend,
     "on-its-way": _on_its_way,
     "emergency-stop": _emergency_stop,
     "learning": _learning,
-    "large": _rig,
-    "phone": _phone,
+    "ended": _ended,
 }
-SIZES = {"large": (1920, 1080), "phone": (390, 844)}
 
 if __name__ == "__main__":
     os.environ.setdefault("MUJOCO_GL", "disable")

@@ -2,11 +2,18 @@
 
 The activations r of all motions, N numbers each, are seen from the three directions in which they differ most (their
 first principal components):  p = D (r - c). Each motion is a closed path there, or one that ends.
+
+How far two motions use the same directions is their overlap: with the correlations R = X'X / T of their activations,
+
+    |R_i^1/2 R_j^1/2|^2 / (|R_i| |R_j|),
+
+which is the similarity of their conceptors (Jaeger 2014, section 3.8) for small apertures: 1 for equal ones, 0 where
+they share no direction.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,12 +35,14 @@ class Orbits:
         centre: c, shape (N,).
         paths: of each motion, shape (POINTS, 3) or shorter.
         share: which part of the activations' variance the three directions show.
+        overlap: of each two motions, shape (M, M), in the order of the paths.
     """
 
     directions: Activation
     centre: Activation
     paths: dict[str, Activation]
     share: float
+    overlap: Array
 
     def point(self, activation: Array) -> Activation:
         """Where an activation (N,) is seen, shape (3,)."""
@@ -68,4 +77,14 @@ def orbits(network: NeuronNetwork, frames: Mapping[str, int]) -> Orbits:
     directions /= max(float(np.quantile(np.linalg.norm(points, axis=1), INNER)), 1e-9)
     found = {motion: (seen - centre) @ directions.T for motion, seen in activations.items()}
     squares = np.square(strengths)
-    return Orbits(directions, centre, found, float(squares[:SHOWN].sum() / max(float(squares.sum()), 1e-12)))
+    share = float(squares[:SHOWN].sum() / max(float(squares.sum()), 1e-12))
+    return Orbits(directions, centre, found, share, _overlap([*activations.values()]))
+
+
+def _overlap(activations: Sequence[Activation]) -> Array:
+    """The overlap of each two motions, of their activations (T, N), shape (M, M)."""
+    # trace(R_i R_j) = |X_i X_j'|^2 / (T_i T_j)
+    products = np.array([[np.square(a @ b.T).mean() for b in activations] for a in activations], dtype=np.float64)
+    sizes = np.sqrt(np.maximum(products.diagonal(), 1e-12))
+    overlap: Array = products / np.outer(sizes, sizes)
+    return overlap

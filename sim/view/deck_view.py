@@ -26,7 +26,7 @@ from sim.view.drawn_model import DrawnModel
 from sim.view.ghost import Ghost
 from sim.view.learning.hand_recorder import HandRecorder
 from sim.view.learning.learn_panel import LearnPanel
-from sim.view.network_view import NetworkView
+from sim.view.network.network_view import NetworkView
 from sim.view.panel import Panel
 from sim.view.rig.joint_glow import JointGlow
 from sim.view.rig.rig_panel import RigPanel
@@ -34,11 +34,12 @@ from sim.view.rig.servo_tables import looks_through
 from sim.view.scene import Follower, Scene
 from sim.view.timeline import Timeline
 from sim.view.web.private_page import PrivatePage
+from sim.view.web.state_line import number_in
 
 HEALTH_PER_SECOND = 4.0
 BESIDE = 0.75  # of the robot's height: so far aside a follower, or the human, is drawn
 LONGEST_STEP = 0.1  # s that pass for the camera between two pictures, however late the second is
-SIDE_WIDTH = 330  # pixels
+SIDE_WIDTH = 340  # pixels
 
 
 class DeckView:
@@ -77,8 +78,6 @@ class DeckView:
             # Followers stand to the right of the robot, on the side that the panel does not cover.
             aside = (BESIDE if files else -BESIDE) * height
             self._ghost = Ghost(DrawnModel(page, human, height, " human"), human, about, aside)
-        library = description.get("library")
-        self._network = NetworkView(page, Path(str(library)), height) if library else None
         self._steps = LiveSteps(page, model, np.array(description.get("rest", model.qpos0)), height)
         weight = description.get("weight")
         self._forces = LiveForces(page, float(weight), height) if weight else None
@@ -91,13 +90,15 @@ class DeckView:
             look_from=self._scene.look_from,
             has_human=self._ghost is not None,
             has_phase=bool(description.get("has_phase")),
-            has_network=self._network is not None,
+            has_network=bool(description.get("library")),
             push_ns=push_ns,
             has_forces=self._forces is not None,
             has_target=self._target is not None,
             library=Path(file) if (file := description.get("library_file")) else None,
             recognizable=description.get("recognizable", ()),
         )
+        library = description.get("library")
+        self._network = NetworkView(page, self._panel.parts, Path(str(library)), height) if library else None
         if push_ns:
             BodyPush(self._scene.robot, height, push_ns, self._panel.send)
         self._add_side(model, description, looks, dropped)
@@ -166,7 +167,8 @@ class DeckView:
             if self._target is not None:
                 self._target.show(seen["target"], centre, visible=self._panel.shows_target)
             if self._network is not None:
-                self._network.show(latest["activation"], playing, visible=self._panel.shows_network)
+                phase = number_in(latest, "phase", float("nan"))
+                self._network.show(latest.get("activation"), playing, phase, visible=self._panel.shows_network)
             self._steps.show(self._scene.data, centre, dt, visible=self._panel.marks_steps)
             if self._forces is not None:
                 self._forces.show(seen["contacts"].reshape(-1, 6), centre, visible=self._panel.shows_forces)

@@ -52,6 +52,7 @@ HAND_ON = 1.0
 
 _TOLD = ("via", "gave up", "fault", "fell", "stands", "push", "lost", "replayed")
 _ALARMING = ("fault", "fell", "lost", "replayed")
+PANEL_WIDTH = 332  # pixels
 MOST_NOTICES = 3  # at a time; what a rig does has its own tab
 
 STEP = 1.0 / 30.0  # s, of a step; a tick alone is hardly to be seen
@@ -97,6 +98,8 @@ class Panel:
         self._noticed: dict[str, float] = {}  # when a notice was shown last, s
         gui = page.gui
         gui.configure_theme(show_share_button=False, show_logo=False, brand_color=CURRENT)
+        gui.main_panel.dock_right()  # the scene has what is left, and nothing covers the robot
+        gui.main_panel.set_width(PANEL_WIDTH)
         gui.add_html(STYLE)
         self.parts = PageParts(page)
         # What happens and how to stop it stand first, so that they are visible in a small window too.
@@ -111,6 +114,8 @@ class Panel:
         self._pause.on_click(lambda _: self._pause_or_resume())
         self._home = gui.add_button("Home", icon=viser.Icon.HOME, color="gray", hint=BY_WORD["home"].help)
         self._home.on_click(lambda _: self.send(Home()))
+        self._end = gui.add_button("End run", icon=viser.Icon.PLAYER_STOP, color="gray", hint=BY_WORD["stop"].help)
+        self._end.on_click(self._ask_to_end)
         self._step = gui.add_button(
             "Step", icon=viser.Icon.PLAYER_SKIP_FORWARD, color="gray", visible=False, hint=STEPS + " Key: S."
         )
@@ -140,8 +145,6 @@ class Panel:
         with gui.add_folder("loop", expand_by_default=False):
             self._health = gui.add_html("")
         self._seen = gui.add_html("")
-        self._end = gui.add_button("End run", icon=viser.Icon.PLAYER_STOP, color="gray", hint=BY_WORD["stop"].help)
-        self._end.on_click(self._ask_to_end)
         self._add_keys()
         self._controls = [
             (self._tempo, BY_WORD["tempo"]),

@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.rotations import Array, multiply, rotate
-
-Triangles = tuple[NDArray[np.float32], NDArray[np.uint32]]
+from sim.view.meshes import Triangles, creased, thinned
 
 LAST_VISIBLE_GROUP = 2
 MOST_TRIANGLES, MOST_IN_SHADOW = 2500, 200
@@ -32,7 +31,7 @@ class SolidBatch:
     Attributes:
         mesh: vertices (V, 3) and triangles (F, 3).
         shadow: the same solid with fewer triangles.
-        smooth: whether its surface is round.
+        smooth: whether its surface is shaded across edges, where triangles share corners.
         geom: the geom each copy belongs to, shape (N,).
         offset: where each copy is in the frame of its geom, shape (N, 3), m.
         scale: the size of each copy along the axes of its geom, shape (N, 3).
@@ -93,13 +92,13 @@ def batches(model: mujoco.MjModel) -> dict[str, SolidBatch]:
                     model.mesh_vert[first : first + count].astype(np.float32),
                     model.mesh_face[face : face + faces].astype(np.uint32),
                 )
-                meshes[name] = (thinned(drawn, MOST_TRIANGLES), thinned(drawn, MOST_IN_SHADOW))
+                meshes[name] = (creased(thinned(drawn, MOST_TRIANGLES)), thinned(drawn, MOST_IN_SHADOW))
                 add(name, geom, [1.0, 1.0, 1.0])
     return {
         shape if opacity == 1.0 else f"{shape} {opacity:g}": SolidBatch(
             mesh=meshes[shape][0],
             shadow=meshes[shape][1],
-            smooth=shape != "box" and not shape.startswith("mesh"),
+            smooth=shape != "box",
             geom=np.array([geom for geom, _, _ in found]),
             offset=np.array([offset for _, offset, _ in found]),
             scale=np.array([scale for _, _, scale in found]),
@@ -114,30 +113,6 @@ def poses(model: mujoco.MjModel, data: mujoco.MjData, batch: SolidBatch) -> tupl
     """Where the copies of a batch are: positions (N, 3), m, and quaternions (N, 4)."""
     orientation = multiply(data.xquat[model.geom_bodyid[batch.geom]], model.geom_quat[batch.geom])
     return data.geom_xpos[batch.geom] + rotate(orientation, batch.offset), orientation
-
-
-def thinned(mesh: Triangles, most: int) -> Triangles:
-    """A mesh with at most so many triangles: vertices in one cell of a grid become their mean, in ever larger cells."""
-    vertices, faces = mesh
-    cells = 60
-    while len(faces) > most and cells > 2:
-        low = mesh[0].min(axis=0)
-        size = max(float((mesh[0].max(axis=0) - low).max()), 1e-9) / cells
-        grid = ((mesh[0] - low) / size).astype(np.int64) @ np.array([1, 1 << 10, 1 << 20])
-        _, place, count = np.unique(grid, return_inverse=True, return_counts=True)
-        sums = [np.bincount(place, mesh[0][:, axis], len(count)) for axis in range(3)]
-        vertices = (np.stack(sums, axis=1) / count[:, None]).astype(np.float32)
-        corners = place[mesh[1]]
-        # Each begins with its lowest corner. Of those with the same front one is enough, of those without an area none.
-        turned = (corners.argmin(axis=1)[:, None] + np.arange(3)) % 3
-        a, b, c = np.take_along_axis(corners, turned, axis=1).T
-        _, first = np.unique((a * len(count) + b) * len(count) + c, return_index=True)
-        first = np.sort(first)
-        faces = corners[first[(a[first] != b[first]) & (b[first] != c[first]) & (c[first] != a[first])]].astype(
-            np.uint32
-        )
-        cells = int(cells / 1.25)
-    return vertices, faces
 
 
 def sphere(rings: int, segments: int) -> Triangles:

@@ -242,8 +242,9 @@ class Page:
         numbers = {"qpos": robot.model.nq, "root_xy": 2} | dict.fromkeys(_NUMBERS + (NUMBERS if watch else ()), 1)
         numbers |= {"way": MOST_SHOWN, "queue": MOST_SHOWN}
         numbers |= {f"qpos {index}": one.model.nq for index, one in enumerate(shown[1:])}
-        if library is not None and deck.activation is not None:
+        if library is not None and (deck.activation is not None or deck.phase is not None):
             description["library"] = str(library.resolve())
+        if library is not None and deck.activation is not None:
             numbers["activation"] = len(deck.activation)
         if human is not None:
             description["human"] = draw_ghost(human, robot.path_scale, state.with_name("human.xml"))

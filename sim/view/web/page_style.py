@@ -1,7 +1,8 @@
-"""The style of the panel: the state line and the emergency stop stay in sight, and two buttons share a line.
+"""The style of the panel: the state line and the emergency stop stay in sight, and three buttons share a line.
 
-viser lays a panel out in one column that scrolls as a whole. These rules go by marks of our own in that column; where
-a browser or another version of viser does not match them, the panel is as viser makes it.
+viser lays a panel out in one column that scrolls as a whole; on a phone it is a sheet at the lower edge. These rules go
+by marks of our own in that column; where a browser or another version of viser does not match them, the panel is as
+viser makes it.
 """
 
 from __future__ import annotations
@@ -17,12 +18,16 @@ STYLE = f"""<style>
 div:has(> div > div > div > #{STATE_LINE}) {{ overflow: visible !important; }}
 div:has(> #{STATE_LINE}), div:has(> #{STATE_LINE}) + div {{
   position: sticky; z-index: 5; background: var(--mantine-color-body, white); }}
-div:has(> #{STATE_LINE}) {{ top: 0; padding-top: 2px; }}
+div:has(> #{STATE_LINE}) {{ top: 0; padding-top: 2px; box-shadow: 0 4px var(--mantine-color-body, white); }}
 div:has(> #{STATE_LINE}) + div {{ top: 6.4em; padding-bottom: 4px; }}
 div:has(> #{STATE_LINE}) + div button {{ min-height: 2.6em; font-size: 1.05em; font-weight: 700; }}
+div[style*="max-height: 60%"], div[style*="max-height: 60%"] div[style="width: 20em;"] {{ width: 100vw !important; }}
 div[style*="pointer-events: none"] #{STATE_LINE}::before {{
   content: "NO CONNECTION"; display: block; margin: -8px -12px 4px; padding: 2px 12px; background: black;
   font-weight: 800; font-size: 17px; }}
-div:has(> #{STATE_LINE}) + div + div {{ margin-right: calc(50% + 2px) !important; }}
-div:has(> #{STATE_LINE}) + div + div + div {{ margin-left: calc(50% + 2px) !important; margin-top: -2.25em; }}
+div:has(> #{STATE_LINE}) + div + div {{ margin-right: calc(66.7% + 1px) !important; }}
+div:has(> #{STATE_LINE}) + div + div + div {{
+  margin-left: calc(33.3% + 2px) !important; margin-right: calc(33.3% + 2px) !important; margin-top: -2.25em; }}
+div:has(> #{STATE_LINE}) + div + div + div + div {{ margin-left: calc(66.7% + 1px) !important; margin-top: -2.25em; }}
+div:has(> #{STATE_LINE}) ~ div button {{ padding-inline: 6px; }}
 </style>"""

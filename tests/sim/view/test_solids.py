@@ -1,10 +1,9 @@
 import mujoco
 import numpy as np
-import pytest
 
 from controller.rotations import rotate
 from sim.models.mannequin.mannequin import build_mannequin
-from sim.view.solids import batches, box, cap, cylinder, mantle, poses, sphere, thinned
+from sim.view.solids import batches, box, cap, cylinder, mantle, poses, sphere
 from simulated_bodies import human
 
 XML = """
@@ -89,17 +88,3 @@ def test_a_mannequin_is_a_few_batches():
     assert len(found) <= 4
     assert sum(len(batch.geom) * len(batch.mesh[1]) for batch in found.values()) < 16_000
     assert sum(len(batch.geom) for batch in found.values()) > 60
-
-
-def test_a_mesh_of_very_many_triangles_is_drawn_with_fewer_in_the_same_place():
-    fine = sphere(100, 200)
-    vertices, faces = thinned(fine, 1500)
-    assert 700 < len(faces) <= 1500
-    assert np.abs(np.linalg.norm(vertices, axis=1) - 1.0).max() < 0.02
-    corners = vertices[faces]
-    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
-    assert area == pytest.approx(4.0 * np.pi, rel=0.05)
-    outwards = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    assert ((outwards * corners.mean(axis=1)).sum(axis=1) > 0.0).all()
-    small = sphere(4, 8)
-    assert thinned(small, 1500) is small or np.array_equal(thinned(small, 1500)[1], small[1])

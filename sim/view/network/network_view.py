@@ -1,22 +1,28 @@
-"""A look inside: the network beside the body, each motion as the orbit of its neurons and a ball where they are now."""
+"""A look inside: the network beside the body, each motion as the orbit of its neurons and a ball where they are now.
+
+A small card over the scene shows how far the motions overlap, and the phases of the centers that drive them.
+"""
 
 from __future__ import annotations
 
 import colorsys
+import time
+from contextlib import suppress
 from pathlib import Path
 from threading import Thread
 
 import numpy as np
 
-from controller.library.motion_library import load_library
-from controller.networks.base import NeuronNetwork
-from controller.networks.orbits import Orbits, orbits
+from controller.networks.orbits import Orbits
 from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
+from sim.view.network.inner_life import InnerLife
+from sim.view.web.parts import PageParts
 from sim.view.web.private_page import PrivatePage
 
-PLACE = (-0.6, -0.75, 0.68)  # of the middle of the orbits, in heights of the robot
-REACH = 0.42  # of nearly all of them, in heights of the robot
+PLACE = (-0.7, -0.19, 0.75)  # of the middle of the orbits, in heights of the robot
+REACH = 0.36  # of nearly all of them, in heights of the robot
+CARDS_PER_SECOND = 4.0
 THIN, THICK = 1.2, 4.0  # lines on the screen, pixels
 PLAYING, DARK = (38, 110, 200), (16, 50, 110)
 PALE = 0.55  # how far the colours of motions that are not played are on their way to the background's
@@ -30,13 +36,16 @@ class NetworkView:
 
     Args:
         page: where they are drawn.
+        parts: of that page.
         library: the file of what is played.
         height: of the robot, m.
     """
 
-    def __init__(self, page: PrivatePage, library: Path, height: float) -> None:
+    def __init__(self, page: PrivatePage, parts: PageParts, library: Path, height: float) -> None:
         self._page, self._height = page, height
-        self._orbits: Orbits | None = None
+        self._inside: InnerLife | None = None
+        self._card = parts.add("network-card", "network-card")
+        self._shown_card = -1.0  # when, s
         self._lines = {}
         self._playing = ""
         self._worker: Thread | None = None
@@ -47,17 +56,21 @@ class NetworkView:
         """Where the ball is, shape (3,), m from the middle of the orbits; None while nothing has been drawn."""
         return np.array(self._ball.position) if self._lines else None
 
-    def show(self, activation: Array, motion: str, *, visible: bool) -> None:
-        """Shows where the neurons are, their activation (N,), on the orbit of the motion that is played."""
+    def show(self, activation: Array | None, motion: str, phase: float, *, visible: bool) -> None:
+        """Shows where the neurons are, their activation (N,), on the orbit of the motion that is played at a phase."""
         if not visible and self._worker is None:
             return
         if self._worker is None:
             self._worker = Thread(target=self._compute, daemon=True)
             self._worker.start()
-        if self._orbits is None:
+        if self._inside is None:
+            return
+        self._show_card(self._inside, motion, phase, visible=visible)
+        found = self._inside.orbits
+        if found is None or activation is None:
             return
         if not self._lines:
-            self._draw(self._orbits)
+            self._draw(found)
         if self._frame.visible != visible:
             self._frame.visible = visible
         if not visible:
@@ -65,18 +78,26 @@ class NetworkView:
         if motion != self._playing:
             for name in (self._playing, motion):
                 if name in self._lines:
-                    self._draw_line(self._orbits, name, playing=name == motion)
+                    self._draw_line(found, name, playing=name == motion)
             self._playing = motion
             self._label.text = motion
-        self._ball.position = self._label.position = REACH * self._height * self._orbits.point(activation)
+        self._ball.position = self._label.position = REACH * self._height * found.point(activation)
 
     def _compute(self) -> None:
-        try:
-            library = load_library(self._library)
-        except MotiondeckError:
-            return  # it has been replaced by something else since the deck loaded it
-        if isinstance(library.network, NeuronNetwork):
-            self._orbits = orbits(library.network, {motion.name: motion.frames for motion in library.info.motions})
+        # The file may have been replaced by something else since the deck loaded it.
+        with suppress(MotiondeckError):
+            self._inside = InnerLife.of(self._library)
+
+    def _show_card(self, inside: InnerLife, motion: str, phase: float, *, visible: bool) -> None:
+        now = time.monotonic()
+        if not visible:
+            self._card.show(None)
+        elif now - self._shown_card > 1.0 / CARDS_PER_SECOND:
+            self._shown_card = now
+            names = list(inside.orbits.paths) if inside.orbits is not None else []
+            overlap = inside.orbits.overlap.round(2).tolist() if inside.orbits is not None else []
+            centers = inside.centers(motion, phase)
+            self._card.show({"motion": motion, "names": names, "overlap": overlap, "centers": centers})
 
     def _draw(self, found: Orbits) -> None:
         scene, height = self._page.scene, self._height

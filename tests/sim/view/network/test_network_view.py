@@ -6,7 +6,8 @@ import pytest
 from controller.library.motion_library import load_library
 from controller.networks.orbits import orbits
 from motiondeck_base.shipped import find_library
-from sim.view.network_view import REACH, NetworkView
+from sim.view.network.network_view import REACH, NetworkView
+from sim.view.web.parts import PageParts
 from sim.view.web.private_page import PrivatePage
 from waiting import free_port
 
@@ -24,9 +25,9 @@ def look(view, activation, motion, seconds):
     """Shows the network until it is drawn, for so long at most."""
     deadline = time.monotonic() + seconds
     while view.ball is None and time.monotonic() < deadline:
-        view.show(activation, motion, visible=True)
+        view.show(activation, motion, 0.25, visible=True)
         time.sleep(0.02)
-    view.show(activation, motion, visible=True)
+    view.show(activation, motion, 0.25, visible=True)
 
 
 def test_the_ball_is_where_the_neurons_are(page):
@@ -34,8 +35,8 @@ def test_the_ball_is_where_the_neurons_are(page):
     network = library.network.twin()
     network.cue("waltz", 3)
     network.advance(np.zeros(network.channels))
-    view = NetworkView(page, find_library("thesis15"), HEIGHT)
-    view.show(network.activation, "waltz", visible=False)
+    view = NetworkView(page, PageParts(page), find_library("thesis15"), HEIGHT)
+    view.show(network.activation, "waltz", 0.25, visible=False)
     assert view.ball is None
     look(view, network.activation, "waltz", 30.0)
     waltz = orbits(network, {motion.name: motion.frames for motion in library.info.motions}).paths["waltz"]
@@ -45,6 +46,6 @@ def test_the_ball_is_where_the_neurons_are(page):
 
 
 def test_a_library_that_has_gone_shows_nothing(page, tmp_path):
-    view = NetworkView(page, tmp_path / "none.safetensors", HEIGHT)
+    view = NetworkView(page, PageParts(page), tmp_path / "none.safetensors", HEIGHT)
     look(view, np.zeros(10), "walk", 0.3)
     assert view.ball is None
