@@ -186,10 +186,15 @@ class StateReader:
             pass
         return False
 
+    @property
+    def latest(self) -> int:
+        """The number of the latest state; 0 before the first one."""
+        return int(self._control[0])
+
     def read(self) -> dict[str, Array] | None:
         """A copy of the latest state, each field an array, or None before the first one."""
         for _ in range(_RETRIES):
-            number = int(self._control[0])
+            number = self.latest
             if number == 0:
                 return None
             values = self._take(number)
@@ -205,7 +210,7 @@ class StateReader:
         Returns:
             The number of the last state, and the values of all fields, shape (states, V).
         """
-        latest = int(self._control[0])
+        latest = self.latest
         oldest = max(number + 1, latest - len(self._slots) + 1)
         taken = [self._take(n) for n in range(oldest, latest + 1)]
         rows = [values for values in taken if values is not None]

@@ -131,6 +131,7 @@ class DeckView:
         if side is not None:
             side.dock_left()
             side.set_width(SIDE_WIDTH)
+            side.expand()  # on a phone it stands below the rest, closed at first otherwise
 
     def show(self, latest: dict[str, Array], now: float) -> None:
         """Draws a published state at a time, s; or, while someone looks back, what was shown then."""
@@ -139,7 +140,7 @@ class DeckView:
         self._draw(self._timeline.seen(latest), latest, playing, min(now - self._last_picture, LONGEST_STEP))
         self._last_picture = now
         if self._hands is not None:
-            self._hands.see(latest, now)
+            self._hands.see(latest)
         if now - self._last_health < 1.0 / HEALTH_PER_SECOND:
             return
         self._last_health = now
@@ -174,6 +175,16 @@ class DeckView:
                 self._forces.show(seen["contacts"].reshape(-1, 6), centre, visible=self._panel.shows_forces)
             if self._glow is not None:
                 self._glow.show(self._scene.data, centre)
+
+    @property
+    def recording(self) -> bool:
+        """Whether the rig is being recorded by hand, and `record` wants every state."""
+        return self._hands is not None and self._hands.recording
+
+    def record(self, state: Mapping[str, Array]) -> None:
+        """Takes a published state for the recording by hand."""
+        if self._hands is not None:
+            self._hands.record(state)
 
     def tell(self, event: Event) -> None:
         """Shows an event of the deck."""

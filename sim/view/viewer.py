@@ -22,7 +22,7 @@ import numpy as np
 from controller.wire.command_socket import CommandClient
 from controller.wire.messages import Event, Subscribe
 from controller.wire.run_folder import REASON_FILE
-from controller.wire.telemetry import StateReader
+from controller.wire.telemetry import StateReader, named
 from motiondeck_base.errors import MotiondeckError
 from sim.view.deck_view import DeckView
 from sim.view.web.private_page import PrivatePage
@@ -57,7 +57,7 @@ def view(state: Path, command_port: int | None, port: int) -> None:
     events = CommandClient(command_port)
     with contextlib.suppress(MotiondeckError):
         events.post(Subscribe())
-    last_tick = -1.0
+    last_tick, last_state = -1.0, 0
     try:
         while not reader.ended and os.getppid() == parent:
             now = time.monotonic()
@@ -65,6 +65,13 @@ def view(state: Path, command_port: int | None, port: int) -> None:
             if latest is not None and latest["tick"][0] != last_tick and np.isfinite(latest["qpos"]).all():
                 last_tick = latest["tick"][0]
                 shown.show(latest, now)
+            if shown.recording:
+                # More states are published than pictures drawn.
+                last_state, values = reader.since(last_state or reader.latest - 1)
+                for each in values:
+                    shown.record(named(each, reader.fields))
+            else:
+                last_state = 0
             tell_news(events, shown)
             time.sleep(max(0.0, now + 1.0 / PICTURES_PER_SECOND - time.monotonic()))
         shown.end(_reason(state))

@@ -38,6 +38,7 @@ MOST_FORCES = 6  # parts of the body that touch the floor
 _NUMBERS = (
     "tick",
     "time_s",
+    "run_s",
     "motion",
     "tempo",
     "phase",
@@ -285,6 +286,7 @@ class Page:
             fields["activation"][:] = deck.activation
         fields["tick"][0] = state.tick
         fields["time_s"][0] = deck.time
+        fields["run_s"][0] = state.seconds
         fields["motion"][0] = deck.motions.index(deck.motion)
         fields["tempo"][0] = deck.commanded_tempo
         fields["phase"][0] = deck.phase if deck.phase is not None else math.nan

@@ -28,7 +28,7 @@ TIGHTENS = "Each servo is checked and switched on where it stands; then it comes
 class HandRecorder:
     """The widgets for it, where the page's widgets are being added.
 
-    The joints that are switched off are recorded, as often as the page is drawn.
+    The joints that are switched off are recorded, as often as the deck publishes where they are.
 
     Attributes:
         recording: whether it records now.
@@ -64,13 +64,15 @@ class HandRecorder:
         self._deeds = parts.add("button-row", "hand-deeds", heard=self._do)
         self._text = page.gui.add_html("")
 
-    def see(self, state: Mapping[str, Array], now: float) -> None:
-        """Takes a published state at a time, s."""
+    def see(self, state: Mapping[str, Array]) -> None:
+        """Takes the latest published state."""
         self._loose = state["servo condition"] == self._off
-        if not self.recording:
-            return
-        self._seen.append((now, state["servo position"][self._recorded].tolist()))
-        if now - self._seen[0][0] > LONGEST:
+
+    def record(self, state: Mapping[str, Array]) -> None:
+        """Takes a published state while it records; each one once, in order."""
+        self._seen.append((float(state["run_s"][0]), state["servo position"][self._recorded].tolist()))
+        if self.recording and self._seen[-1][0] - self._seen[0][0] > LONGEST:
+            self.recording = False
             Thread(target=self._finish, daemon=True).start()
 
     def show(self) -> None:

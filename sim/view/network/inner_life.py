@@ -9,7 +9,7 @@ import numpy as np
 
 from controller.library.motion_library import load_library
 from controller.networks.base import NeuronNetwork
-from controller.networks.centralized.centralized import CentralizedGenerator
+from controller.networks.centralized.centralized_frames import CentralizedNetwork
 from controller.networks.orbits import Orbits, orbits
 from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork, PhaseMotion
 from controller.rotations import Array
@@ -57,7 +57,7 @@ def _course(network: object, motion: str) -> Array | None:
     if isinstance(network, PhaseDrivenNetwork):
         driven: PhaseMotion = network[motion]
         return np.array([[0.0], [driven.course.whole]])
-    if isinstance(network, CentralizedGenerator):
+    if isinstance(network, CentralizedNetwork):
         parts = network[motion]
         return parts.phase + np.array([[0.0], [parts.seconds]]) * parts.frequency
     return None

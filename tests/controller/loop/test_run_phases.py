@@ -172,8 +172,12 @@ def test_home_is_the_rest_pose_and_the_play_goes_on_from_there():
     run.tick(1500)
     assert np.allclose(run.written[-1], REST, atol=1e-9)
     assert np.array_equal(run.written[-1], run.written[-100])
+    assert not run.stop.approaching
     run.stop.play()
+    run.tick(1)
+    assert run.stop.approaching
     run.tick(1500)
+    assert not run.stop.approaching
     assert not np.allclose(run.written[-1], REST, atol=1e-3)
     assert_safe(run.written)
 

@@ -6,6 +6,7 @@ import pytest
 from controller.library.motion_library import load_library
 from controller.networks.base import NeuronNetwork
 from controller.networks.orbits import orbits
+from controller.networks.reservoirs.conceptor_algebra import conceptor, correlation, similarity
 from motiondeck_base.shipped import find_library
 
 
@@ -45,6 +46,24 @@ def test_the_three_directions_show_most_and_reach_one(found):
     assert spread[0] >= spread[1] >= spread[2] > 0.0
     assert np.mean(np.linalg.norm(every, axis=1) <= 1.0) == pytest.approx(0.95, abs=0.01)
     assert 0.1 < found.share <= 1.0
+
+
+def test_motions_overlap_as_far_as_they_use_the_same_neurons(thesis15, found):
+    names = list(found.paths)
+    assert found.overlap.diagonal() == pytest.approx(np.ones(len(names)))
+    assert found.overlap == pytest.approx(found.overlap.T)
+    assert ((found.overlap > 0.0) & (found.overlap < 1.0 + 1e-9)).all()
+    walk = dict(zip(names, found.overlap[names.index("walk")], strict=True))
+    assert walk["slow-walk"] > walk["jog"] > walk["waltz"] > walk["crawl"]
+
+    # As the conceptors of a small aperture are alike, computed by their definition.
+    states, player, out = {}, thesis15.network.twin(), np.zeros(thesis15.network.channels)
+    for motion in ("walk", "crawl"):
+        player.cue(motion, 0)
+        count = {m.name: m.frames for m in thesis15.info.motions}[motion]
+        states[motion] = np.array([player.advance(out) or player.activation.copy() for _ in range(count)])
+    c, b = (conceptor(correlation(x), 1e-3) for x in states.values())
+    assert walk["crawl"] == pytest.approx(similarity(c, b), abs=0.02)
 
 
 def test_looking_does_not_disturb_what_plays(thesis15):

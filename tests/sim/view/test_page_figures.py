@@ -13,6 +13,7 @@ import pytest
 from controller.mocap.posture import Pose
 from sim.robots.robot import load_robot
 from sim.view.body.live_footprints import LiveSteps
+from sim.view.body.target_pose import TargetPose
 from sim.view.drawn_model import DrawnModel
 from sim.view.ghost import OPACITY, WAYS, Ghost, draw_ghost
 from simulated_bodies import ROBOTS, bent_pose, human
@@ -94,6 +95,20 @@ def test_a_foot_that_stands_is_marked_and_one_that_has_stood_leaves_a_print():
     assert sorted(mark.visible for mark in steps._marks) == [False, True]
     steps.show(data, np.zeros(2), 1.0 / 30.0, visible=False)
     assert not any(mark.visible for mark in steps._marks)
+
+
+def test_the_target_pose_is_sent_when_it_is_first_looked_at():
+    xml = '<mujoco><worldbody><body><freejoint/><geom type="box" size=".1 .2 .3"/></body></worldbody></mujoco>'
+    page: Any = Floor()
+    target = TargetPose(page, lambda: mujoco.MjModel.from_xml_string(xml), 1.0)
+    target.show(np.array([3.0, 2.0, 1.0, 1.0, 0.0, 0.0, 0.0]), np.zeros(2), visible=False)
+    assert not page.solids
+    target.show(np.array([3.0, 2.0, 1.0, 1.0, 0.0, 0.0, 0.0]), np.array([1.0, 1.0]), visible=True)
+    (solid,) = (solid for name, solid in page.solids.items() if "robot" in name)
+    assert 0.0 < solid.opacity < 1.0
+    assert solid.batched_positions == pytest.approx(np.array([[2.0, 1.0, 1.0]]))
+    target.show(np.zeros(7), np.zeros(2), visible=False)
+    assert not any(solid.visible for solid in page.solids.values())
 
 
 def test_a_model_is_drawn_where_it_is_with_its_shadow_and_can_be_hidden():

@@ -1,4 +1,4 @@
-"""The panel in two browsers: the state line in thirteen situations, a reload, and a page that has lost its deck."""
+"""The panel in two browsers: the state line in fourteen situations, a reload, and a page that has lost its deck."""
 
 import threading
 import time
@@ -16,17 +16,16 @@ from waiting import free_port, until
 MOTIONS = ["walk", "jog", "crawl", "standup", "waltz"]
 
 
-def state(mode="playing", playing="walk", motion="", way=(), queue=(), blend=None, paused=0.0, settled=1.0, fallen=0.0):
+def state(mode="playing", playing="walk", motion="", way=(), queue=(), blend=None, **others):
     def places(names):
         return np.array([MOTIONS.index(name) for name in names] + [-1] * (8 - len(names)), dtype=float)
 
     numbers = {
         "mode": MODES.index(mode),
-        "paused": paused,
-        "settled": settled,
+        "settled": 1.0,
         "phase": 0.4,
         "tempo": 1.0,
-        "fallen": fallen,
+        **others,
     }
     numbers |= {"playing": MOTIONS.index(playing), "motion": MOTIONS.index(motion or playing)}
     numbers |= {"blend": -1.0 if blend is None else MOTIONS.index(blend), "blend_weight": 0.4}
@@ -47,6 +46,7 @@ SITUATIONS = [
     (state(paused=1.0), ["PAUSED", "walk"]),
     (state(paused=1.0, queue=["jog"]), ["PAUSED", "walk", "next: jog"]),
     (state(fallen=1.0), ["FALLEN", "playing walk", "End run, and start it again"]),
+    (state(approaching=1.0), ["ON ITS WAY", "slowly to walk"]),
     (state(mode="home"), ["HOME", "at rest, or on the way there", "choose a motion to play on"]),
     (state(mode="held"), ["HELD", "nothing moves", "choose a motion, or Home"]),
     (state(mode="emergency stop"), ["EMERGENCY STOP", "every joint is held", "Reset releases it"]),
@@ -117,6 +117,14 @@ def test_two_browsers_see_what_happens_and_both_command(browser):
                 panel.tell(Event("fault", f"id {id} is hot", "walk", 1.0, id))
             wide.get_by_text("more faults").wait_for()
             assert wide.get_by_text("is hot").count() <= 3
+
+            card = panel.parts.add("network-card", "network-card")
+            near = {"motion": "walk", "names": ["walk", "jog"], "overlap": [[1, 0.7], [0.7, 1]], "centers": [0.25, 0.5]}
+            card.show(near)
+            wide.get_by_text("walk: most with jog 70 %").wait_for()
+            assert wide.locator(".network-card .dials svg").count() == 2
+            card.show(None)
+            wide.locator(".network-card").wait_for(state="hidden")
 
             phone.reload()
             phone.locator("#state-line").get_by_text("PLAYING").wait_for()

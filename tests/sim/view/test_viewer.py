@@ -20,6 +20,7 @@ from controller.wire.messages import (
     GiveBeat,
     Jump,
     Pause,
+    Push,
     Refused,
     Reset,
     SetTempo,
@@ -53,7 +54,13 @@ class FakeDeck:
         self.state = folder / "state"
         self.writer = StateWriter.create(
             self.state,
-            {"model_file": str(folder / "robot.xml"), "motions": MOTIONS, "robot": "mannequin", "has_phase": True},
+            {
+                "model_file": str(folder / "robot.xml"),
+                "motions": MOTIONS,
+                "robot": "mannequin",
+                "has_phase": True,
+                "push_ns": 16.0,
+            },
             {"qpos": model.nq, "root_xy": 2} | dict.fromkeys(NUMBERS, 1),
         )
         self.server = CommandServer(0)
@@ -141,6 +148,18 @@ def figure_share(page):
     return float(((np.ptp(pixels, axis=2) > 50) | (pixels.max(axis=2) < 90)).mean())
 
 
+def pushes(page, deck):
+    """Whether a push has arrived, of a drag across the middle of the scene, where the figure is."""
+    page.mouse.move(300, 260)
+    page.mouse.down()
+    page.mouse.move(340, 262, steps=4)
+    page.mouse.move(390, 264, steps=4)
+    page.wait_for_timeout(300)
+    page.mouse.up()
+    page.wait_for_timeout(300)
+    return deck.got(Push)
+
+
 def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browser):
     port = free_port()
     viewer = start(deck, port)
@@ -225,6 +244,11 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
         page.get_by_text("walk with 0.50 of jog turns over, fell back to walk").wait_for()
         page.get_by_text("the recorder has ended").wait_for()
         assert not page.get_by_text("jog after 0.40 s").count()
+
+        # The mouse pushes the body: on the screen to the right.
+        until(lambda: pushes(page, deck), "the push")
+        push = next(message for message in deck.received if isinstance(message, Push))
+        assert 1.6 <= push.impulse <= 48.0
 
         # A refusal is shown in the deck's words.
         page.get_by_role("button", name="End run", exact=True).click()

@@ -86,9 +86,13 @@ def test_a_dropped_recording_is_trimmed_named_learned_and_played(learning):
     assert written.is_file()
 
 
-def rig(loose, angles):
+def rig(loose, angles, seconds=0.0):
     """A published state of the rig."""
-    return {"servo condition": np.array(loose, dtype=float), "servo position": np.array(angles)}
+    return {
+        "servo condition": np.array(loose, dtype=float),
+        "servo position": np.array(angles),
+        "run_s": np.array([seconds]),
+    }
 
 
 def test_the_rig_is_recorded_by_hand_and_the_part_that_was_chosen_is_played(learning):
@@ -97,14 +101,14 @@ def test_the_rig_is_recorded_by_hand_and_the_part_that_was_chosen_is_played(lear
     until(lambda: asked, "the question")
     asked.pop()()
     assert learning.sent == [Pause(), *(ServoTorque(servo["joint"], "off") for servo in RIG["servos"])]
-    hands.see(rig([0, 1, 1], [0.1, 0.0, 0.0]), 0.0)
+    hands.see(rig([0, 1, 1], [0.1, 0.0, 0.0]))
     hands.show()
     tab.get_by_text("2 of 3 joints are loose").wait_for()
     tab.get_by_role("button", name="Start recording").click()
     until(lambda: hands.recording, "the recording")
     for frame in range(8 * 30):
         swing = np.sin(np.pi * frame / 30.0) * (frame > 60)  # rounds of 2 s, after 2 s of rest
-        hands.see(rig([0, 1, 1], [0.1, 0.5 * swing, 0.8 * swing]), 10.0 + frame / 30.0)
+        hands.record(rig([0, 1, 1], [0.1, 0.5 * swing, 0.8 * swing], 10.0 + frame / 30.0))
     hands.show()
     tab.get_by_role("button", name="Stop recording").click()
     tab.get_by_text("by-hand-1: 8.0 s").wait_for()

@@ -6,6 +6,7 @@ import pytest
 from controller.library.motion_library import load_library
 from controller.networks.orbits import orbits
 from motiondeck_base.shipped import find_library
+from sim.view.network.inner_life import InnerLife
 from sim.view.network.network_view import REACH, NetworkView
 from sim.view.web.parts import PageParts
 from sim.view.web.private_page import PrivatePage
@@ -43,6 +44,17 @@ def test_the_ball_is_where_the_neurons_are(page):
     # Signs of principal components are free, and so are those of the ball's coordinates.
     apart = np.abs(np.abs(REACH * HEIGHT * waltz) - np.abs(view.ball)).max(1)
     assert apart.min() < 0.03 * HEIGHT
+
+
+@pytest.mark.parametrize(("library", "motion", "centers"), [("thesis15", "walk", 1), ("cmu86", "walk", 2)])
+def test_the_centers_turn_with_the_motion(library, motion, centers):
+    inside = InnerLife.of(find_library(library))
+    begins, later, ends = (np.array(inside.centers(motion, phase)) for phase in (0.0, 0.3, 1.0))
+    assert len(begins) == centers
+    assert ((later - begins) % 1.0 > 0.1).all()
+    apart = np.abs(ends - begins)
+    assert np.minimum(apart, 1.0 - apart)[0] < 0.01  # the slowest center of a loop comes back to where it was
+    assert inside.centers("none", 0.0) == inside.centers(motion, np.nan) == []
 
 
 def test_a_library_that_has_gone_shows_nothing(page, tmp_path):

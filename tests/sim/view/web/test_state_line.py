@@ -23,6 +23,7 @@ MOTIONS = ["walk", "jog", "crawl", "standup", "waltz"]
         ({"way": ("jog",), "motion": "jog", "queue": ("waltz",)}, "ON ITS WAY", "walk → jog", "next: waltz"),
         ({"blend": ("jog", 0.4)}, "BLEND", "walk + 40 % jog", ""),
         ({"blend": ("jog", 0.4), "settled": False}, "BLEND", "walk + 40 % jog", ""),
+        ({"approaching": True}, "ON ITS WAY", "slowly to walk", ""),
         ({"paused": True}, "PAUSED", "walk", ""),
         ({"paused": True, "way": ("jog",)}, "PAUSED", "walk", ""),
         ({"mode": "home"}, "HOME", "at rest, or on the way there", "choose a motion to play on"),
