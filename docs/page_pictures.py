@@ -214,7 +214,7 @@ def _blend(setting: Setting) -> Shots:
 def _on_its_way(setting: Setting) -> Shots:
     send(Switch("crawl"))
     time.sleep(8.0)
-    send(SetTempo(0.1), Switch("waltz"))
+    send(SetTempo(0.03), Switch("waltz"))
     yield from setting.shots(lambda page: page.get_by_text("ON ITS WAY").wait_for(), 1.0)
     send(SetTempo(1.0))
     time.sleep(6.0)
@@ -238,7 +238,12 @@ def _learning(setting: Setting) -> Shots:
     page.get_by_role("button", name="Learn it").click()
     page.get_by_role("button", name="Play it").wait_for()
     page.close()
-    yield from setting.shots(lambda page: page.get_by_role("tab", name="Learn").click())
+    yield from setting.shots(_learned)
+
+
+def _learned(page: Any) -> None:
+    page.get_by_role("tab", name="Learn").click()
+    page.get_by_role("button", name="Play it").scroll_into_view_if_needed()
 
 
 def _ended(setting: Setting) -> Shots:

@@ -219,7 +219,7 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
 
         # The phase is shown; tempo by keyboard, a step up, and a jump.
         phase_slider = page.get_by_role("slider", name="phase")
-        tempo_slider = page.locator('[role="slider"][aria-label=""]')
+        tempo_slider = page.locator('[role="slider"][aria-label=""]').first
         until(lambda: phase_slider.get_attribute("aria-valuenow") == "0.4", "the phase")
         phase_slider.focus()
         page.keyboard.press("ArrowRight")
