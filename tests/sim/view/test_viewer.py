@@ -149,11 +149,11 @@ def figure_share(page):
 
 
 def pushes(page, deck):
-    """Whether a push has arrived, of a drag across the middle of the scene, where the figure is."""
-    page.mouse.move(300, 260)
+    """Whether a push has arrived, of a drag from the figure's hips to the right."""
+    page.mouse.move(300, 222)
     page.mouse.down()
-    page.mouse.move(340, 262, steps=4)
-    page.mouse.move(390, 264, steps=4)
+    page.mouse.move(340, 223, steps=4)
+    page.mouse.move(390, 224, steps=4)
     page.wait_for_timeout(300)
     page.mouse.up()
     page.wait_for_timeout(300)
@@ -171,6 +171,11 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
         until(lambda: reachable(port), "the page")
         page.goto(coarse(f"http://127.0.0.1:{port}"))
         until(lambda: figure_share(page) > IN_VIEW, "the figure")
+        # The mouse pushes the body; on the screen to the right is 0.98 rad from x, where the camera stands at first.
+        until(lambda: pushes(page, deck), "the push")
+        push = next(message for message in deck.received if isinstance(message, Push))
+        assert push.towards == pytest.approx(0.98, abs=0.3)
+        assert 1.6 <= push.impulse <= 48.0
         # The loop's figures are in a folder that is closed at first.
         assert not page.get_by_text("200.0 Hz").is_visible()
         page.get_by_text("loop", exact=True).click()
@@ -244,11 +249,6 @@ def test_the_page_shows_the_figure_and_its_buttons_command_the_deck(deck, browse
         page.get_by_text("walk with 0.50 of jog turns over, fell back to walk").wait_for()
         page.get_by_text("the recorder has ended").wait_for()
         assert not page.get_by_text("jog after 0.40 s").count()
-
-        # The mouse pushes the body: on the screen to the right.
-        until(lambda: pushes(page, deck), "the push")
-        push = next(message for message in deck.received if isinstance(message, Push))
-        assert 1.6 <= push.impulse <= 48.0
 
         # A refusal is shown in the deck's words.
         page.get_by_role("button", name="End run", exact=True).click()
