@@ -1,0 +1,112 @@
+"""Makes the pictures of these docs from what is shipped, each by a command of the program, so that none can be stale.
+
+.venv/bin/python docs/pictures.py            # all
+.venv/bin/python docs/pictures.py NAME...    # some; a wrong name lists them
+
+The page's are those of page_pictures.py. Three need more than is shipped and are not made here: clips.png is a `clip
+plot --sheet` of recordings, op3-walk and humanoid-cmu-walk are `robot calibrate --picture` of published models.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+os.environ.setdefault("MUJOCO_GL", "egl")
+
+import numpy as np
+from PIL import Image, ImageSequence
+
+from controller.cli.pictures.figures import new_figure, save
+from controller.library.motion_library import load_library
+from controller.networks.base import NeuronNetwork
+from controller.networks.orbits import orbits
+from motiondeck_base.shipped import find_library
+
+DOCS = Path(__file__).parent
+PICTURES = DOCS / "pictures"
+PAGE = [sys.executable, str(DOCS / "page_pictures.py"), str(PICTURES)]
+TOLD_APART = {"walk": "#266ec8", "jog": "#e67700", "waltz": "#2b8a3e", "box1": "#c92a2a"}
+
+
+def motiondeck(*words: str | Path) -> None:
+    """Runs a command of the program."""
+    subprocess.run([sys.executable, "-P", "-m", "motiondeck", *map(str, words)], check=True)
+
+
+def benchmark(*words: str | Path) -> None:
+    """Runs a benchmark."""
+    subprocess.run([sys.executable, "-m", "benchmarks", *map(str, words)], check=True, cwd=DOCS.parent)
+
+
+def film() -> None:
+    """Four motions with the switches between them."""
+    script = "walk 3, jog 3, waltz 3, box1 3"
+    motiondeck("play", "--script", script, "--size", "400x300", "--fps", "15", "--video", DOCS / "motiondeck.gif")
+
+
+def walk() -> None:
+    """A walk on the robot's own feet."""
+    with tempfile.TemporaryDirectory() as folder:
+        film = Path(folder) / "walk.gif"
+        options = ["--root", "free", "--walk", "--seconds", 8, "--footprints", "--size", "320x240", "--fps", 8]
+        motiondeck("play", "walk", "--robot", "servo20", *map(str, options), "--video", film)
+        frames = [frame.convert("RGB") for frame in ImageSequence.Iterator(Image.open(film))][::7]
+    sheet = Image.new("RGB", (4 * 320, 2 * 240))
+    for place, frame in enumerate(frames[:8]):
+        sheet.paste(frame, (place % 4 * 320, place // 4 * 240))
+    sheet.save(PICTURES / "walk-servo20.webp", quality=80)
+
+
+def network() -> None:
+    """The orbits of the shipped network's neurons, and how its motions overlap."""
+    library = load_library(find_library("thesis15"))
+    assert isinstance(library.network, NeuronNetwork)
+    found = orbits(library.network, {motion.name: motion.frames for motion in library.info.motions})
+    figure = new_figure(11.0, 5.0)
+    paths, overlap = figure.subplots(1, 2)
+    for name, path in found.paths.items():
+        colour = TOLD_APART.get(name)
+        paths.plot(
+            path[:, 0],
+            path[:, 1],
+            color=colour or "#ced4da",
+            linewidth=1.8 if colour else 0.6,
+            label=name if colour else None,
+        )
+    paths.set(aspect="equal", xlabel="first principal component", ylabel="second")
+    paths.set_title(f"orbits of the neurons ({100.0 * found.share:.0f} % of the variance in three)")
+    paths.legend(loc="upper right")
+    image = overlap.imshow(found.overlap, cmap="Blues", vmin=0.0, vmax=1.0)
+    names = list(found.paths)
+    overlap.set_xticks(np.arange(len(names)), names, rotation=90)
+    overlap.set_yticks(np.arange(len(names)), names)
+    overlap.set_title("overlap of the motions")
+    figure.colorbar(image, ax=overlap)
+    save(figure, PICTURES / "network-inside.png")
+
+
+MADE: dict[str, Callable[[], object]] = {
+    "page": lambda: subprocess.run(PAGE, check=True),
+    "motiondeck.gif": film,
+    "walk-servo20": walk,
+    "network-inside": network,
+    "thesis15-mannequin": lambda: motiondeck("library", "sheet", "thesis15", "--out", DOCS / "thesis15-mannequin.png"),
+    "thesis15-servo20": lambda: motiondeck(
+        "library", "sheet", "thesis15", "--robot", "servo20", "--out", DOCS / "thesis15-servo20.png"
+    ),
+    "balance": lambda: benchmark("balance", "--sheet", DOCS / "balance.png"),
+    "centralized-growth": lambda: benchmark("centralized_growth", "--plot", PICTURES / "centralized-growth.png"),
+}
+
+if __name__ == "__main__":
+    unknown = set(sys.argv[1:]) - set(MADE)
+    if unknown:
+        sys.exit(f"{', '.join(sorted(unknown))}: choose from {', '.join(MADE)}")
+    for name in sys.argv[1:] or MADE:
+        print(name, flush=True)
+        MADE[name]()
