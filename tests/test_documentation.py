@@ -5,7 +5,9 @@ import shlex
 import subprocess
 import sys
 import tarfile
+import tomllib
 from pathlib import Path
+from urllib.parse import unquote
 
 import pytest
 import typer
@@ -150,3 +152,18 @@ def test_the_source_distribution_holds_all_sources_and_tests(packed):
     ]
     files = {path for folder in folders for path in (ROOT / folder).rglob("*") if path.suffix in kinds}
     assert {path.relative_to(ROOT).as_posix() for path in files} - packed == set()
+
+
+def test_the_badges_are_true():
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    badges = [
+        unquote(badge).replace("_", " ") for badge in re.findall(r"shields\.io/badge/(.*?)-[0-9a-f]{6}\)", readme)
+    ]
+    about = project["project"]
+    assert badges == [
+        f"python-{about['requires-python'].replace('>=', '≥ ')}",
+        f"licence-{about['license'].replace('-', '--')}",
+        "types-pyright",
+    ]
+    assert "pyright" in (ROOT / ".ci" / "run").read_text()
