@@ -234,7 +234,8 @@ class Panel:
         if now.paused != before.paused:
             self._pause.label = "Resume" if now.paused else "Pause"
             self._pause.icon = viser.Icon.PLAYER_PLAY if now.paused else viser.Icon.PLAYER_PAUSE
-            self._step.visible = now.paused
+        if (now.paused, now.mode) != (before.paused, before.mode):
+            self._step.visible = now.paused and now.mode == "playing"
         if now.mode != before.mode:
             self._estop.label = "Reset" if self._stopped else "Emergency stop"
             for control, command in self._controls:

@@ -13,13 +13,13 @@ NOTICE_SECONDS = 8.0
 
 STYLE = f"""<style>
 #{STATE_LINE} {{
-  height: 5.9em; box-sizing: border-box; margin: 4px 10px 6px; padding: 8px 12px; border-radius: 8px;
+  height: 6.5em; box-sizing: border-box; margin: 4px 10px 6px; padding: 8px 12px; border-radius: 8px;
   color: white; line-height: 1.25; overflow: hidden; white-space: nowrap; }}
 div:has(> div > div > div > #{STATE_LINE}) {{ overflow: visible !important; }}
 div:has(> #{STATE_LINE}), div:has(> #{STATE_LINE}) + div {{
   position: sticky; z-index: 5; background: var(--mantine-color-body, white); }}
 div:has(> #{STATE_LINE}) {{ top: 0; padding-top: 2px; box-shadow: 0 4px var(--mantine-color-body, white); }}
-div:has(> #{STATE_LINE}) + div {{ top: 6.4em; padding-bottom: 4px; }}
+div:has(> #{STATE_LINE}) + div {{ top: 7em; padding-bottom: 4px; }}
 div:has(> #{STATE_LINE}) + div button {{ min-height: 2.6em; font-size: 1.05em; font-weight: 700; }}
 div[style*="max-height: 60%"], div[style*="max-height: 60%"] div[style="width: 20em;"] {{ width: 100vw !important; }}
 div[style="width: 20em;"] div:has(#{STATE_LINE}):not(:has(> #{STATE_LINE})) {{ display: contents !important; }}
