@@ -16,6 +16,8 @@ import time
 
 import pytest
 
+from bodies import waving
+from controller.mocap.formats.writing import bvh_text
 from motiondeck_base.shipped import find_library, find_rig
 from small_robots import humanoid
 from test_documentation import PAGES, command_lines
@@ -67,13 +69,13 @@ def folder(tmp_path, mocap_data):
         shutil.copy(walk, tmp_path / name)
     for name in ("run.bvh", "recordings/run.bvh"):
         shutil.copy(other, tmp_path / name)
-    shutil.copy(mocap_data / "bvh/iclone_cmu_02_03.bvh", tmp_path / "session.bvh")
+    (tmp_path / "session.bvh").write_text(bvh_text(waving(30.0, 20.0)))
     shutil.copy(mocap_data / "c3d/02_03_runjog.c3d", tmp_path / "dance.c3d")
     for file in (mocap_data / "cmu/02").iterdir():
         shutil.copy(file, tmp_path)
     shutil.copy(find_library("thesis15"), tmp_path / "my.safetensors")
-    for name in ("model.xml", "op3.xml"):
-        (tmp_path / name).write_text(humanoid())
+    shutil.copytree(mocap_data / "robots/robotis_op3", tmp_path, dirs_exist_ok=True)
+    (tmp_path / "model.xml").write_text(humanoid())
     return tmp_path
 
 
@@ -98,10 +100,11 @@ def run(folder):
         child.communicate()
 
 
-def ended(child):
+def ended(child, codes=(0,)):
     """What a command printed that has ended well."""
     said, _ = child.communicate(timeout=500)
-    assert child.returncode == 0, said
+    assert child.returncode in codes, said
+    assert "Traceback" not in said
     return said
 
 
@@ -110,7 +113,7 @@ def interrupted(child, seconds):
     time.sleep(seconds)
     assert child.poll() is None, child.communicate()[0]
     child.send_signal(signal.SIGINT)
-    return ended(child)
+    return ended(child, (0, 130))
 
 
 @pytest.mark.parametrize("line", [*lines()])
@@ -123,7 +126,8 @@ def test_it_does_what_the_page_says(line, run, folder):
         text = find_rig("servo20").read_text().replace("/dev/ttyUSB0", str(folder / "rig-port"))
         rig.write_text(f'on_loss = "go on"\n{text}')
         deck = run("play walk --robot servo20 --rig my-rig.toml --port 0")
-        time.sleep(8.0)
+        assert deck.stdout.readline().startswith("page: ")
+        time.sleep(5.0)
         if "step" in line:
             ended(run("send pause"))
         if line.startswith("events"):
@@ -137,4 +141,5 @@ def test_it_does_what_the_page_says(line, run, folder):
         page = " --port 0" if line.startswith(("play", "clip view")) and "--port" not in line else ""
         interrupted(run(line + page), 10.0)
     else:
-        ended(run(line))
+        judges = line.startswith(("preflight", "robot check"))  # 1 says that something does not pass
+        ended(run(line), (0, 1) if judges else (0,))

@@ -137,7 +137,8 @@ class DeckView:
         """Draws a published state at a time, s; or, while someone looks back, what was shown then."""
         playing = self._motions[int(latest["playing"][0])] if "playing" in latest else ""
         self._timeline.keep(latest, playing, now)
-        self._draw(self._timeline.seen(latest), latest, playing, min(now - self._last_picture, LONGEST_STEP))
+        if self._page.get_clients():  # drawing for nobody costs as much
+            self._draw(self._timeline.seen(latest), latest, playing, min(now - self._last_picture, LONGEST_STEP))
         self._last_picture = now
         if self._hands is not None:
             self._hands.see(latest)
