@@ -79,9 +79,9 @@ class DrawnModel:
         for shape, batch in self._batches.items():
             position, orientation = poses(self._model, self.data, batch)
             position[:, :2] -= centre
+            positions, orientations = position.astype(np.float32), orientation.astype(np.float32)
             for handle in self._handles[shape]:
-                handle.batched_positions = position.astype(np.float32)
-                handle.batched_wxyzs = orientation.astype(np.float32)
+                handle.batched_positions, handle.batched_wxyzs = positions, orientations
 
     def hide(self) -> None:
         """Hides it until it is shown again."""
