@@ -18,7 +18,7 @@ import viser
 from numpy.typing import NDArray
 
 from controller.rotations import Array
-from sim.view.footprints import Print
+from sim.view.body.footprints import Print
 from sim.view.playhead import Playhead
 from sim.view.scene import Follower, Scene
 from sim.view.web.private_page import PrivatePage

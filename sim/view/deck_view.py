@@ -19,10 +19,10 @@ from controller.wire.messages import Event
 from motiondeck_base.errors import FileFormatError
 from sim.models.urdf_visuals import with_visuals
 from sim.view.body.body_push import BodyPush
+from sim.view.body.drawn_model import DrawnModel
 from sim.view.body.live_footprints import LiveSteps
 from sim.view.body.live_forces import LiveForces
 from sim.view.body.target_pose import TargetPose
-from sim.view.drawn_model import DrawnModel
 from sim.view.ghost import Ghost
 from sim.view.learning.hand_recorder import HandRecorder
 from sim.view.learning.learn_panel import LearnPanel

@@ -17,7 +17,7 @@ from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array, conjugate, multiply
 from controller.wire.run_folder import write_shared
 from sim.models.mannequin.mannequin import ROOT_BODY, build_mannequin
-from sim.view.drawn_model import DrawnModel
+from sim.view.body.drawn_model import DrawnModel
 
 OPACITY = 0.4
 WAYS = ("off", "over the robot", "beside it")

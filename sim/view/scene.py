@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from controller.rotations import Array
 from sim.models.scenery import body_height
-from sim.view.drawn_model import DrawnModel
+from sim.view.body.drawn_model import DrawnModel
 from sim.view.web.private_page import PrivatePage
 
 ZENITH, HORIZON = (214, 225, 238), (242, 245, 248)

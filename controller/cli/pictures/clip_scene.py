@@ -40,8 +40,8 @@ def act_of(clip: Clip, robot: Path | None, ghost: bool = True) -> Act:
         MotiondeckError: if the robot cannot be loaded, or cannot be fitted to this body.
     """
     from sim.models.scenery import body_height
+    from sim.view.body.footprints import footprints, soles, standing
     from sim.view.clip_page import Act
-    from sim.view.footprints import footprints, soles, standing
 
     model, qpos, joints, feet = _alone(clip) if robot is None else _beside(clip, robot)
     if ghost:
@@ -65,8 +65,8 @@ def act_of_recording(recording: RunRecording, robot: Robot) -> Act:
     """
     from sim.models.scenery import body_height
     from sim.physics.physics_model import feet_of
+    from sim.view.body.footprints import footprints, soles, standing
     from sim.view.clip_page import Act
-    from sim.view.footprints import footprints, soles, standing
 
     fields = recording.fields
     if recording.ticks == 0 or fields["targets"].shape[1] < len(robot.joints):

@@ -185,7 +185,7 @@ def _shots(
     from sim.physics.physics_model import feet_of
     from sim.physics.playback import KinematicPlayback, PhysicsPlayback
     from sim.pictures.screens import Shot
-    from sim.view.footprints import StepWatch
+    from sim.view.body.footprints import StepWatch
 
     dt = 1.0 / STEPS_A_SECOND
     desk, envelope = CommandDesk(deck, ()), SafetyEnvelope(body.limits, dt)

@@ -1,1 +1,1 @@
-"""What the page draws about the simulated body: its target pose, forces, steps; and the mouse that pushes it."""
+"""The bodies on the page: solids, shadows, target pose, forces, footprints; and the mouse that pushes one."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from controller.rotations import Array
 from controller.wire.messages import Message, Push
-from sim.view.drawn_model import DrawnModel
+from sim.view.body.drawn_model import DrawnModel
 
 COLOUR = (201, 42, 42)
 REACH = 0.3  # heights of the robot: so long a drag is a push that a body has to step against

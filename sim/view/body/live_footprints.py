@@ -10,7 +10,7 @@ import numpy as np
 
 from controller.rotations import Array
 from sim.models.feet import find_feet
-from sim.view.footprints import StepWatch
+from sim.view.body.footprints import StepWatch
 from sim.view.web.private_page import PrivatePage
 
 PRINTS = 24  # of the latest ones are kept

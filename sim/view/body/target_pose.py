@@ -10,7 +10,7 @@ from collections.abc import Callable
 import mujoco
 
 from controller.rotations import Array
-from sim.view.drawn_model import DrawnModel
+from sim.view.body.drawn_model import DrawnModel
 from sim.view.web.private_page import PrivatePage
 
 OPACITY = 0.35

@@ -12,9 +12,9 @@ import pytest
 
 from controller.mocap.posture import Pose
 from sim.robots.robot import load_robot
+from sim.view.body.drawn_model import DrawnModel
 from sim.view.body.live_footprints import LiveSteps
 from sim.view.body.target_pose import TargetPose
-from sim.view.drawn_model import DrawnModel
 from sim.view.ghost import OPACITY, WAYS, Ghost, draw_ghost
 from simulated_bodies import ROBOTS, bent_pose, human
 

@@ -11,7 +11,7 @@ import viser
 from numpy.typing import NDArray
 
 from controller.rotations import Array
-from sim.view.solids import batches, poses
+from sim.view.body.solids import batches, poses
 from sim.view.web.private_page import PrivatePage
 
 SHADOW = (58, 66, 78)

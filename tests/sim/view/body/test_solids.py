@@ -3,7 +3,7 @@ import numpy as np
 
 from controller.rotations import rotate
 from sim.models.mannequin.mannequin import build_mannequin
-from sim.view.solids import batches, box, cap, cylinder, mantle, poses, sphere
+from sim.view.body.solids import batches, box, cap, cylinder, mantle, poses, sphere
 from simulated_bodies import human
 
 XML = """

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from sim.view.meshes import creased, thinned
-from sim.view.solids import box, cylinder, sphere
+from sim.view.body.meshes import creased, thinned
+from sim.view.body.solids import box, cylinder, sphere
 
 
 def test_a_mesh_of_very_many_triangles_is_drawn_with_fewer_in_the_same_place():

@@ -5,7 +5,7 @@ import numpy as np
 
 from sim.models.feet import find_feet
 from sim.models.mannequin.mannequin import build_mannequin
-from sim.view.footprints import footprints, soles, standing
+from sim.view.body.footprints import footprints, soles, standing
 from simulated_bodies import human
 
 RATE = 60.0

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.rotations import Array, multiply, rotate
-from sim.view.meshes import Triangles, creased, thinned
+from sim.view.body.meshes import Triangles, creased, thinned
 
 LAST_VISIBLE_GROUP = 2
 MOST_TRIANGLES, MOST_IN_SHADOW = 2500, 200
