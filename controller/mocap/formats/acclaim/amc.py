@@ -20,6 +20,7 @@ from motiondeck_base.files import Line, listed, read_lines, shortened
 
 Columns: TypeAlias = dict[str, slice]  # which of a frame's values belong to the root and to each bone
 Row: TypeAlias = list[float | None]  # one frame; None where no line has come yet
+A_BODY = 20  # angles: with so many, a body that moves turns one of them by more than 6.3 degrees
 _ANGLE_UNITS = {":degrees": np.pi / 180.0, ":radians": 1.0}
 
 
@@ -38,7 +39,10 @@ def read_amc(path: str | Path, skeleton: AcclaimSkeleton, rate: float = 120.0) -
     names = ("root", *skeleton.skeleton.bones)
     ends = np.cumsum([0, *(len(channels) for channels in skeleton.dof)]).tolist()
     columns = {name: slice(*span) for name, span in zip(names, pairwise(ends), strict=True)}
-    values, angle_unit = _values(path, skeleton, columns)
+    values, told = _values(path, skeleton, columns)
+    angle_unit = skeleton.angle_unit if told is None else told
+    turning = [channel[0] == "r" for channels in skeleton.dof for channel in channels]
+    _check_angles(path, np.abs(values[:, turning]), angle_unit, told is not None)
 
     place = np.zeros((len(values), 3))
     for channel, value in zip(skeleton.dof[0], values[:, columns["root"]].T, strict=True):
@@ -67,19 +71,19 @@ def read_amc(path: str | Path, skeleton: AcclaimSkeleton, rate: float = 120.0) -
     )
 
 
-def _values(path: str | Path, skeleton: AcclaimSkeleton, columns: Columns) -> tuple[Array, float]:
-    """The values as they stand in the file, shape (frames, channels), and what one angle is in rad."""
+def _values(path: str | Path, skeleton: AcclaimSkeleton, columns: Columns) -> tuple[Array, float | None]:
+    """The values as they stand in the file, shape (frames, channels), and what it says that one angle is, rad."""
     lines = read_lines(path)
-    angle_unit = skeleton.angle_unit
+    told: float | None = None
     for text in lines:
         if ":" in text and text.lstrip().startswith(":"):
-            angle_unit = _ANGLE_UNITS.get(text.partition("#")[0].split()[0].lower(), angle_unit)
+            told = _ANGLE_UNITS.get(text.partition("#")[0].split()[0].lower(), told)
     values = _all_at_once(lines, columns)
     if values is None:
         values = _line_by_line(path, lines, skeleton, columns)
     if not np.isfinite(values).all():
         _find_infinite(path, lines, columns)
-    return values, angle_unit
+    return values, told
 
 
 def _all_at_once(lines: list[str], columns: Columns) -> Array | None:
@@ -153,6 +157,26 @@ def _line_by_line(path: str | Path, lines: list[str], skeleton: AcclaimSkeleton,
     if not rows:
         raise FileFormatError(f"{path}: there is no frame in this file. Give a complete AMC file.")
     return np.array(rows, dtype=np.float64)
+
+
+def _check_angles(path: str | Path, size: Array, angle_unit: float, told: bool) -> None:
+    """Raises FileFormatError if angles of these sizes (T, n), in the file's numbers, cannot be of their unit.
+
+    A frame without any movement tells nothing, nor do a few angles.
+    """
+    turn = 2.0 * np.pi
+    if size.shape[1] < A_BODY or np.ptp(size, axis=0).max() == 0.0:
+        return
+    if angle_unit == 1.0 and np.percentile(size, 95.0) > turn:
+        raise FileFormatError(
+            f"{path}: angles up to {size.max():.0f} would be radians; they are degrees. Write ':DEGREES' on a line "
+            "before the first frame."
+        )
+    if angle_unit != 1.0 and not told and size.max() < turn:
+        raise FileFormatError(
+            f"{path}: no angle is larger than {size.max():.1f}, so they may be radians, but neither this file nor "
+            "its skeleton says so. Write ':RADIANS', or ':DEGREES', on a line before the first frame."
+        )
 
 
 def _check_frame(begin: Line | None, row: Row | None, skeleton: AcclaimSkeleton, columns: Columns) -> None:

@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -299,3 +301,34 @@ def test_a_skeleton_with_too_many_bones_is_refused(files):
 def test_a_rate_that_cannot_be_is_refused(files):
     with pytest.raises(FileFormatError, match=r"rate of 0\.0"):
         files(rate=0.0)
+
+
+def many_angles(scale, frames=6):
+    """A skeleton with a tail of eight joints, and a motion whose angles are degrees times a scale."""
+    tail = [f"tail{number}" for number in range(8)]
+    bones = "".join(
+        f"  begin\n id {number}\n name {name}\n direction 0 0 -1\n length 2\n axis 0 0 0 XYZ\n dof rx ry rz\n  end\n"
+        for number, name in enumerate(tail, 10)
+    )
+    asf = ASF.replace(":hierarchy", f"{bones}:hierarchy").replace(
+        "root hip", "root tail0\n" + "".join(f"{above} {below}\n" for above, below in pairwise(tail)) + "root hip", 1
+    )
+    angle = scale * np.random.default_rng(4).uniform(-60.0, 60.0, (frames, 33))
+    rows = []
+    for frame, values in enumerate(angle, 1):
+        words = [f"{value:.5f}" for value in values]
+        rows += [str(frame), " ".join(["root 1 17 2", *words[:3]]), " ".join(["leg", *words[3:6]])]
+        rows += [" ".join(["foot", *words[6:8]]), " ".join(["chest", words[8]])]
+        rows += [" ".join([name, *words[9 + 3 * n : 12 + 3 * n]]) for n, name in enumerate(tail)]
+    return asf, "\n".join(rows) + "\n"
+
+
+def test_angles_that_cannot_be_of_their_unit_are_refused(files):
+    asf, degrees = many_angles(1.0)
+    _, radians = many_angles(np.pi / 180.0)
+    np.testing.assert_allclose(files(asf, degrees).rotation, files(asf, ":RADIANS\n" + radians).rotation, atol=1e-4)
+    with pytest.raises(FileFormatError, match=r"bow\.amc: no angle is larger than 1\.0.* Write ':RADIANS'"):
+        files(asf, radians)
+    with pytest.raises(FileFormatError, match=r"bow\.amc: angles up to 60 would be radians.* Write ':DEGREES'"):
+        files(asf, ":RADIANS\n" + degrees)
+    files(asf, ":DEGREES\n" + radians)  # what the file says counts
