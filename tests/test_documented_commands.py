@@ -29,7 +29,8 @@ HISTORY = ("CHANGELOG.md",)
 NEEDS = {
     r"^rig (scan|play)$|/dev/tty": "servos",
     r"dask://": "a cluster",
-    r"--host |--listen 0|certificates gala|--certificates|conduct gala.toml --from": "other machines",
+    r"--host |--listen 0|certificates gala|--certificates": "other machines",
+    r"conduct gala.toml --": "the decks of a show",
     r"catalogue|unitree_g1|g1.toml": "models that are downloaded",
     r"^rig teach$|^gamepad$": "hands",
     r"styles|gait.safetensors|input speed": "a library with inputs",
@@ -76,6 +77,8 @@ def folder(tmp_path, mocap_data):
     shutil.copy(find_library("thesis15"), tmp_path / "my.safetensors")
     shutil.copytree(mocap_data / "robots/robotis_op3", tmp_path, dirs_exist_ok=True)
     (tmp_path / "model.xml").write_text(humanoid())
+    shows = next(page for page in PAGES if page.name == "shows.md").read_text(encoding="utf-8")
+    (tmp_path / "gala.toml").write_text(re.findall(r"^```toml\n(.*?)^```", shows, flags=re.M | re.S)[0])
     return tmp_path
 
 
@@ -120,7 +123,7 @@ def interrupted(child, seconds):
 def test_it_does_what_the_page_says(line, run, folder):
     if "op3.toml" in line and "calibrate" not in line:
         ended(run("robot calibrate op3.xml --out op3.toml"))
-    if (line.startswith("send ") and line != "send help") or line.startswith("events"):
+    if (line.startswith("send ") and line != "send help") or line.startswith(("events", "stage")):
         rig = folder / "my-rig.toml"
         emulator = run("rig emulate servo20 --link rig-port")
         text = find_rig("servo20").read_text().replace("/dev/ttyUSB0", str(folder / "rig-port"))
@@ -130,14 +133,14 @@ def test_it_does_what_the_page_says(line, run, folder):
         time.sleep(5.0)
         if "step" in line:
             ended(run("send pause"))
-        if line.startswith("events"):
+        if line.startswith(("events", "stage")):
             interrupted(run(line), 3.0)
         else:
             ended(run(line))
         assert emulator.poll() is None
         deck.send_signal(signal.SIGINT)
         ended(deck)
-    elif FOR_EVER.match(line) and "--headless" not in line and "--video" not in line:
+    elif FOR_EVER.match(line) and not re.search("--(headless|video|stop)", line):
         page = " --port 0" if line.startswith(("play", "clip view")) and "--port" not in line else ""
         interrupted(run(line + page), 10.0)
     else:
