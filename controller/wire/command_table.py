@@ -71,6 +71,7 @@ class MotionName:
         """Raises a CommandError where a name is empty or too long to be a motion's."""
         if not 0 < len(value) <= LONGEST_NAME:
             raise CommandError(f"the name of a {self.kind} has 1 to {LONGEST_NAME} characters")
+        _check_text(f"the name of a {self.kind}", value)
 
 
 @dataclass(frozen=True)
@@ -89,6 +90,15 @@ class FilePath:
         """Raises a CommandError where a path is empty or too long for a message."""
         if not 0 < len(value) <= LONGEST_PATH:
             raise CommandError(f"a path has 1 to {LONGEST_PATH} characters here")
+        _check_text("a path", value)
+
+
+def _check_text(what: str, value: str) -> None:
+    """Raises a CommandError for bytes of a command line that are no text: they cannot be sent."""
+    try:
+        value.encode()
+    except UnicodeEncodeError:
+        raise CommandError(f"{what} is text in UTF-8, not {value!a}") from None
 
 
 @dataclass(frozen=True)

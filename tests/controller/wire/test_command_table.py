@@ -95,3 +95,10 @@ def test_the_emergency_stop_is_always_allowed_and_its_reset_only_while_it_is_on(
     moving = [c.word for c in COMMANDS if "emergency stop" not in c.modes]
     plays = ["switch", "queue", "blend", "tempo", "input", "jump", "beat", "lock", "unlock"]
     assert moving == [*plays, "pause", "step", "resume", "home", "restart", "scan", "load"]
+
+
+@pytest.mark.parametrize("words", [["switch", "\udcff"], ["load", "\udcff.safetensors", "walk"]])
+def test_bytes_that_are_no_text_are_refused_before_they_are_sent(words):
+    """As a terminal of another alphabet gives them."""
+    with pytest.raises(CommandError, match=r"text in UTF-8, not '.*udcff"):
+        parse_command(words)
