@@ -106,6 +106,17 @@ def test_what_other_tools_leave_is_named_and_refused_or_mended_and_never_too_fas
     assert rig.positions == pytest.approx([1.4, 1.4], abs=0.01)
 
 
+@pytest.mark.parametrize(
+    ("register", "sound", "unsound"),
+    [("temperature_limit", (40, 80), (39, 81)), ("secondary_id", (253, 255), (0, 252))],
+)
+def test_a_register_is_refused_from_its_first_unsound_value_on(used_rig, port, bus, register, sound, unsound):
+    for value in (*sound, *unsound):
+        port.bus[1][register] = value
+        refused = [difference for difference in audit(used_rig, bus) if difference.register == register]
+        assert bool(refused) == (value in unsound), value
+
+
 @pytest.mark.parametrize("model", ["XM430-W350", "AX-12A", "XL-320", "PH54-200-S500"])
 @pytest.mark.parametrize("level", [0, 1])
 def test_the_doctor_lists_the_status_return_level_that_it_has_set(model, level):
