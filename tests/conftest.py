@@ -7,6 +7,7 @@ import shutil
 import sys
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -127,10 +128,20 @@ def browser():
             chromium = driver.chromium.launch(executable_path=installed, args=graphics)
         except playwright.Error as error:
             pytest.skip(f"the browser does not start: {str(error).splitlines()[0]}")
-        yield chromium
+        yield SimpleNamespace(new_page=lambda **options: _drawn_seldom(chromium.new_page(**options)))
         chromium.close()
     finally:
         driver.stop()
+
+
+def _drawn_seldom(page):
+    """A page that draws eight pictures a second: in software one costs 50 ms, and a core draws all the time."""
+    page.add_init_script(
+        """const draw = window.requestAnimationFrame.bind(window);
+        window.requestAnimationFrame = (picture) => setTimeout(() => draw(picture), 120);
+        window.cancelAnimationFrame = clearTimeout;"""
+    )
+    return page
 
 
 @pytest.hookimpl(wrapper=True)

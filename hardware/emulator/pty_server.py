@@ -99,9 +99,7 @@ class PtyServer:
     def close(self) -> None:
         """Takes the pseudo-terminal away, as unplugging an adapter does; may be called twice."""
         self._unplug()
-        if self._link is not None:
-            self._link.unlink(missing_ok=True)
-            self._link = None
+        self._link = None
 
     def _plug_in(self) -> None:
         self._master, self._slave = pty.openpty()
@@ -118,6 +116,9 @@ class PtyServer:
                 raise SerialPortError(f"cannot make the link {self._link}: {error.strerror}.") from error
 
     def _unplug(self) -> None:
+        # Before the terminal is gone: the next one of the machine, somebody else's, may get its number.
+        if self._link is not None and self._link.is_symlink():
+            self._link.unlink(missing_ok=True)
         if self._master >= 0:
             os.close(self._master)
             os.close(self._slave)

@@ -138,6 +138,18 @@ def test_models_that_cannot_be_emulated_are_named(model):
         EmulatedBus(config)
 
 
+def test_the_name_of_a_pulled_adapter_leads_nowhere(rig_of_four, tmp_path):
+    """The number of its terminal is free, and the next terminal of the machine may be somebody else's."""
+    link = tmp_path / "rig"
+    server = PtyServer(EmulatedBus(rig_of_four), FaultPlan([parse_fault("unplug:at=0.01,for=100")]), link=link)
+    assert link.is_symlink()
+    deadline = time.monotonic() + 20.0
+    while server.open and time.monotonic() < deadline:
+        server.pump()
+    assert not link.is_symlink()
+    server.close()
+
+
 def test_a_pulled_adapter_comes_back_under_its_name(rig_of_four, tmp_path):
     link = tmp_path / "rig"
     plan = FaultPlan([parse_fault("unplug:at=0.3,for=0.3")])
