@@ -271,8 +271,9 @@ class Readings:
         good = joints[missed == 0].tolist()
         doubtful = joints[(missed > 0) & (missed < _PATIENCE)].tolist()
         lost = joints[missed >= _PATIENCE].tolist()
-        # Each of them as often, however many they are.
-        number, rest = divmod(self._requests, max(1, self._ask_again // max(1, len(lost))))
+        # Each of them as often, however many they are; counted in requests to this line, so that none falls between.
+        asked = self._requests // len(self._turns)
+        number, rest = divmod(asked, max(1, self._ask_again // (len(self._turns) * max(1, len(lost)))))
         again = [lost[number % len(lost)]] if lost and (rest == 0 or not good + doubtful) else []
         return tuple(good + doubtful + again)
 

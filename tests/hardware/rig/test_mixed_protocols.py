@@ -14,7 +14,11 @@ from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
 from hardware.rig.audit import audit
+from hardware.rig.faults import RigFaults
+from hardware.rig.readings import Readings
 from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.scale import RigScale
+from hardware.rig.state_block import motion
 from hardware.rig.supervision.supervised_rig import SupervisedRig
 from hardware.tools.doctor import examine, fix_settings
 from hardware.tools.monitor import observe
@@ -40,6 +44,26 @@ def bus(config, port):
     bus = Bus(port, config.baud)
     bus.old = config.old_ids
     return bus
+
+
+@pytest.mark.parametrize("models", [("MX-28(1.0)", "MX-64(1.0)", "XM430-W350"), OLD_MODELS])
+def test_a_silent_servo_is_asked_again_whichever_turn_it_has(models):
+    """Requests go in turns; asked in every thirtieth of them, a servo whose turn is the other one never was again."""
+    config = mixed_rig(models=models)
+    everybody = range(len(models))
+    readings = Readings(config, RigScale(config), RigFaults.none(len(models)))
+    readings.start(everybody, np.zeros(len(models)), [motion(joint.table) for joint in config.joints], 0.0)
+    for silent in everybody:
+        readings.missed_in_a_row[:] = 0
+        readings.missed_in_a_row[silent] = 5
+        asked = []
+        for request in range(300):
+            question = readings.next_question()
+            readings.asked(question)
+            if silent in question.joints:
+                asked.append(request)
+        assert len(asked) >= 5
+        assert np.diff(asked).max() <= 60
 
 
 def supervised(config, port):
