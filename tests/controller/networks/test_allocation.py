@@ -61,9 +61,10 @@ def test_a_step_makes_no_array(kind):
     network = NETWORKS[kind]()
     network.cue("wave", 0)
     out = np.empty(network.channels)
-    most, left = most_made(lambda: network.advance(out))
-    assert most < NO_ARRAY
-    assert left < NO_ARRAY
+    # What another thread of the tests makes meanwhile counts too; it does not come three times.
+    made = [most_made(lambda: network.advance(out)) for _ in range(3)]
+    assert min(most for most, _ in made) < NO_ARRAY
+    assert min(left for _, left in made) < NO_ARRAY
 
 
 def test_a_centralized_step_makes_no_array():
