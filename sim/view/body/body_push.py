@@ -46,14 +46,19 @@ class BodyPush:
 
     def __init__(self, drawn: DrawnModel, height: float, usual: float, send: Callable[[Message], None]) -> None:
         self._height, self._usual, self._send = height, usual, send
+        self._pressed: dict[int, Array] = {}  # where the mouse of each browser was pressed, m
         for solid in drawn.solids:
             solid.on_drag(self._dragged)
 
     # Of coroutines viser keeps the order; an ordinary function may be called for the end before the beginning.
     async def _dragged(self, event: Any) -> None:
         start, end = np.array(event.start_position), np.array(event.end_position)
+        # The start moves along with the body; how far the hand went does not depend on where the body is by now.
+        if event.phase == "start":
+            self._pressed[event.client_id] = end
+        pressed = self._pressed[event.client_id]
         camera = event.client.camera
-        way = pushed(end - start, np.array(camera.look_at) - np.array(camera.position))
+        way = pushed(end - pressed, np.array(camera.look_at) - np.array(camera.position))
         length = float(np.linalg.norm(way)) / (REACH * self._height)
         scene = event.client.scene
         if event.phase != "end" and length >= LEAST:
