@@ -57,7 +57,7 @@ def lines():
             if words in WHOLE or len(shlex.split(words)) > 1 + (
                 words.split()[0] in ("rig", "robot", "clip", "library")
             ):
-                marks = pytest.mark.skip(reason=f"needs {needs(words)}") if needs(words) else ()
+                marks = pytest.mark.skip(reason=f"needs {lacks}") if (lacks := needs(words)) else ()
                 yield pytest.param(words, id=f"{page.stem}: {words}", marks=marks)
 
 

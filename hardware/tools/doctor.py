@@ -163,9 +163,9 @@ def _longest_tick(config: RigConfig, servos: Sequence[ServoReport]) -> float:
     firmware = {servo.id: servo.firmware for servo in servos}
     delays = {servo.id: servo.return_delay_us * 1e-6 for servo in servos}
     versions = [firmware.get(joint.id, _NEWEST) for joint in config.joints]
-    plans = [arranged(joint.table, version) for joint, version in zip(config.joints, versions, strict=True)]
     blocks = [
-        motion(joint.table) if plan is None else plan.block for joint, plan in zip(config.joints, plans, strict=True)
+        plan.block if (plan := arranged(joint.table, version)) else motion(joint.table)
+        for joint, version in zip(config.joints, versions, strict=True)
     ]
     fast = know_fast_reads(config, versions)
     return longest_tick(config, blocks, fast, [delays.get(joint.id, 0.0) for joint in config.joints])

@@ -10,12 +10,12 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.rotations import Array
+from controller.rotations import Array, about, normalise, to_matrix
 from motiondeck_base.errors import FileFormatError
 
 
 @dataclass(frozen=True)
-class Triangles:
+class TriangleMesh:
     """What is in a mesh file.
 
     Attributes:
@@ -32,7 +32,7 @@ class Triangles:
 _DEEPEST = 50  # nodes inside each other
 
 
-def read_collada(path: Path) -> Triangles:
+def read_collada(path: Path) -> TriangleMesh:
     """The triangles of a file.
 
     Raises:
@@ -58,7 +58,7 @@ class _Document:
         self._root = root
         self._named = {f"#{name}": element for element in root.iter() if (name := element.get("id"))}
 
-    def triangles(self) -> Triangles:
+    def triangles(self) -> TriangleMesh:
         """All triangles of the scene; of a file without one, those of all geometries."""
         scene = self._root.find("library_visual_scenes/visual_scene")
         parts = (
@@ -79,7 +79,7 @@ class _Document:
         unit = self._root.find("asset/unit")
         metre = 1.0 if unit is None else float(unit.get("meter", "1"))
         up = self._root.findtext("asset/up_axis", "").strip()
-        return Triangles(np.concatenate(points) * metre, np.concatenate(faces), up == "Y_UP")
+        return TriangleMesh(np.concatenate(points) * metre, np.concatenate(faces), up == "Y_UP")
 
     def _shown(
         self, node: ElementTree.Element, place: Array, deeper: int
@@ -151,11 +151,9 @@ def _moved(offset: Array) -> Array:
 
 
 def _turned(axis_angle: Array) -> Array:
-    """About an axis by an angle in degrees (Rodrigues)."""
-    x, y, z = axis_angle[:3] / np.linalg.norm(axis_angle[:3])
-    across, angle = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]), np.radians(axis_angle[3])
+    """About an axis by an angle in degrees."""
     place = np.eye(4)
-    place[:3, :3] += np.sin(angle) * across + (1.0 - np.cos(angle)) * across @ across
+    place[:3, :3] = to_matrix(about(normalise(axis_angle[:3]), np.radians(axis_angle[3])))
     return place
 
 

@@ -15,9 +15,11 @@ import numpy as np
 
 from controller.rotations import Array, rotate
 from motiondeck_base.errors import FileFormatError
-from sim.models.collada import Triangles, read_collada
+from sim.models.collada import TriangleMesh, read_collada
 
 READABLE = (".stl", ".obj", ".msh", ".dae")
+SHELL = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+"""Of a mesh whose mass is taken from its surface: it need not enclose anything."""
 _MOST = 200_000  # triangles of an STL file that MuJoCo reads
 _THIN = 1e-3  # of the length of a flat mesh: how thick it is made
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -41,7 +43,7 @@ def read_solids(spec: mujoco.MjSpec, folder: Path) -> None:
         spec.mesh(name).file = ""
 
 
-def read_meshes(spec: mujoco.MjSpec, files: Mapping[str, Path]) -> dict[str, Triangles]:
+def read_meshes(spec: mujoco.MjSpec, files: Mapping[str, Path]) -> dict[str, TriangleMesh]:
     """The triangles of the mesh files that MuJoCo does not read, by the names of the meshes in a model.
 
     Files that say that y is up are turned if that brings the solids nearer to the centres of mass of their bodies: RViz
@@ -66,12 +68,12 @@ def read_meshes(spec: mujoco.MjSpec, files: Mapping[str, Path]) -> dict[str, Tri
     return found
 
 
-def fill(mesh: mujoco.MjsMesh, triangles: Triangles) -> None:
+def fill(mesh: mujoco.MjsMesh, triangles: TriangleMesh) -> None:
     """Gives a mesh of a model its points and faces."""
     mesh.uservert, mesh.userface = triangles.points.ravel().tolist(), triangles.faces.ravel().tolist()
 
 
-def read_triangles(path: Path) -> Triangles | None:
+def read_triangles(path: Path) -> TriangleMesh | None:
     """The triangles of a mesh file; None for one that MuJoCo reads itself, or that is not there.
 
     Raises:
@@ -89,7 +91,7 @@ def read_triangles(path: Path) -> Triangles | None:
     return None
 
 
-def _read_stl(path: Path) -> Triangles | None:
+def _read_stl(path: Path) -> TriangleMesh | None:
     content = path.read_bytes()
     count = int.from_bytes(content[80:84], "little")
     if len(content) == 84 + _FACET.itemsize * count:
@@ -102,10 +104,10 @@ def _read_stl(path: Path) -> Triangles | None:
         return None
     if len(corners) < 3 or len(corners) % 3:
         raise FileFormatError(f"{path}: there are no triangles in this STL file")
-    return Triangles(corners, np.arange(len(corners)).reshape(-1, 3))
+    return TriangleMesh(corners, np.arange(len(corners)).reshape(-1, 3))
 
 
-def _hull(points: Array) -> Triangles:
+def _hull(points: Array) -> TriangleMesh:
     """The convex hull of points (V, 3); a thin box where they lie in a plane."""
     from scipy.spatial import ConvexHull, QhullError  # few models need it, and it is slow to import
 
@@ -123,4 +125,4 @@ def _hull(points: Array) -> Triangles:
     a, b, c = (hull.points[hull.simplices[:, corner]] for corner in range(3))
     inwards = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
     faces[inwards] = faces[inwards][:, ::-1]
-    return Triangles(hull.points[kept], faces)
+    return TriangleMesh(hull.points[kept], faces)

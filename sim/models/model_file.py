@@ -19,7 +19,7 @@ import numpy as np
 from motiondeck_base.errors import FileFormatError
 from sim.models.guessed_servo import guess_servo, stances
 from sim.models.kinematic_tree import path_to
-from sim.models.mesh_files import read_solids
+from sim.models.mesh_files import SHELL, read_solids
 from sim.models.model_kind import check_is_model
 from sim.models.surface import Surface
 from sim.models.urdf_text import has_collision_shapes, readable_urdf
@@ -39,7 +39,6 @@ _SIZES = {
     mujoco.mjtGeom.mjGEOM_BOX: 3,
 }
 _NO_VOLUME = re.compile(r"mesh volume is (?:too small|negative)[^:]*: (\S+)")
-_SHELL = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
 
 
 def read_model(path: Path, packages: Mapping[str, Path] | None = None, feet: Sequence[str] = ()) -> mujoco.MjSpec:
@@ -69,10 +68,9 @@ def read_model(path: Path, packages: Mapping[str, Path] | None = None, feet: Seq
         folder = path.resolve().parent
         spec.meshdir, spec.texturedir = str(folder / spec.meshdir), str(folder / spec.texturedir)
         read_solids(spec, Path(spec.meshdir))
-        _mend_volumes(spec)
         _mend_inertias(spec)
         _free_root(path, spec)
-        model = spec.compile()
+        model = _compiled(spec)
         if not len(Surface.of(model).body):
             raise FileFormatError(
                 f"{path}: no body of it has a solid that tells how far it reaches; give its feet and limbs geoms "
@@ -94,11 +92,12 @@ def _read_urdf(path: Path, packages: Mapping[str, Path]) -> mujoco.MjSpec:
     text = readable_urdf(path, packages)
     spec = mujoco.MjSpec.from_string(text)
     note_source(spec, path, packages)
+    touches = has_collision_shapes(text)
     for geom in [*spec.geoms]:
         sizes = _SIZES.get(geom.type, 0)
         if sizes and min(geom.size[:sizes]) <= 0.0:
             spec.delete(geom)  # a point, by which some tools mark a place
-        elif not has_collision_shapes(text):
+        elif not touches:
             geom.contype = geom.conaffinity = 1
             geom.group = 0
     return spec
@@ -141,18 +140,17 @@ def _clear_stage(spec: mujoco.MjSpec) -> None:
         spec.delete(thing)
 
 
-def _mend_volumes(spec: mujoco.MjSpec) -> None:
-    """Takes the mass of a mesh that encloses nothing from its surface."""
-    for _ in spec.meshes:
+def _compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """The model of a spec; the mass of a mesh that encloses nothing is taken from its surface."""
+    while True:
         try:
-            spec.copy().compile()
-            return
+            return spec.compile()
         except ValueError as error:
             named = _NO_VOLUME.search(str(error))
             mesh = spec.mesh(named[1]) if named else None
-            if mesh is None or mesh.inertia == _SHELL:
-                return
-            mesh.inertia = _SHELL
+            if mesh is None or mesh.inertia == SHELL:
+                raise
+            mesh.inertia = SHELL
 
 
 def _mend_inertias(spec: mujoco.MjSpec) -> None:

@@ -16,14 +16,13 @@ import msgspec
 import mujoco
 import numpy as np
 
-from sim.models.mesh_files import READABLE, fill, read_meshes
+from sim.models.mesh_files import READABLE, SHELL, fill, read_meshes
 from sim.models.urdf_text import readable_urdf
 
 MOVED_ORIGIN = "(moved origin)"
 """The custom number of a model in which it stands how far the origin of its root was moved, in its frame, m."""
 _SOURCE = "(urdf)"
 _SHOWN, _HIDDEN = 1, 3  # groups
-_SHELL = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
 _LARGEST = 40_000_000  # bytes of a mesh file
 
 
@@ -89,7 +88,7 @@ def _dress(spec: mujoco.MjSpec, file: Path, packages: Mapping[str, Path]) -> Non
             geom.group = _HIDDEN
         offset = offsets.get(MOVED_ORIGIN, np.zeros(3)) if body.name == root else np.zeros(3)
         for name in named - done:
-            mesh = spec.add_mesh(name=f"look {name}", scale=meshes[name].scale, inertia=_SHELL)
+            mesh = spec.add_mesh(name=f"look {name}", scale=meshes[name].scale, inertia=SHELL)
             if name in read:
                 fill(mesh, read[name])
             else:

@@ -8,7 +8,6 @@ OpenGL in software does most of its work on one core; two screens on two cores h
 
 from __future__ import annotations
 
-import os
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -49,11 +48,13 @@ class Screens:
     """
 
     def __init__(self, model: mujoco.MjModel, size: tuple[int, int], shadows: bool, camera: Camera) -> None:
+        from joblib import cpu_count  # slow to import
+
         self._open = ExitStack()
         self._screens: list[OffScreen] = []
         self._threads: list[ThreadPoolExecutor] = []
         try:
-            for _ in range(min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1, MOST)):
+            for _ in range(min(cpu_count(), MOST)):
                 # OpenGL wants a context to be used, and freed, in the thread that made it.
                 thread = self._open.enter_context(ThreadPoolExecutor(1))
                 screen = thread.submit(OffScreen, model, size, shadows, camera).result()

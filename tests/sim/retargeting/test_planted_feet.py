@@ -37,13 +37,18 @@ def straddling(angle):
     return directions
 
 
+def planted_feet(limbs, standing, planted=None, rolled=(0.5, 0.5), heights=(0, 0)):
+    """Planted feet, and the stance of the human that they look at, which a test changes from tick to tick."""
+    stance: Any = SimpleNamespace(
+        begun=True, standing=standing, planted=planted or standing, rolled=rolled, heights=heights, leg=1.0
+    )
+    return PlantedFeet(stance, limbs, 0.5, DT), stance
+
+
 def spread(limbs, standing, planted=None):
     """How far the soles are apart (T,), m, while the human spreads its legs with feet that stand so much."""
     solver: LimbSolver = solver_of(limbs)[0]
-    stance: Any = SimpleNamespace(
-        begun=True, standing=standing, planted=planted or standing, rolled=[0.5, 0.5], heights=[0, 0], leg=1.0
-    )
-    feet = PlantedFeet(stance, limbs, 0.5, DT)
+    feet, stance = planted_feet(limbs, standing, planted)
     apart, q = [], solver.q
     for k in range(80):
         stance.begun = k == 0
@@ -74,10 +79,7 @@ def test_a_foot_that_steps_goes_as_without_them(limbs):
 def test_a_sole_that_rolls_from_heel_to_ball_stays_where_it_is(limbs):
     """The vector between the feet changes its ends, and what is held goes along with them."""
     solver = solver_of(limbs)[0]
-    stance: Any = SimpleNamespace(
-        begun=True, standing=[1.0, 1.0], planted=[1.0, 1.0], rolled=[0.0, 0.0], heights=[0, 0], leg=1.0
-    )
-    feet, places = PlantedFeet(stance, limbs, 0.5, DT), []
+    (feet, stance), places = planted_feet(limbs, [1.0, 1.0], rolled=[0.0, 0.0]), []
     for k in range(60):
         stance.begun, stance.rolled = k == 0, [min(k / 40.0, 1.0), 0.0]
         feet(UPRIGHT, solver.q)
@@ -91,10 +93,7 @@ def test_a_sole_that_rolls_from_heel_to_ball_stays_where_it_is(limbs):
 def test_a_sole_turns_slowly_to_where_the_leg_points_when_it_is_let_go(limbs):
     """Let go at once, it would turn while it still touches the floor."""
     solver = solver_of(limbs)[0]
-    stance: Any = SimpleNamespace(
-        begun=True, standing=[1.0, 1.0], planted=[1.0, 1.0], rolled=[1.0, 1.0], heights=[0, 0], leg=1.0
-    )
-    feet, shares = PlantedFeet(stance, limbs, 0.5, DT), []
+    (feet, stance), shares = planted_feet(limbs, [1.0, 1.0], rolled=[1.0, 1.0]), []
     for k in range(60):
         stance.begun, stance.planted = k == 0, [1.0, 1.0 if k < 30 else 0.0]
         feet(UPRIGHT, solver.q)
@@ -109,10 +108,7 @@ def test_a_sole_turns_slowly_to_where_the_leg_points_when_it_is_let_go(limbs):
 def test_only_for_a_foot_near_the_floor_the_leg_that_stands_bends(limbs, lifted, bends):
     """The human's right foot is higher than that of a robot whose limbs point as the human's do."""
     solver = solver_of(limbs)[0]
-    stance: Any = SimpleNamespace(
-        begun=True, standing=[0.0, 1.0], planted=[0.0, 1.0], rolled=[0.5, 0.5], heights=[lifted, 0.0], leg=1.0
-    )
-    feet, stands = PlantedFeet(stance, limbs, 0.5, DT), standing()
+    (feet, stance), stands = planted_feet(limbs, [0.0, 1.0], heights=[lifted, 0.0]), standing()
     for side in "rl":
         for part, ahead in (("thigh", 0.3), ("shank", -0.3)):
             stands[LIMBS.index(f"{side}_{part}")] = [np.sin(ahead), 0.0, -np.cos(ahead)]
