@@ -215,7 +215,9 @@ class Walker:
     def _measure(self, data: mujoco.MjData, soles: Array, yaws: Array) -> tuple[Array, Array]:
         """The capture point on the plan's plane, (2,), m, and how the trunk is tilted against the plan there, (3,)."""
         gait, standing = self._gait, self._gait.standing
-        turn = float(standing @ _wrapped(gait.yaws - yaws))
+        turns = gait.yaws - yaws
+        # Around half a turn, one foot may be just before and the other just after it.
+        turn = float(turns[0] + standing @ _wrapped(turns - turns[0]))
         turning, omega = _turning(turn), self._omega
         centre = standing @ gait.places + turning @ (data.subtree_com[self._root] - standing @ soles)[:2]
         capture = centre + turning @ data.subtree_linvel[self._root, :2] / omega

@@ -7,6 +7,7 @@ import pytest
 
 from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
+from controller.rotations import multiply, yaw
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library
 from sim.physics.physics_model import feet_of, physics_model
@@ -95,6 +96,27 @@ def shaking(delay):
 def test_what_is_seen_late_does_not_shake_the_legs():
     # An ankle that acts at once on what is late answers its own answer.
     assert shaking(0.01) < 0.3 * shaking(0.0)
+
+
+@pytest.mark.parametrize("turned", [2.0, np.pi, -np.pi])
+def test_it_does_not_matter_which_way_in_the_world_it_has_turned(turned):
+    robot = load_robot(ROBOTS / "servo20.toml", human())
+    model = physics_model(robot, "free")
+
+    def goal_seen_from(heading):
+        """Where the joints are to go, of a robot that slid on its feet until it faces a heading, rad."""
+        walker = Walker(robot, model, feet_of(robot), DT)
+        data = mujoco.MjData(model)
+        walker.start(data)
+        goal = data.qpos.copy()
+        # The feet have not slid equally far.
+        for joint, slid in (("r_hip_yaw", 0.02), ("l_hip_yaw", -0.02)):
+            data.qpos[model.joint(joint).qposadr] += slid
+        data.qpos[3:7] = multiply(yaw(heading), data.qpos[3:7])
+        walker.adjust(data, goal, 0.0)
+        return goal[7:]
+
+    assert goal_seen_from(turned) == pytest.approx(goal_seen_from(0.0), abs=1e-6)
 
 
 def test_a_fall_is_seen_coming():
