@@ -17,6 +17,11 @@ class MotiondeckError(Exception):
         """The error for a file or a folder that the system does not write."""
         return cls(f"{path}: cannot be written ({error.strerror or error}). Check folder and free space.")
 
+    @classmethod
+    def missing(cls, path: str | Path, what: str = "file") -> Self:
+        """The error for a file that does not exist; `what` else it might have been, as "file or folder"."""
+        return cls(f"{path}: there is no such {what}. Check the name.")
+
 
 def in_words(error: BaseException) -> str:
     """What an error says, behind the name of its type unless it is written for the user."""

@@ -117,7 +117,7 @@ def recordings_in(paths: Iterable[Path]) -> list[Path]:
         elif path.exists():
             found.append(path)
         else:
-            raise MotiondeckError(f"{path}: there is no such file or folder. Check the name.")
+            raise MotiondeckError.missing(path, "file or folder")
     if not found:
         where = ", ".join(map(str, paths)) or "nothing was given"
         raise MotiondeckError(f"{where}: no recording found. Recordings end in {', '.join(sorted(RECORDINGS))}.")

@@ -138,7 +138,7 @@ def _places(paths: Sequence[Path], format: Format) -> dict[Path, Path]:
     places: dict[Path, Path] = {}
     for path in paths:
         if not path.exists():
-            raise MotiondeckError(f"{path}: there is no such file or folder. Check the name.")
+            raise MotiondeckError.missing(path, "file or folder")
         found = recordings_below(path) if path.is_dir() else [path]
         if not found:
             raise MotiondeckError(f"{path}: there is no recording in this folder")

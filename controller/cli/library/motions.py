@@ -271,7 +271,7 @@ def _cut(file: Path, frames: tuple[int, int] | None, skeleton: Path | None) -> C
     from motiondeck_base.errors import MotiondeckError
 
     if not file.is_file():
-        raise MotiondeckError(f"{file}: there is no such file. Check the name.")
+        raise MotiondeckError.missing(file)
     clip = read_clip(file, ReadingOptions(skeleton))
     if frames is None:
         return clip

@@ -128,7 +128,7 @@ def run(
     for path in clips:
         try:
             if not path.is_file():
-                raise MotiondeckError(f"{path}: there is no such file. Check the name.")
+                raise MotiondeckError.missing(path)
             clip = read_clip(path, options)
             if stream:
                 out.append({"file": str(path)} | _streamed(loaded, clip))

@@ -70,7 +70,7 @@ def segment(
     from motiondeck_base.errors import MotiondeckError
 
     if not file.is_file():
-        raise MotiondeckError(f"{file}: there is no such file. Check the name.")
+        raise MotiondeckError.missing(file)
     if recognizer is not None and method is not SegmentMethod.EXPERTS:
         raise MotiondeckError(f"--recognizer goes with --method experts, not with {method.value}")
     if count is not None and method is not SegmentMethod.PLANES:

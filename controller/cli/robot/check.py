@@ -39,7 +39,7 @@ def recordings(paths: Sequence[Path]) -> list[Path]:
     found: list[Path] = []
     for path in paths:
         if not path.exists():
-            raise MotiondeckError(f"{path}: there is no such file or folder. Check the name.")
+            raise MotiondeckError.missing(path, "file or folder")
         found += recordings_below(path) if path.is_dir() else [path]
     if not found:
         raise MotiondeckError(f"{', '.join(map(str, paths))}: no recordings ({', '.join(sorted(RECORDINGS))}) there")

@@ -128,7 +128,7 @@ def _acclaim(path: str | Path, options: ReadingOptions) -> Clip:
     """An .amc with its own or the given skeleton."""
     recording = Path(path)
     if not options.skeleton and not recording.exists():
-        raise FileFormatError(f"{path}: there is no such file. Check the name.")
+        raise FileFormatError.missing(path)
     asf = options.skeleton or skeleton_of(recording, recording.parent.parent)
     if asf is None:
         found = _skeletons(recording.parent)
