@@ -38,6 +38,7 @@ FEET = "feet"
 """The vector from the right sole to the left one, the last of all: no limb, but what keeps feet where they stand."""
 BALL = 0.75  # of the length of a sole from its heel on
 CARRIED = 0.5  # lengths of the limb above the knee or elbow
+BALL_HINGES = 3  # so many turn a limb as a ball would
 STEEPEST_SOLE = 0.5  # rad: what slopes more than this at rest is no sole
 
 
@@ -261,15 +262,21 @@ class RobotLimbs:
         tip = level_with(tip, knee, axis)
         add(f"{side}_{first}", (upper, start), (upper, knee))
         add(f"{side}_{whole}", (upper, start), (tip_body, tip))
-        # Where a joint far from it carries the beginning of the limb along (a clavicle's), that is to stay where it is.
+        # What a joint far from it carries along (a clavicle's), the beginning of the limb, is to stay where it is, but
+        # only where the others are enough to point the limb anywhere.
         far = CARRIED * float(np.linalg.norm(knee - start))
-        if any(np.linalg.norm(self._data.xanchor[joint] - start) > far for joint in hips):
+        carry = [joint for joint in hips if self._lever(joint, start) > far]
+        if carry and len(hips) - len(carry) >= BALL_HINGES:
             add(f"{side}_{first}_start", (base, self._data.xpos[base]), (upper, start))
         lengths = float(np.linalg.norm(knee - start)), float(np.linalg.norm(tip - knee))
         for part, joint, length in zip((first, second), (hips[-1], knee_joint), lengths, strict=True):
             self.segments[f"{side}_{part}"] = Measured(joint, self._data.xaxis[joint].copy(), length)
         self.reach[f"{side}_{whole}"] = sum(lengths)
         return sum(lengths)
+
+    def _lever(self, joint: int, point: Array) -> float:
+        """How far a point (3,) is from a joint's axis, m."""
+        return float(np.linalg.norm(np.cross(self._data.xaxis[joint], point - self._data.xanchor[joint])))
 
     def _knee(self, upper: int, lower: int) -> int:
         """The last hinge across the limb on the way from its upper segment to the body that its knee moves."""

@@ -16,7 +16,7 @@ from sim.models.joint_layout import JointLayout
 from sim.models.model_file import read_model
 from sim.retargeting.human_limbs import LIMBS
 from sim.retargeting.inverse_kinematics import LimbSolver, sole
-from sim.retargeting.robot_limbs import RobotLimbs
+from sim.retargeting.robot_limbs import RobotLimbs, limb_directions
 from sim.robots.body_matching import match
 from small_robots import SERVOS, full_humanoid, humanoid
 
@@ -237,3 +237,64 @@ def test_a_trunk_does_not_bend_for_what_an_arm_cannot_reach(tmp_path):
     for _ in range(60):
         limbs.place(solve(boxing, UP))
     assert np.degrees(np.arccos(limbs.chest_rotation()[2, 2])) < 2.0
+
+
+SWUNG = {"lift": "1 0 0", "turn": "0 0 1"}
+BALL = {"pitch": "0 1 0", **SWUNG}
+
+
+def swung_shoulders(path, hinges):
+    """Solver and limbs of a robot whose first arm hinges stand upright and carry the others along, 0.1 m beside."""
+
+    def with_these(text):
+        for side, out in (("left", 0.1), ("right", -0.1)):
+            joints = "".join(f'<joint name="{side}_{k}" axis="{a}" range="-2.5 2.5"/>' for k, a in hinges.items())
+            first, others = f'<joint name="{side}_arm_pitch" axis="0 1 0"', f'<body name="{side}_upper">'
+            second = f'<joint name="{side}_arm_roll" axis="1 0 0" range="-2 2"/>'
+            assert all(text.count(part) == 1 for part in (first, others, second))
+            text = text.replace(first, f'<joint name="{side}_pan" axis="0 0 1"').replace(second, joints)
+            text = text.replace(others, f'<body name="{side}_upper" pos="0 {out} 0">')
+        return text
+
+    path.write_text(humanoid(servos=(), rename=with_these))
+    model = read_model(path).compile()
+    parts = {"pelvis": "trunk"} | {
+        f"{side}_{part}": f"{name}_{body}"
+        for side, name in SIDES.items()
+        for part, body in {"thigh": "thigh", "shank": "shank", "upper_arm": "upper", "forearm": "fore"}.items()
+    }
+    joints = JointLayout.of(model).joints
+    limbs = RobotLimbs(path, model, parts, np.array([1.0, 0.0, 0.0, 0.0]), joints)
+    lower, upper = model.jnt_range[[model.joint(name).id for name in joints]].T.copy()
+    limits = JointLimits(lower, upper, *(np.full(len(joints), rate) for rate in (4.0, 100.0, 1e4)))
+    rest = np.array([0.2 if name in ("left_lift", "left_elbow", "right_elbow") else 0.0 for name in joints])
+    rest[joints.index("right_lift")] = -0.2
+    return LimbSolver(limbs, limits, rest, DT), limbs
+
+
+def reaching():
+    """Limbs of a body that stands and holds its arms out ahead."""
+    limbs = standing()
+    for side, left in (("r", -1.0), ("l", 1.0)):
+        limbs[LIMBS.index(f"{side}_upper_arm")] = normalise(np.array([0.8, 0.5 * left, -0.2]))
+        limbs[LIMBS.index(f"{side}_forearm")] = normalise(np.array([0.9, -0.1 * left, 0.3]))
+    return limbs
+
+
+def test_a_hinge_that_carries_the_shoulder_along_turns_an_arm_that_needs_it(tmp_path):
+    solver, limbs = swung_shoulders(tmp_path / "swung.xml", SWUNG)
+    limbs.place(solver(reaching(), UP))
+    there = limb_directions(limbs)
+    rows = [LIMBS.index(f"{side}_{part}") for side in "rl" for part in ("upper_arm", "forearm")]
+    assert degrees_between(there, reaching())[rows].max() < 1.0
+
+
+def test_a_clavicle_stays_where_it_is(tmp_path):
+    solver, limbs = swung_shoulders(tmp_path / "ball.xml", BALL)
+    limbs.place(solver(reaching(), UP))
+    model, data = limbs._model, limbs.data
+    turned = [data.qpos[model.joint(f"{side}_pan").qposadr[0]] for side in SIDES.values()]
+    assert np.abs(turned).max() < 0.1
+    there = limb_directions(limbs)
+    rows = [LIMBS.index(f"{side}_{part}") for side in "rl" for part in ("upper_arm", "forearm")]
+    assert degrees_between(there, reaching())[rows].max() < 3.0
