@@ -87,7 +87,12 @@ def _placed(turn, place, parent, offset, own):
 
 
 def amc_joints(asf, amc, frames=slice(None)):
-    """Where each bone of an ASF ends in each frame of an AMC, by name, in the file's axes (y up), m; "root" too.
+    """Where each bone of an ASF ends in each frame of an AMC, by name, in the file's axes (y up), m; "root" too."""
+    return amc_bones(asf, amc, frames)[0]
+
+
+def amc_bones(asf, amc, frames=slice(None)):
+    """As `amc_joints`, and how each bone is turned, its vector in the zero pose, and the one it hangs from.
 
     Lengths are inches divided by `length`. A bone turns by C M C^-1 against its parent: C from `axis`, M from its
     channels; both rotate about fixed axes, the first angle first.
@@ -112,6 +117,7 @@ def amc_joints(asf, amc, frames=slice(None)):
     root = dict(zip(order, np.array(values["root"]).T, strict=True))
     place = {"root": np.stack([root[axis] for axis in ("tx", "ty", "tz")], axis=1) * unit}
     turn = {"root": _fixed("".join(c[1] for c in order if c[0] == "r"), [root[c] for c in order if c[0] == "r"])}
+    vectors = {}
     for name, above in parent.items():
         fields = bones[name]
         axis = Rotation.from_euler(fields["axis"][3].lower(), [float(a) for a in fields["axis"][:3]], degrees=True)
@@ -123,7 +129,8 @@ def amc_joints(asf, amc, frames=slice(None)):
         vector = np.array([float(d) for d in fields["direction"]])
         vector *= float(fields["length"][0]) * unit / np.linalg.norm(vector)
         place[name] = place[above] + turn[name].apply(vector)
-    return place
+        vectors[name] = vector
+    return place, turn, vectors, parent
 
 
 def _fixed(letters, angles):

@@ -54,13 +54,13 @@ _MIDDLE: dict[Part, str] = {
 }
 _SIDED: dict[Part, str] = {
     "hip": "hipjoint",
-    "thigh": "upleg upperleg thigh femur hip",
+    "thigh": "upleg upperleg thigh thighbend femur hip",
     "shank": "lowerleg lowleg leg calf shin shank tibia knee",
     "foot": "foot ankle",
     "toes": "toe toes toebase ball bigtoe",
-    "clavicle": "clavicle collar collarbone shoulder thorax",
-    "upper arm": "upperarm uparm arm uarm humerus shldr",
-    "forearm": "forearm lowerarm lowarm farm radius elbow",
+    "clavicle": "clavicle collar collarbone shoulder scapula thorax",
+    "upper arm": "upperarm uparm arm uarm humerus shldr shldrbend",
+    "forearm": "forearm forearmbend lowerarm lowarm farm radius elbow",
     "hand": "hand wrist",
 }
 _KEYS: dict[str, Part] = {
@@ -129,12 +129,14 @@ class _Style(NamedTuple):
         joints: bones are called after joints, such as elbow and knee, and so is the upper arm.
         shins: a leg is a thigh, because what follows it is called shin.
         ankles: a foot is what follows the ankle: the toes.
+        thighs: a hip of a side is what carries the thigh, because thighs have names of their own.
     """
 
     shared: frozenset[str]
     joints: bool
     shins: bool
     ankles: bool
+    thighs: bool
 
     @classmethod
     def of(cls, names: Iterable[str]) -> _Style:
@@ -149,10 +151,10 @@ class _Style(NamedTuple):
             if len(said) > 3 and count > _SHARED * len(said) and word not in known
         )
         keys = {key for joint in joints for key, _ in [_key(joint, shared)]}
-        thighs = bool(keys & {"upleg", "upperleg", "thigh", "femur"})
+        thighs = bool(keys & {"upleg", "upperleg", "thigh", "thighbend", "femur"})
         shins = bool(keys & {"shin", "calf", "shank", "lowerleg", "lowleg"})
         joints = bool(keys & {"elbow", "knee"}) and not keys & {"upperarm", "uparm", "arm", "uarm", "humerus"}
-        return cls(shared, joints, "leg" in keys and shins and not thighs, "ankle" in keys)
+        return cls(shared, joints, "leg" in keys and shins and not thighs, "ankle" in keys, thighs)
 
     def part(self, name: str) -> NamedPart | None:
         """What the name of a joint means."""
@@ -162,6 +164,8 @@ class _Style(NamedTuple):
             return None
         if side == "middle":
             return NamedPart(part, side) if part in _MIDDLE else None
+        if key == "hip" and self.thighs:
+            return NamedPart("hip", side)
         if key in _SIDED_ONLY:
             return NamedPart(_SIDED_ONLY[key], side)
         if key == "shoulder" and self.joints:
@@ -238,7 +242,7 @@ def _sided_key(name: str, shared: frozenset[str]) -> tuple[str, Side]:
             side = "left" if bare in _LEFT else "right"
         elif bare or len(words) == 1:
             kept.append(bare if bare not in ("", "l", "t") else word)
-    key = "".join(word for word in kept if word != "c")
+    key = "".join(word for word in kept if word not in ("c", "m"))  # the middle
     if side == "middle" and key not in _KNOWN:
         for word, which in _AFFIXES:
             if key.startswith(word) and key[len(word) :] in _KNOWN:

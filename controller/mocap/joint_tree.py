@@ -195,12 +195,25 @@ def _bones(
                 if bone == -2:
                     bone = len(names)
                     begun.append((offset[child], bone))
-                    one, together = tree.names[joint], [c for c in apart if _near(offset[c], offset[child], least)]
+                    one, together = (
+                        _called(tree, parts, children, joint, offset, least),
+                        [c for c in apart if _near(offset[c], offset[child], least)],
+                    )
                     known = (tree.names[c] for c in together if parts[c] is not None)
                     names.append(one if len(ways) == 1 else f"{one}-{next(known, tree.names[child])}")
                     yield joint, child, above
             below.append((child, bone))
         waiting.extend(reversed(below))
+
+
+def _called(tree: JointTree, parts: Parts, children: list[list[int]], joint: int, offset: Array, least: float) -> str:
+    """What a bone that begins in a joint is called: the joint, or one in the same place of which only it hangs."""
+    place = joint
+    while parts[place] is None and tree.parent[place] >= 0 and np.abs(offset[place]).max() <= least:
+        place = int(tree.parent[place])
+        if len(children[place]) > 1:
+            break
+    return tree.names[place if parts[place] is not None and len(children[place]) == 1 else joint]
 
 
 def _near(one: Array, other: Array, tolerance: float) -> bool:

@@ -1,4 +1,4 @@
-"""What looks wrong about a recorded body: sizes, sides, the up axis, and parts that were not found.
+"""What looks wrong about a recorded body: sizes, sides, height, angles, the up axis, and parts that were not found.
 
 Each doubt is one line that names the bone, the reason and the remedy. Judged over the whole recording.
 """
@@ -7,30 +7,30 @@ from __future__ import annotations
 
 import numpy as np
 
-from controller.mocap.anatomy import SIDES, Anatomy, Part, anatomy, named_anatomy
-from controller.mocap.canonical.canonical_body import CANONICAL_BONES, landmarks_of, to_canonical
+from controller.mocap.anatomy import SIDES, named_anatomy
+from controller.mocap.canonical.canonical_body import CANONICAL_BONES, NO_LENGTH, Landmarks, landmarks_of, to_canonical
 from controller.mocap.clip import Clip
-from controller.rotations import dot, rotate
+from controller.mocap.skeleton import Skeleton
+from controller.rotations import Array, dot, rotate
 from motiondeck_base.errors import FileFormatError
 
 SHORTEST_LEG, LONGEST_LEG = 0.5, 1.3  # m, thigh and shank
-HIGHEST_ROOT = 1.5  # m, in the middle of the recording
+FLOATS = 0.3  # m: the lowest joint above the ground, nearly all the time
 DEEPEST = 0.3  # m: the lowest joint below the ground, in the middle of the recording
+NEARLY_NEVER = 5.0  # percent of the time
+UPSIDE_DOWN = 0.4  # legs: a head this far below the feet; of somebody who lies it may be a little
 SIDES_DIFFER = 1.25  # a bone over its counterpart
-PROPORTIONS: tuple[tuple[Part, Part, float, float], ...] = (
-    ("thigh", "shank", 0.6, 1.7),
-    ("upper arm", "forearm", 0.6, 2.2),
-)
+# Degrees: in radians no joint turns farther than that number says, in degrees those of a moving body do.
+WITHIN_A_TURN, MOVES = 6.3, 0.2
+PROPORTIONS = (("kne", "ank", 0.6, 1.7), ("elb", "wri", 0.6, 2.2))  # thigh over shank, upper arm over forearm
 
 
 def doubts(clip: Clip) -> list[str]:
     """What looks wrong about the body of a clip."""
     skeleton = clip.skeleton
     found: list[str] = []
-    parts = named_anatomy(skeleton)
-    if parts is None:
+    if named_anatomy(skeleton) is None:
         found.append("no names of legs were understood: parts were found by shape. Check them, or use --rename.")
-        parts = anatomy(skeleton)
     try:
         marks = landmarks_of(skeleton)
     except FileFormatError as error:
@@ -39,16 +39,28 @@ def doubts(clip: Clip) -> list[str]:
     if lacking:
         what = "was found: its length and direction are" if len(lacking) == 1 else "were found: they are"
         found.append(f"no {', '.join(lacking)} {what} assumed.")
-    found += _sizes(clip, parts)
     own = to_canonical(clip)
+    found += _sizes(own, skeleton, marks)
     joints = own.joints()
     head, toes = (joints[:, 1 + CANONICAL_BONES.index(bone), 2] for bone in ("head", "lfoo"))
-    deep = -float(np.median(joints[..., 2].min(axis=1)))
+    lowest = joints[..., 2].min(axis=1)
+    deep, floats = -float(np.median(lowest)), float(np.percentile(lowest, NEARLY_NEVER))
     if deep > DEEPEST:
         found.append(
             f"the body is {deep:.2f} m below the ground: its height is not in the file, or the up axis (--up)."
         )
-    if np.median(head - toes) < 0.0:
+    if floats > FLOATS:
+        found.append(
+            f"the body floats {floats:.2f} m above the ground all the time: the up axis may be wrong (--up), or its "
+            "height in the file, which is kept. Lower it in the program that it comes from."
+        )
+    turns = _turns(clip)
+    if np.ptp(turns, axis=0).max(initial=0.0) > MOVES and turns.max() < WITHIN_A_TURN:
+        found.append(
+            f"no joint turns by more than {turns.max():.1f} degrees: the file's angles may be radians. Write them in "
+            "degrees (times 57.3)."
+        )
+    if np.median(head - toes) < -UPSIDE_DOWN * own.skeleton.leg_length:
         found.append("the head is below the feet most of the time: the up axis may be wrong (--up).")
     if "lfoo" in marks.joint and _toes_ahead(own) < -0.3:
         found.append("the toes point backwards: names may have left and right exchanged (--rename).")
@@ -74,30 +86,34 @@ def _toes_ahead(own: Clip) -> float:
     return float(np.median(dot(0.5 * (aside[0] + aside[1]), forward)))
 
 
-def _sizes(clip: Clip, parts: Anatomy) -> list[str]:
-    """Implausible lengths and heights."""
-    skeleton = clip.skeleton
+def _turns(clip: Clip) -> Array:
+    """How far each bone is turned from its rest pose against what it hangs from, shape (T, B), degrees."""
+    own, above = clip.rotation[:, 1:], clip.rotation[:, 1 + clip.skeleton.parent]
+    return np.degrees(2.0 * np.arccos(np.clip(np.abs(dot(own, above)), 0.0, 1.0)))
+
+
+def _sizes(own: Clip, recorded: Skeleton, marks: Landmarks) -> list[str]:
+    """Implausible lengths, on the canonical body, with the names of the recorded one."""
     found: list[str] = []
+    length = dict(zip(CANONICAL_BONES, own.skeleton.length.tolist(), strict=True))
+    name = {bone: recorded.bones[marks.bone[bone]] for bone in marks.joint if marks.bone.get(bone, -1) >= 0}
     for side in SIDES:
-        leg = sum(float(skeleton.length[bone]) for part in ("thigh", "shank") for bone in parts.all(part, side)[:1])
+        leg = length[side[0] + "kne"] + length[side[0] + "ank"]
         if not SHORTEST_LEG < leg < LONGEST_LEG:
             found.append(f"the {side} leg is {leg:.2f} m long: the unit may be wrong (--unit), or a bone (--rename).")
-        for upper, lower, least, most in PROPORTIONS:
-            bones = [parts.first(part, side) for part in (upper, lower)]
-            one, other = (None if bone is None else float(skeleton.length[bone]) for bone in bones)
-            if one is not None and other and not least < one / other < most and bones[0] is not None:
-                taken = f"bone '{skeleton.bones[bones[0]]}', taken for the {side} {upper}"
-                found.append(f"{taken}, is {one:.2f} m, the {lower} {other:.2f} m (--rename).")
-    for part in ("thigh", "shank", "upper arm", "forearm"):
-        left, right = (parts.first(part, side) for side in SIDES)
-        if left is not None and right is not None:
-            one, other = float(skeleton.length[left]), float(skeleton.length[right])
+        for upper, lower, least, most in ((side[0] + a, side[0] + b, *span) for a, b, *span in PROPORTIONS):
+            if upper in name and lower in name and not least < length[upper] / max(length[lower], NO_LENGTH) < most:
+                taken = f"bone '{name[upper]}', taken for the {_called(upper)}"
+                shorter = f"the {_called(lower).partition(' ')[2]} {length[lower]:.2f} m"
+                found.append(f"{taken}, is {length[upper]:.2f} m, {shorter} (--rename).")
+    for end in ("kne", "ank", "elb", "wri"):
+        if "l" + end in name and "r" + end in name:
+            one, other = length["l" + end], length["r" + end]
             if max(one, other) > SIDES_DIFFER * min(one, other):
-                names = f"'{skeleton.bones[left]}' and '{skeleton.bones[right]}'"
-                found.append(f"bones {names}, taken for both {part}s, are {one:.2f} and {other:.2f} m (--rename).")
-    height = float(np.median(clip.root_position[:, 2]))
-    if height > HIGHEST_ROOT:
-        found.append(f"the root is {height:.2f} m high: the unit (--unit) or the up axis (--up) may be wrong.")
+                names = f"'{name['l' + end]}' and '{name['r' + end]}'"
+                found.append(
+                    f"bones {names}, taken for both {_NAMES[end]}s, are {one:.2f} and {other:.2f} m (--rename)."
+                )
     return found
 
 

@@ -1,7 +1,8 @@
 """BVH recordings (Biovision): a tree of joints with their offsets, then the channels of every joint, frame by frame.
 
 A joint turns by its rotation channels in the order in which that joint lists them: the first is the outermost. Its
-position channels, where it has any, replace its OFFSET in each frame, as Blender and MotionBuilder read them. The file
+position channels, where it has any, replace its OFFSET in each frame, as Blender and MotionBuilder read them; where
+they begin at zero though the OFFSET does not, they are added to it, as the programs that write so mean them. The file
 does not give its up axis nor its unit, and a body may be unable to stand in its zero pose: `rest_pose` finds out.
 `joint_tree` makes the joints into bones.
 """
@@ -26,6 +27,8 @@ from motiondeck_base.files import Line, as_float, no_number, read_text, shortene
 
 MOST_JOINTS = 1000  # without a bound a broken file could ask for any amount of memory
 LONGEST_PERIOD = 1.0  # s; a longer frame time is a rate that was written in its place
+# A place this near to the parent, in lengths of the OFFSET, is no place of its own; two frames later it is this near.
+AT_ZERO, NEAR_ZERO = 0.02, 0.15
 CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "xyz")
 _AXES = dict(zip("xyz", np.eye(3), strict=True))
 
@@ -68,7 +71,7 @@ def read_bvh(path: str | Path, options: ReadingOptions = AS_FOUND) -> Clip:
 
 def _parted(text: str) -> tuple[str, str, int]:
     """The lines up to the frame time, those of the frames, and how many the first ones are."""
-    found = re.search(r"^[ \t]*frame[ \t]+time:[^\n]*$", text, re.MULTILINE | re.IGNORECASE)
+    found = re.search(r"^[ \t]*frame[ \t]+time[ \t]*:[^\n]*$", text, re.MULTILINE | re.IGNORECASE)
     end = len(text) if found is None else found.end()
     return text[:end], text[end:], text.count("\n", 0, end)
 
@@ -162,8 +165,9 @@ def _channels(line: Line) -> tuple[str, ...]:
 
 def _announced(path: str | Path, lines: list[Line]) -> tuple[float, Line]:
     """The rate in Hz, and the line with the number of frames, from the two lines after MOTION."""
-    times = [line for line in lines if line.words[:1] and line.words[0].lower() == "frame"]
-    counts = [line for line in lines if line.words[:1] and line.words[0].lower() == "frames:"]
+    said = [Line(path, line.number, " ".join(line.words).replace(":", " : ").split()) for line in lines]
+    times = [line for line in said if [word.lower() for word in line.words[:2]] == ["frame", "time"]]
+    counts = [line for line in said if [word.lower() for word in line.words[:2]] == ["frames", ":"]]
     if not times or not counts:
         raise FileFormatError(f"{path}: 'Frames:' or 'Frame Time:' is missing after MOTION. Fetch the file again.")
     period = times[0].number_from(times[0].words[-1])
@@ -219,6 +223,19 @@ def _no_number(path: str | Path, rows: str, at: int) -> FileFormatError:
     return FileFormatError(f"{path}: a number cannot be read. Fetch the file again.")
 
 
+def _added(place: Array, joint: Joint) -> bool:
+    """Whether position channels (T, 3) are meant to be added to the OFFSET: else a joint would lie in its parent.
+
+    A root begins there, and moves on; of other joints the median counts, for a frame or two may be lost.
+    """
+    if sum(channel.endswith("position") for channel in joint.channels) < 3:
+        return False
+    away = np.linalg.norm(place, axis=1) / max(float(np.linalg.norm(np.array(joint.offset))), 1e-9)
+    if joint.parent >= 0:
+        return bool(np.median(away) < AT_ZERO)
+    return bool(away[0] < AT_ZERO and np.median(away[:3]) < NEAR_ZERO)
+
+
 def _tree(joints: list[Joint], values: Array) -> JointTree:
     """Plays the file's channels on its joints, all in the file's own axes and unit."""
     frames = len(values)
@@ -234,6 +251,8 @@ def _tree(joints: list[Joint], values: Array) -> JointTree:
             else:
                 place[:, index, "xyz".index(channel[0])] = values[:, column]
             column += 1
+        if _added(place[:, index], joint):
+            place[:, index] += np.array(joint.offset)
         turn[:, index] = local
     turns = np.array([any(channel.endswith("rotation") for channel in joint.channels) for joint in joints])
     return played([joint.name for joint in joints], [joint.parent for joint in joints], place, turn, turns)

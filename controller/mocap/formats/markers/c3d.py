@@ -16,7 +16,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.mocap.formats.markers.tracks import FARTHEST, UNITS, Markers
+from controller.mocap.formats.markers.tracks import FARTHEST, UNITS, Markers, unit_of_size
 from controller.mocap.reading_options import AS_FOUND, ReadingOptions
 from controller.rotations import Array
 from motiondeck_base.errors import FileFormatError
@@ -40,7 +40,7 @@ class C3dLayout:
         frames, points, width: how many there are, and how many numbers a frame takes (4 a point, then analog ones).
         scale: of whole numbers; negative where the points are floating-point numbers.
         rate: frames per second.
-        unit: of the file, m.
+        unit: of the file, m; None where it does not say one that is known.
     """
 
     processor: int
@@ -51,7 +51,7 @@ class C3dLayout:
     width: int
     scale: float
     rate: float
-    unit: float
+    unit: float | None
 
     @property
     def number(self) -> np.dtype[np.generic]:
@@ -65,9 +65,9 @@ class C3dLayout:
         return slice(self.at, self.at + self.frames * self.width * self.number.itemsize)
 
     @property
-    def metres(self) -> float:
-        """What a stored number of 1 is, m."""
-        return self.unit if self.scale < 0.0 else self.unit * self.scale
+    def step(self) -> float:
+        """What a stored number of 1 is, in the file's unit."""
+        return 1.0 if self.scale < 0.0 else self.scale
 
 
 def read_layout(path: str | Path, content: bytes) -> C3dLayout:
@@ -107,7 +107,7 @@ def read_layout(path: str | Path, content: bytes) -> C3dLayout:
             f"{path}: {frames} frames of {points} points are announced, but there are {max(there, 0)}. "
             "The file is cut short: fetch it again."
         )
-    unit = UNITS.get(_text(parameters, "POINT:UNITS").lower(), UNITS["mm"])
+    unit = UNITS.get(_text(parameters, "POINT:UNITS").lower().rstrip("."))
     return C3dLayout(processor, parameters, at, frames, points, width, scale, rate, unit)
 
 
@@ -119,15 +119,11 @@ def read_c3d(path: str | Path, options: ReadingOptions = AS_FOUND) -> Markers:
     """
     content = read_bytes(path)
     form = read_layout(path, content)
-    raw = content[form.bytes]
-    words = _floats(raw, form.processor) if form.scale < 0.0 else np.frombuffer(raw, form.number).astype(np.float64)
-    place = words.reshape(form.frames, form.width)[:, : 4 * form.points].reshape(form.frames, form.points, 4).copy()
-    with np.errstate(all="ignore"):  # a broken number is a point not seen
-        position = place[..., :3] * (form.metres if options.unit is None else form.metres / form.unit * options.unit)
-        unseen = ~(place[..., 3] >= 0.0) | ~(np.abs(position).max(axis=-1) < FARTHEST)
-    unseen |= (position == 0.0).all(axis=-1)
-    position[unseen] = np.nan
-    if unseen.all():
+    position = seen_points(content, form)
+    with np.errstate(all="ignore"):
+        position *= options.unit or form.unit or unit_of_size(position)
+        position[~(np.abs(position).max(axis=-1) < FARTHEST)] = np.nan
+    if np.isnan(position).all():
         raise FileFormatError(f"{path}: no point was ever seen in this file. Give another recording.")
     up = _text(form.parameters, "POINT:Y_SCREEN").lower().lstrip("+")
     labels = _labels(form.parameters, form.points)
@@ -138,6 +134,17 @@ def read_c3d(path: str | Path, options: ReadingOptions = AS_FOUND) -> Markers:
         options.up or (up if up in ("x", "y", "z") else None),
         Path(path).name,
     )
+
+
+def seen_points(content: bytes, form: C3dLayout) -> Array:
+    """Where points were, shape (T, M, 3), in the file's axes and unit; NaN where one was not seen."""
+    raw = content[form.bytes]
+    words = _floats(raw, form.processor) if form.scale < 0.0 else np.frombuffer(raw, form.number).astype(np.float64)
+    place = words.reshape(form.frames, form.width)[:, : 4 * form.points].reshape(form.frames, form.points, 4)
+    with np.errstate(all="ignore"):  # a broken number is a point not seen
+        position = place[..., :3] * form.step
+        position[~(place[..., 3] >= 0.0) | (position == 0.0).all(axis=-1)] = np.nan
+    return position
 
 
 def _parameters(path: str | Path, content: bytes, at: int, processor: int) -> Parameters:

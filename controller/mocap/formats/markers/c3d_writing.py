@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.mocap.formats.markers.c3d import DEC, read_c3d, read_layout
+from controller.mocap.formats.markers.c3d import DEC, read_layout, seen_points
+from controller.mocap.formats.markers.tracks import unit_of_size
 from controller.rotations import Array
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import read_bytes
@@ -26,8 +27,10 @@ def with_points(path: Path, position: Array) -> bytes:
     """
     content = bytearray(read_bytes(path))
     form = read_layout(path, bytes(content))
-    new = np.isnan(read_c3d(path).position[..., 0]) & np.isfinite(position).all(axis=-1)
-    words = np.concatenate([position[new] / form.metres, np.zeros((int(new.sum()), 1))], axis=-1)
+    seen = seen_points(bytes(content), form)
+    new = np.isnan(seen[..., 0]) & np.isfinite(position).all(axis=-1)
+    unit = form.unit or unit_of_size(seen)
+    words = np.concatenate([position[new] / (unit * form.step), np.zeros((int(new.sum()), 1))], axis=-1)
     if form.scale >= 0.0:
         words = np.round(words)
         if np.abs(words).max(initial=0.0) > np.iinfo(np.int16).max:

@@ -10,6 +10,7 @@ from controller.rotations import Array
 
 UNITS = {"mm": 0.001, "cm": 0.01, "dm": 0.1, "m": 1.0, "in": 0.0254, "inch": 0.0254, "inches": 0.0254, "ft": 0.3048}
 """What marker files call their unit, m."""
+TALL = 1.6  # m: the points on a person who stands, from the lowest to the highest
 FARTHEST = 1e4  # m: a point beyond is a broken number
 
 
@@ -30,6 +31,21 @@ class Markers:
     position: Array
     up: str | None
     source: str
+
+
+def unit_of_size(position: Array) -> float:
+    """The unit, m, in which points (T, M, 3), NaN where not seen, are as far apart as those on a person's body.
+
+    Of metres, centimetres and millimetres, by the median frame; millimetres where no two points were seen.
+    """
+    there = np.isfinite(position)
+    highest = np.where(there, position, -np.inf).max(axis=1)
+    lowest = np.where(there, position, np.inf).min(axis=1)
+    size = (highest - lowest).max(axis=-1)
+    size = size[np.isfinite(size) & (size > 0.0)]
+    if len(size) == 0:
+        return UNITS["mm"]
+    return min((UNITS[unit] for unit in ("mm", "cm", "m")), key=lambda unit: abs(np.log(np.median(size) * unit / TALL)))
 
 
 def bridged(track: Array) -> Array:

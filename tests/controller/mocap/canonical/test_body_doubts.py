@@ -8,7 +8,7 @@ import pytest
 
 from controller.mocap.canonical.body_doubts import doubts, taken_for
 from controller.mocap.clip import Clip
-from controller.rotations import about
+from controller.rotations import about, multiply
 from simulated_bodies import human
 
 
@@ -43,7 +43,7 @@ def longer(bone, factor):
     ("clip", "doubt"),
     [
         (standing(replace(human(), length=0.1 * human().length)), r"the left leg is 0\.\d\d m long: the unit .*--unit"),
-        (standing(human(), height=2.3), r"the root is 2\.30 m high: the unit \(--unit\) or the up axis \(--up\)"),
+        (standing(human(), height=1.5), r"the body floats 0\.\d\d m above the ground all the time: .*--up"),
         (standing(human(), height=0.0), r"the body is 0\.\d\d m below the ground: .*--up"),
         (standing(longer("lkne", 2.5)), r"bone 'lkne', taken for the left thigh, is .*--rename"),
         (standing(longer("relb", 1.5)), r"bones 'lelb' and 'relb', taken for both upper arms, are .*--rename"),
@@ -62,6 +62,29 @@ def test_a_body_on_its_head_and_one_with_sides_exchanged_are_doubted():
     assert any("--up" in line for line in doubts(replace(upside_down, rotation=flipped)))
     sides = {bone: {"l": "r", "r": "l"}[bone[0]] + bone[1:] for bone in human().bones if bone[0] in "lr"}
     assert any("toes point backwards" in line for line in doubts(standing(renamed(sides))))
+
+
+def swaying(degrees):
+    """Somebody with the arms out whose every joint turns to and fro by so many degrees."""
+    clip = standing(human())
+    wave = np.radians(degrees) * np.sin(np.arange(30) / 3.0)
+    turn = np.stack([about(np.array([1.0, 0.0, 0.0]), angle) for angle in wave])
+    rotation = clip.rotation.copy()
+    for bone in range(len(clip.skeleton)):
+        rotation[:, 1 + bone] = multiply(rotation[:, 1 + clip.skeleton.parent[bone]], turn)
+    return replace(clip, rotation=rotation)
+
+
+def test_joints_that_hardly_turn_may_be_of_a_file_in_radians():
+    assert any("no joint turns by more than 1.0 degrees" in line for line in doubts(swaying(1.0)))
+    assert not any("radians" in line for line in doubts(swaying(10.0)))
+    assert not any("radians" in line for line in doubts(standing(human())))
+
+
+def test_the_head_of_somebody_who_lies_may_be_lower_than_his_feet():
+    clip = standing(human(), height=0.15)
+    back = np.broadcast_to(about(np.array([0.0, 1.0, 0.0]), np.radians(-92.0)), clip.rotation.shape)
+    assert doubts(replace(clip, rotation=back)) == []
 
 
 def test_the_feet_of_somebody_who_crawls_may_point_behind_him():

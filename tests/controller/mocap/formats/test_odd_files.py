@@ -11,10 +11,12 @@ import pytest
 
 from controller.mocap.canonical.body_doubts import doubts
 from controller.mocap.canonical.canonical_body import to_canonical
+from controller.mocap.formats.markers.c3d import read_c3d
 from controller.mocap.formats.reading import read_clip
 from controller.mocap.reading_options import ReadingOptions
 from motiondeck_base.errors import FileFormatError
-from people import KEYS, check_person, moving
+from people import KEYS, check_person, in_our_axes, moving
+from recordings import c3d_bytes
 from written_files import LAFAN1, MIXAMO, bvh_text, gltf_file
 
 MOTION = moving(frames=20)
@@ -29,13 +31,33 @@ def write(tmp_path, text, name="odd.bvh"):
     return tmp_path / name
 
 
+def zeros_in_position_channels(text):
+    """A file in which the position channels of all joints but the root are zeros, to be added to their OFFSET."""
+    head, _, rows = text.partition(TIME)
+    numbers = np.array([row.split() for row in rows.splitlines()], dtype=float).reshape(len(rows.splitlines()), -1, 6)
+    numbers[:, 1:, :3] = 0.0
+    return head + TIME + "".join(" ".join(map(str, row.ravel())) + "\n" for row in numbers)
+
+
+def offset_of_the_root(text, place):
+    """A file whose root is at its OFFSET where its channels are zero."""
+    head, _, rows = text.partition(TIME)
+    numbers = np.array([row.split() for row in rows.splitlines()], dtype=float)
+    numbers[:, :3] -= place
+    rows = "".join(" ".join(map(str, row)) + "\n" for row in numbers)
+    return head.replace("OFFSET 0.000000 0.000000 0.000000", "OFFSET {} {} {}".format(*place), 1) + TIME + rows
+
+
 READ = {
     "line ends of Windows": (TEXT.replace("\n", "\r\n"), ()),
     "line ends of old Macs": (TEXT.replace("\n", "\r"), ()),
     "blanks and tabs": (TEXT.replace(" ", " \t "), ()),
     "numbers across lines": (HEAD + TIME + ROWS.replace(" ", "\n", 200), ()),
     "one frame more than announced": (TEXT.replace("Frames: 20", "Frames: 19"), ()),
+    "no blanks after colons": (TEXT.replace("Frames: ", "Frames:").replace("Time: ", "Time:"), ()),
     "position channels on every joint": (bvh_text(MOTION, everywhere=True), ()),
+    "position channels of zeros": (zeros_in_position_channels(bvh_text(MOTION, everywhere=True)), ()),
+    "a path from the OFFSET of the root": (offset_of_the_root(TEXT, 100.0 * MOTION.root[0]), ()),
     "no end sites": (
         re.sub(r"End Site\n{\n[^}]*}\n", "", bvh_text(MOTION, LAFAN1)),
         tuple(key for key in MIXAMO if key.endswith(" end")),
@@ -58,6 +80,52 @@ def test_names_of_any_language_are_read_and_can_be_renamed(tmp_path, alphabet, s
     assert any(spine in bone for bone in read_clip(path).skeleton.bones)
     renamed = read_clip(path, ReadingOptions(rename={spine: "Spine"})).skeleton.bones
     assert renamed == read_clip(write(tmp_path, TEXT)).skeleton.bones
+
+
+def elsewhere(place):
+    """The person at a place, (x, y, z) of the file in m, with the small moves of the recording."""
+    moves = 0.1 * (MOTION.root - MOTION.root[0]) + np.array(place)
+    return replace(MOTION, root=moves)
+
+
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [
+        ([0.3, 1.44, 0.4], "the body floats 0."),  # hips half a metre too high
+        ([0.3, 0.44, 0.4], "m below the ground"),  # and too low
+        ([0.3, 2.0, 0.12], "the body floats 1."),  # lies along y, and z is up, though y is in the pose with arms out
+    ],
+)
+def test_a_body_off_the_ground_is_doubted(tmp_path, place, said):
+    found = [line for line in doubts(read_clip(write(tmp_path, bvh_text(elsewhere(place))))) if said in line]
+    assert len(found) == 1
+    assert "--up" in found[0]
+
+
+def test_somebody_who_lies_along_y_is_read_right_with_the_axis_given(tmp_path):
+    path = write(tmp_path, bvh_text(elsewhere([0.3, 2.0, 0.12])))
+    clip = read_clip(path, ReadingOptions(up="z"))
+    assert doubts(clip) == []
+    assert 0.0 < np.median(clip.joints()[..., 2]) < 0.3
+
+
+def test_angles_in_radians_are_doubted(tmp_path):
+    numbers = np.array([row.split() for row in ROWS.splitlines()], dtype=float)
+    numbers[:, 3:] = np.radians(numbers[:, 3:])
+    rows = "".join(" ".join(map(str, row)) + "\n" for row in numbers)
+    assert any("may be radians" in line for line in doubts(read_clip(write(tmp_path, HEAD + TIME + rows))))
+
+
+@pytest.mark.parametrize("unit", [0.001, 0.01, 1.0])
+@pytest.mark.parametrize("said", ["", "furlongs"])
+def test_a_c3d_file_that_does_not_say_its_unit_is_read_in_that_of_a_person(tmp_path, unit, said):
+    labels, place = zip(*((name, in_our_axes(track)) for name, track in MOTION.place.items()), strict=True)
+    seen = np.stack(place, axis=1) / unit
+    seen[3, 4] = np.nan
+    seen[:2, 5] = 1e30  # broken numbers
+    (tmp_path / "walk.c3d").write_bytes(c3d_bytes(labels, seen, unit=said))
+    found = read_c3d(tmp_path / "walk.c3d").position[2]
+    np.testing.assert_allclose(found, seen[2] * unit, atol=1e-5)
 
 
 def without(joint, text):
