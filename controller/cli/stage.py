@@ -142,4 +142,5 @@ def _print_reply(source: str, command: Message, reply: Reply) -> None:
     from controller.wire.messages import GiveBeat, Refused, SetInput, SetTempo
 
     if isinstance(reply, Refused) or not isinstance(command, GiveBeat | SetTempo | SetInput):
-        print(f"{source}: {command_of(command).word}: {describe(reply)}", flush=True)
+        line = f"{source}: {command_of(command).word}: {describe(reply)}"
+        print(printable(line).replace("\n", r"\n"), flush=True)

@@ -14,6 +14,7 @@ from controller.stage.osc import OscOutput
 from controller.stage.signals import Input, Signal, Tell
 from controller.wire.command_socket import CommandClient
 from controller.wire.command_table import AGO
+from controller.wire.local_transport import PeerGoneError, SocketError
 from controller.wire.messages import EmergencyStop, Event, GetStatus, GiveBeat, Message, Reply, State, Subscribe
 
 STATE_EVERY = 0.1
@@ -22,6 +23,7 @@ STATE_EVERY = 0.1
 _SUBSCRIBED_FOR = 15.0  # s after which a subscription is renewed
 _LOOK = 0.01  # s between looks at what the deck says
 _MOST_WAITING = 256  # signals that are due later
+_MOST_AT_ONCE = 32  # signals given before replies are read; a deck takes bursts of 40
 
 Answered = Callable[[str, Message, Reply], None]
 """Is told what a command came from, the command, and a reply to it."""
@@ -78,7 +80,9 @@ class Bridge:
             for signal in signals.read(self._now()):
                 self._take(signal)
         now = self._now()
-        while self._waiting and self._waiting[0][0] <= now:
+        for _ in range(_MOST_AT_ONCE):
+            if not (self._waiting and self._waiting[0][0] <= now):
+                break
             self._give(heapq.heappop(self._waiting)[2], now)
         running = self._hear()
         if running:
@@ -91,7 +95,7 @@ class Bridge:
         elif len(self._waiting) < _MOST_WAITING:
             heapq.heappush(self._waiting, (signal.due, next(self._order), signal))
         else:
-            self._tell(f"{signal.source}: too many commands wait for their time, so it was left out")
+            self._tell(f"{signal.source}: too many commands at once, so it was left out")
 
     def _give(self, signal: Signal, now: float) -> None:
         command = signal.command
@@ -100,18 +104,36 @@ class Bridge:
             if late > AGO.highest:
                 return
             command = msgspec.structs.replace(command, ago=late)
-        self._asked[self._client.post(command)] = signal
+        number = self._post(command)
+        if number is None:
+            return
+        self._asked[number] = signal
         if len(self._asked) > _MOST_WAITING:
             del self._asked[next(iter(self._asked))]  # its reply was lost
+
+    def _post(self, message: Message) -> int | None:
+        """Sends a message; None, and what waits is left out, where the deck is held up.
+
+        Raises:
+            PeerGoneError: if it is gone.
+        """
+        try:
+            return self._client.post(message)
+        except PeerGoneError:
+            raise
+        except SocketError as error:
+            self._tell(f"{error}, so what came meanwhile was left out")
+            self._waiting.clear()
+            return None
 
     def _ask(self, now: float) -> None:
         """Asks for events and, now and then, for the state."""
         if now >= self._subscribe_at:
             self._subscribe_at = now + _SUBSCRIBED_FOR
-            self._client.post(Subscribe())
+            self._post(Subscribe())
         if now >= self._ask_at:
             self._ask_at = now + STATE_EVERY
-            self._client.post(GetStatus())
+            self._post(GetStatus())
 
     def _hear(self) -> bool:
         """Passes on what the deck has said; False when it has ended."""

@@ -28,6 +28,8 @@ STILL_KEPT = 0.1  # s of stillness left before and after the motion
 # many times as far as any joint moves in a frame of the s that follow.
 JUMP_WITHIN, JUMP, JUMP_TIMES, AFTER_JUMP = 0.1, 0.1, 5.0, 0.25
 FASTEST_BODY = 20.0  # m/s: no body gets farther in a frame; a recording that does was pasted, or lost its body
+SPIKE = 0.25  # m: how far a joint is aside of its way at least, and by which acceleration no limb gets there
+FASTEST_TURN = 600.0  # m/s^2
 SMOOTHED = 0.1  # s over which speeds are averaged: marker noise is fast
 
 
@@ -94,6 +96,20 @@ def jumps(clip: Clip) -> list[int]:
     """The frames before which the body is elsewhere, farther than anybody moves from one frame to the next."""
     step = np.sqrt(np.square(np.diff(clip.root_position, axis=0)).sum(-1))
     return [int(frame) + 1 for frame in np.flatnonzero(step * clip.rate > FASTEST_BODY)]
+
+
+def spikes(clip: Clip) -> list[tuple[int, int]]:
+    """The frames in which a joint is where it cannot have got to, and the bone that ends there.
+
+    By how far a joint is, seen from the root, from the middle between where it was before and comes after.
+    """
+    if len(clip) < 3:
+        return []
+    own = clip.joints()[:, 1:] - clip.root_position[:, None]
+    aside = np.sqrt(np.square(own[1:-1] - 0.5 * (own[2:] + own[:-2])).sum(-1))
+    bone = aside.argmax(axis=1)
+    at = np.flatnonzero(aside.max(axis=1) > max(SPIKE, 0.5 * FASTEST_TURN / clip.rate**2))
+    return [(int(frame) + 1, int(bone[frame])) for frame in at]
 
 
 def without_reference_pose(clip: Clip) -> tuple[Clip, int]:

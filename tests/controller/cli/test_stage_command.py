@@ -9,6 +9,7 @@ import time
 import pytest
 
 from command_line import motiondeck
+from controller.cli.stage import _print_reply
 from controller.wire.command_socket import CommandServer
 from controller.wire.messages import Accepted, Event, GetStatus, Pause, Refused, State, Subscribe, Switch
 
@@ -157,3 +158,10 @@ def test_without_a_deck_it_says_how_to_start_one(tmp_path):
         1,
         "motiondeck: no deck is running on port 1; start one with: motiondeck play\n",
     )
+
+
+def test_what_a_message_carries_is_printed_on_one_line_without_control_characters(capsys):
+    _print_reply("/motion", Switch(to="wave"), Refused(reason="unknown motion 'wa\nve\x1b[31m\x07'"))
+    out = capsys.readouterr().out
+    assert out.count("\n") == 1
+    assert out.strip().isprintable()

@@ -23,6 +23,7 @@ from controller.stage.osc import OscInput, OscOutput
 from controller.stage.stage_file import MidiMap
 from controller.stage.timecode import Timecode
 from controller.wire.command_socket import CommandClient, CommandServer
+from controller.wire.local_transport import PeerGoneError, SocketError
 from controller.wire.messages import Accepted, GiveBeat, Refused
 
 mido = pytest.importorskip("mido")
@@ -246,6 +247,85 @@ def test_random_datagrams_are_left_out_in_one_line(stage):
     assert show.deck.tempo == 1.0
     assert show.replies == []
     assert all("\n" not in text for text in show.told)
+
+
+def bundle(contents, seconds=0.0):
+    """A bundle of messages, each an address and its argument, for a time from now."""
+    builder = osc_bundle_builder.OscBundleBuilder(time.time() + seconds)
+    for address, value in contents:
+        message = osc_message_builder.OscMessageBuilder(address)
+        message.add_arg(value)
+        builder.add_content(message.build())
+    return builder.build()
+
+
+NUMBERS = [float("nan"), float("inf"), 1e30, "nan", "", "1;2", b"\0\xff\n", [1.0, 2.0], True, 2**31 - 1]
+
+
+def test_values_that_are_no_number_are_told_in_one_line_each(stage):
+    show = stage()
+    for value in NUMBERS:
+        show.osc.send(bundle([("/tempo", value)]))
+        show.run(0.03)
+    show.osc.send_message("/motion", "wa\nve\x1b[31m")
+    show.run(0.1)
+    assert len(show.told) == len(NUMBERS)
+    assert all(text.startswith("/tempo: tempo: TEMPO must be a number") and "\n" not in text for text in show.told)
+    assert [type(reply) for _, _, reply in show.replies] == [Refused]
+    assert (show.deck.motion, show.deck.tempo) == ("march", 1.0)
+
+
+def test_a_flood_is_left_out_but_for_its_emergency_stop(stage):
+    show = stage()
+    show.osc.send(bundle([("/tempo", 1.0)] * 1500))
+    before = show.deck.phase
+    show.run(0.5)
+    assert show.deck.phase != before
+    assert len(show.told) == 1500 - 256  # what does not wait
+    assert set(show.told) == {"/tempo: too many commands at once, so it was left out"}
+    show.osc.send_message("/motion", "wave")
+    show.run(0.1)
+    assert show.deck.motion == "wave"
+    show.osc.send(bundle([("/tempo", 1.0)] * 1000 + [("/estop", 1.0)]))
+    show.tick()
+    assert show.stop.emergency
+
+
+def test_a_deck_that_is_held_up_is_told_and_commanded_again_later(stage, monkeypatch):
+    show = stage()
+
+    def fails(error):
+        def post(message):
+            raise error
+
+        return post
+
+    with monkeypatch.context() as held:
+        held.setattr(show.bridge._client, "post", fails(SocketError("it is held up")))
+        show.osc.send(bundle([("/motion", "wave")] * 9))
+        show.tick()
+    assert set(show.told) == {"it is held up, so what came meanwhile was left out"}
+    show.osc.send_message("/motion", "wave")
+    show.run(0.1)
+    assert show.deck.motion == "wave"
+    monkeypatch.setattr(show.bridge._client, "post", fails(PeerGoneError("it is gone")))
+    show.osc.send_message("/motion", "wave")
+    with pytest.raises(PeerGoneError):
+        show.run(0.1)
+
+
+def test_midi_that_means_nothing_is_passed_over(stage):
+    show = stage(notes=[(36, "switch wave")])
+    generator = np.random.default_rng(5)
+    for size in generator.integers(1, 200, 100):  # any data bytes and controllers, never a note on
+        os.write(show.midi, bytes([0xB0, *generator.integers(0, 128, size).tolist()]))
+        show.tick()
+    os.write(show.midi, b"\xf0" + bytes(4000))  # a message of a maker that never ends
+    show.tick()
+    assert (show.deck.motion, show.replies) == ("march", [])
+    show.play("note_on", note=36, velocity=90, channel=9)
+    show.run(0.1)
+    assert show.deck.motion == "wave"
 
 
 def test_a_program_of_another_user_is_not_heard(stage, monkeypatch):

@@ -15,6 +15,7 @@ from command_line import invoked
 from controller.library.motion_library import load_library, save_library
 from controller.mocap.formats.writing import bvh_text
 from controller.mocap.reading_options import ReadingOptions
+from controller.rotations import multiply
 from controller.training.fit import fit, fit_prepared
 from controller.training.learn import learn, recordings_in
 from controller.training.recipe import LibraryRecipe, MotionRecipe, read_recipe
@@ -108,6 +109,21 @@ def test_a_body_that_jumps_is_learned_up_to_the_jump_and_the_library_can_be_open
         MotiondeckError, match=r"motion 'pasted': from frame 199 to 200 the body jumps 5\.0 m\. Give it"
     ):
         prepare(whole, tmp_path)
+
+
+@pytest.mark.parametrize("frames", [1, 4])
+def test_a_limb_that_is_elsewhere_for_a_moment_is_learned_up_to_there(folder, frames):
+    spiked = waving(60.0, 5.0)
+    bone = 1 + spiked.skeleton.index("lelb")
+    below = [bone] + [1 + b for b in range(len(spiked.skeleton)) if spiked.skeleton.parent[b] == bone - 1]
+    flip = np.array([0.0, 1.0, 0.0, 0.0])  # half a turn about x
+    spiked.rotation[200 : 200 + frames, below] = multiply(flip, spiked.rotation[200 : 200 + frames, below])
+    file = folder / "spiked.bvh"
+    file.write_text(bvh_text(spiked))
+    (motion,) = learn([file], "mine", network=QUICK, seeds=[0]).motions
+    assert motion.part.end <= 200 / 60.0
+    said = r"the end of bone 'l\w+' is elsewhere for a moment at 3\.3\d s( and 1 more time)?: only 0\.00 to 3"
+    assert re.match(said, motion.doubts[0])
 
 
 def test_a_recording_of_minutes_is_refused_with_the_way_to_cut_it(folder, monkeypatch):
