@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
-from safetensors.numpy import save_file
+from safetensors.numpy import save
 
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.printable import printable
@@ -49,13 +49,14 @@ def write_arrays(path: Path, kind: Kind, header: msgspec.Struct, arrays: dict[st
         FileFormatError: if the folder cannot be written.
     """
     metadata = {kind.key: msgspec.json.encode(header).decode()}
+    content = save({name: np.ascontiguousarray(a) for name, a in arrays.items()}, metadata=metadata)
     try:
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        os.close(handle)
     except OSError as error:
         raise FileFormatError.unwritable(path, error) from None
     try:
-        save_file({name: np.ascontiguousarray(a) for name, a in arrays.items()}, temporary, metadata=metadata)
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
         Path(temporary).chmod(0o644)
         Path(temporary).replace(path)
     except OSError as error:

@@ -47,6 +47,7 @@ def bvh_joints(text, frames=slice(None)):
     hierarchy, motion = text.split("MOTION")
     rows = np.array([line.split() for line in motion.strip().splitlines()[2:] if line.strip()], dtype=float)[frames]
     place, turn, above, column = {}, {}, [], 0
+    offset, parent = np.zeros((len(rows), 3)), None
     words = iter(re.findall(r"\S+", hierarchy))
     name = None
     for word in words:
@@ -98,12 +99,12 @@ def amc_bones(asf, amc, frames=slice(None)):
     channels; both rotate about fixed axes, the first angle first.
     """
     section = dict(re.findall(r"^:(\w+)(.*?)(?=^:|\Z)", asf, flags=re.MULTILINE | re.DOTALL))
-    unit = 0.0254 / float(re.search(r"length\s+(\S+)", section["units"]).group(1))
+    unit = 0.0254 / float(_found(r"length\s+(\S+)", section["units"]))
     bones = {}
     for block in re.findall(r"begin(.*?)end\b", section["bonedata"], flags=re.DOTALL):
         fields = {line.split()[0]: line.split()[1:] for line in block.strip().splitlines() if line.split()}
         bones[fields["name"][0]] = fields
-    order = re.search(r"order\s+(.*)", section["root"]).group(1).lower().split()
+    order = _found(r"order\s+(.*)", section["root"]).lower().split()
     parent = {}
     for line in section["hierarchy"].splitlines():
         words = line.split()
@@ -131,6 +132,12 @@ def amc_bones(asf, amc, frames=slice(None)):
         place[name] = place[above] + turn[name].apply(vector)
         vectors[name] = vector
     return place, turn, vectors, parent
+
+
+def _found(pattern, text):
+    found = re.search(pattern, text)
+    assert found is not None, pattern
+    return found.group(1)
 
 
 def _fixed(letters, angles):

@@ -69,7 +69,7 @@ class Body:
 
 def of_acclaim(asf: Path, amc: Path, frames: slice = slice(None)) -> Body:
     """The joints of an .asf, each where its bone begins; fingers, hands and thumbs are ends."""
-    places, turns, vectors, parents = amc_bones(asf.read_text("latin-1"), amc.read_text("latin-1"), frames)
+    _places, turns, vectors, parents = amc_bones(asf.read_text("latin-1"), amc.read_text("latin-1"), frames)
     left_out = {side + bone for side in "lr" for bone in ("hand", "fingers", "thumb")}
     bones = ["root", *(bone for bone in parents if bone not in left_out)]
     place, turn = {}, {}
@@ -192,7 +192,7 @@ class Style:
     radians: bool = False
 
 
-def bvh(body: Body, style: Style = Style()) -> str:  # noqa: B008
+def bvh(body: Body, style: Style = Style()) -> str:
     """The body as a BVH file."""
     below_of = [[j for j, above in enumerate(body.parent) if above == joint] for joint in range(len(body.names))]
     lines, columns, places = ["HIERARCHY"], [], body.places()

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from benchmarks.recordings.odd_bodies import (
     Body,
@@ -48,29 +49,28 @@ class Written:
 
 Kind = Callable[[Body], Written]
 
-HAHNE = {
-    **dict(zip("root lowerback upperback thorax lowerneck upperneck head".split(), "Hips LowerBack Spine Spine1 Neck Neck1 Head".split(), strict=True)),
-    **{"hipjoint": "{0[0]}HipJoint", "femur": "{}UpLeg", "tibia": "{}Leg", "foot": "{}Foot", "toes": "{}ToeBase"},
-    **{"clavicle": "{}Shoulder", "humerus": "{}Arm", "radius": "{}ForeArm", "wrist": "{}Hand"},
-    "sides": "Left Right",
-}  # fmt: skip
-
 
 def names(sides: str, middle: str, limbs: str) -> dict[str, str]:
     """A vocabulary: hips, three of the back, two of the neck, the head; then of either side from the hip outwards."""
-    keys = "root lowerback upperback thorax lowerneck upperneck head".split()
-    ends = "hipjoint femur tibia foot toes clavicle humerus radius wrist".split()
+    keys = ["root", "lowerback", "upperback", "thorax", "lowerneck", "upperneck", "head"]
+    ends = ["hipjoint", "femur", "tibia", "foot", "toes", "clavicle", "humerus", "radius", "wrist"]
     return (
         {"sides": sides}
-        | dict(zip(keys, middle.split(), strict=True))
+        | {key: name.replace("~", " ") for key, name in zip(keys, middle.split(), strict=True)}
         | {key: name.replace("~", " ") for key, name in zip(ends, limbs.split(), strict=True)}
     )
 
 
+HAHNE = names(
+    "Left Right",
+    "Hips LowerBack Spine Spine1 Neck Neck1 Head",
+    "{}HipJoint {}UpLeg {}Leg {}Foot {}ToeBase {}Shoulder {}Arm {}ForeArm {}Hand",
+)
 VOCABULARIES = {
     "Mixamo": names(
         "Left Right",
-        "mixamorig:Hips mixamorig:Spine mixamorig:Spine1 mixamorig:Spine2 mixamorig:Neck mixamorig:Neck1 mixamorig:Head",
+        "mixamorig:Hips mixamorig:Spine mixamorig:Spine1 mixamorig:Spine2 mixamorig:Neck mixamorig:Neck1 "
+        "mixamorig:Head",
         "mixamorig:{}HipJoint mixamorig:{}UpLeg mixamorig:{}Leg mixamorig:{}Foot mixamorig:{}ToeBase "
         "mixamorig:{}Shoulder mixamorig:{}Arm mixamorig:{}ForeArm mixamorig:{}Hand",
     ),
@@ -140,7 +140,8 @@ VOCABULARIES = {
     "German": names(
         "links rechts",
         "Hüfte Wirbelsäule Wirbelsäule1 Brust Hals Hals1 Kopf",
-        "hüftgelenk_{} Oberschenkel_{} Unterschenkel_{} Fuß_{} Zehen_{} Schlüsselbein_{} Oberarm_{} Unterarm_{} Hand_{}",
+        "hüftgelenk_{} Oberschenkel_{} Unterschenkel_{} Fuß_{} Zehen_{} Schlüsselbein_{} Oberarm_{} Unterarm_{} "
+        "Hand_{}",
     ),
     "Japanese": names(
         "左 右",
@@ -152,20 +153,19 @@ VOCABULARIES = {
 
 
 def spelled(vocabulary: dict[str, str]) -> Kind:
-    own = {key: name.replace("~", " ") for key, name in vocabulary.items()}
-    return lambda body: plain(renamed(body, own))
+    return lambda body: plain(renamed(body, vocabulary))
 
 
-def plain(body: Body, style: Style | None = None, **more: object) -> Written:
+def plain(body: Body, style: Style | None = None, **more: Any) -> Written:
     return Written(bvh(body, style or Style()).encode(), body, **more)
 
 
 def hahne(body: Body) -> Body:
     """With the names of B. Hahne's conversion of CMU's recordings."""
-    return renamed(body, {key: name.replace("{0[0]}", "{}") for key, name in HAHNE.items()})
+    return renamed(body, HAHNE)
 
 
-def styled(**style: object) -> Kind:
+def styled(**style: Any) -> Kind:
     return lambda body: plain(hahne(body), Style(**style))
 
 
@@ -177,7 +177,7 @@ def edited(change: Callable[[str], str], encoding: str = "utf-8") -> Kind:
     return kind
 
 
-def changed(change: Callable[[Body], Body], **style: object) -> Kind:
+def changed(change: Callable[[Body], Body], **style: Any) -> Kind:
     return lambda body: plain(change(hahne(body)), Style(**style))
 
 
@@ -261,7 +261,7 @@ def repeated(body: Body, seconds: float) -> Body:
     frames = len(body.root)
     wave = np.concatenate([np.arange(frames), np.arange(frames - 2, 0, -1)])
     index = np.tile(wave, int(seconds * body.rate / len(wave)) + 1)[: int(seconds * body.rate)]
-    return replace(body, root=body.root[index], turn=[own[index] for own in body.turn])
+    return replace(body, root=body.root[index], turn=[Rotation.from_quat(own.as_quat()[index]) for own in body.turn])
 
 
 def lying(body: Body) -> Body:
@@ -329,7 +329,7 @@ KINDS: dict[str, Kind] = {
     "zero pose is the first frame": changed(at_first_frame),
     "bones along x (LAFAN1)": changed(lambda body: along(body, "x")),
     "bones along y (Blender)": changed(lambda body: along(body, "y")),
-    "bones along -": changed(lambda body: along(body, "z")),
+    "bones along z": changed(lambda body: along(body, "z")),
     "z up, zero pose too": changed(
         lambda body: world_turned(rezeroed(body, [UPRIGHT] * len(body.names)), UPRIGHT, "z")
     ),
@@ -373,7 +373,5 @@ KINDS: dict[str, Kind] = {
     "nan in a frame": edited(lambda text: text[: text.rindex(" ")] + " nan\n"),
     "cut short": edited(lambda text: text[: int(0.8 * len(text))]),
     "a rate for a frame time": edited(lambda text: text.replace("Frame Time: 0.0083333", "Frame Time: 120")),
-    "left and right exchanged": lambda body: plain(renamed(body, HAHNE_EXCHANGED)),
+    "left and right exchanged": lambda body: plain(renamed(body, HAHNE | {"sides": "Right Left"})),
 }
-HAHNE_EXCHANGED = {key: name.replace("{0[0]}", "{}") for key, name in HAHNE.items()} | {"sides": "Right Left"}
-_ = Slerp

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -105,11 +106,16 @@ def check_new(*files: Path, force: bool, hint: str = "") -> None:
 
 
 def check_folder(*files: Path | None) -> None:
-    """Checks, before anything is computed, that the folders exist that files are to be written to.
+    """Checks, before anything is computed, that there are folders that files can be written to.
 
     Raises:
-        MotiondeckError: if one does not.
+        MotiondeckError: if there is none, or it takes no files.
     """
     for file in files:
-        if file is not None and not file.absolute().parent.is_dir():
+        if file is None:
+            continue
+        folder = file.absolute().parent
+        if not folder.is_dir():
             raise MotiondeckError(f"{file.parent}: there is no such folder to write {file.name} to")
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise MotiondeckError(f"{file}: nothing can be written to the folder {folder}. Give a place of your own.")

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from controller.cli.common.options import check_folder
+from controller.mocap.formats.writing import write_file
 from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:
@@ -56,7 +58,9 @@ def save(figure: Figure, path: Path) -> None:
     Raises:
         MotiondeckError: if it cannot be written.
     """
+    drawn = io.BytesIO()
     try:
-        figure.savefig(path, dpi=120)
-    except (OSError, ValueError) as error:
+        figure.savefig(drawn, dpi=120, format=path.suffix[1:].lower())
+    except ValueError as error:
         raise MotiondeckError(f"{path}: cannot be drawn ({error})") from None
+    write_file(path, drawn.getvalue())

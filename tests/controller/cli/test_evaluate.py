@@ -9,6 +9,7 @@ import pytest
 
 import synthetic
 from command_line import invoked
+from controller.cli.common.options import check_folder
 from controller.cli.common.tables import print_measurements, write_csv
 from controller.cli.pictures.figures import check_picture
 from controller.evaluation.failure_rates import Count
@@ -68,6 +69,12 @@ def test_without_matplotlib_a_plot_names_the_remedy(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "matplotlib", None)
     with pytest.raises(MotiondeckError, match=r"pip install 'motiondeck\[plot\]'"):
         check_picture(tmp_path / "plot.png")
+
+
+def test_a_folder_that_takes_no_files_is_refused_before_anything_is_computed(tmp_path, monkeypatch):
+    monkeypatch.setattr("os.access", lambda path, mode: False)  # as on a read-only file system
+    with pytest.raises(MotiondeckError, match=r"mine\.safetensors: nothing can be written to the folder .* Give"):
+        check_folder(tmp_path / "mine.safetensors")
 
 
 def test_a_picture_that_cannot_be_written_is_refused_before_anything_is_computed(tmp_path):

@@ -1,4 +1,5 @@
 import json
+import resource
 import shutil
 import weakref
 
@@ -296,17 +297,18 @@ def test_random_bytes_are_refused(tmp_path, content):
         load_library(path)
 
 
-def test_a_library_is_never_half_written(library, saved, tmp_path, monkeypatch):
+def test_a_library_is_never_half_written(library, saved, tmp_path):
+    """A limit on the size of files stands in for a full disk."""
     path = tmp_path / "kept.safetensors"
     shutil.copy(saved, path)
     before = path.read_bytes()
-
-    def breaks(*_args, **_kwargs):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("controller.arrays_file.save_file", breaks)
-    with pytest.raises(FileFormatError, match="No space left"):
-        save_library(library, path)
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
+    try:
+        with pytest.raises(FileFormatError, match=r"kept\.safetensors: cannot be written .* Check folder and free"):
+            save_library(library, path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert path.read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == ["kept.safetensors"]
 
