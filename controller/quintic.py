@@ -19,3 +19,10 @@ def run_out(s: Share) -> tuple[Share, Share]:
     value = 1.0 + s**3 * (-10.0 + s * (15.0 - 6.0 * s))
     slope = s + s**3 * (-6.0 + s * (8.0 - 3.0 * s))
     return value, slope
+
+
+def run_out_rates(s: Share) -> tuple[Share, Share]:
+    """How fast both change there, per unit of s."""
+    value = -30.0 * (s - s * s) ** 2
+    slope = 1.0 + s**2 * (-18.0 + s * (32.0 - 15.0 * s))
+    return value, slope

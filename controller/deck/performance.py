@@ -7,15 +7,19 @@ It does what it is told at once; when a motion is played is decided by the deck.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from controller.deck.joins.blend_check import BlendCheck
-from controller.deck.joins.blend_weight import ModuleWeight, Ramp, Weight
+from controller.deck.joins.blend_weight import Crossing, ModuleWeight, Ramp, Weight
 from controller.deck.joins.deck_motions import Motion, read_motions, tempos_in_step
+from controller.deck.joins.fade_search import PLANNED_SHARE, Bounds, FadeSearch
+from controller.deck.joins.fading import Fading
 from controller.deck.joins.join_limits import FASTEST, JoinLimits
 from controller.deck.joins.joining import Joining
 from controller.deck.joins.posture_blend import PostureBlend
-from controller.deck.joins.transition import PLANNED_SHARE, Bounds, Fade, best_anchor, difference, extrapolated
+from controller.deck.joins.transition import best_anchor, difference, extrapolated
 from controller.deck.root_path import advance, at_origin
 from controller.deck.tracks.track import Track
 from controller.library.motion_library import MotionLibrary
@@ -76,8 +80,7 @@ class Performance:
         self._switching = False  # whether a switch is under way that mixes or morphs
         self._check: BlendCheck | None = None
         self.blend_problem = ""
-        self._fade: Fade | None = None
-        self._fade_elapsed = self._turned = 0.0  # s, and rad by which the heading has turned since the fade began
+        self._fade: Fading | None = None
         self._limits: JoinLimits | None = None
         self._corrections = 0
         self._dt, self._tempo = 1.0 / library.info.rate, 1.0
@@ -86,6 +89,7 @@ class Performance:
         self._before = self.posture = self._shown = self._target = self._first.posture
         self.pose = self._next = at_origin(self.posture)
         self._pose_before: Pose | None = None
+        self._joints(self.posture)  # what its skeleton finds once it finds before the first tick
 
     @property
     def here(self) -> Motion:
@@ -258,8 +262,7 @@ class Performance:
     def _play(self, dt: float, tempo: float) -> Posture:
         """The posture of the motion, or of both, dt seconds later."""
         if self._blend is None:
-            starting = self._fade is not None and not self.here.loop
-            onset = self._fade.onset(self._fade_elapsed) if self._fade is not None and starting else 1.0
+            onset = self._fade.onset if self._fade is not None and not self.here.loop else 1.0
             return self._first.step(dt, tempo * onset)
         weight = self._weight.advance(dt * self._weight_pace)
         tempos = (1.0, 1.0)
@@ -272,10 +275,9 @@ class Performance:
         """The target with what is left of the last switch, and whether the switch is now complete."""
         target = self._target
         if self._fade is not None:
-            self._fade_elapsed += dt
-            if self._fade.lasts(self._fade_elapsed):
-                self._turned += float(target.turn_rate) * dt
-                return self._fade.apply(target, self._fade_elapsed, self._turned), False
+            self._fade.advance(dt, float(target.turn_rate))
+            if self._fade.lasts:
+                return self._fade.shown(target), False
             self._fade = None
             return target, True
         if self.crossing or self._first.morphing:
@@ -307,7 +309,7 @@ class Performance:
         if self._by_module and self._joining == "morph":
             self._weight = ModuleWeight(len(self._names), *map(self._names.index, (leaving.name, motion)))
         else:
-            self._weight = Ramp(0.0, 1.0, self._difference(self._second, leaving, entering).duration)
+            self._weight = Crossing(self._search(self._second, leaving, entering))
 
     def _fade_to_first(self, *motions: Motion) -> None:
         """Fades from what is shown to the motion of the first track, which has just been cued."""
@@ -331,21 +333,17 @@ class Performance:
         self._begin_fade(track, track.motion)
 
     def _begin_fade(self, track: Track, *motions: Motion) -> None:
-        self._fade = self._difference(track, *motions)
-        self._fade_elapsed = self._turned = 0.0
+        self._fade = Fading(self._search(track, *motions))
 
-    def _difference(self, track: Track, *motions: Motion) -> Fade:
-        """The fade from what is shown to the motion of a track, bounded by what these motions do themselves."""
+    def _search(self, track: Track, *motions: Motion) -> FadeSearch:
+        """Finds the fade from what is shown to the motion of a track, bounded by what these motions do themselves."""
         speed, acceleration = (max(getattr(motion, name) for motion in motions) for name in ("speed", "acceleration"))
-        starting = not track.motion.loop
-        return difference(
-            (self.posture, self._shown),
-            (track.posture_before, track.posture),
-            self._dt,
-            lambda times: track.ahead(times, self._tempo, starting=starting),
-            self._limbs,
+        shown, target = (self.posture, self._shown), (track.posture_before, track.posture)
+        return FadeSearch(
+            partial(difference, shown, target, self._dt, self._rest_direction),
+            track.ahead(self._tempo, starting=not track.motion.loop),
+            self._skeleton.chain,
             Bounds(FASTEST * speed, acceleration),
-            self._rest_direction,
         )
 
     def _best_anchor(self, motion: str, before: Posture, now: Posture) -> int:

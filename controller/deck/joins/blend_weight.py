@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
+from controller.deck.joins.fade_search import FadeSearch
 from controller.networks.centralized.centralized import Passage
 from controller.quintic import rise
 
@@ -52,6 +53,37 @@ class Ramp:
         """The weight dt seconds later."""
         self._elapsed += dt
         return self.value
+
+
+class Crossing:
+    """A weight that rises from 0 to 1 in the time that a fade would take, once that has been found.
+
+    Args:
+        search: finds the fade.
+    """
+
+    def __init__(self, search: FadeSearch) -> None:
+        self._search = search
+        self._ramp: Ramp | None = None
+
+    @property
+    def value(self) -> float:
+        """The present weight."""
+        return self._ramp.value if self._ramp is not None else 0.0
+
+    @property
+    def changing(self) -> bool:
+        """Whether it is still on its way."""
+        return self._ramp is None or self._ramp.changing
+
+    def advance(self, dt: float) -> float:
+        """The weight dt seconds later."""
+        if self._ramp is None:
+            fade = self._search.advance(dt)
+            if not self._search.found:
+                return 0.0
+            self._ramp = Ramp(0.0, 1.0, fade.duration)
+        return self._ramp.advance(dt)
 
 
 class ModuleWeight:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controller.deck.joins.course import BodyCourse
 from controller.library.library_header import MotionInfo
 from controller.library.motion_library import MotionLibrary, once_a_library
 from controller.measures.motion_matching import joint_features
@@ -14,7 +15,7 @@ from controller.mocap.posture import Posture, walk_path
 from controller.networks.base import FrameNetwork
 from controller.networks.reservoirs.phase_driven import PhaseDrivenNetwork
 from controller.networks.reservoirs.phase_reservoir import ANCHOR_EVERY
-from controller.rotations import Array, normalise
+from controller.rotations import Array
 
 ENTRY_SHARE = 0.1
 HELD_M = 0.02
@@ -31,7 +32,7 @@ class Motion:
         places, velocities: joint positions in the heading frame and their rates at the anchors where it may be entered,
             shape (A, F), m and m/s.
         exits: the positions where it may be left: anywhere in a loop, the last pose of a one-shot, shape (E, F), m.
-        postures: at all anchors, those too where it may not be entered, shape (N, ...).
+        course: at all anchors, those too where it may not be entered.
         spacing: from anchor to anchor, s.
         seconds: how long one round of a loop takes, or a one-shot until it holds its last pose.
         speed, acceleration: the largest of any joint in the world, m/s and m/s^2.
@@ -42,31 +43,15 @@ class Motion:
     places: Array
     velocities: Array
     exits: Array
-    postures: Posture
+    course: BodyCourse
     spacing: float
     seconds: float
     speed: float
     acceleration: float
 
-    def ahead(self, at: Array, rate: Array) -> Posture:
-        """The postures at times (S,), s from its beginning, when it is played at these rates (S,), 1 being its own.
-
-        A loop goes round, a one-shot stays at its ends; rotations are those between the nearest anchors.
-        """
-        count, place = len(self.postures.height), at / self.spacing
-        low = np.floor(place).astype(np.int64)
-        part = place - low
-        ends = [anchors % count if self.loop else np.clip(anchors, 0, count - 1) for anchors in (low, low + 1)]
-        first, second = (self.postures.rotation[anchors] for anchors in ends)
-        second = np.where((first * second).sum(-1, keepdims=True) < 0.0, -second, second)
-        rotation = normalise(first + part[:, None, None] * (second - first))
-        first, second = (self.postures.velocity[anchors] for anchors in ends)
-        velocity = rate[:, None] * (first + part[:, None] * (second - first))
-        height, turn_rate = (
-            values[ends[0]] + part * (values[ends[1]] - values[ends[0]])
-            for values in (self.postures.height, self.postures.turn_rate)
-        )
-        return Posture(height, velocity, rate * turn_rate, rotation)
+    def ahead(self, at: Array, rate: Array) -> BodyCourse:
+        """The course at times (S,), s from its beginning, when it is played at these rates (S,), 1 being its own."""
+        return self.course.at(at / self.spacing, rate, loop=self.loop)
 
 
 def tempos_in_step(first: Motion, second: Motion, weight: float) -> tuple[float, float]:
@@ -103,7 +88,7 @@ def read_motions(library: MotionLibrary) -> Mapping[str, Motion]:
             places=places[:entries],
             velocities=velocities[:entries],
             exits=places if loop else places[-1:],
-            postures=postures,
+            course=BodyCourse.of(postures, library.encoding.skeleton),
             spacing=spacing,
             seconds=moving * spacing,
             speed=speed,

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from controller.deck.joins.course import BodyCourse
 from controller.deck.joins.deck_motions import Motion
 from controller.deck.tracks.frame_player import FramePlayer
 from controller.deck.tracks.mixture import Mixture
@@ -129,15 +130,20 @@ class Track:
         self.posture_before, self.posture = self.posture, self._decode(player.step(dt * tempo), tempo)
         return self.posture
 
-    def ahead(self, times: Array, tempo: float, *, starting: bool) -> Posture:
-        """The postures that come after some seconds (S,), the first of them 0, as the stored motion has them.
+    def ahead(self, tempo: float, *, starting: bool) -> Callable[[Array], BodyCourse]:
+        """The course that comes after times (S,) from now on, s, the first of them 0, as the stored motion has it.
 
         While a one-shot is `starting`, it gets going with the square of the share of these times (see `Fade.onset`).
         """
-        share = times / times[-1]
-        rate = share**2 if starting else np.ones(len(times))
-        elapsed = times * share**2 / 3.0 if starting else times
-        return self.motion.ahead(self.at + tempo * elapsed, tempo * rate)
+        motion, begin = self.motion, self.at
+
+        def course(times: Array) -> BodyCourse:
+            if not starting:
+                return motion.ahead(begin + tempo * times, np.full(len(times), tempo))
+            share = (times / times[-1]) ** 2
+            return motion.ahead(begin + tempo * times * share / 3.0, tempo * share)
+
+        return course
 
     def _decode(self, channels: Array, tempo: float) -> Posture:
         """The posture of channels, its path played at a tempo."""

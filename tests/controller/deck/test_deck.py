@@ -366,7 +366,7 @@ def test_a_blend_commanded_while_its_first_motion_is_faded_in_is_carried_out(lib
     """The deck waited for ever, and with it all that was queued."""
     first, share = commands
     deck = new_deck(library, "wave")
-    joints(library, deck, 0.5)
+    joints(library, deck, 0.4)
     if first == "switch":
         deck.switch("march")
     else:

@@ -5,22 +5,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controller.deck.joins import transition
-from controller.deck.joins.transition import (
-    LONGEST,
-    SHORTEST,
-    Bounds,
-    Fade,
-    best_anchor,
-    difference,
-    extrapolated,
-    peaks,
-)
+from controller.deck.joins import fade_search
+from controller.deck.joins.course import BodyCourse
+from controller.deck.joins.fade_search import LONGEST, SHORTEST, Bounds, FadeSearch, peaks
+from controller.deck.joins.transition import Fade, best_anchor, difference, displaced, extrapolated
 from controller.mocap.posture import Posture
+from controller.mocap.skeleton import ROOT, Skeleton
 from controller.rotations import conjugate, from_rotation_vector, multiply, normalise, rotate, to_rotation_vector, yaw
 
 BONES = 5
 REST = np.tile([1.0, 0.0, 0.0], (BONES - 1, 1))  # all but the first, which is the root
+NAMES = tuple(f"bone {bone}" for bone in range(BONES - 1))
+# Bones of 30 cm that all hang from the root.
+BODY = Skeleton("body", NAMES, np.full(BONES - 1, ROOT), REST, np.full(BONES - 1, 0.3))
 
 
 def smooth_posture(seed, t):
@@ -34,13 +31,36 @@ def smooth_posture(seed, t):
 
 
 def limbs(rotation):
-    """Where the ends of bones of 30 cm are that all hang from the root."""
-    return rotate(rotation, np.array([0.3, 0.0, 0.0]))
+    """Where the ends of the bones are."""
+    return BODY.joints(np.zeros((*rotation.shape[:-2], 3)), rotation)
 
 
 def staying(posture):
     """What comes after a posture in which nothing moves."""
-    return lambda times: series([posture for _ in times])
+    return following(lambda _: posture)
+
+
+def following(body):
+    """What comes after a posture, of the posture at each time."""
+    return lambda times: BodyCourse.of(series([body(t) for t in times]), BODY)
+
+
+def found(shown, target, dt, ahead, bounds, rest_direction=None):
+    """The fade from what is shown to a target."""
+    search = FadeSearch(lambda: difference(shown, target, dt, rest_direction), ahead, BODY.chain, bounds)
+    fade = search.advance(10.0)
+    assert search.found
+    return fade
+
+
+def fade_with(duration, slowing, turn, turn_rate, drift, drift_rate):
+    """A fade of turns (BONES, 3) and a drift (3,)."""
+    return Fade(duration, slowing, np.vstack([turn, drift]), np.vstack([turn_rate, drift_rate]))
+
+
+def seen(fade, target, t, turned=0.0):
+    """What a fade shows after some seconds."""
+    return displaced(target, fade.left(t), turned)
 
 
 def series(postures):
@@ -59,10 +79,8 @@ def fade_of(seed, bound, dt=0.005, rest_direction=None):
     shown = smooth_posture(seed, -dt), smooth_posture(seed, 0.0)
     target = smooth_posture(seed + 1, 1.0 - dt), smooth_posture(seed + 1, 1.0)
 
-    def ahead(times):
-        return series([smooth_posture(seed + 1, 1.0 + t) for t in times])
-
-    fade = difference(shown, target, dt, ahead, limbs, Bounds(np.inf, bound), rest_direction)
+    ahead = following(lambda t: smooth_posture(seed + 1, 1.0 + t))
+    fade = found(shown, target, dt, ahead, Bounds(np.inf, bound), rest_direction)
     return fade, shown, seed + 1
 
 
@@ -70,11 +88,11 @@ def fade_of(seed, bound, dt=0.005, rest_direction=None):
 @given(st.integers(0, 200), st.floats(5.0, 500.0))
 def test_it_starts_where_the_body_is_and_ends_on_the_target(seed, bound):
     fade, shown, other = fade_of(seed, bound)
-    start = fade.apply(smooth_posture(other, 1.0), 0.0, 0.0)
+    start = seen(fade, smooth_posture(other, 1.0), 0.0, 0.0)
     assert angle_between(start, shown[1]) < 1e-6
     assert start.height == pytest.approx(shown[1].height)
     end = smooth_posture(other, 1.0 + fade.duration)
-    assert angle_between(fade.apply(end, fade.duration, 0.0), end) < 1e-9
+    assert angle_between(seen(fade, end, fade.duration, 0.0), end) < 1e-9
 
 
 @pytest.mark.parametrize("rest_direction", [None, REST])
@@ -84,7 +102,7 @@ def test_velocity_in_the_world_is_continuous_at_the_switch(rest_direction, seed)
     dt = 1e-4
     fade, shown, other = fade_of(seed, 50.0, dt, rest_direction)
     target = smooth_posture(other, 1.0 + dt)
-    after = fade.apply(target, dt, float(target.turn_rate) * dt)
+    after = seen(fade, target, dt, float(target.turn_rate) * dt)
     before = multiply(yaw(-float(shown[1].turn_rate) * dt), shown[0].rotation)
     before_step = to_rotation_vector(multiply(shown[1].rotation, conjugate(before))) / dt
     then = multiply(yaw(float(after.turn_rate) * dt), after.rotation)
@@ -96,7 +114,7 @@ def accelerations(fade, target, dt=2.5e-3):
     """Of the joints, m/s^2, while a difference to a target at rest fades."""
     places = []
     for t in np.arange(0.0, fade.duration + 3 * dt, dt):
-        shown = fade.apply(target, t, 0.0)
+        shown = seen(fade, target, t, 0.0)
         places.append(limbs(shown.rotation) + np.array([0.0, 0.0, float(shown.height)]))
     return np.linalg.norm(np.diff(places, n=2, axis=0), axis=-1) / dt**2
 
@@ -111,7 +129,7 @@ def test_no_joint_is_accelerated_beyond_the_bound(seed, bound):
     before = replace(still, rotation=multiply(from_rotation_vector(-dt * rate), turned))
     shown = before, replace(still, height=np.array(1.0 + rng.uniform(-0.5, 0.5)), rotation=turned)
     shown = replace(before, height=shown[1].height), shown[1]
-    fade = difference(shown, (still, still), dt, staying(still), limbs, Bounds(np.inf, bound))
+    fade = found(shown, (still, still), dt, staying(still), Bounds(np.inf, bound))
     assert SHORTEST <= fade.duration <= LONGEST
     if fade.duration < LONGEST:
         assert accelerations(fade, still).max() <= bound
@@ -126,12 +144,10 @@ def test_a_target_that_turns_takes_longer():
     spin = np.tile([0.0, 0.0, 8.0], (BONES, 1))
     before = [replace(p, rotation=multiply(from_rotation_vector(-dt * spin), p.rotation)) for p in (shown, target)]
 
-    def turning(times):
-        return series([replace(target, rotation=from_rotation_vector(t * spin)) for t in times])
-
+    turning = following(lambda t: replace(target, rotation=from_rotation_vector(t * spin)))
     bounds = Bounds(np.inf, bound)
-    found = difference((before[0], shown), (before[1], target), dt, turning, limbs, bounds)
-    assert found.duration > difference((shown, shown), (target, target), dt, staying(target), limbs, bounds).duration
+    fade = found((before[0], shown), (before[1], target), dt, turning, bounds)
+    assert fade.duration > found((shown, shown), (target, target), dt, staying(target), bounds).duration
 
 
 @settings(max_examples=20)
@@ -140,10 +156,10 @@ def test_no_joint_gets_faster_than_the_bound(seed, bound):
     rng = np.random.default_rng(seed)
     still = replace(STILL, rotation=normalise(rng.standard_normal((BONES, 4))))
     shown = replace(STILL, height=np.array(1.3), rotation=normalise(rng.standard_normal((BONES, 4))))
-    fade = difference((shown, shown), (still, still), 0.005, staying(still), limbs, Bounds(bound, np.inf))
+    fade = found((shown, shown), (still, still), 0.005, staying(still), Bounds(bound, np.inf))
     dt, places = 2.5e-3, []
     for t in np.arange(0.0, fade.duration + dt, dt):
-        body = fade.apply(still, t, 0.0)
+        body = seen(fade, still, t, 0.0)
         places.append(limbs(body.rotation) + np.array([0.0, 0.0, float(body.height)]))
     assert fade.duration < LONGEST
     assert np.linalg.norm(np.diff(places, axis=0), axis=-1).max() / dt <= bound
@@ -153,15 +169,15 @@ def test_no_joint_gets_faster_than_the_bound(seed, bound):
 def test_what_moves_against_each_other_is_slowed_down_before_it_swings_too_far(sooner, monkeypatch):
     """A body sinks while its bones turn up. Slowed down as long as the fade, both swing on, and come back too fast."""
     if not sooner:
-        monkeypatch.setattr(transition, "_SLOWED_WITHIN", (1.0,))
+        monkeypatch.setattr(fade_search, "_SLOWED_WITHIN", (1.0,))
     dt, swing, bound = 1e-3, np.array([0.0, 9.0, 0.0]), 4.0
 
     def body(t):
         turn = np.tile(np.array([0.0, -2.0, 0.0]) + t * swing, (BONES, 1))
         return replace(STILL, height=np.array(1.8 - 2.7 * t), rotation=from_rotation_vector(turn))
 
-    fade = difference((body(-dt), body(0.0)), (STILL, STILL), dt, staying(STILL), limbs, Bounds(bound, 300.0))
-    shown = series([fade.apply(STILL, t, 0.0) for t in np.arange(0.0, fade.duration, 2.5e-3)])
+    fade = found((body(-dt), body(0.0)), (STILL, STILL), dt, staying(STILL), Bounds(bound, 300.0))
+    shown = series([seen(fade, STILL, t, 0.0) for t in np.arange(0.0, fade.duration, 2.5e-3)])
     places = limbs(shown.rotation) + shown.height[:, None, None] * np.array([0.0, 0.0, 1.0])
     fastest = np.linalg.norm(np.diff(places, axis=0), axis=-1).max() / 2.5e-3
     assert (fade.slowing < fade.duration) is sooner
@@ -183,32 +199,22 @@ def test_a_heading_that_flies_round_under_a_body_at_rest_does_not_move_it():
         return Posture(np.array(1.0), np.zeros(2), np.array(spin), multiply(yaw(-spin * t), rest))
 
     still = Posture(np.array(1.0), np.zeros(2), np.array(0.0), from_rotation_vector(np.full((BONES, 3), 0.3)))
-    fade = difference((body(-dt), body(0.0)), (still, still), dt, staying(still), limbs, Bounds(np.inf, 50.0))
-    assert np.abs(fade.turn_rate).max() < 1e-6
+    fade = found((body(-dt), body(0.0)), (still, still), dt, staying(still), Bounds(np.inf, 50.0))
+    assert np.abs(fade.rate[:BONES]).max() < 1e-6
     # And the other way round: what is left of the difference stays where it was in the world.
-    fade = difference(
-        (still, still),
-        (body(-dt), body(0.0)),
-        dt,
-        lambda times: series([body(t) for t in times]),
-        limbs,
-        Bounds(np.inf, 50.0),
-    )
+    fade = found((still, still), (body(-dt), body(0.0)), dt, following(body), Bounds(np.inf, 50.0))
     half = 0.5 * fade.duration
-    shown = fade.apply(body(half), half, spin * half)
+    shown = seen(fade, body(half), half, spin * half)
     left = multiply(multiply(yaw(spin * half), shown.rotation), conjugate(rest))
-    assert to_rotation_vector(left) == pytest.approx(0.5 * fade.turn, abs=1e-6)
+    assert to_rotation_vector(left) == pytest.approx(0.5 * fade.value[:BONES], abs=1e-6)
 
 
 def test_a_difference_near_half_a_turn_does_not_spin_round():
     dt = 0.005
-    half = [from_rotation_vector(np.array([[np.pi + e, 0.0, 0.0]])) for e in (-0.01, 0.01)]
-    still = np.array([[1.0, 0.0, 0.0, 0.0]])
-    zero = np.zeros(2)
-    shown = tuple(Posture(np.array(1.0), zero, np.array(0.0), h) for h in half)
-    target = Posture(np.array(1.0), zero, np.array(0.0), still)
-    fade = difference(shown, (target, target), dt, staying(target), limbs, Bounds(np.inf, 50.0))
-    assert np.linalg.norm(fade.turn_rate) == pytest.approx(0.02 / dt, rel=0.01)
+    half = [from_rotation_vector(np.tile([np.pi + e, 0.0, 0.0], (BONES, 1))) for e in (-0.01, 0.01)]
+    shown = tuple(replace(STILL, rotation=h) for h in half)
+    fade = found(shown, (STILL, STILL), dt, staying(STILL), Bounds(np.inf, 50.0))
+    assert np.linalg.norm(fade.rate[:BONES], axis=1) == pytest.approx(0.02 / dt, rel=0.01)
 
 
 def test_the_anchor_that_moves_the_same_way_is_chosen():
@@ -234,10 +240,9 @@ def test_what_is_left_runs_out_along_a_quintic_that_stays_fixed_in_the_world(see
     turn, turn_rate = 0.5 * rng.standard_normal((2, BONES, 3))
     drift, drift_rate = rng.standard_normal((2, 3))
     slowing = sooner * duration
-    fade = Fade(duration, slowing, turn, turn_rate, drift, drift_rate)
+    fade = fade_with(duration, slowing, turn, turn_rate, drift, drift_rate)
     t, turned = share * duration, float(rng.uniform(-3.0, 3.0))
-    shown = fade.apply(STILL, t, turned)
-    assert fade.lasts(t) == (share < 1.0)
+    shown = seen(fade, STILL, t, turned)
     back = yaw(-turned)
 
     def left(value, slope):
@@ -264,14 +269,14 @@ def test_bones_that_twist_about_themselves_by_a_rule_are_not_thrown_by_it(seed):
     dt = 0.005
     before, now, still = smooth_posture(seed, -dt), smooth_posture(seed, 0.0), smooth_posture(seed + 1, 1.0)
 
-    def found(twist):
+    def found_with(twist):
         shown = twisted(before, -twist * dt), now
-        return difference(shown, (still, still), dt, staying(still), limbs, Bounds(np.inf, 200.0), REST)
+        return found(shown, (still, still), dt, staying(still), Bounds(np.inf, 200.0), REST)
 
-    quiet, twisting = found(0.0), found(40.0)
+    quiet, twisting = found_with(0.0), found_with(40.0)
     assert twisting.duration == pytest.approx(quiet.duration)
     for t in (0.05, 0.1, 0.15):
-        places = [limbs(fade.apply(still, t, 0.0).rotation) for fade in (quiet, twisting)]
+        places = [limbs(seen(fade, still, t, 0.0).rotation) for fade in (quiet, twisting)]
         assert places[1] == pytest.approx(places[0], abs=1e-9)
 
 
@@ -289,18 +294,12 @@ def test_a_bone_that_is_carried_on_goes_straight_whatever_its_twist(seed):
     )
 
 
-def test_a_one_shot_gets_going_while_the_fade_lasts():
-    fade = Fade(0.8, 0.8, *np.zeros((4, 1, 3)))
-    pace = [fade.onset(t) for t in (0.0, 0.2, 0.4, 0.8, 3.0)]
-    assert pace == pytest.approx([0.0, 0.0625, 0.25, 1.0, 1.0])
-    assert [fade.lasts(t) for t in (0.0, 0.79, 0.8, 3.0)] == [True, True, False, False]
-
-
 @pytest.mark.parametrize("seed", range(8))
 def test_the_peaks_that_are_foreseen_are_those_of_the_fade_itself(seed):
     """Seen finely in the world, over a target that walks on, rises, turns round and turns its bones."""
     rng = np.random.default_rng(seed)
-    fade = Fade(0.7, 0.7 if seed % 4 else 0.35, *rng.standard_normal((2, BONES, 3)) * 0.7, *rng.standard_normal((2, 3)))
+    turns, drifts = rng.standard_normal((2, BONES, 3)) * 0.7, rng.standard_normal((2, 3))
+    fade = fade_with(0.7, 0.7 if seed % 4 else 0.35, *turns, *drifts)
     spin = np.tile([0.0, 0.0, 0.0 if seed % 2 else 4.0], (BONES, 1))
     turn_rate = 0.0 if seed % 3 else 2.0
 
@@ -308,12 +307,12 @@ def test_the_peaks_that_are_foreseen_are_those_of_the_fade_itself(seed):
         velocity = np.array([1.0, 0.3])
         return Posture(np.array(1.0 + 0.2 * t), velocity, np.array(turn_rate), from_rotation_vector(t * spin))
 
-    speeds, foreseen = peaks(fade, lambda times: series([body(t) for t in times]), limbs)
+    speeds, foreseen = peaks(fade, following(body), BODY.chain)
     dt, root = 5e-3, np.zeros((2, 2))
     places = []
     for t in np.arange(0.0, fade.duration + dt, dt):
         heading, both = yaw(turn_rate * t), []
-        for which, posture in enumerate((fade.apply(body(t), t, turn_rate * t), body(t))):
+        for which, posture in enumerate((seen(fade, body(t), t, turn_rate * t), body(t))):
             root[which] += dt * rotate(heading, np.append(posture.velocity, 0.0))[:2]
             both.append(rotate(heading, limbs(posture.rotation)) + np.append(root[which], posture.height))
         places.append(both)
@@ -325,10 +324,10 @@ def test_the_peaks_that_are_foreseen_are_those_of_the_fade_itself(seed):
 
 def test_a_fade_is_neither_shorter_than_the_shortest_nor_longer_than_the_longest():
     soft = Bounds(np.inf, 50.0)
-    assert difference((STILL, STILL), (STILL, STILL), 0.005, staying(STILL), limbs, soft).duration == SHORTEST
+    assert found((STILL, STILL), (STILL, STILL), 0.005, staying(STILL), soft).duration == SHORTEST
     far = replace(STILL, rotation=from_rotation_vector(np.full((BONES, 3), 1.5)))
     hard = Bounds(np.inf, 0.1)
-    assert difference((far, far), (STILL, STILL), 0.005, staying(STILL), limbs, hard).duration == LONGEST
+    assert found((far, far), (STILL, STILL), 0.005, staying(STILL), hard).duration == LONGEST
 
 
 def test_what_moves_away_fast_is_not_given_longer_than_helps():
@@ -336,10 +335,10 @@ def test_what_moves_away_fast_is_not_given_longer_than_helps():
     dt, away = 0.005, np.tile([0.0, 0.0, 12.0], (BONES, 1))
     start = np.tile([0.0, 0.0, 1.5], (BONES, 1))
     shown = [replace(STILL, rotation=from_rotation_vector(start + t * away)) for t in (-dt, 0.0)]
-    fade = difference(tuple(shown), (STILL, STILL), dt, staying(STILL), limbs, Bounds(0.1, 0.1))
+    fade = found(tuple(shown), (STILL, STILL), dt, staying(STILL), Bounds(0.1, 0.1))
     reached = {}
     for duration in (fade.duration, LONGEST):
-        speeds, acceleration = peaks(replace(fade, duration=duration), staying(STILL), limbs)
+        speeds, acceleration = peaks(replace(fade, duration=duration), staying(STILL), BODY.chain)
         reached[duration] = max(acceleration / 0.08, (speeds.max() / max(0.08, speeds[0])) ** 2)
     assert reached[fade.duration] <= reached[LONGEST]
 

@@ -1,0 +1,169 @@
+"""The search for how long a difference between two motions takes to fade: as short as keeps joints in bounds.
+
+A look at a fade computes speed and acceleration of the joints over what the target does next. From SHORTEST on the fade
+is made longer until it is in bounds. If none up to LONGEST is, its rate runs out in half of the time, and then in a
+quarter. If none of these is either, it is the one that comes nearest.
+
+A look takes about as long as a tick has to spare, and three are usual. So they are taken while the fade begins
+(`fading`): the difference is found in the first tick, and then there is one look in LOOK_EVERY seconds. What falls into
+which tick depends on the ticks' length alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from controller.deck.joins.course import BodyCourse
+from controller.deck.joins.transition import Fade
+from controller.rotations import Array, cross, dot
+
+SHORTEST, LONGEST = 0.2, 1.6
+
+# The part of the bounds that a fade may use: it is looked at at some moments only.
+PLANNED_SHARE = 0.8
+
+LOOK_EVERY = 0.005
+"""How much time passes for each look, s."""
+
+# What a body was doing is slowed down as long as the difference fades, or within these shares of that time, which lets
+# it swing less far but accelerates it more.
+_SLOWED_WITHIN = (1.0, 0.5, 0.25)
+
+# At how many moments until its rate has run out a fade's speed and acceleration are computed, and by which factor it is
+# lengthened at least.
+_SAMPLES = 16
+_LONGER = 1.1
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What no joint may exceed while a difference fades.
+
+    Attributes:
+        speed: in the world, m/s.
+        acceleration: in the world, beyond the target's own, m/s^2.
+    """
+
+    speed: float
+    acceleration: float
+
+
+class FadeSearch:
+    """Finds the fade of a difference, look by look.
+
+    Args:
+        differ: finds the difference, as `transition.difference`; called with the first step.
+        ahead: the target's course after so many seconds (S,), from 0 on.
+        chain: which bones lead to each joint, shape (B, B), as of a skeleton.
+        bounds: what no joint may exceed.
+
+    Attributes:
+        fade: the one that was found; until then the longest that has been considered; None before the first step.
+        found: whether it was found.
+        looks: how many looks were taken.
+    """
+
+    def __init__(
+        self,
+        differ: Callable[[], tuple[Array, Array]],
+        ahead: Callable[[Array], BodyCourse],
+        chain: Array,
+        bounds: Bounds,
+    ) -> None:
+        self.fade: Fade | None = None
+        self.found = False
+        self.looks = 0
+        self._differ, self._ahead, self._chain, self._bounds = differ, ahead, chain, bounds
+        self._shares = list(_SLOWED_WITHIN)
+        self._least, self._already = np.inf, 0.0
+        self._elapsed = 0.0
+
+    def advance(self, dt: float) -> Fade:
+        """Goes on by what falls into the next dt seconds, unless it has been found; the fade to go on with."""
+        if self.fade is None:
+            self.fade = self._candidate = self._best = Fade(SHORTEST, SHORTEST, *self._differ())
+        self._elapsed += dt
+        while not self.found and (self.looks + 1) * LOOK_EVERY < self._elapsed - 1e-9:
+            self.fade = self._look(self.fade)
+        return self.fade
+
+    def _look(self, longest: Fade) -> Fade:
+        """Looks at a fade, and takes it or considers another; the fade to go on with."""
+        fade, self.looks = self._candidate, self.looks + 1
+        beyond = self._beyond(fade)
+        if beyond < self._least:
+            self._best, self._least = fade, beyond
+        if fade.duration >= LONGEST:
+            self._shares.pop(0)
+            duration = SHORTEST
+        else:
+            duration = min(LONGEST, fade.duration * max(_LONGER, float(np.sqrt(beyond))))
+        self.found = beyond <= 1.0 or not self._shares
+        if self.found:
+            return self._best
+        self._candidate = replace(fade, duration=duration, slowing=self._shares[0] * duration)
+        return max(longest, self._candidate, key=lambda one: one.duration)
+
+    def _beyond(self, fade: Fade) -> float:
+        """How many times its planned share of the bounds a fade needs."""
+        speeds, acceleration = peaks(fade, self._ahead, self._chain)
+        # A body that is already faster than that is slowed down by no choice of the duration.
+        self._already = self._already or float(speeds[0])
+        fastest = max(PLANNED_SHARE * self._bounds.speed, self._already)
+        # What a difference in place costs goes with 1 / T in speed and 1 / T^2 in acceleration, one in speed goes
+        # with 1 and 1 / T: the former never overshoots. But what moves fast away from the target goes the farther
+        # the longer it is given.
+        return max(acceleration / (PLANNED_SHARE * self._bounds.acceleration), (float(speeds.max()) / fastest) ** 2)
+
+
+def peaks(fade: Fade, ahead: Callable[[Array], BodyCourse], chain: Array) -> tuple[Array, float]:
+    """How fast joints are during a fade, and how much they are accelerated beyond its target's own motion.
+
+    Args:
+        fade: which.
+        ahead, chain: as for `FadeSearch`.
+
+    Returns:
+        The speed of the fastest joint in each part of the fade, shape (parts,), m/s; the largest acceleration beyond
+        the target's own, m/s^2.
+    """
+    samples = round(_SAMPLES * fade.duration / fade.slowing)
+    step = fade.duration / samples
+    time: Array = step * np.arange(samples + 1.0)
+    shares = np.stack(fade.shares(time), axis=-1)
+    left = (shares @ np.stack([fade.value, fade.rate]).reshape(2, -1)).reshape(len(time), -1, 3)
+    target = ahead(time)
+    heading = step * (np.cumsum(target.turn_rate) - 0.5 * (target.turn_rate + target.turn_rate[0]))
+    cosine, sine = np.cos(heading), np.sin(heading)
+    facing = np.array([[cosine, sine], [-sine, cosine]]).transpose(2, 0, 1)
+    bones = target.bones.copy()
+    bones[..., :2] = bones[..., :2] @ facing
+    parts = 1 + len(chain)
+    away = _turned_away(bones, left[:, 1:parts])
+    drift = left[:, parts]
+    root = np.empty((len(time), 3))  # its velocity along the ground and its height
+    root[:, :2] = (target.velocity[:, None] @ facing)[:, 0] + drift[:, 1:]
+    root[:, 2] = target.height + drift[:, 0]
+    walked = np.empty((samples, 1, 3))
+    walked[:, 0, :2] = 0.5 * (root[1:, :2] + root[:-1, :2])
+    walked[:, 0, 2] = (root[1:, 2] - root[:-1, 2]) / step
+    places, beside = np.zeros((2, len(time), parts, 3))  # the root stays where it is
+    np.matmul(chain, away, out=beside[:, 1:])
+    np.matmul(chain, bones, out=places[:, 1:])
+    places += beside
+    moved = (places[1:] - places[:-1]) / step + walked
+    beyond = (beside[2:] - 2.0 * beside[1:-1] + beside[:-2]) / step**2
+    beyond[..., :2] += ((drift[2:, 1:] - drift[:-2, 1:]) / (2.0 * step))[:, None]
+    beyond[..., 2] += ((drift[2:, 0] - 2.0 * drift[1:-1, 0] + drift[:-2, 0]) / step**2)[:, None]
+    return np.sqrt(dot(moved, moved).max(-1)), float(np.sqrt(dot(beyond, beyond).max()))
+
+
+def _turned_away(vectors: Array, turns: Array) -> Array:
+    """By how much rotation vectors (..., 3) change vectors (..., 3) that they turn (Rodrigues)."""
+    half = np.maximum(0.5 * np.sqrt(dot(turns, turns)), 1e-12)
+    sine = np.sin(half) / half
+    first = cross(turns, vectors)
+    return (sine * np.cos(half))[..., None] * first + (0.5 * sine * sine)[..., None] * cross(turns, first)

@@ -1,0 +1,103 @@
+"""The search for a fade's duration takes place while the fade begins, without a jump and a little in each tick."""
+
+import numpy as np
+import pytest
+
+from controller.deck.joins.course import BodyCourse
+from controller.deck.joins.fade_search import LONGEST, SHORTEST, Bounds, FadeSearch
+from controller.deck.joins.fading import Fading
+from controller.deck.joins.transition import displaced
+from controller.mocap.posture import Posture
+from controller.mocap.skeleton import ROOT, Skeleton
+from controller.rotations import conjugate, multiply, to_rotation_vector
+
+BODY = Skeleton("rod", ("rod",), np.array([ROOT]), np.array([[1.0, 0.0, 0.0]]), np.array([1.0]))
+STILL = Posture(np.array(1.0), np.zeros(2), np.array(0.0), np.tile([1.0, 0.0, 0.0, 0.0], (2, 1)))
+TURN, RATE = np.array([[0.0] * 3, [0.0, 1.2, 0.5], [0.1, 0.3, 0.0]]), np.array([[0.0] * 3, [0.0, 3.0, -8.0], [0.5] * 3])
+
+
+def search_of(acceleration=60.0, looks=None):
+    """The search for a fade of a rod that is turned and turning away, to one at rest."""
+
+    def ahead(times):
+        if looks is not None:
+            looks.append(times[-1])
+        resting = Posture(
+            np.ones(len(times)), *np.zeros((2, len(times), 2)), np.tile(STILL.rotation, (len(times), 1, 1))
+        )
+        resting.turn_rate = np.zeros(len(times))
+        return BodyCourse.of(resting, BODY)
+
+    return FadeSearch(lambda: (TURN, RATE), ahead, BODY.chain, Bounds(np.inf, acceleration))
+
+
+def run(fading, dt):
+    """What is shown from the first tick on until nothing is left."""
+    shown = [displaced(STILL, TURN, 0.0)]
+    while fading.lasts:
+        fading.advance(dt, 0.0)
+        shown.append(fading.shown(STILL))
+    return shown
+
+
+def ends_of(shown):
+    """Where the rod's end is, relative to the ground, in each tick."""
+    places = [BODY.joints(np.zeros(3), posture.rotation)[1] for posture in shown]
+    return np.array(places) + np.array([[0.0, 0.0, float(posture.height)] for posture in shown])
+
+
+@pytest.mark.parametrize("rate", [50.0, 100.0, 200.0, 500.0, 1000.0])
+def test_looks_are_spread_over_time_whatever_the_rate(rate):
+    looks, counts = [], []
+    search = search_of(looks=looks)
+    while not search.found:
+        search.advance(1.0 / rate)
+        counts.append(len(looks))
+    assert len(looks) > 3
+    assert counts[0] == max(0, round(200.0 / rate) - 1)
+    assert max(np.diff(counts)) <= max(1, round(200.0 / rate))
+    assert 0.0 < len(counts) / rate - 0.005 * len(looks) <= 1.001 / rate
+
+
+def test_the_fade_that_is_found_does_not_depend_on_the_rate():
+    found = []
+    for rate in (50.0, 200.0, 1000.0):
+        search = search_of()
+        while not search.found:
+            search.advance(1.0 / rate)
+        found.append((search.fade.duration, search.fade.slowing))
+    assert found[0] == found[1] == found[2]
+    assert SHORTEST < found[0][0] < LONGEST
+
+
+@pytest.mark.parametrize("rate", [100.0, 200.0, 1000.0])
+@pytest.mark.parametrize("acceleration", [25.0, 60.0])
+def test_going_over_to_longer_fades_is_as_smooth_as_one_fade(rate, acceleration):
+    known = search_of(acceleration)
+    known.advance(10.0)
+    planned, found = (ends_of(run(Fading(search), 1.0 / rate)) for search in (known, search_of(acceleration)))
+    hardest, begun = (
+        np.linalg.norm(np.diff(places, n=2, axis=0), axis=1).max() * rate**2 for places in (planned, found)
+    )
+    assert begun <= 1.1 * hardest
+
+
+def test_two_runs_are_identical():
+    first, second = (ends_of(run(Fading(search_of()), 0.005)) for _ in range(2))
+    assert np.array_equal(first, second)
+
+
+def test_nothing_is_left_in_the_end_and_all_in_the_beginning():
+    fading = Fading(search_of())
+    assert fading.lasts
+    assert fading.onset == 0.0
+    fading.advance(1e-6, 0.0)
+    away = to_rotation_vector(multiply(fading.shown(STILL).rotation, conjugate(STILL.rotation)))
+    assert away == pytest.approx(TURN[:2], abs=1e-4)
+    onsets = []
+    while fading.lasts:
+        fading.advance(0.005, 0.0)
+        onsets.append(fading.onset)
+    assert fading.shown(STILL).rotation == pytest.approx(STILL.rotation, abs=1e-12)
+    assert onsets == sorted(onsets)
+    assert onsets[-1] == 1.0
