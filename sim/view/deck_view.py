@@ -157,8 +157,8 @@ class DeckView:
         if self._panel.follows:
             self._centre = self._follower.follow(seen["qpos"][:2], dt)
         centre = self._centre
-        self._scene.show(seen["qpos"], centre)
-        with self._page.atomic():
+        with self._page.atomic():  # one message for all of it
+            self._scene.show(seen["qpos"], centre)
             beside = np.array([0.0, -BESIDE * self._scene.height])
             for k, other in enumerate(self._followers):
                 qpos = seen[f"qpos {k}"].copy()

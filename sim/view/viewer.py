@@ -27,7 +27,7 @@ from motiondeck_base.errors import MotiondeckError
 from sim.view.deck_view import DeckView
 from sim.view.web.private_page import PrivatePage
 
-PICTURES_PER_SECOND = 30.0
+PICTURES_PER_SECOND = 25.0  # of 50, 100 or 200 ticks: as many between any two pictures
 LAST_WORD = 1.2  # s for a browser to get the reason of the end
 LONGEST_WAIT = 60.0  # s for a deck that is starting
 
