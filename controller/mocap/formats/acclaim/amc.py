@@ -172,15 +172,10 @@ def _check_angles(path: str | Path, size: Array, angle_unit: float, told: bool) 
             f"{path}: angles up to {size.max():.0f} would be radians; they are degrees. Write ':DEGREES' on a line "
             "before the first frame."
         )
-    if angle_unit != 1.0 and size.max() < turn:
-        largest = f"{path}: no angle is larger than {size.max():.1f}"
-        if told:
-            raise FileFormatError(
-                f"{largest}, though the file says ':DEGREES': a body that moves turns farther. Write ':RADIANS' there."
-            )
+    if angle_unit != 1.0 and not told and size.max() < turn:
         raise FileFormatError(
-            f"{largest}, so they may be radians, but neither this file nor its skeleton says so. Write ':RADIANS', or "
-            "':DEGREES', on a line before the first frame."
+            f"{path}: no angle is larger than {size.max():.1f}, so they may be radians, but neither this file nor "
+            "its skeleton says so. Write ':RADIANS', or ':DEGREES', on a line before the first frame."
         )
 
 

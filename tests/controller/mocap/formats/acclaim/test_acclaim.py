@@ -331,5 +331,4 @@ def test_angles_that_cannot_be_of_their_unit_are_refused(files):
         files(asf, radians)
     with pytest.raises(FileFormatError, match=r"bow\.amc: angles up to 60 would be radians.* Write ':DEGREES'"):
         files(asf, ":RADIANS\n" + degrees)
-    with pytest.raises(FileFormatError, match=r"no angle is larger than 1\.0, though .*':DEGREES'.* Write ':RADIANS'"):
-        files(asf, ":DEGREES\n" + radians)
+    files(asf, ":DEGREES\n" + radians)  # what the file says counts; `body_doubts` tells that it may be wrong
