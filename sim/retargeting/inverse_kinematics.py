@@ -8,7 +8,9 @@ of the robot's own segments, so that what a human can do is in reach of a robot 
 
 (Gauss-Newton, damped; the inequalities as in Kanoun et al. 2011) with the solver DAQP (Arnström et al. 2022). Steps
 start from the last answer and no joint goes faster than it may, so the answer never jumps to another branch. Feet that
-stand have goals of their own: the vector between them, and where their toes point (`planted_feet`).
+stand have goals of their own: the vector between them, and where their toes point (`planted_feet`). So has the plane in
+which an arm bends: an upper arm that cannot follow would else turn about itself for a little gain, and its elbow would
+be on the wrong side when the arm bends more.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ from controller.rotations import Array
 from sim.retargeting.human_limbs import LIMBS, LimbView, up_of
 from sim.retargeting.human_stance import HumanStance
 from sim.retargeting.planted_feet import PlantedFeet
-from sim.retargeting.robot_limbs import FEET, SIDES, RobotLimbs
+from sim.retargeting.robot_limbs import FEET, PLANE, SIDES, RobotLimbs
 from sim.retargeting.stuck_limbs import StuckLimbs
 
 # How much a vector counts that is as long as a leg.
@@ -36,6 +38,8 @@ WEIGHT = {"leg": 2.5, "thigh": 2.0, "arm": 3.0, "upper_arm": 1.5, "head": 1.5, "
 WEIGHT |= {"foot_up": 2.5, "foot_ahead": 0.4}
 # Of feet that stand: how far they are apart along the floor, how much higher one is, and, besides, where toes point.
 APART, HIGHER, TURNED = 10.0, 3.0, 3.0
+# The plane in which an arm bends, times the sine of the human's bend: a straight arm has none.
+WEIGHT |= {PLANE: 4.0}
 WEIGHT |= {"upper_arm_start": 2.0, "thigh_start": 2.0}
 # What it costs a joint to be 1 rad away from rest, or to move by 1 rad in a step.
 POSTURE = 3e-4
@@ -187,7 +191,7 @@ class LimbSolver:
         return {
             name: {"rms_m": float(rms[k]), "worst_m": float(np.sqrt(self._worst[k]))}
             for k, name in enumerate(self.names)
-            if name != FEET
+            if name != FEET and not name.endswith(PLANE)
         }
 
     def _advance(self, q: Array, goals: Array, low: Array, high: Array) -> tuple[Array, Array]:
@@ -197,6 +201,9 @@ class LimbSolver:
         positions = limbs.positions()
         goals = self._goals.seen_from_root(goals, limbs.chest_rotation())
         off, turn = goals - (positions[1] - positions[0]), limbs.jacobian(positions)
+        if self._goals.planes:
+            off[self._goals.planes] *= self._goals.bent[:, None]
+            turn[self._goals.planes] *= self._goals.bent[:, None, None]
         rows, slopes = self._weight * off, self._slope * turn
         if self._has_feet:
             rows[-1], slopes[-1] = self._hold @ off[-1], self._hold @ turn[-1]
@@ -221,6 +228,8 @@ class Goals:
 
     Attributes:
         with_chest: which of them turn with the chest, shape (K,).
+        planes: which of them are across the plane of an arm.
+        bent: how far the human's arms of these are bent at the last call, as the sine, an array.
     """
 
     def __init__(self, limbs: RobotLimbs) -> None:
@@ -242,6 +251,9 @@ class Goals:
             for side in SIDES
             if f"{side}_foot_ahead" in names
         ]
+        self.planes = [k for k, name in enumerate(names) if name.endswith(PLANE)]
+        self.bent = np.zeros(len(self.planes))
+        self._arms = [[LIMBS.index(f"{names[k][0]}_{part}") for part in ("upper_arm", "forearm")] for k in self.planes]
         self._length = vectors.length
         starts = np.array([name.endswith("_start") for name in names])
         self._held = np.where(starts[:, None], vectors.rest, 0.0)
@@ -251,6 +263,13 @@ class Goals:
         goals = self._held + self._mix @ directions
         for k, thigh, shank, foot in self._feet:
             goals[k], goals[k + 1] = self._length[k] * sole(directions[thigh], directions[shank], directions[foot], up)
+        for arm, (k, (upper, forearm)) in enumerate(zip(self.planes, self._arms, strict=True)):
+            ux, uy, uz = directions[upper].tolist()
+            fx, fy, fz = directions[forearm].tolist()
+            x, y, z = uy * fz - uz * fy, uz * fx - ux * fz, ux * fy - uy * fx
+            self.bent[arm] = bent = sqrt(x * x + y * y + z * z)
+            longer = self._length[k] / max(bent, 1e-6)
+            goals[k] = longer * x, longer * y, longer * z
         return goals
 
     def seen_from_root(self, goals: Array, chest: Array) -> Array:

@@ -36,6 +36,8 @@ PARTS = (
 )
 FEET = "feet"
 """The vector from the right sole to the left one, the last of all: no limb, but what keeps feet where they stand."""
+PLANE = "arm_plane"
+"""The vector across the plane of a bent arm, such as "r_arm_plane": about it the elbow folds."""
 BALL = 0.75  # of the length of a sole from its heel on
 CARRIED = 0.5  # lengths of the limb above the knee or elbow
 BALL_HINGES = 3  # so many turn a limb as a ball would
@@ -268,6 +270,10 @@ class RobotLimbs:
         carry = [joint for joint in hips if self._lever(joint, start) > far]
         if carry and len(hips) - len(carry) >= BALL_HINGES:
             add(f"{side}_{first}_start", (base, self._data.xpos[base]), (upper, start))
+        fold = self._fold(knee_joint, knee - start, tip - knee)
+        if whole == "arm" and fold and len(hips) >= BALL_HINGES:
+            bent = int(self._model.jnt_bodyid[knee_joint])
+            add(f"{side}_{PLANE}", (bent, knee), (bent, knee + fold * float(np.linalg.norm(knee - start)) * axis))
         lengths = float(np.linalg.norm(knee - start)), float(np.linalg.norm(tip - knee))
         for part, joint, length in zip((first, second), (hips[-1], knee_joint), lengths, strict=True):
             self.segments[f"{side}_{part}"] = Measured(joint, self._data.xaxis[joint].copy(), length)
@@ -277,6 +283,15 @@ class RobotLimbs:
     def _lever(self, joint: int, point: Array) -> float:
         """How far a point (3,) is from a joint's axis, m."""
         return float(np.linalg.norm(np.cross(self._data.xaxis[joint], point - self._data.xanchor[joint])))
+
+    def _fold(self, joint: int, upper: Array, lower: Array) -> int:
+        """The sign of a joint's turns that fold a limb, seen from where it is straight; 0 if it folds either way."""
+        axis = self._data.xaxis[joint]
+        upper, lower = (way - (way @ axis) * axis for way in (upper, lower))
+        bent = float(np.arctan2(axis @ np.cross(upper, lower), upper @ lower))
+        low, high = bent + self._model.jnt_range[joint]
+        one_way = self._model.jnt_limited[joint] and min(abs(low), abs(high)) < 0.5 * max(abs(low), abs(high))
+        return int(np.sign(low + high)) if one_way else 0
 
     def _knee(self, upper: int, lower: int) -> int:
         """The last hinge across the limb on the way from its upper segment to the body that its knee moves."""

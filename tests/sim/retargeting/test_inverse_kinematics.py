@@ -243,16 +243,27 @@ SWUNG = {"lift": "1 0 0", "turn": "0 0 1"}
 BALL = {"pitch": "0 1 0", **SWUNG}
 
 
-def swung_shoulders(path, hinges):
-    """Solver and limbs of a robot whose first arm hinges stand upright and carry the others along, 0.1 m beside."""
+def swung_shoulders(path, hinges, inwards=2.5, back=2.5):
+    """Solver and limbs of a robot whose first arm hinges stand upright and carry the others along, 0.1 m beside.
+
+    The arms are lifted inwards and panned back by no more than that, rad.
+    """
 
     def with_these(text):
         for side, out in (("left", 0.1), ("right", -0.1)):
-            joints = "".join(f'<joint name="{side}_{k}" axis="{a}" range="-2.5 2.5"/>' for k, a in hinges.items())
-            first, others = f'<joint name="{side}_arm_pitch" axis="0 1 0"', f'<body name="{side}_upper">'
+            ranges = {"lift": f"{-inwards} 2.5" if side == "left" else f"-2.5 {inwards}"}
+            pan = f"-2.5 {back}" if side == "left" else f"{-back} 2.5"
+            joints = "".join(
+                f'<joint name="{side}_{k}" axis="{axis}" range="{ranges.get(k, "-2.5 2.5")}"/>'
+                for k, axis in hinges.items()
+            )
+            first, others = (
+                f'<joint name="{side}_arm_pitch" axis="0 1 0" range="-3.5 2.5"',
+                f'<body name="{side}_upper">',
+            )
             second = f'<joint name="{side}_arm_roll" axis="1 0 0" range="-2 2"/>'
             assert all(text.count(part) == 1 for part in (first, others, second))
-            text = text.replace(first, f'<joint name="{side}_pan" axis="0 0 1"').replace(second, joints)
+            text = text.replace(first, f'<joint name="{side}_pan" axis="0 0 1" range="{pan}"').replace(second, joints)
             text = text.replace(others, f'<body name="{side}_upper" pos="0 {out} 0">')
         return text
 
@@ -298,3 +309,24 @@ def test_a_clavicle_stays_where_it_is(tmp_path):
     there = limb_directions(limbs)
     rows = [LIMBS.index(f"{side}_{part}") for side in "rl" for part in ("upper_arm", "forearm")]
     assert degrees_between(there, reaching())[rows].max() < 3.0
+
+
+def test_an_arm_that_cannot_follow_still_bends_in_the_plane_of_the_humans(tmp_path):
+    """Elsewhere its elbow would be far from where it is needed as soon as the arm bends more."""
+    solver, limbs = swung_shoulders(tmp_path / "swung.xml", SWUNG, inwards=0.0, back=0.5)
+    behind = standing()
+    for side, left in (("r", -1.0), ("l", 1.0)):
+        behind[LIMBS.index(f"{side}_upper_arm")] = normalise(np.array([-0.35, -0.15 * left, -0.95]))
+        behind[LIMBS.index(f"{side}_forearm")] = normalise(np.array([-0.1, 0.08 * left, -1.0]))
+    for _ in range(150):
+        limbs.place(solver(behind, UP))
+    for side, name in SIDES.items():
+        folds = limbs.data.xaxis[limbs._model.joint(f"{name}_elbow").id]
+        across = np.cross(*(behind[LIMBS.index(f"{side}_{part}")] for part in ("upper_arm", "forearm")))
+        assert folds @ normalise(across) > 0.95
+
+
+def test_only_arms_that_can_choose_it_have_a_plane(limbs, tmp_path):
+    names = swung_shoulders(tmp_path / "ball.xml", BALL)[1].vectors.names
+    assert {"r_arm_plane", "l_arm_plane"} <= set(names)
+    assert not any("plane" in name for name in limbs.vectors.names)  # two hinges a shoulder
