@@ -43,13 +43,11 @@ class PhaseMotion(ABC):
         usual: the level of its input while none is given.
         states: at each frame once the network has settled, shape (T, k).
         by_level: the same at each of LEVELS, shape (L, T, k), of a motion with an input.
-        anchors: every ANCHOR_EVERY-th frame as its settled states are read out, shape (A, C).
     """
 
     readout: Float32
     states: Float32
     by_level: Float32
-    anchors: Channels
 
     def __init__(
         self,
@@ -83,7 +81,6 @@ class PhaseMotion(ABC):
         self.states = self.settled_at(self.usual)
         levels = LEVELS if self.driving is not None else ()
         self.by_level = np.stack([self.settled_at(level) for level in levels]) if len(levels) else self.states[None]
-        self.anchors = self.read(ANCHOR_EVERY)
 
     def settled_at(self, level: float) -> Float32:
         """The states that the motion is led to from wherever it starts, its input at a level, shape (T, k)."""
@@ -214,7 +211,7 @@ class PhaseDrivenNetwork(ReservoirNetwork[Motion]):
 
     def anchors(self, motion: str) -> Channels:
         """The frames at the anchors of a motion, shape (anchors, channels)."""
-        return self[motion].anchors
+        return self[motion].read(ANCHOR_EVERY)
 
     def settled(self, motion: str) -> Channels:
         """The frames of a motion as it is played once it has settled, shape (frames, channels)."""

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from controller.deck.joins.transition import Bounds, difference
+from controller.deck.joins.transition import Fade, difference, displaced
 from controller.measures.motion_matching import joint_features
 from controller.mocap.canonical.canonical_body import carried
 from controller.mocap.encodings.encoding import encoding_of
@@ -53,14 +53,9 @@ def test_a_fade_leads_back_the_way_it_came_and_never_through_the_ends_of_a_turn(
     encoding = JointAngles(JointBody.of(("pan",)))
     still = [encoding.decode(np.array([angle])) for angle in (3.0, -3.0)]
 
-    def limbs(rotation):
-        return encoding.skeleton.joints(np.zeros((*rotation.shape[:-2], 3)), rotation)
-
-    def staying(seconds):
-        return encoding.decode(np.full((len(seconds), 1), -3.0))
-
-    fade = difference((still[0], still[0]), (still[1], still[1]), 0.01, staying, limbs, Bounds(np.inf, 50.0))
-    way = [angles_of(fade.apply(still[1], t, 0.0).rotation[1:])[0] for t in np.linspace(0.0, fade.duration, 50)]
+    fade = Fade(0.5, 0.5, *difference((still[0], still[0]), (still[1], still[1]), 0.01))
+    moments = np.linspace(0.0, fade.duration, 50)
+    way = [angles_of(displaced(still[1], fade.left(t), 0.0).rotation[1:])[0] for t in moments]
     assert way[0] == pytest.approx(3.0)
     assert way[-1] == pytest.approx(-3.0)
     assert (np.diff(way) <= 1e-9).all()
