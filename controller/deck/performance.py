@@ -302,11 +302,13 @@ class Performance:
     def _mix_to(self, motion: str, anchor: int) -> None:
         """Enters a motion on the second track, and mixes both until it is left alone."""
         leaving, entering = self.here, self.motions[motion]
+        by_module = self._by_module and self._joining == "morph"
         self._second.cue(motion, anchor)
-        self._second.step(0.0, self._tempo)
+        if not by_module:
+            self._second.step(0.0, self._tempo)  # for the search: what comes before
         now = self._second.step(self._dt, self._tempo)
         self._blend = PostureBlend(self._first.posture, now, self._rest_direction)
-        if self._by_module and self._joining == "morph":
+        if by_module:
             self._weight = ModuleWeight(len(self._names), *map(self._names.index, (leaving.name, motion)))
         else:
             self._weight = Crossing(self._search(self._second, leaving, entering))

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.rotations import Array, cross, rotate
+from controller.rotations import Array, rotate, rotate_each, turnable
 from motiondeck_base.errors import FileFormatError
 
 ROOT = -1
@@ -95,17 +95,8 @@ class Skeleton:
         return chain
 
     @cached_property
-    def _turned(self) -> Array:
-        """What each product of two parts of q makes of each bone's vector when q turns it, shape (B, 16, 3)."""
-        vectors, units = self.rest_direction * self.length[:, None], np.eye(4)
-        made = np.empty((len(self), 4, 4, 3))
-        for i, j in np.ndindex(4, 4):
-            # w w v + 2 w (u x v) + 2 (u . v) u - (u . u) v, as bilinear in q = (w, u).
-            (w, *u), (z, *t) = units[i], units[j]
-            u, t = np.array(u), np.array(t)
-            along = (vectors @ t)[:, None] * u + (vectors @ u)[:, None] * t
-            made[:, i, j] = (w * z - u @ t) * vectors + cross(w * t + z * u, vectors) + along
-        return made.reshape(len(self), 16, 3)
+    def _turnable(self) -> Array:
+        return turnable(self.rest_direction * self.length[:, None])
 
     @cached_property
     def leg_length(self) -> float:
@@ -124,9 +115,7 @@ class Skeleton:
         """
         bones = rotation[..., 1:, :]
         if bones.ndim == 2:
-            # One body is turned by its products of q, which are so few that calls are what costs.
-            products = (bones[:, :, None] * bones[:, None, :]).reshape(len(self), 1, 16)
-            offset = (products @ self._turned)[:, 0]
+            offset = rotate_each(bones, self._turnable)
         else:
             offset = rotate(bones, self.rest_direction * self.length[:, None])
         ends = root_position[..., None, :] + self.chain @ offset

@@ -156,10 +156,11 @@ def _side_by_side(first: Posture, second: Posture) -> Posture:
 
 def _from_now(before: Posture, now: Posture, dt: float) -> Posture:
     """Postures (...) dt seconds ago, seen from the present headings."""
-    back = yaw(-dt * now.turn_rate)
-    still = np.zeros_like(before.velocity[..., :1])
-    velocity = rotate(back, np.concatenate([before.velocity, still], axis=-1))[..., :2]
-    return replace(before, velocity=velocity, rotation=multiply(back[..., None, :], before.rotation))
+    turned = dt * now.turn_rate
+    cosine, sine = np.cos(turned), np.sin(turned)
+    forward, left = before.velocity[..., 0], before.velocity[..., 1]
+    velocity = np.stack([cosine * forward + sine * left, cosine * left - sine * forward], axis=-1)
+    return replace(before, velocity=velocity, rotation=multiply(yaw(-turned)[..., None, :], before.rotation))
 
 
 def _untwisted(before: Posture, now: Posture, rest_direction: Array) -> tuple[Posture, Array]:
@@ -169,7 +170,8 @@ def _untwisted(before: Posture, now: Posture, rest_direction: Array) -> tuple[Po
         The postures; rotation vectors about the bones in the rest pose, shape (..., B, 3), rad.
     """
     bones, present = before.rotation[..., 1:, :], now.rotation[..., 1:, :]
-    untwisted = multiply(shortest_turn(rotate(present, rest_direction), rotate(bones, rest_direction)), present)
+    was, here = rotate(np.stack([bones, present]), rest_direction)
+    untwisted = multiply(shortest_turn(here, was), present)
     twist = to_rotation_vector(multiply(conjugate(bones), untwisted))
     return replace(before, rotation=np.concatenate([before.rotation[..., :1, :], untwisted], axis=-2)), twist
 

@@ -48,6 +48,8 @@ class FramePlayer:
         self.rate = rate
         self.pace = 1.0
         self.motions = network.motions
+        # Found once, before the loop: some networks compute all of a motion's anchors at every question.
+        self._anchors = {motion: network.anchors(motion) for motion in network.motions}
         self._center = network if isinstance(network, PhaseNetwork) else None
         self._driven = network if isinstance(network, InputNetwork) and network.inputs else None
         self._frames = np.zeros((4, network.channels))
@@ -72,7 +74,7 @@ class FramePlayer:
     def cue_anchor(self, motion: str, anchor: int) -> None:
         """Starts a motion at one of its anchors."""
         self.network.cue(motion, anchor)
-        self._frames[0] = self.network.anchors(motion)[anchor]
+        self._frames[0] = self._anchors[motion][anchor]
         self._begin(motion)
 
     def _begin(self, motion: str) -> None:

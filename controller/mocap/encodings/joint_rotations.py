@@ -19,7 +19,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from controller.mocap.encodings.bone_directions import FIRST_BONE, BoneDirections
-from controller.rotations import Array, about, between, cross, dot, multiply, normalise, rotate
+from controller.rotations import Array, about, between, cross, dot, multiply, normalise, rotate, rotate_each, turnable
 
 FORWARD_AXIS, LEFT_AXIS = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 
@@ -45,6 +45,10 @@ class JointRotations(BoneDirections):
         side[-1] = LEFT_AXIS
         return direction, side
 
+    @cached_property
+    def _turnable_side(self) -> Array:
+        return turnable(self._axes[1])
+
     def directions(self, channels: Array) -> Array:
         """Where the bones point, brought back to unit length, shape (..., B, 3)."""
         return self._vectors(channels)[0][..., :-1, :]
@@ -59,7 +63,7 @@ class JointRotations(BoneDirections):
         direction, side = self._vectors(channels)
         rest, rest_side = self._axes
         swing = between(rest, direction)
-        start = rotate(swing, rest_side)
+        start = rotate_each(swing, self._turnable_side) if swing.ndim == 2 else rotate(swing, rest_side)
         twist = np.arctan2(dot(direction, cross(start, side)), dot(start, side))
         return np.roll(multiply(about(direction, twist), swing), 1, axis=-2)
 

@@ -32,6 +32,15 @@ def test_forward_kinematics_follows_the_tree_bone_by_bone(seed, bones):
         assert np.allclose(joints[:, bone + 1], end, atol=1e-12)
 
 
+@given(st.integers(0, 2**32 - 1), st.integers(1, 25))
+def test_one_body_alone_is_placed_as_among_many(seed, bones):
+    rng = np.random.default_rng(seed)
+    body = random_body(rng, bones)
+    places, rotation = rng.normal(size=(3, 3)), normalise(rng.normal(size=(3, 1 + bones, 4)))
+    together = body.joints(places, rotation)
+    assert np.allclose(body.joints(places[1], rotation[1]), together[1], rtol=0.0, atol=1e-12)
+
+
 def test_turning_the_whole_body_turns_all_joints():
     rng = np.random.default_rng(1)
     body = small_body()
