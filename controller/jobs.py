@@ -2,7 +2,7 @@
 
 A task is a call of a module's function, as `joblib.delayed` packs it, that depends on its arguments alone; so its
 result is the same wherever it runs. On a cluster each process runs one task at a time, and a task whose process is lost
-is run again.
+is run again. A process of this machine ends when the one that it works for has ended, however that was.
 
 A cluster is asked through Dask's own client. joblib's backend for it (1.6.0) waits for ever when Dask gives up a task
 that has killed several processes, and keeps large arguments on one worker only, with which they are lost.
@@ -11,14 +11,17 @@ that has killed several processes, and keeps large arguments on one worker only,
 from __future__ import annotations
 
 import itertools
+import os
 import re
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import version
 from typing import Any
 
-from joblib import Parallel
+from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 
 from motiondeck_base.errors import MotiondeckError
@@ -27,6 +30,7 @@ Task = tuple[Callable[..., Any], tuple[Any, ...], Mapping[str, Any]]
 
 _CLUSTER = re.compile(r"dask://(.+:\d+)")
 _PATIENCE = 10.0  # s for a scheduler to answer, and for its first worker
+_LOOKS_EVERY = 0.5  # s: how often a process looks whether its parent is still there
 _one_at_a_time = threading.Lock()
 
 
@@ -75,7 +79,8 @@ def spread(tasks: Iterable[Task], jobs: Jobs, *, ordered: bool = False) -> Itera
         Exception: whatever a task raises.
     """
     if not jobs.cluster:
-        yield from Parallel(jobs.processes, return_as="generator" if ordered else "generator_unordered")(tasks)
+        watched = (delayed(_watched)(os.getpid(), task) for task in tasks)
+        yield from Parallel(jobs.processes, return_as="generator" if ordered else "generator_unordered")(watched)
     elif not ordered:
         yield from (result for _, result in _on_cluster(tasks, jobs.cluster))
     else:
@@ -87,6 +92,24 @@ def spread(tasks: Iterable[Task], jobs: Jobs, *, ordered: bool = False) -> Itera
             while awaited in early:
                 yield early.pop(awaited)
                 awaited = next(following)
+
+
+def _watched(parent: int, task: Task) -> Any:
+    """One task of a process, which ends with its parent from now on: joblib's own go on for minutes if it is killed."""
+    _end_with(parent)
+    function, args, kwargs = task
+    return function(*args, **kwargs)
+
+
+@cache
+def _end_with(parent: int) -> None:
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(_LOOKS_EVERY)
+        os._exit(1)
+
+    if os.getppid() == parent:
+        threading.Thread(target=watch, daemon=True).start()
 
 
 def _on_cluster(tasks: Iterable[Task], address: str) -> Iterator[tuple[int, Any]]:
