@@ -29,6 +29,7 @@ MUST_BE_ZERO = {
 }
 OUT_OF_REACH: Cause = "out of reach"
 WHY: dict[str, str] = {
+    OUT_OF_REACH: "because the joints cannot reach",
     "held back": "because limits of speed hold joints back",
     "carried wrongly": "though joints could turn there ([parts] of the robot file may be wrong)",
 }
@@ -91,7 +92,7 @@ def verdict(rows: Sequence[dict[str, Any]]) -> str:
     failed = [words for words in found if words]
     if not failed:
         short = sum(OUT_OF_REACH in off_limits(row) for row in rows)
-        beside = f"; in {short}, limbs point elsewhere because the joints cannot reach" if short else ""
+        beside = f"; in {short}, limbs point elsewhere {WHY[OUT_OF_REACH]}" if short else ""
         return f"PASSED: {len(rows)} of {len(rows)} recordings{beside}"
     reasons = Counter(reason for words in failed for reason in words)
     said = "; ".join(f"{reason}: {count}" for reason, count in reasons.most_common())

@@ -139,7 +139,8 @@ def calibrate(
 
     The table shows each segment of its limbs beside what a human of the same height measures; what does not fit is a
     warning with the line of the robot file to edit. Then it walks and boxes: the angles between its limbs and the
-    human's are shown in degrees. The exit code is 1 if a limb is missing or implausible.
+    human's are shown in degrees. The exit code is 1 if a limb is missing or implausible, or points elsewhere though the
+    joints could turn there.
 
     Look at the result with --view or --picture, edit the file where it is wrong (a wrong body under \[parts], real
     servo speeds under \[limits]), and check it: motiondeck robot check FILE RECORDINGS.
@@ -150,9 +151,9 @@ def calibrate(
       motiondeck play walk --robot op3.toml
     """
     from controller.cli.robot.calibration import (
-        directions_of,
         print_report,
         report_of,
+        tried,
         write_robot_file,
     )
     from sim.robots.calibrate import calibrate as find_out
@@ -160,11 +161,11 @@ def calibrate(
     found = find_out(_model_file(model), _packages(package or []))
     file = out or Path(f"{found.name}.toml")
     write_robot_file(found, file, force)
-    off = directions_of(file)
+    trial = tried(file)
     if as_json:
-        print(json.dumps(report_of(found, file, off)))
+        print(json.dumps(report_of(found, file, trial)))
     else:
-        print_report(found, file, off)
+        print_report(found, file, trial)
     if picture is not None or view:
         from controller.cli.pictures.robot_pictures import draw_beside, played
 
@@ -176,7 +177,7 @@ def calibrate(
             from controller.cli.session.page import show_act
 
             show_act(act_of(played(library, motion, VIEW_SECONDS), file), port)
-    if not found.sound:
+    if not found.sound or trial.wrong:
         raise typer.Exit(1)
 
 

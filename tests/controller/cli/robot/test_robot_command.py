@@ -144,6 +144,8 @@ def test_the_check_fails_when_a_knee_is_moved_to_the_yaw_hinge(tmp_path):
     failed = json.loads(run("check", file, tmp_path / "squats.bvh", "--json").stdout)
     assert failed["verdict"] == result.stdout.strip().splitlines()[-1]
     assert failed["recordings"][0]["faults"]
+    # The trial of `calibrate` sees it too.
+    assert "r_thigh" in calibration.tried(file).wrong
 
 
 def test_calibrate_shows_what_limbs_measure_and_which_line_to_edit(tmp_path):
@@ -164,6 +166,21 @@ def test_calibrate_shows_what_limbs_measure_and_which_line_to_edit(tmp_path):
     assert shank["length_m"] == {"r": 0.3, "l": 0.3}
     assert shank["axis"]["l"] == [0.0, 1.0, 0.0]
     assert 0.25 < shank["human_m"] < 0.4
+
+
+def test_calibrate_fails_where_limbs_point_elsewhere_though_joints_could_turn_there(files, monkeypatch):
+    found = calibration.tried(files / "small.toml")
+    assert not found.wrong
+    arguments = "calibrate", files / "small.xml", "--out", files / "tried.toml", "--force"
+    assert run(*arguments).exit_code == 0
+    causes = {"l_shank": "carried wrongly", "r_forearm": "out of reach"}
+    monkeypatch.setattr(calibration, "tried", lambda file: calibration.CalibrationTrial(found.off, causes))
+    result = run(*arguments)
+    assert result.exit_code == 1
+    assert "error: limbs point elsewhere than the human's though joints could turn there" in result.stdout
+    assert "warning: limbs point elsewhere than the human's because the joints cannot reach: r_forearm" in result.stdout
+    causes.pop("l_shank")
+    assert run(*arguments).exit_code == 0
 
 
 def test_a_robot_without_arms_is_written_with_an_error_code(tmp_path):
