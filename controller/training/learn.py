@@ -24,7 +24,8 @@ from controller.mocap.canonical.clip_edits import jumps, moving_part, resampled,
 from controller.mocap.clip import Clip
 from controller.mocap.encodings.encoding import encoding_of
 from controller.mocap.encodings.joint_angles import JointBody
-from controller.mocap.formats.reading import CONVERTIBLE, RECORDINGS, read_clip, recordings_below, skeleton_of
+from controller.mocap.formats.markers.marker_doubts import misplaced
+from controller.mocap.formats.reading import CONVERTIBLE, RECORDINGS, read_fitted, recordings_below, skeleton_of
 from controller.mocap.reading_options import AS_FOUND, ReadingOptions
 from controller.training.fit import fit_prepared
 from controller.training.preparation.loops import best_seam, farthest_left_out, with_velocities
@@ -267,7 +268,8 @@ def _prepare(
         MotiondeckError: if it cannot be read, is too short or too long, or nothing moves in it.
     """
     own = replace(options, skeleton=_skeleton(file, options))
-    clip, taught = read_clip(file, own), None
+    recording = read_fitted(file, own)
+    clip, taught = recording.clip, None
     if isinstance(clip.skeleton, JointBody):
         clip, taught = read_takes([file, *takes])
     first, end = moving_part(clip)
@@ -297,6 +299,7 @@ def _prepare(
         takes=tuple(str(take.absolute()) for take in takes),
     )
     body = [] if isinstance(clip.skeleton, JointBody) else doubts(clip)
+    body += [] if recording.fit is None else misplaced(recording.fit)
     return _Prepared(motion, clip, seam_mm, seam_degrees, [*jumped, *body])
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from controller.mocap.anatomy import SIDES, Part, Side, anatomy
 from controller.mocap.canonical.body_doubts import doubts, taken_for
+from controller.mocap.formats.markers.marker_doubts import misplaced
 from controller.mocap.formats.markers.marker_fit import Fit
 from controller.mocap.formats.reading import FittedClip
 
@@ -70,7 +71,7 @@ def facts(recording: FittedClip) -> Facts:
         bones=len(clip.skeleton),
         lacks=missing + ([] if parts.first("head") is not None else ["head"]),
         taken_for=taken_for(clip) if human else {},
-        doubts=doubts(clip),
+        doubts=[*doubts(clip), *([] if recording.fit is None else misplaced(recording.fit))],
         leg=clip.skeleton.leg_length,
         frames=len(clip),
         rate=clip.rate,

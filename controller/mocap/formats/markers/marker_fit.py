@@ -14,6 +14,7 @@ may bear the Plug-in Gait names too (LASI for LFWT, LPSI or SACR for LBWT, LTIB 
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,6 +73,7 @@ FAR_OFF = 0.03  # m: a marker farther than this from where it should be counts l
 # Collar bones and hands carry one marker each, which does not tell their twist: they rather stay in line with what
 # carries them, as if held at this lever, m.
 HELD = {"lsho": 0.05, "rsho": 0.05, "lhan": 0.02, "rhan": 0.02}
+_BETWEEN = re.compile(r"[_.|/ -]")  # what may stand between a person's name and a marker's, besides a colon
 NO_BODY = 0.1  # m: markers half of which are farther than this from their places are on no body
 SAMPLE = 150  # frames, spread over the recording, that settle where the markers ride
 TURNS = 6
@@ -134,7 +136,7 @@ def _named(markers: Markers) -> dict[str, Array]:
     people: dict[str, dict[str, Array]] = {}
     unseen: set[str] = set()
     for index, label in enumerate(markers.labels):
-        person, _, marker = label.replace("_", ":").rpartition(":")
+        person, _, marker = _BETWEEN.sub(":", label).rpartition(":")
         marker = marker.upper()
         marker = marker[:1] + ALIASES.get(marker[1:], marker[1:])
         track = markers.position[:, index]
