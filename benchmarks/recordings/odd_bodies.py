@@ -58,11 +58,12 @@ class Body:
         return place
 
     def landmarks(self) -> dict[str, np.ndarray]:
-        """Where the canonical bones of the limbs end, and the root, in our axes, by name, (T, 3)."""
+        """Where the canonical bones of limbs and neck end, and the root, in our axes, by name, (T, 3)."""
         place = self.places()
         at = dict(zip(self.bone, place, strict=True))
         ends = {"hip": "femur", "kne": "tibia", "ank": "foot", "sho": "humerus", "elb": "radius", "wri": "wrist"}
         found = {side + end: at[side + bone] for side in "lr" for end, bone in ends.items()}
+        found["neck"] = at["lowerneck"]
         found = {name: track[:, TO_OURS[self.up]] for name, track in found.items()}
         return found | {"root": 0.5 * (found["lhip"] + found["rhip"])}
 

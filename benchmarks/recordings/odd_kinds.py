@@ -148,6 +148,66 @@ VOCABULARIES = {
         "センター 上半身 上半身1 上半身2 首 首1 頭",
         "{}腰 {}足 {}ひざ {}足首 {}つま先 {}肩 {}腕 {}ひじ {}手首",
     ),
+    "iPi": names(
+        "L R",
+        "Hip LowerSpine MiddleSpine Chest Neck Neck1 Head",
+        "{}Pelvis {}Thigh {}Shin {}Foot {}Toe {}Clavicle {}Shoulder {}Forearm {}Hand",
+    ),
+    "Kinect": names(
+        "LEFT RIGHT",
+        "HIP_CENTER SPINE SPINE_MID SHOULDER_CENTER NECK NECK_2 HEAD",
+        "PELVIS_{} HIP_{} KNEE_{} ANKLE_{} FOOT_{} CLAVICLE_{} SHOULDER_{} ELBOW_{} WRIST_{}",
+    ),
+    "mocopi": names(
+        "l r",
+        "root torso_1 torso_3 torso_6 neck_1 neck_2 head",
+        "{}_hip {}_up_leg {}_low_leg {}_foot {}_toes {}_shoulder {}_up_arm {}_low_arm {}_hand",
+    ),
+    "Cascadeur": names(
+        "l r",
+        "pelvis stomach stomach_2 chest neck neck_2 head",
+        "hip_{} thigh_{} calf_{} foot_{} toe_{} clavicle_{} arm_{} forearm_{} hand_{}",
+    ),
+    "Second Life": names(
+        "Left Right",
+        "mPelvis mTorso mSpine3 mChest mNeck mNeck2 mHead",
+        "mHindLimbsRoot{} mHip{} mKnee{} mAnkle{} mFoot{} mCollar{} mShoulder{} mElbow{} mWrist{}",
+    ),
+    "MakeHuman": names(
+        "L R",
+        "root spine05 spine03 spine01 neck01 neck02 head",
+        "pelvis.{} upperleg01.{} lowerleg01.{} foot.{} toe1-1.{} clavicle.{} upperarm01.{} lowerarm01.{} wrist.{}",
+    ),
+    "Theia": names(
+        "l r",
+        "pelvis abdomen lower_torso torso neck upper_neck head",
+        "{}_hip {}_thigh {}_shank {}_foot {}_toes {}_clavicle {}_uarm {}_larm {}_hand",
+    ),
+    "CMU for DAZ by cgspeed": names(
+        "l r",
+        "hip abdomen abdomen2 chest neck neck2 head",
+        "{}Buttock {}Thigh {}Shin {}Foot {}Toe {}Collar {}Shldr {}ForeArm {}Hand",
+    ),
+    "Talking with hands": names(
+        "l r",
+        "b_root b_spine0 b_spine1 b_spine2 b_neck0 b_neck1 b_head",
+        "b_{}_hip b_{}_upleg b_{}_leg b_{}_foot b_{}_toe b_{}_shoulder b_{}_arm b_{}_forearm b_{}_wrist",
+    ),
+    "Roblox": names(
+        "Left Right",
+        "LowerTorso MiddleTorso MiddleTorso2 UpperTorso Neck Neck2 Head",
+        "{}Hip {}UpperLeg {}LowerLeg {}Foot {}Toes {}Clavicle {}UpperArm {}LowerArm {}Hand",
+    ),
+    "video to BVH": names(
+        "Left Right",
+        "Hip Spine Spine2 Thorax Neck Neck2 HeadTop",
+        "{}Pelvis {}Hip {}Knee {}Ankle {}Toe {}Collar {}Shoulder {}Elbow {}Wrist",
+    ),
+    "short forms": names(
+        "L R",
+        "PELV SP1 SP2 CHST NCK NCK2 HD",
+        "{}_HJ {}_UPLEG {}_LOLEG {}_FT {}_TOE {}_CLAV {}_UPARM {}_LOARM {}_HND",
+    ),
     "numbers only": names("0 1", "J0 J1 J2 J3 J4 J5 J6", "{}J7 {}J8 {}J9 {}J10 {}J11 {}J12 {}J13 {}J14 {}J15"),
 }
 

@@ -90,13 +90,15 @@ def named_anatomy(skeleton: Skeleton) -> Anatomy | None:
     heads = [b for b, of in enumerate(named) if of is not None and of.part in ("head", "neck")]
     spine_end = heads or [b for b, of in enumerate(named) if of is not None and of.part == "trunk"]
     spine = _path(skeleton, _main_end(skeleton, spine_end[-1], named)) if spine_end else []
-    arms = [_parent(skeleton, b) for b in range(len(skeleton)) if part[b] in _ARM]
-    level = max((spine.index(b) for b in arms if b in spine), default=len(spine) - 1)
+    arms = [b for b in range(len(skeleton)) if part[b] in _ARM and _parent(skeleton, b) in spine]
+    level = max((_level(skeleton, spine, b) for b in arms), default=len(spine) - 1)
     for place, bone in enumerate(spine):
         of = named[bone]
         if part[bone] != "other":
             continue
-        if of is not None and of.part in ("trunk", "neck", "head"):
+        # Blender's rigs call it spine up to the head.
+        above = place > level and not heads
+        if of is not None and of.part in ("trunk", "neck", "head") and not above:
             part[bone] = of.part
         else:
             part[bone] = "trunk" if place <= level else "neck"
@@ -147,6 +149,17 @@ def _name_limb(
         if skeleton.chain[bone, limb[begin]]:
             side[bone] = which
     return True
+
+
+def _level(skeleton: Skeleton, spine: list[int], arm: int) -> int:
+    """The place in the spine of the last bone of the trunk, by an arm that branches off.
+
+    Bones "A-B" and "A-C" begin in one joint (`joint_tree`): up to the neck it is trunk beside a collar bone.
+    """
+    place = spine.index(_parent(skeleton, arm))
+    start, way, _ = skeleton.bones[arm].partition("-")
+    beside = place + 1 < len(spine) and skeleton.bones[spine[place + 1]].partition("-")[0] == start
+    return place + (bool(way) and beside)
 
 
 def _belongs(

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from controller.mocap.canonical.body_doubts import doubts
-from controller.mocap.canonical.canonical_body import landmarks_of
+from controller.mocap.canonical.canonical_body import landmarks_of, to_canonical
 from controller.mocap.formats.reading import read_clip
-from people import check_person, moving
+from people import check_person, in_our_axes, moving
 from written_files import LAFAN1, MIXAMO, SOMA, bvh_text
 
 MOTION = moving(frames=60, reach=0.4)
@@ -31,6 +31,18 @@ def test_a_person_is_told_by_shape_where_names_say_nothing(tmp_path, seed, along
     clip = read_clip(tmp_path / "walk.bvh")
     check_person(clip, motion, tolerance=1e-5, lacking=("l toes", "r toes"))
     assert doubts(clip)[0].startswith("no names of legs were understood")
+
+
+def test_a_spine_of_blender_ends_where_the_arms_branch_off(tmp_path):
+    """Its bones are all called spine, up to the head."""
+    spine = dict(zip(("hips", "spine", "chest", "neck", "head"), range(5), strict=True))
+    names = {key: f"spine.{spine[key]:03}" if key in spine else name for key, name in MIXAMO.items()}
+    (tmp_path / "walk.bvh").write_text(bvh_text(MOTION, names))
+    clip = read_clip(tmp_path / "walk.bvh")
+    own = to_canonical(clip)
+    neck = own.joints()[:, 1 + own.skeleton.index("neck")]
+    np.testing.assert_allclose(neck, in_our_axes(MOTION.place["neck"]), atol=1e-3)
+    assert doubts(clip) == []
 
 
 @pytest.mark.parametrize("name", FILES)
