@@ -13,6 +13,7 @@ import pytest
 from bodies import waving
 from command_line import invoked
 from controller.library.motion_library import load_library, save_library
+from controller.mocap.formats.reading import FittedClip
 from controller.mocap.formats.writing import bvh_text
 from controller.mocap.reading_options import ReadingOptions
 from controller.rotations import multiply
@@ -163,9 +164,9 @@ def test_a_skeleton_that_is_given_is_for_recordings_of_its_kind(tmp_path, monkey
 
     def reader(file, options):
         seen.append(options.skeleton)
-        return replace(waving(60.0, 2.0), name=file.stem)
+        return FittedClip(replace(waving(60.0, 2.0), name=file.stem), None)
 
-    monkeypatch.setattr("controller.training.learn.read_clip", reader)
+    monkeypatch.setattr("controller.training.learn.read_fitted", reader)
     learn(files, "mine", options=ReadingOptions(Path(given)), network=QUICK, seeds=[0])
     assert seen == [name and Path(name) for name in taken]
 
