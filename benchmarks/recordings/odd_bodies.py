@@ -123,6 +123,12 @@ def moved(body: Body, by: Sequence[float]) -> Body:
     return replace(body, root=body.root + np.array(by))
 
 
+def scaled(body: Body, by: float) -> Body:
+    """A larger or smaller body that moves alike."""
+    ends = {joint: by * end for joint, end in body.end.items()}
+    return replace(body, offset=by * body.offset, end=ends, root=by * body.root)
+
+
 def at_rate(body: Body, rate: float) -> Body:
     """The motion at another rate, between frames by great circles."""
     frames = len(body.root)

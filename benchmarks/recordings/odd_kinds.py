@@ -21,6 +21,7 @@ from benchmarks.recordings.odd_bodies import (
     moved,
     renamed,
     rezeroed,
+    scaled,
     with_joint,
     world_turned,
 )
@@ -406,6 +407,8 @@ KINDS: dict[str, Kind] = {
     "a zero pose that faces back": changed(
         lambda body: rezeroed(body, [Rotation.from_euler("y", 180, degrees=True)] * len(body.names))
     ),
+    "a child of 0.9 m": changed(lambda body: scaled(body, 0.52)),
+    "somebody of 2.1 m": changed(lambda body: scaled(body, 1.2)),
     "far from the origin": changed(lambda body: moved(body, [50.0, 0.0, -80.0])),
     "0.5 m too high": changed(lambda body: moved(body, [0.0, 0.5, 0.0])),
     "0.5 m too low": changed(lambda body: moved(body, [0.0, -0.5, 0.0])),

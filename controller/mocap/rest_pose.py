@@ -23,8 +23,9 @@ from controller.mocap.skeleton import ROOT, Skeleton
 from controller.mocap.up_axis import AXES, TO_OURS, UPRIGHT, Up, up_in_recording
 from controller.rotations import IDENTITY, Array, best_fit, between, conjugate, cross, multiply, normalise, rotate, yaw
 
-# What one unit of length may be, m: metre, centimetre, millimetre, inch, and the inch / 0.45 of CMU's skeletons.
+# What one unit of length may be, m: metre, centimetre, millimetre; seldom inch, and the inch / 0.45 of CMU's skeletons.
 UNITS = (1.0, 0.01, 0.001, 0.0254, 0.0254 / 0.45)
+SELDOM = 1.8  # by this factor a seldom unit must come nearer to a person's size, or children in cm would be giants
 STATURE = 1.70  # m, of a person
 LEG_PER_STATURE = 0.245 + 0.246  # thigh and shank (Winter 2009, fig. 4.1)
 
@@ -245,4 +246,8 @@ def _unit(body: RecordedBody, vector: Array, parts: Anatomy | None) -> float:
     if stature == 0.0:
         ends = _as_skeleton(body, vector).chain @ vector
         stature = float(np.ptp(np.vstack([ends, np.zeros(3)]), axis=0).max())
-    return min(UNITS, key=lambda unit: abs(np.log(max(stature, 1e-12) * unit / STATURE)))
+
+    def off(unit: float) -> float:
+        return abs(np.log(max(stature, 1e-12) * unit / STATURE)) + (np.log(SELDOM) if unit in UNITS[3:] else 0.0)
+
+    return min(UNITS, key=off)

@@ -14,7 +14,7 @@ from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array, dot, rotate
 from motiondeck_base.errors import FileFormatError
 
-SHORTEST_LEG, LONGEST_LEG = 0.5, 1.3  # m, thigh and shank
+SHORTEST_LEG, LONGEST_LEG = 0.35, 1.15  # m, thigh and shank: of a child of three, and of the tallest
 FLOATS = 0.3  # m: the lowest joint above the ground, nearly all the time
 DEEPEST = 0.3  # m: the lowest joint below the ground, in the middle of the recording
 NEARLY_NEVER = 5.0  # percent of the time

@@ -3,6 +3,7 @@
 import codecs
 import re
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -216,17 +217,24 @@ def test_names_and_axis_can_be_given(tmp_path):
     )
 
 
-@pytest.mark.parametrize("unit", [1.0, 0.01, 0.001, 0.0254, 0.0254 / 0.45])
-def test_the_unit_is_guessed_from_the_size_of_the_body(tmp_path, unit):
-    """A file in centimetres, written again in every other unit, is the same body."""
+@pytest.mark.parametrize(
+    ("unit", "size"),
+    [
+        *product([1.0, 0.01, 0.001, 0.0254, 0.0254 / 0.45], [0.8, 1.0, 1.15]),
+        *product([1.0, 0.01, 0.001], [0.5]),  # a child in inches has the numbers of a man in CMU's unit
+    ],
+)
+def test_the_unit_is_guessed_from_the_size_of_the_body(tmp_path, unit, size):
+    """A file in centimetres, written again in every other unit, is the same body: a child of 0.9 m, or a tall man."""
 
     def scaled(found):
-        return found.group(1) + " ".join(f"{float(number) * 0.01 / unit:.9f}" for number in found.group(2).split())
+        numbers = [float(number) * size * 0.01 / unit for number in found.group(2).split()]
+        return found.group(1) + " ".join(f"{number:.9f}" for number in numbers)
 
     text = bvh_text(read_bvh(write(tmp_path, BVH)))
     text = re.sub(r"((?:OFFSET |^)(?=[-\d]))(\S+ \S+ \S+)", scaled, text, flags=re.MULTILINE)
     clip = read_bvh(write(tmp_path, text))
-    assert clip.skeleton.leg_length == pytest.approx(0.88, abs=1e-6)
+    assert clip.skeleton.leg_length == pytest.approx(0.88 * size, abs=1e-6)
 
 
 @pytest.mark.parametrize(("period", "rate"), [("0.0083333", 120.0), ("0.03336670", 29.97), ("0.0166833", 59.94)])
