@@ -277,7 +277,7 @@ def _since(
     deck: RecordedDeck, leader: RecordedDeck, at: dict[str, float], since: str, until: str, round_s: float
 ) -> str:
     found = in_step_since(deck, leader, at[since] + 0.05, at[until] - 0.1, round_s)
-    return f"{found - at[since]:.1f}"
+    return f"{found - at[since]:.1f}" if np.isfinite(found) else "not again"
 
 
 def _round_seconds(deck: RecordedDeck) -> float:
