@@ -67,6 +67,7 @@ class Gait:
         self._swing: Swing | None = None
         self._longer = np.zeros(2)
         self._from = self.places[0].copy(), 0.0
+        self._now = self._tick = 0.0
         self._landed: tuple[float, Array] | None = None
         self._count = 0
         self._heading, self._astray = facing, 0.0
@@ -76,6 +77,7 @@ class Gait:
     def advance(self, now: float, swings: Sequence[Swing], preview: float) -> Swing | None:
         """Goes on to a time, s, with the swings of the motion until `preview` later; the swing that ended, if any."""
         self._horizon = now + preview
+        self._now, self._tick = now, now - self._now
         ended = None
         if self.step is not None and self._swing is not None:
             self.step.end = self._end(self._swing, self.step.start)
@@ -99,6 +101,8 @@ class Gait:
     def catch(self, now: float, off: Array, effect: float) -> Array:
         """Moves the goal of the step so that the capture point comes back to its plan; by how much it did, (2,), m.
 
+        The goal moves no faster than the foot can follow: a leg that is thrown to and fro pushes the body off its plan.
+
         Args:
             now: s.
             off: where the capture point is from where it should be with the present goal, shape (2,), m.
@@ -118,8 +122,12 @@ class Gait:
         stands, unmoved = self.places[1 - step.foot], step.place - before
         place = unmoved + _turned((x, y), step.heading)
         place = stands + (place - stands) * min(1.0, self._reach / float(np.hypot(*(place - stands))))
-        self._longer, step.place = place - unmoved, place
-        return self._longer - before
+        along, _ = swing_path((now - step.start) / (step.end - step.start))
+        moves = place - unmoved - before
+        most = s.fastest * self._height * self._tick
+        moves = moves * min(1.0, most / max(along * float(np.hypot(*moves)), 1e-9))
+        self._longer, step.place = before + moves, unmoved + before + moves
+        return moves
 
     def recover(self, now: float, off: Array, capture: Array) -> None:
         """Takes a step of its own, and the other foot after it, if it stands and the capture point is too far off.

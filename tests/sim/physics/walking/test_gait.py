@@ -78,6 +78,16 @@ def test_no_push_makes_a_step_longer_than_legs_reach(push):
     assert farthest < 1.2 * np.hypot(SETTINGS.longest, SETTINGS.width)
 
 
+def test_the_goal_of_a_swing_moves_no_faster_than_the_foot_can_follow():
+    gait, now = new_gait(), 2.85
+    pendulum(gait, now + DT, length=0.3, step=0.5)
+    _, _, share = gait.swing(now)
+    assert 0.5 < share < 0.8
+    moved = gait.catch(now, np.array([0.2, 0.0]), 0.5)
+    along, _ = swing_path(share)
+    assert along * np.hypot(*moved) == pytest.approx(SETTINGS.fastest * DT)
+
+
 def test_a_step_lasts_until_it_has_ended_in_the_plan_too():
     gait, footfalls = new_gait(), Footfalls(1.0, DT)
     for k, row in enumerate(zip(*walking_soles(6.0, DT, step=0.16), strict=True)):
