@@ -5,8 +5,6 @@ Reading executes nothing. What the arrays mean is the business of whoever writes
 
 from __future__ import annotations
 
-import os
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +16,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
 from motiondeck_base.errors import FileFormatError
+from motiondeck_base.files import write_file
 from motiondeck_base.printable import printable
 
 LARGEST_BYTES = 2**30
@@ -49,20 +48,7 @@ def write_arrays(path: Path, kind: Kind, header: msgspec.Struct, arrays: dict[st
         FileFormatError: if the folder cannot be written.
     """
     metadata = {kind.key: msgspec.json.encode(header).decode()}
-    content = save({name: np.ascontiguousarray(a) for name, a in arrays.items()}, metadata=metadata)
-    try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    except OSError as error:
-        raise FileFormatError.unwritable(path, error) from None
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-        Path(temporary).chmod(0o644)
-        Path(temporary).replace(path)
-    except OSError as error:
-        raise FileFormatError.unwritable(path, error) from None
-    finally:
-        Path(temporary).unlink(missing_ok=True)
+    write_file(path, save({name: np.ascontiguousarray(a) for name, a in arrays.items()}, metadata=metadata))
 
 
 def read_arrays(path: Path, kind: Kind) -> tuple[object, StoredArrays]:

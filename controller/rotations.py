@@ -5,6 +5,7 @@ All functions broadcast over the leading axes. A quaternion turns a vector by  v
 
 from __future__ import annotations
 
+from functools import cached_property
 from math import cos, sin, sqrt
 
 import numpy as np
@@ -65,21 +66,34 @@ def rotate(q: Array, v: Array) -> Array:
     return v + q[..., :1] * t + cross(q[..., 1:], t)
 
 
-def turnable(vectors: Array) -> Array:
-    """What each product of two parts of a quaternion makes of vectors (n, 3) that it turns, shape (n, 16, 3)."""
-    units, made = np.eye(4), np.empty((len(vectors), 4, 4, 3))
-    for i, j in np.ndindex(4, 4):
-        # w w v + 2 w (u x v) + 2 (u . v) u - (u . u) v, as bilinear in q = (w, u).
-        (w, u), (z, t) = ((unit[0], unit[1:]) for unit in (units[i], units[j]))
-        along = (vectors @ t)[:, None] * u + (vectors @ u)[:, None] * t
-        made[:, i, j] = (w * z - u @ t) * vectors + cross(w * t + z * u, vectors) + along
-    return made.reshape(len(vectors), 16, 3)
+class FixedVectors:
+    """Vectors that are turned again and again, each by a rotation of its own.
 
+    Args:
+        vectors: shape (n, 3).
+    """
 
-def rotate_each(q: Array, turned: Array) -> Array:
-    """Vectors (n, 3), given as `turnable`, each turned by its own q (n, 4): `rotate`, for few six times as fast."""
-    products = (q[:, :, None] * q[:, None, :]).reshape(len(q), 1, 16)
-    return (products @ turned)[:, 0]
+    def __init__(self, vectors: Array) -> None:
+        self.vectors = vectors
+
+    def turned(self, q: Array) -> Array:
+        """The vectors turned by q (..., n, 4), as by `rotate`; by q (n, 4), if n is small, six times as fast."""
+        if q.ndim != 2:
+            return rotate(q, self.vectors)
+        products = (q[:, :, None] * q[:, None, :]).reshape(len(q), 1, 16)
+        return (products @ self._turned_by_products)[:, 0]
+
+    @cached_property
+    def _turned_by_products(self) -> Array:
+        """What each product of two parts of a quaternion makes of the vectors, shape (n, 16, 3)."""
+        vectors = self.vectors
+        units, made = np.eye(4), np.empty((len(vectors), 4, 4, 3))
+        for i, j in np.ndindex(4, 4):
+            # w w v + 2 w (u x v) + 2 (u . v) u - (u . u) v, as bilinear in q = (w, u).
+            (w, u), (z, t) = ((unit[0], unit[1:]) for unit in (units[i], units[j]))
+            along = (vectors @ t)[:, None] * u + (vectors @ u)[:, None] * t
+            made[:, i, j] = (w * z - u @ t) * vectors + cross(w * t + z * u, vectors) + along
+        return made.reshape(len(vectors), 16, 3)
 
 
 def normalise(a: Array) -> Array:

@@ -1,10 +1,11 @@
-"""Opening a file that a user names: its bytes or its lines, or one clear line on why not."""
+"""Reading a file that a user names, its bytes or its lines, and writing one: or one clear line on why not."""
 
 from __future__ import annotations
 
 import codecs
 import math
 import os
+import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -124,3 +125,24 @@ def read_text(path: str | Path, largest: int = LARGEST) -> str:
     if "\0" in text:
         raise FileFormatError(f"{path}: this is not a text file. Is it the right one?")
     return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def write_file(path: Path, content: bytes) -> None:
+    """Writes a file under a temporary name and renames it, so that it is whole or not there.
+
+    Raises:
+        FileFormatError: if it cannot be written.
+    """
+    try:
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    except OSError as error:
+        raise FileFormatError.unwritable(path, error) from None
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+        Path(temporary).chmod(0o644)
+        Path(temporary).replace(path)
+    except OSError as error:
+        raise FileFormatError.unwritable(path, error) from None
+    finally:
+        Path(temporary).unlink(missing_ok=True)

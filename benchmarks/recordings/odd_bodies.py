@@ -70,21 +70,14 @@ class Body:
 
 def of_acclaim(asf: Path, amc: Path, frames: slice = slice(None)) -> Body:
     """The joints of an .asf, each where its bone begins; fingers, hands and thumbs are ends."""
-    _places, turns, vectors, parents = amc_bones(asf.read_text("latin-1"), amc.read_text("latin-1"), frames)
+    places, turns, vectors, parents = amc_bones(asf.read_text("latin-1"), amc.read_text("latin-1"), frames)
     left_out = {side + bone for side in "lr" for bone in ("hand", "fingers", "thumb")}
     bones = ["root", *(bone for bone in parents if bone not in left_out)]
-    place, turn = {}, {}
     above = {bone: bones.index(parents[bone]) if bone != "root" else -1 for bone in bones}
     offset = np.array([vectors.get(parents.get(bone, ""), np.zeros(3)) for bone in bones])
     ends = {index: vectors[bone] for index, bone in enumerate(bones) if index not in {above[other] for other in bones}}
-    root = amc_root(asf, amc, frames)
-    del place, turn
-    return Body(list(bones), bones, [above[b] for b in bones], offset, ends, [turns[b] for b in bones], root)
-
-
-def amc_root(asf: Path, amc: Path, frames: slice) -> np.ndarray:
-    """Where the root is, (T, 3), m."""
-    return amc_bones(asf.read_text("latin-1"), amc.read_text("latin-1"), frames)[0]["root"]
+    turn = [turns[bone] for bone in bones]
+    return Body(list(bones), bones, [above[bone] for bone in bones], offset, ends, turn, places["root"])
 
 
 def renamed(body: Body, names: Mapping[str, str]) -> Body:

@@ -69,11 +69,11 @@ def learn(
     from controller.deck.worst_join import worst_join
     from controller.jobs import Jobs
     from controller.library.motion_library import save_library
-    from controller.mocap.formats.writing import write_file
     from controller.training import learn as learning
     from controller.training.recipe import warnings
     from controller.training.recipe_text import recipe_text
     from motiondeck_base.errors import MotiondeckError
+    from motiondeck_base.files import write_file
 
     if out.suffix.lower() != ".safetensors":
         raise MotiondeckError(f"{out}: a library ends in .safetensors. Name the file so.")

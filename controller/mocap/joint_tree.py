@@ -195,10 +195,8 @@ def _bones(
                 if bone == -2:
                     bone = len(names)
                     begun.append((offset[child], bone))
-                    one, together = (
-                        _called(tree, parts, children, joint, offset, least),
-                        [c for c in apart if _near(offset[c], offset[child], least)],
-                    )
+                    one = _called(tree, parts, children, joint, offset, least)
+                    together = [c for c in apart if _near(offset[c], offset[child], least)]
                     known = (tree.names[c] for c in together if parts[c] is not None)
                     names.append(one if len(ways) == 1 else f"{one}-{next(known, tree.names[child])}")
                     yield joint, child, above

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.rotations import Array, rotate, rotate_each, turnable
+from controller.rotations import Array, FixedVectors
 from motiondeck_base.errors import FileFormatError
 
 ROOT = -1
@@ -95,13 +95,14 @@ class Skeleton:
         return chain
 
     @cached_property
-    def _turnable(self) -> Array:
-        return turnable(self.rest_direction * self.length[:, None])
+    def _vectors(self) -> FixedVectors:
+        """From the beginning of each bone to its end in the rest pose, m."""
+        return FixedVectors(self.rest_direction * self.length[:, None])
 
     @cached_property
     def leg_length(self) -> float:
         """How far the skeleton reaches below its root in the rest pose, m."""
-        return float(-np.min((self.chain @ (self.rest_direction * self.length[:, None]))[:, 2]))
+        return float(-np.min((self.chain @ self._vectors.vectors)[:, 2]))
 
     def joints(self, root_position: Array, rotation: Array) -> Array:
         """Forward kinematics: where the root and the end of each bone are.
@@ -113,10 +114,5 @@ class Skeleton:
         Returns:
             Joint positions, the root first, shape (..., 1 + B, 3), m.
         """
-        bones = rotation[..., 1:, :]
-        if bones.ndim == 2:
-            offset = rotate_each(bones, self._turnable)
-        else:
-            offset = rotate(bones, self.rest_direction * self.length[:, None])
-        ends = root_position[..., None, :] + self.chain @ offset
+        ends = root_position[..., None, :] + self.chain @ self._vectors.turned(rotation[..., 1:, :])
         return np.concatenate([root_position[..., None, :], ends], axis=-2)

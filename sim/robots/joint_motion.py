@@ -9,10 +9,10 @@ import numpy as np
 
 from controller.mocap.clip import Clip
 from controller.mocap.encodings.joint_angles import save_taught_clip, taught_clip
-from controller.mocap.formats.writing import write_file
 from controller.mocap.posture import Pose
 from controller.rotations import Array
 from motiondeck_base.errors import FileFormatError
+from motiondeck_base.files import write_file
 from sim.robots.robot import Robot
 
 

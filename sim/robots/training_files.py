@@ -24,9 +24,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.mocap.formats.writing import write_file
 from controller.rotations import Array, rotate
 from motiondeck_base.errors import FileFormatError, UnknownNameError
+from motiondeck_base.files import write_file
 from sim.models.urdf_visuals import MOVED_ORIGIN
 
 Format = Literal["npz", "csv", "mjlab", "qpos"]

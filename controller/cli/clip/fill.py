@@ -39,9 +39,10 @@ def fill(
     from controller.cli.common.progress import progress
     from controller.mocap.formats.markers.c3d import read_c3d
     from controller.mocap.formats.markers.c3d_writing import with_points
-    from controller.mocap.formats.writing import markers_csv, write_file
+    from controller.mocap.formats.writing import markers_csv
     from controller.training.centralized.reconstruction import fill_missing, gaps_of
     from motiondeck_base.errors import MotiondeckError
+    from motiondeck_base.files import write_file
 
     if file.suffix.lower() != ".c3d":
         raise MotiondeckError(f"{file}: only markers (.c3d) can be missing; other recordings hold whole skeletons")

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from controller.cli.common.options import check_folder
-from controller.mocap.formats.writing import write_file
 from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.files import write_file
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -13,7 +13,7 @@ from controller.cli.common.options import check_new
 from controller.cli.common.tables import show_table
 from controller.cli.robot.check import WHY
 from controller.library.motion_library import load_library
-from controller.mocap.formats.writing import write_file
+from motiondeck_base.files import write_file
 from motiondeck_base.shipped import find_library
 from sim.models.robot_file import read_robot_file
 from sim.physics.played_motions import as_clip

@@ -14,8 +14,8 @@ from controller.cli.common.progress import progress
 from controller.deck.deck import Deck
 from controller.jobs import Jobs, spread
 from controller.library.motion_library import load_library
-from controller.mocap.formats.writing import write_file
 from motiondeck_base.errors import UnknownNameError
+from motiondeck_base.files import write_file
 from motiondeck_base.shipped import find_library
 from sim.models.walk_settings import WalkSettings, with_walk_table
 from sim.physics.physics_model import usual_push

@@ -133,7 +133,7 @@ class Track:
     def ahead(self, tempo: float, *, starting: bool) -> Callable[[Array], BodyCourse]:
         """The course that comes after times (S,) from now on, s, the first of them 0, as the stored motion has it.
 
-        While a one-shot is `starting`, it gets going with the square of the share of these times (see `Fade.onset`).
+        While a one-shot is `starting`, it gets going with the square of the share of these times (see `Fading.onset`).
         """
         motion, begin = self.motion, self.at
 

@@ -19,7 +19,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from controller.mocap.encodings.bone_directions import FIRST_BONE, BoneDirections
-from controller.rotations import Array, about, between, cross, dot, multiply, normalise, rotate, rotate_each, turnable
+from controller.rotations import Array, FixedVectors, about, between, cross, dot, multiply, normalise, rotate
 
 FORWARD_AXIS, LEFT_AXIS = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 
@@ -46,8 +46,8 @@ class JointRotations(BoneDirections):
         return direction, side
 
     @cached_property
-    def _turnable_side(self) -> Array:
-        return turnable(self._axes[1])
+    def _rest_side(self) -> FixedVectors:
+        return FixedVectors(self._axes[1])
 
     def directions(self, channels: Array) -> Array:
         """Where the bones point, brought back to unit length, shape (..., B, 3)."""
@@ -61,9 +61,8 @@ class JointRotations(BoneDirections):
     def rotations(self, channels: Array) -> Array:
         """The rotations of channels (..., C), in the heading frame, shape (..., 1 + B, 4)."""
         direction, side = self._vectors(channels)
-        rest, rest_side = self._axes
-        swing = between(rest, direction)
-        start = rotate_each(swing, self._turnable_side) if swing.ndim == 2 else rotate(swing, rest_side)
+        swing = between(self._axes[0], direction)
+        start = self._rest_side.turned(swing)
         twist = np.arctan2(dot(direction, cross(start, side)), dot(start, side))
         return np.roll(multiply(about(direction, twist), swing), 1, axis=-2)
 

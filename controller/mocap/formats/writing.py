@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,6 +13,7 @@ from controller.mocap.skeleton import ROOT
 from controller.mocap.up_axis import TO_OURS
 from controller.rotations import Array, conjugate, multiply, rotate, to_matrix
 from motiondeck_base.errors import FileFormatError
+from motiondeck_base.files import write_file
 
 CENTIMETRES = 100.0  # what BVH is mostly written in
 FORMATS = (".bvh", ".csv")
@@ -32,25 +31,6 @@ def write_clip(clip: Clip, path: Path) -> None:
         raise FileFormatError(f"{path}: clips are written as {' or '.join(FORMATS)}. Name the file so.")
     text = bvh_text(clip) if path.suffix.lower() == ".bvh" else csv_text(clip)
     write_file(path, text.encode())
-
-
-def write_file(path: Path, content: bytes) -> None:
-    """Writes a file under a temporary name and renames it.
-
-    Raises:
-        FileFormatError: if it cannot be written.
-    """
-    temporary = None
-    try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-        Path(temporary).chmod(0o644)
-        Path(temporary).replace(path)
-    except OSError as error:
-        if temporary is not None:
-            Path(temporary).unlink(missing_ok=True)
-        raise FileFormatError.unwritable(path, error) from None
 
 
 def bvh_text(clip: Clip) -> str:

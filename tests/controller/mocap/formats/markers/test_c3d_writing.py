@@ -5,8 +5,9 @@ import pytest
 
 from controller.mocap.formats.markers.c3d import read_c3d
 from controller.mocap.formats.markers.c3d_writing import with_points
-from controller.mocap.formats.writing import markers_csv, write_file
+from controller.mocap.formats.writing import markers_csv
 from motiondeck_base.errors import FileFormatError
+from motiondeck_base.files import write_file
 from recordings import c3d_bytes
 
 
