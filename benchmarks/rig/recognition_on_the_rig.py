@@ -34,7 +34,7 @@ from controller.recognition.deck_watch import PATIENCE, DeckWatch
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
-from hardware.rig.dynamixel_rig import DynamixelRig
+from hardware.rig.driving.dynamixel_rig import DynamixelRig
 from hardware.rig.rig_file import load_rig
 from motiondeck_base.shipped import find_library, find_rig, find_robot
 from sim.physics.playback import PhysicsPlayback

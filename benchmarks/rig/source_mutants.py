@@ -9,11 +9,11 @@ from contextlib import contextmanager
 from types import FunctionType
 from typing import NamedTuple, cast
 
-from hardware.rig.braking import places_of_rest
-from hardware.rig.dynamixel_rig import DynamixelRig
-from hardware.rig.identities import check_identities
+from hardware.rig.driving.dynamixel_rig import DynamixelRig
 from hardware.rig.supervision.catching_up import CatchingUp
-from hardware.rig.switching import _limit_speed, hold_still, speed_counts
+from hardware.rig.switching.braking import places_of_rest
+from hardware.rig.switching.identities import check_identities
+from hardware.rig.switching.torque import _limit_speed, hold_still, speed_counts
 
 
 class Mutant(NamedTuple):

@@ -47,12 +47,12 @@ _UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 # Where each subcommand is; a group of commands is an app of its own.
 _COMMANDS = {
     "play": "play",
-    "send": "send",
-    "events": "send",
-    "gamepad": "gamepad",
-    "stage": "stage",
-    "conduct": "conduct",
-    "fleet": "fleet",
+    "send": "remote.send",
+    "events": "remote.send",
+    "gamepad": "remote.gamepad",
+    "stage": "remote.stage",
+    "conduct": "show.conduct",
+    "fleet": "show.fleet",
     "replay": "replay",
     "plot": "plot",
     "learn": "learn",

@@ -1,1 +1,1 @@
-"""A rig: its file, its units, switching it on and off, and driving it."""
+"""A rig: its file, its units, its registers; in rooms of their own switching it, driving it, keeping it safe."""

@@ -16,8 +16,8 @@ import msgspec
 
 from hardware.bus.servo_bus import Bus
 from hardware.errors import RigError
-from hardware.rig.audit import audit, settle
 from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.switching.audit import audit, settle
 from hardware.tools.loose_joints import whole_turns
 
 LEAST_RANGE = 0.2  # rad: less is a joint that nobody has moved

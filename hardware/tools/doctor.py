@@ -10,11 +10,11 @@ import msgspec
 from hardware.bus.servo_bus import UNTOLD, Bus, Identity
 from hardware.control_table.meanings import describe_errors
 from hardware.errors import NoReplyError, ServoError
-from hardware.rig.audit import ANSWER_EVERYTHING, Difference, audit, settle
-from hardware.rig.identities import hardware_errors, have_answer, have_old_answer, know_fast_reads
+from hardware.rig.driving.state_block import arranged, motion
+from hardware.rig.driving.wire_load import longest_tick
 from hardware.rig.rig_file import RigConfig, RigJoint
-from hardware.rig.state_block import arranged, motion
-from hardware.rig.wire_load import longest_tick
+from hardware.rig.switching.audit import ANSWER_EVERYTHING, Difference, audit, settle
+from hardware.rig.switching.identities import hardware_errors, have_answer, have_old_answer, know_fast_reads
 from hardware.tools.latency_timer import latency_file, latency_timer
 from hardware.tools.scan import LIKELY_BAUDS, scan
 

@@ -9,9 +9,9 @@ from collections.abc import Iterator
 
 from hardware.bus.servo_bus import Bus
 from hardware.errors import RigError
-from hardware.rig.identities import check_identities
 from hardware.rig.rig_file import RigConfig, RigJoint
-from hardware.rig.switching import switch_off
+from hardware.rig.switching.identities import check_identities
+from hardware.rig.switching.torque import switch_off
 
 
 def loosen(config: RigConfig, bus: Bus) -> None:

@@ -9,9 +9,9 @@ from hardware.bus.servo_bus import Bus
 from hardware.control_table.meanings import describe_errors
 from hardware.control_table.table import ControlTable
 from hardware.errors import ServoError
-from hardware.rig.identities import hardware_errors
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import RigScale
+from hardware.rig.switching.identities import hardware_errors
 
 _SHOWN_EVERY = 1.0  # s
 _FORCE = ("present_current", "present_load")

@@ -17,13 +17,13 @@ import mujoco
 import numpy as np
 
 from motiondeck_base.errors import FileFormatError
+from sim.models.formats.mesh_files import SHELL, read_solids
+from sim.models.formats.model_kind import check_is_model
+from sim.models.formats.urdf_text import has_collision_shapes, readable_urdf
+from sim.models.formats.urdf_visuals import MOVED_ORIGIN, note_source
 from sim.models.guessed_servo import guess_servo, stances
 from sim.models.kinematic_tree import path_to
-from sim.models.mesh_files import SHELL, read_solids
-from sim.models.model_kind import check_is_model
 from sim.models.surface import Surface
-from sim.models.urdf_text import has_collision_shapes, readable_urdf
-from sim.models.urdf_visuals import MOVED_ORIGIN, note_source
 
 ROOT_JOINT = "(root)"
 LAST_SHOWN_GROUP = 2

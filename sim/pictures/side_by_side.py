@@ -14,7 +14,7 @@ import numpy as np
 from controller.mocap.posture import Pose
 from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array
-from sim.models.urdf_visuals import dressed
+from sim.models.formats.urdf_visuals import dressed
 from sim.robots.robot import load_robot
 
 PREFIX = "robot/"

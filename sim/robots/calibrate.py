@@ -23,11 +23,11 @@ from controller.deck.interfaces import JointLimits
 from controller.mocap.rest_pose import FOOT_SLOPE
 from controller.rotations import Array
 from motiondeck_base.errors import FileFormatError
+from sim.models.formats.urdf_speeds import urdf_speeds
 from sim.models.joint_layout import JointLayout
 from sim.models.model_file import read_model
 from sim.models.robot_file import Angle
 from sim.models.surface import LowestPoint
-from sim.models.urdf_speeds import urdf_speeds
 from sim.retargeting.human_limbs import LIMBS
 from sim.retargeting.retarget import SERVO_HUMANOID_JOINTS, LimbAngles
 from sim.retargeting.robot_limbs import SIDES, RobotLimbs, limb_directions

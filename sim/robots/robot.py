@@ -18,6 +18,7 @@ from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 from motiondeck_base.files import listed
+from sim.models.formats.urdf_visuals import with_visuals
 from sim.models.joint_layout import JointLayout
 from sim.models.mannequin.mannequin import build_mannequin
 from sim.models.model_file import read_model
@@ -25,7 +26,6 @@ from sim.models.robot_file import RobotFile, Solver, read_robot_file
 from sim.models.scenery import add_gantry, add_lamp, set_stage
 from sim.models.servo_motor import ServoMotor
 from sim.models.upright_pelvis import UprightPelvis
-from sim.models.urdf_visuals import with_visuals
 from sim.models.walk_settings import WalkSettings
 from sim.retargeting.footing import Footing
 from sim.retargeting.human_stance import HumanStance

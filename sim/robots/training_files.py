@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from controller.rotations import Array, rotate
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 from motiondeck_base.files import write_file
-from sim.models.urdf_visuals import MOVED_ORIGIN
+from sim.models.formats.urdf_visuals import MOVED_ORIGIN
 
 Format = Literal["npz", "csv", "mjlab", "qpos"]
 FORMATS: tuple[Format, ...] = get_args(Format)

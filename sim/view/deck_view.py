@@ -17,7 +17,7 @@ from controller.rotations import Array
 from controller.wire.command_socket import CommandClient
 from controller.wire.messages import Event
 from motiondeck_base.errors import FileFormatError
-from sim.models.urdf_visuals import with_visuals
+from sim.models.formats.urdf_visuals import with_visuals
 from sim.view.body.body_push import BodyPush
 from sim.view.body.drawn_model import DrawnModel
 from sim.view.body.live_footprints import LiveSteps

@@ -134,7 +134,7 @@ def stop(rig: RigArgument, port: PortOption = None, as_json: JsonOption = False)
     """
     from hardware.errors import SerialPortError
     from hardware.rig.supervision.joined_rig import on_ports
-    from hardware.rig.switching import switch_off
+    from hardware.rig.switching.torque import switch_off
 
     config = load(rig)
     unconfirmed: list[str] = []

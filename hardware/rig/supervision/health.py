@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from hardware.control_table.meanings import describe_errors
 from hardware.control_table.servo_traits import TRAITS
-from hardware.rig.dynamixel_rig import WATCHDOG_UNIT
-from hardware.rig.readings import Readings
+from hardware.rig.driving.dynamixel_rig import WATCHDOG_UNIT
+from hardware.rig.driving.readings import Readings
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array
 from hardware.rig.supervision.servo_states import CONDITIONS

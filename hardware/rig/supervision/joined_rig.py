@@ -17,14 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.errors import MotiondeckError, RigError, with_torque
+from hardware.rig.driving.register_reading import RegisterReading
 from hardware.rig.faults import RigFaults
-from hardware.rig.port_scan import PortScan
-from hardware.rig.register_reading import RegisterReading
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array
 from hardware.rig.supervision.health import Incident
 from hardware.rig.supervision.servo_states import ServoStates
 from hardware.rig.supervision.supervised_rig import SupervisedRig
+from hardware.rig.switching.port_scan import PortScan
 from hardware.rig.timings import Timings
 
 

@@ -26,20 +26,20 @@ from numpy.typing import NDArray
 from hardware.bus.port import lasting_name
 from hardware.bus.servo_bus import Bus
 from hardware.errors import MotiondeckError, RigError, SerialPortError
-from hardware.rig.dynamixel_rig import DynamixelRig
+from hardware.rig.driving.dynamixel_rig import DynamixelRig
+from hardware.rig.driving.indirect_cells import arrange_state
+from hardware.rig.driving.register_reading import RegisterReading
+from hardware.rig.driving.state_block import StateBlock
 from hardware.rig.faults import RigFaults
-from hardware.rig.indirect_cells import arrange_state
-from hardware.rig.port_scan import PortScan
-from hardware.rig.register_reading import RegisterReading
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array
-from hardware.rig.state_block import StateBlock
 from hardware.rig.supervision.catching_up import SLOWER, CatchingUp
 from hardware.rig.supervision.easing import Easing
 from hardware.rig.supervision.health import Health, Incident
 from hardware.rig.supervision.servo_states import CONDITIONS, ServoStates
 from hardware.rig.supervision.strain import Strain
-from hardware.rig.switching import resume
+from hardware.rig.switching.port_scan import PortScan
+from hardware.rig.switching.torque import resume
 from hardware.rig.timings import Timings
 
 _MENDED_WITHIN = 2.0  # s, for all but a vanished port

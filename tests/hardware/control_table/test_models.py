@@ -6,8 +6,8 @@ import pytest
 from hardware.control_table.models import MODELS, model_name
 from hardware.control_table.sdk_models import ModelFileError, model_file, model_numbers
 from hardware.control_table.servo_traits import TRAITS
+from hardware.rig.driving.state_block import arranged
 from hardware.rig.rig_file import RigConfig, RigJoint
-from hardware.rig.state_block import arranged
 
 
 def test_every_model_that_the_maker_numbers_has_a_table():

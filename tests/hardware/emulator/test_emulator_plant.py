@@ -7,7 +7,7 @@ from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
-from hardware.rig.dynamixel_rig import DynamixelRig
+from hardware.rig.driving.dynamixel_rig import DynamixelRig
 
 
 class Pendulums:

@@ -20,7 +20,7 @@ from hardware.emulator.process import start_emulator
 from hardware.emulator.pty_server import PtyServer, serve
 from hardware.errors import RigError, RigFileError, SerialPortError
 from hardware.protocol2 import instructions
-from hardware.rig.dynamixel_rig import DynamixelRig
+from hardware.rig.driving.dynamixel_rig import DynamixelRig
 from hardware.rig.rig_file import load_rig
 from hardware.rig.supervision.supervised_rig import SupervisedRig
 

@@ -10,7 +10,7 @@ from benchmarks.rig.fault_schedules import forgotten, run, schedule
 from benchmarks.rig.schedule_judge import swings
 from benchmarks.rig.source_mutants import MUTANTS, Mutant, mutated
 from hardware.rig.rig_file import RigJoint
-from hardware.rig.switching import hold_still
+from hardware.rig.switching.torque import hold_still
 
 
 @pytest.mark.parametrize("seed", [0, 10])

@@ -13,7 +13,7 @@ from hardware.emulator.hands import Hands, HandsError
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
 from hardware.rig.rig_file import RigConfig, RigJoint, load_rig
-from hardware.rig.switching import switch_on
+from hardware.rig.switching.torque import switch_on
 from hardware.tools.calibration import Sweep, clear_offsets, load_progress, measured_joint, save_progress
 from hardware.tools.doctor import fix_settings
 from hardware.tools.lerobot import imported, read_calibration

@@ -8,9 +8,9 @@ import pytest
 
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.shipped import find_robot
+from sim.models.formats.urdf_visuals import with_visuals
 from sim.models.model_file import read_model
 from sim.models.scenery import set_stage
-from sim.models.urdf_visuals import with_visuals
 from sim.pictures.side_by_side import PREFIX, SideBySide
 from sim.robots.calibrate import calibrate
 from sim.robots.robot import load_robot

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from controller.mocap.posture import Pose
 from controller.rotations import from_rotation_vector, multiply
 from motiondeck_base.errors import FileFormatError, UnknownNameError
+from sim.models.formats.urdf_speeds import urdf_speeds
 from sim.models.joint_layout import JointLayout
 from sim.models.model_file import read_model
 from sim.models.robot_file import read_robot_file
 from sim.models.surface import LowestPoint
-from sim.models.urdf_speeds import urdf_speeds
 from sim.physics.played_motions import DT, load_sampled_robot
 from sim.retargeting.human_limbs import LIMBS, LimbView
 from sim.retargeting.robot_limbs import RobotLimbs, limb_directions

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 from controller.wire.messages import OnPorts, Refused, Registers, ServoOnPort, ServoRegister
 
 if TYPE_CHECKING:
-    from hardware.rig.port_scan import PortScan
-    from hardware.rig.register_reading import RegisterReading
+    from hardware.rig.driving.register_reading import RegisterReading
     from hardware.rig.rig_file import RigJoint
+    from hardware.rig.switching.port_scan import PortScan
 
 
 class RegistersLook:
@@ -21,7 +21,7 @@ class RegistersLook:
     def answer(self) -> Registers | Refused | None:
         """The registers in order of address."""
         from hardware.control_table.meanings import meaning
-        from hardware.rig.register_reading import WRITABLE, shown_registers
+        from hardware.rig.driving.register_reading import WRITABLE, shown_registers
 
         joint, reading = self._joint, self._reading
         if not reading.done:

@@ -13,7 +13,7 @@ from hardware.emulator.bus import BOOT_TIME, EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
 from hardware.protocol2.frames import Parser
-from hardware.rig.dynamixel_rig import DynamixelRig
+from hardware.rig.driving.dynamixel_rig import DynamixelRig
 from hardware.rig.supervision.supervised_rig import SupervisedRig
 
 TICK = 0.01

@@ -11,7 +11,7 @@ from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.faults import FaultPlan, parse_fault
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
-from hardware.rig.register_reading import shown_registers
+from hardware.rig.driving.register_reading import shown_registers
 from hardware.rig.rig_file import RigJoint
 from hardware.rig.supervision.supervised_rig import SupervisedRig
 

@@ -16,7 +16,7 @@ from hardware.protocol2.frames import Parser
 from hardware.rig.rig_file import RigJoint
 from hardware.rig.supervision.servo_states import CONDITIONS
 from hardware.rig.supervision.supervised_rig import SupervisedRig
-from hardware.rig.switching import speed_counts
+from hardware.rig.switching.torque import speed_counts
 
 TICK = 0.01
 

@@ -5,7 +5,7 @@ import threading
 
 import msgspec
 
-from controller.cli.show_page import ShowPage
+from controller.cli.show.show_page import ShowPage
 from controller.fleet.show_file import ShowCue
 from controller.fleet.show_state import ShowNotice, ShowState
 from sim.view.show.viewer import view

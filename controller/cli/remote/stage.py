@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from controller.cli.send import CommandPort, Host, TokenFile, client_of
+from controller.cli.remote.send import CommandPort, Host, TokenFile, client_of
 from controller.wire.command_socket import DEFAULT_PORT
 from motiondeck_base.printable import printable
 

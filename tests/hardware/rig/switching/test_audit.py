@@ -7,9 +7,9 @@ from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
-from hardware.rig.audit import audit, settle
-from hardware.rig.dynamixel_rig import DynamixelRig
+from hardware.rig.driving.dynamixel_rig import DynamixelRig
 from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.switching.audit import audit, settle
 from hardware.tools.doctor import examine, fix_settings, look_elsewhere
 from hardware.tools.set_up import set_up
 

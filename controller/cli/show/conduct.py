@@ -17,7 +17,7 @@ from controller.cli.common.options import SHOW_PAGE_PORT
 from motiondeck_base.printable import printable
 
 if TYPE_CHECKING:
-    from controller.cli.show_page import ShowPage
+    from controller.cli.show.show_page import ShowPage
     from controller.fleet.conductor import Conductor, SeenDeck, Told
     from controller.fleet.link import Link
     from controller.fleet.membership import Membership
@@ -58,7 +58,7 @@ def conduct(
 
     Examples:  motiondeck conduct gala.toml      motiondeck conduct gala.toml --stop
     """
-    from controller.cli.show_page import show_page
+    from controller.cli.show.show_page import show_page
     from controller.fleet.conductor import Conductor
     from controller.fleet.cue_list import cue_named
     from controller.fleet.link import Link

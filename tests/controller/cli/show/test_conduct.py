@@ -10,8 +10,8 @@ from unittest.mock import Mock
 import pytest
 
 from command_line import motiondeck
-from controller.cli.conduct import _hear_page
-from controller.cli.show_page import ShowPage
+from controller.cli.show.conduct import _hear_page
+from controller.cli.show.show_page import ShowPage
 from controller.fleet.show_state import ShowNotice
 
 pytest.importorskip("zenoh")
@@ -83,7 +83,7 @@ def test_mistakes_are_one_line(tmp_path, monkeypatch):
     assert (wrong.returncode, wrong.stderr.count("\n")) == (1, 1)
     assert "gala.toml: cue 1: switch:" in wrong.stderr
     (tmp_path / "gala.toml").write_text(SHOW)
-    monkeypatch.setattr("controller.cli.conduct._STOP_WITHIN", 0.2)
+    monkeypatch.setattr("controller.cli.show.conduct._STOP_WITHIN", 0.2)
     alone = motiondeck("conduct", tmp_path / "gala.toml", "--stop")
     assert (alone.returncode, alone.stderr) == (1, "motiondeck: no deck of the show is reached\n")
     nowhere = motiondeck("play", "--headless", "--show", "gala")

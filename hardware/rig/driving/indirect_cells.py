@@ -13,8 +13,8 @@ import numpy as np
 
 from hardware.bus.servo_bus import Bus
 from hardware.errors import RefusedError
+from hardware.rig.driving.state_block import StateBlock, arranged, everything, motion
 from hardware.rig.rig_file import RigConfig, RigJoint
-from hardware.rig.state_block import StateBlock, arranged, everything, motion
 
 _ALIKE = {"hardware_error_status": 0, "torque_enable": 0, "present_temperature": 3, "present_input_voltage": 10}
 """By how many counts two looks at a healthy servo may differ, a few ms apart."""

@@ -8,9 +8,9 @@ from hardware.bus.servo_bus import Bus, Identity
 from hardware.control_table.meanings import describe_errors
 from hardware.control_table.servo_traits import TRAITS
 from hardware.errors import RigError, ServoError
-from hardware.rig.audit import ANSWER_EVERYTHING
 from hardware.rig.registers import list_joints, read_each, tell_all
 from hardware.rig.rig_file import RigConfig, RigJoint
+from hardware.rig.switching.audit import ANSWER_EVERYTHING
 
 
 def check_identities(config: RigConfig, bus: Bus) -> None:

@@ -12,12 +12,12 @@ import numpy as np
 
 from hardware.bus.servo_bus import Bus
 from hardware.errors import RigError, SerialPortError, ServoError
-from hardware.rig.audit import POSITION_MODE, audit, in_counts, position_ends, settle
-from hardware.rig.braking import places_of_rest
-from hardware.rig.identities import check_identities, have_answer, have_old_answer, refuse_shut_down
 from hardware.rig.registers import list_joints, read_each, tell_all, write_each
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import Array, RigScale
+from hardware.rig.switching.audit import POSITION_MODE, audit, in_counts, position_ends, settle
+from hardware.rig.switching.braking import places_of_rest
+from hardware.rig.switching.identities import check_identities, have_answer, have_old_answer, refuse_shut_down
 
 _NEAR = 0.05  # rad that a joint may stand outside its limits when switched on: play, and the rounding of pulses
 _ROUNDS = 2  # of asking for torque or its end: a servo that has just restarted is deaf for a while

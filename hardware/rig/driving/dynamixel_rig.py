@@ -26,17 +26,17 @@ from numpy.typing import NDArray
 from hardware.bus.servo_bus import Bus
 from hardware.bus.sync_write import SyncWrite
 from hardware.errors import MotiondeckError, SerialPortError, with_torque
+from hardware.rig.driving.indirect_cells import arrange_state
+from hardware.rig.driving.readings import Readings
+from hardware.rig.driving.state_block import StateBlock
+from hardware.rig.driving.wire_load import refuse_slow_wire
 from hardware.rig.faults import RigFaults
-from hardware.rig.identities import knows_fast_reads
-from hardware.rig.indirect_cells import arrange_state
-from hardware.rig.readings import Readings
 from hardware.rig.registers import return_delays, same_place, tell_all
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array, RigScale
-from hardware.rig.state_block import StateBlock
-from hardware.rig.switching import hold_each, speed_counts, switch_off, switch_on
+from hardware.rig.switching.identities import knows_fast_reads
+from hardware.rig.switching.torque import hold_each, speed_counts, switch_off, switch_on
 from hardware.rig.timings import Timings
-from hardware.rig.wire_load import refuse_slow_wire
 
 WATCHDOG_UNIT = 0.02
 """s, in which the servos count."""

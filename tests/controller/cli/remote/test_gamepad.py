@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.cli import gamepad_device
-from controller.cli.gamepad import Pad, drive, gamepad, tempo_of
-from controller.cli.gamepad_device import Button, Stick, deflection, events, open_gamepad
+from controller.cli.remote import gamepad_device
+from controller.cli.remote.gamepad import Pad, drive, gamepad, tempo_of
+from controller.cli.remote.gamepad_device import Button, Stick, deflection, events, open_gamepad
 from controller.wire.command_socket import CommandClient, CommandServer
 from controller.wire.messages import (
     Accepted,

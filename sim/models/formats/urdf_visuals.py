@@ -16,8 +16,8 @@ import msgspec
 import mujoco
 import numpy as np
 
-from sim.models.mesh_files import READABLE, SHELL, fill, read_meshes
-from sim.models.urdf_text import readable_urdf
+from sim.models.formats.mesh_files import READABLE, SHELL, fill, read_meshes
+from sim.models.formats.urdf_text import readable_urdf
 
 MOVED_ORIGIN = "(moved origin)"
 """The custom number of a model in which it stands how far the origin of its root was moved, in its frame, m."""

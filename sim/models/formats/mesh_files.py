@@ -15,7 +15,7 @@ import numpy as np
 
 from controller.rotations import Array, rotate
 from motiondeck_base.errors import FileFormatError
-from sim.models.collada import TriangleMesh, read_collada
+from sim.models.formats.collada import TriangleMesh, read_collada
 
 READABLE = (".stl", ".obj", ".msh", ".dae")
 SHELL = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL

@@ -6,9 +6,9 @@ import pytest
 from hardware.errors import RigError, SerialPortError
 from hardware.protocol2.frames import Parser
 from hardware.protocol2.instructions import SYNC_WRITE, WRITE
-from hardware.rig.dynamixel_rig import DynamixelRig
-from hardware.rig.indirect_cells import arrange_state
-from hardware.rig.switching import hold_still
+from hardware.rig.driving.dynamixel_rig import DynamixelRig
+from hardware.rig.driving.indirect_cells import arrange_state
+from hardware.rig.switching.torque import hold_still
 
 TICK = 0.01
 
@@ -107,7 +107,7 @@ def test_a_servo_that_restarts_while_it_is_switched_on_gets_no_torque(rig_of_fou
         device.swap(1190, port.now() + 0.1) if cause == "swap" else device.reboot(port.now() + 0.1)
         return held
 
-    monkeypatch.setattr("hardware.rig.switching.hold_still", then_restart)
+    monkeypatch.setattr("hardware.rig.switching.torque.hold_still", then_restart)
     with pytest.raises(RigError, match=r"joint_3 \(id 3\) has restarted while it was switched on"):
         DynamixelRig(rig_of_four, bus)
     assert registers(port.bus, "torque_enable") == [0, 0, 0, 0]

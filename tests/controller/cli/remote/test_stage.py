@@ -9,7 +9,7 @@ import time
 import pytest
 
 from command_line import motiondeck
-from controller.cli.stage import _print_reply
+from controller.cli.remote.stage import _print_reply
 from controller.wire.command_socket import CommandServer
 from controller.wire.messages import Accepted, Event, GetStatus, Pause, Refused, State, Subscribe, Switch
 

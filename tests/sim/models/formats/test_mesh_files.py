@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from motiondeck_base.errors import FileFormatError
-from sim.models.collada import read_collada
-from sim.models.mesh_files import read_triangles
+from sim.models.formats.collada import read_collada
+from sim.models.formats.mesh_files import read_triangles
+from sim.models.formats.urdf_visuals import with_visuals
 from sim.models.model_file import read_model
 from sim.models.surface import LowestPoint
-from sim.models.urdf_visuals import with_visuals
 from small_robots import urdf
 
 CORNERS = [(x, y, z) for x in (-0.03, 0.11) for y in (-0.03, 0.03) for z in (-0.04, -0.02)]

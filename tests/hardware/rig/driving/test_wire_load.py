@@ -10,7 +10,7 @@ from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
-from hardware.rig.dynamixel_rig import DynamixelRig
+from hardware.rig.driving.dynamixel_rig import DynamixelRig
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.tools.doctor import fix_settings
 
@@ -71,7 +71,7 @@ def test_at_the_rate_that_a_refusal_names_no_goal_meets_an_answer(name):
 @pytest.mark.parametrize("name", RIGS)
 def test_a_rig_that_is_refused_would_have_met_them(name, monkeypatch):
     rate = possible_rate(name)
-    monkeypatch.setattr("hardware.rig.dynamixel_rig.refuse_slow_wire", lambda *_: None)
+    monkeypatch.setattr("hardware.rig.driving.dynamixel_rig.refuse_slow_wire", lambda *_: None)
     assert collisions(rig_file(name, 1.4 * rate)) > 0
 
 

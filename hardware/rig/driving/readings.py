@@ -24,11 +24,11 @@ from hardware.bus.group_read import Blocks
 from hardware.control_table.models import MODELS
 from hardware.protocol2.frames import ALERT
 from hardware.protocol2.group_reply import GroupReply, WholeReply
+from hardware.rig.driving.register_reading import EVERY, RegisterReading
+from hardware.rig.driving.state_block import StateBlock, everything, row_layout
 from hardware.rig.faults import RigFaults
-from hardware.rig.register_reading import EVERY, RegisterReading
 from hardware.rig.rig_file import RigConfig
 from hardware.rig.scale import Array, RigScale
-from hardware.rig.state_block import StateBlock, everything, row_layout
 
 _PATIENCE = 3  # replies in a row that a servo may miss before it is asked only now and then
 _ASK_AGAIN = 0.3  # s from one such question to the next: several before a silent servo is lost

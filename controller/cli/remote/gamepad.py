@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from controller.cli.gamepad_device import Button, EventDevice, Stick, events, open_gamepad
+from controller.cli.remote.gamepad_device import Button, EventDevice, Stick, events, open_gamepad
 from controller.wire.command_socket import DEFAULT_PORT, CommandClient
 from controller.wire.command_table import TEMPO, command_of
 from controller.wire.messages import (

@@ -13,13 +13,13 @@ from hardware.control_table.models import MODELS
 from hardware.emulator.bus import EmulatedBus
 from hardware.emulator.port import EmulatedPort
 from hardware.errors import RigError
-from hardware.rig.audit import audit
+from hardware.rig.driving.readings import Readings
+from hardware.rig.driving.state_block import motion
 from hardware.rig.faults import RigFaults
-from hardware.rig.readings import Readings
 from hardware.rig.rig_file import RigConfig, RigJoint
 from hardware.rig.scale import RigScale
-from hardware.rig.state_block import motion
 from hardware.rig.supervision.supervised_rig import SupervisedRig
+from hardware.rig.switching.audit import audit
 from hardware.tools.doctor import examine, fix_settings
 from hardware.tools.monitor import observe
 from hardware.tools.scan import scan

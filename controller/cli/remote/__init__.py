@@ -1,0 +1,1 @@
+"""Commands to a deck that runs elsewhere: from a shell, a gamepad, OSC and MIDI."""

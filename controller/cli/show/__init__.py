@@ -1,0 +1,1 @@
+"""Commands of a show: many decks in step."""
