@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from sim.robots.calibrate import calibrate
 
 _CALIBRATED = {}
@@ -107,6 +109,9 @@ def full_humanoid(
     lying=False,
     rods=False,
     hung=False,
+    spread=0.0,
+    raised=0.0,
+    arms=("left", "right"),
 ):
     """An MJCF of a humanoid, 1.3 m tall, with the named hinges in the order of their names.
 
@@ -118,6 +123,8 @@ def full_humanoid(
         fingers: whether each hand has two, with two hinges each.
         lying: whether the model is written with y up and z ahead instead of z up and x ahead.
         hung: whether the free root is the trunk, and pelvis and legs hang from the waist.
+        spread, raised: by how much the arms are held to the sides and ahead, rad.
+        arms: which it has.
         rods: whether a rod on hinges of its own runs beside each shank to the foot and closes a loop.
     """
     axes = {"pitch": (0, 1, 0), "roll": (1, 0, 0), "yaw": (0, 0, 1)}
@@ -176,15 +183,16 @@ def full_humanoid(
         fore = chain(f"{side}_wrist", wrist, (0, 0, -0.1), hand, "pitch", 0.1)
         elbow = f'<body name="{side}_fore" pos="{v(0, 0, -0.1)}">{hinge(f"{side}_elbow", "pitch")}'
         elbow += f"{capsule(0.2)}{fore}</body>"
-        return chain(f"{side}_shoulder", shoulder, (0, y, 0.35), capsule(0.1) + elbow, "yaw", 0.1)
+        held = chain(f"{side}_shoulder", shoulder, (0, 0, 0), capsule(0.1) + elbow, "yaw", 0.1)
+        turn = f"{v(np.sign(y) * spread, -raised, 0)}"
+        return f'<body name="{side}_mount" pos="{v(0, y, 0.35)}" euler="{turn}">{held}</body>'
 
     limbs = leg("left", 0.1) + leg("right", -0.1)
     head = chain("neck", neck, (0, 0, 0.42), f'<geom size="0.08" pos="{v(0, 0, 0.1)}"/>')
     trunk = (
         f'<geom type="box" size="{v(0.08, 0.14, 0.15)}" pos="{v(0, 0, 0.2)}"/>'
         + head
-        + arm("left", 0.2)
-        + arm("right", -0.2)
+        + "".join(arm(side, 0.2 if side == "left" else -0.2) for side in arms)
     )
     if hung:
         upper, limbs = trunk, chain("waist", waist, (0, 0, 0.05), '<geom size="0.08"/>' + limbs)

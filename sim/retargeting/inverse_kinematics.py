@@ -31,8 +31,9 @@ from sim.retargeting.planted_feet import PlantedFeet
 from sim.retargeting.robot_limbs import FEET, PLANE, SIDES, RobotLimbs
 from sim.retargeting.stuck_limbs import StuckLimbs
 
-# How much a vector counts that is as long as a leg.
-WEIGHT = {"leg": 2.5, "thigh": 2.0, "arm": 3.0, "upper_arm": 1.5, "head": 1.5, "chest": 3.0}
+# How much a vector counts that is as long as a leg. A hand may be where it should be on an arm that is the mirror image
+# of the human's, so both segments of an arm count as much as the whole, and each by its angle, however short it is.
+WEIGHT = {"leg": 2.5, "thigh": 2.0, "arm": 2.0, "upper_arm": 2.0, "forearm": 2.0, "head": 1.5, "chest": 3.0}
 # A sole must be level where the human's is. Where its toes point is shared with the plane of the knee: few robots can
 # turn a foot in its ankle.
 WEIGHT |= {"foot_up": 2.5, "foot_ahead": 0.4}
@@ -116,6 +117,10 @@ class LimbSolver:
         kinds = [kind if kind in WEIGHT else kind.removesuffix("_ahead").removesuffix("_left") for kind in kinds]
         self._longest = max(limbs.reach.values())
         self._weight = np.array([WEIGHT.get(kind, 1.0) for kind in kinds])[:, None] / self._longest
+        for k, kind in enumerate(kinds):
+            if kind in ("upper_arm", "forearm"):
+                half = 0.5 * limbs.reach[f"{self.names[k][0]}_arm"]
+                self._weight[k] *= half / max(limbs.vectors.length[k], 0.1 * half)
         self._has_feet = FEET in self.names  # the last one
         self._toes = [k for k, kind in enumerate(kinds) if kind == "foot_ahead"]
         self._hold = np.zeros((3, 3))

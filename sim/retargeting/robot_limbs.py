@@ -1,7 +1,7 @@
 """A robot's limbs as vectors between points of its bodies, and how they turn with its joints.
 
-Thigh, whole leg, upper arm and whole arm are such vectors, and so are the axes of feet, head and chest. They are seen
-from the pelvis, which stands upright and faces x.
+Thigh, whole leg, upper arm, forearm and whole arm are such vectors, and so are the axes of feet, head and chest. They
+are seen from the pelvis, which stands upright and faces x.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -21,7 +21,7 @@ from controller.mocap.rest_pose import FOOT_SLOPE
 from controller.rotations import Array, conjugate, rotate
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 from sim.models.kinematic_tree import Scratch, below, hinges_between
-from sim.models.limb_geometry import ACROSS, centre_of, end_hinge, level_with, sine
+from sim.models.limb_geometry import ACROSS, centre_of, end_hinge, folds, level_with, sine
 from sim.models.model_file import followers
 from sim.models.surface import Surface
 from sim.models.upright_pelvis import UprightPelvis
@@ -245,7 +245,7 @@ class RobotLimbs:
         return Vectors(tuple(names), body, point, rest, np.linalg.norm(rest, axis=1))
 
     def _limb(self, add, side: str, first: str, second: str, third: str, whole: str) -> float:
-        """Adds a limb's upper part and the limb as a whole; returns its length when stretched."""
+        """Adds a limb's upper part, the limb as a whole and an arm's lower part; returns its length when stretched."""
         base = self._parts["chest" if whole == "arm" else "pelvis"]
         lower, end = self._parts[f"{side}_{second}"], self._parts.get(f"{side}_{third}")
         knee_joint = self._knee(self._parts[f"{side}_{first}"], lower)
@@ -264,15 +264,17 @@ class RobotLimbs:
         tip = level_with(tip, knee, axis)
         add(f"{side}_{first}", (upper, start), (upper, knee))
         add(f"{side}_{whole}", (upper, start), (tip_body, tip))
+        bent = int(self._model.jnt_bodyid[knee_joint])
+        if whole == "arm":
+            add(f"{side}_{second}", (bent, knee), (tip_body, tip))
         # What a joint far from it carries along (a clavicle's), the beginning of the limb, is to stay where it is, but
         # only where the others are enough to point the limb anywhere.
         far = CARRIED * float(np.linalg.norm(knee - start))
         carry = [joint for joint in hips if self._lever(joint, start) > far]
         if carry and len(hips) - len(carry) >= BALL_HINGES:
             add(f"{side}_{first}_start", (base, self._data.xpos[base]), (upper, start))
-        fold = self._fold(knee_joint, knee - start, tip - knee)
+        fold = folds(self._model, knee_joint, axis, knee - start, tip - knee)
         if whole == "arm" and fold and len(hips) >= BALL_HINGES:
-            bent = int(self._model.jnt_bodyid[knee_joint])
             add(f"{side}_{PLANE}", (bent, knee), (bent, knee + fold * float(np.linalg.norm(knee - start)) * axis))
         lengths = float(np.linalg.norm(knee - start)), float(np.linalg.norm(tip - knee))
         for part, joint, length in zip((first, second), (hips[-1], knee_joint), lengths, strict=True):
@@ -283,15 +285,6 @@ class RobotLimbs:
     def _lever(self, joint: int, point: Array) -> float:
         """How far a point (3,) is from a joint's axis, m."""
         return float(np.linalg.norm(np.cross(self._data.xaxis[joint], point - self._data.xanchor[joint])))
-
-    def _fold(self, joint: int, upper: Array, lower: Array) -> int:
-        """The sign of a joint's turns that fold a limb, seen from where it is straight; 0 if it folds either way."""
-        axis = self._data.xaxis[joint]
-        upper, lower = (way - (way @ axis) * axis for way in (upper, lower))
-        bent = float(np.arctan2(axis @ np.cross(upper, lower), upper @ lower))
-        low, high = bent + self._model.jnt_range[joint]
-        one_way = self._model.jnt_limited[joint] and min(abs(low), abs(high)) < 0.5 * max(abs(low), abs(high))
-        return int(np.sign(low + high)) if one_way else 0
 
     def _knee(self, upper: int, lower: int) -> int:
         """The last hinge across the limb on the way from its upper segment to the body that its knee moves."""

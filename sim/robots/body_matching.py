@@ -3,12 +3,12 @@
 Looked at is the robot as its file has it (every joint at zero), whichever way it faces and whichever axis is up:
 
 - Two limbs of hinges that stand on the floor, point down and part near the root are the legs; where they part is the
-  pelvis. Which is the left one follows from their names, where they differ by an l and an r; otherwise the soles stick
-  out ahead.
+  pelvis. Which is the left one follows from their names, where they differ by left and right; otherwise the soles stick
+  out ahead, or without ankles the knees do as they bend.
 - Of the rest, what reaches farthest to either side is an arm, and what reaches highest near the middle is the head.
-- A knee (elbow) is the first hinge that lies across its limb and parallel to its twin and has much of the limb on both
-  of its sides. Hinges along the limb belong to the segment that they turn: the yaw of a thigh, the roll of a forearm.
-  The next hinge across the limb is the ankle (wrist); toes and fingers that follow are left alone.
+- A knee (elbow) is the first hinge that lies across its limb and parallel to its twin seen in a mirror, and has much of
+  the limb on both of its sides. Hinges along the limb belong to the segment that they turn: the yaw of a thigh, the
+  roll of a forearm. The next hinge across the limb is the ankle (wrist); toes and fingers that follow are left alone.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -26,8 +26,9 @@ import numpy as np
 from controller.rotations import Array, conjugate, from_rotation_vector, multiply, yaw
 from motiondeck_base.errors import FileFormatError
 from sim.models.kinematic_tree import below, hinges_at, hinges_between, path_to
-from sim.models.limb_geometry import ACROSS, end_hinge, farthest, sine
+from sim.models.limb_geometry import ACROSS, end_hinge, farthest, folds, sine
 from sim.models.surface import Surface
+from sim.robots.side_names import is_left
 
 LEG = ("thigh", "shank", "foot")
 ARM = ("upper_arm", "forearm", "hand")
@@ -38,7 +39,7 @@ STANDS, LEG_SHARE = 0.12, 0.25
 DOWN = 0.5
 # The knee is the first hinge with at least this share of the most limb on both of its sides.
 BEND_SHARE = 0.6
-PARALLEL = 0.5  # the least cosine between the axes of twins
+PARALLEL = 0.5  # the least cosine between the axes of twins, one of them seen in a mirror
 # A joint of the ankle is less than this share of the shank ahead of it (what is farther ahead moves toes), and a joint
 # of the wrist less than that share of the forearm beyond it.
 TOES_SHARE, FINGERS_SHARE = 0.15, 0.3
@@ -80,17 +81,23 @@ def match(path: Path, model: mujoco.MjModel) -> BodyMatch:
             was found.
     """
     refusal: FileFormatError | None = None
+    found: dict[float, BodyMatch] = {}
     for turn in _TURNS:
+        matcher = _Matcher(path, model, from_rotation_vector(np.array(turn, dtype=float)))
         try:
-            found = _Matcher(path, model, from_rotation_vector(np.array(turn, dtype=float))).match()
+            here = matcher.match()
         except FileFormatError as error:
             if isinstance(error, _StandsOtherwise) and not any(turn):
                 raise  # stood on its side, its legs or arms could pass for a human's
             refusal = refusal or error
             continue
         # A robot that has to be stood up first must show arms too: many a pair of arms could pass for legs.
-        if not any(turn) or "l_upper_arm" in found.parts:
-            return found
+        if not any(turn) or matcher.leg_share:
+            found.setdefault(matcher.leg_share, here)
+            if matcher.leg_share > 1.0:
+                break  # with arms longer than its legs it may stand on its hands
+    if found:
+        return found[max(found)]
     assert refusal is not None
     raise refusal
 
@@ -108,6 +115,14 @@ class _Limb:
 
 
 class _Matcher:
+    """Matches a robot turned one way.
+
+    Attributes:
+        leg_share: how long its legs are, in lengths of its arms; 0 without arms; known after `match`.
+    """
+
+    leg_share = 0.0
+
     def __init__(self, path: Path, model: mujoco.MjModel, turn: Array) -> None:
         self.path, self.model = path, model
         self.data = mujoco.MjData(model)
@@ -137,18 +152,21 @@ class _Matcher:
         # Where nothing turns between them, the root is the pelvis.
         own = hinges_between(self.model, self.root, pelvis) if pelvis != self.root else []
         parts = {"pelvis": self._name(pelvis if own else self.root)}
-        parts |= self._divided(LEG, [self._limb(end, pelvis) for end in legs], ahead)
+        stands = [self._limb(end, pelvis) for end in legs]
+        parts |= self._divided(LEG, dict(zip("rl", stands, strict=True)), ahead)
 
         rest = [e for e in self.ends if not any(self._branch(e, pelvis) == self._branch(leg, pelvis) for leg in legs)]
         centre = self.data.xpos[legs].mean(axis=0)
         chest, shoulders = pelvis, float(self.data.xpos[pelvis, 2])
         arms = self._arms(rest, centre, left)
         if arms:
-            chest = self._common(*arms)
-            limbs = [self._beside(self._limb(end, chest), left) for end in arms]
+            chest = self._chest([*arms.values()], left)
+            limbs = {side: self._beside(self._limb(end, chest), left) for side, end in arms.items()}
             parts |= self._divided(ARM, limbs, ahead)
-            rest = [e for e in rest if not any(self._branch(e, chest) == self._branch(arm, chest) for arm in arms)]
-            shoulders = max(float(self.data.xanchor[limb.joints[0], 2]) for limb in limbs)
+            self.leg_share = max(map(self._length, stands)) / max(map(self._length, limbs.values()))
+            branches = {self._branch(arm, chest) for arm in arms.values()}
+            rest = [e for e in rest if self._branch(e, chest) not in branches]
+            shoulders = max(float(self.data.xanchor[limb.joints[0], 2]) for limb in limbs.values())
         parts["chest"] = self._name(chest)
         head = self._head(rest, chest, centre, left, shoulders)
         if head is not None:
@@ -201,24 +219,34 @@ class _Matcher:
         length = float(np.linalg.norm(way))
         return length >= LEG_SHARE * self.tall and -way[2] >= DOWN * length
 
-    def _arms(self, rest: list[int], centre: Array, left: Array) -> list[int]:
-        """The ends of the right and the left arm; none if there are no two."""
+    def _arms(self, rest: list[int], centre: Array, left: Array) -> dict[str, int]:
+        """The ends of the right and the left arm, "r" and "l", as far as it has them."""
         across = {e: float((self._tip(e) - centre) @ left) for e in rest}
-        if len(across) < 2:
-            return []
-        arms = [min(across, key=lambda e: across[e]), max(across, key=lambda e: across[e])]
-        if across[arms[0]] > -CLAVICLE_SHARE * self.tall or across[arms[1]] < CLAVICLE_SHARE * self.tall:
-            return []
-        chest = self._common(*arms)
+        found = {side: max(rest, key=lambda e: sign * across[e]) for side, sign in (("r", -1.0), ("l", 1.0)) if rest}
+        far = CLAVICLE_SHARE * self.tall
+        found = {side: end for side, end in found.items() if (across[end] if side == "l" else -across[end]) >= far}
+        chest = self._chest([*found.values()], left) if found else self.root
         # Of the fingers of a hand, one at the end of the most joints.
-        arms = [
-            max(
+        arms = {
+            side: max(
                 (e for e in rest if self._branch(e, chest) == self._branch(arm, chest)),
                 key=lambda e: (len(self._limb(e, chest).joints), float(np.linalg.norm(self._tip(e)))),
             )
-            for arm in arms
-        ]
-        return arms if all(len(self._limb(arm, chest).joints) > 1 for arm in arms) else []
+            for side, arm in found.items()
+        }
+        return arms if all(len(self._limb(arm, chest).joints) > 1 for arm in arms.values()) else {}
+
+    def _chest(self, arms: list[int], left: Array) -> int:
+        """Where two arms part; of one arm, the last body that moves with its hinges near the middle of the body."""
+        if len(arms) > 1:
+            return self._common(*arms)
+        path, chest = path_to(self.model, arms[0]), self.root
+        for body in path[path.index(self.root) + 1 :]:
+            if hinges_at(self.model, body):
+                if self._is_beside(hinges_at(self.model, body)[0], left):
+                    break
+                chest = body
+        return chest
 
     def _head(self, rest: list[int], chest: int, centre: Array, left: Array, shoulders: float) -> int | None:
         def out(end: int) -> Array:
@@ -242,13 +270,17 @@ class _Matcher:
         for leg in legs:
             limb = self._limb(leg, pelvis)
             knee = self._bend(limb, limb)
-            ankle = self._end(limb, knee) or limb.joints[-1]
-            mine = np.isin(self.surface.body, below(self.model, int(self.model.jnt_bodyid[ankle])))
-            if mine.any():
-                ends = (self.points[mine] - self.data.xanchor[ankle]) @ across
+            ankle = self._end(limb, knee)
+            ahead = self._folds_back(limb, knee) @ across if ankle is None else 0.0
+            last = limb.joints[-1] if ankle is None else ankle
+            mine = np.isin(self.surface.body, below(self.model, int(self.model.jnt_bodyid[last])))
+            if ahead:
+                reach += ahead
+            elif mine.any():
+                ends = (self.points[mine] - self.data.xanchor[last]) @ across
                 reach += float(ends.max() + ends.min())
         names = [self._name(leg) for leg in legs]
-        second_is_left = _is_left(names[1], names[0])
+        second_is_left = is_left(names[1], names[0])
         if second_is_left is None and abs(reach) < 0.01 * self.tall:
             raise FileFormatError(
                 f"{self.path}: neither the names of its legs ('{names[0]}', '{names[1]}') nor its feet tell left from "
@@ -261,11 +293,11 @@ class _Matcher:
             self.doubts.append(f"its feet stick out behind if '{names[0]}' and '{names[1]}' are on the sides they name")
         return by_names
 
-    def _divided(self, names: tuple[str, str, str], limbs: list[_Limb], ahead: Array) -> dict[str, str]:
-        """The bodies of the three parts of the right and the left limb; without an ankle (wrist) only of two."""
+    def _divided(self, names: tuple[str, str, str], limbs: dict[str, _Limb], ahead: Array) -> dict[str, str]:
+        """The bodies of the three parts of the limbs of each side; without an ankle (wrist) only of two."""
         parts = {}
-        for side, limb, twin in (("r", *limbs), ("l", *reversed(limbs))):
-            knee = self._bend(limb, twin)
+        for side, limb in limbs.items():
+            knee = self._bend(limb, limbs.get("l" if side == "r" else "r", limb))
             body = self.model.jnt_bodyid
             upper = next(j for j in reversed(limb.joints[:knee]) if body[j] != body[limb.joints[knee]])
             parts |= {f"{side}_{names[0]}": self._name(body[upper])}
@@ -287,6 +319,8 @@ class _Matcher:
     def _bend(self, limb: _Limb, twin: _Limb) -> int:
         """Which of a limb's joints is the knee (elbow)."""
         at = [self.data.xanchor[j] for j in limb.joints]
+        between = at[0] - self.data.xanchor[twin.joints[0]]
+        mirror = between / max(float(np.linalg.norm(between)), 1e-9)
         score: dict[int, float] = {}
         for k in range(1, len(at)):
             if self.model.jnt_bodyid[limb.joints[k]] == self.model.jnt_bodyid[limb.joints[0]]:
@@ -296,10 +330,23 @@ class _Matcher:
             share = min(float(np.linalg.norm(up)), float(np.linalg.norm(down)))
             across = min(sine(axis, up), sine(axis, down)) >= ACROSS
             other = self.data.xaxis[twin.joints[k]] if len(twin.joints) == len(limb.joints) else axis
+            other = other - 2.0 * (other @ mirror) * mirror
             # What does not lie across its limb, parallel to its twin, is a knee only where nothing else could be one.
             score[k] = share * (1.0 if across and abs(axis @ other) >= PARALLEL else 0.1)
         most = max(score.values())
         return next(k for k, value in score.items() if value >= BEND_SHARE * most)
+
+    def _folds_back(self, limb: _Limb, knee: int) -> Array:
+        """Where the front of a leg without an ankle is, shape (3,), m: its knee folds its end the other way."""
+        joint = limb.joints[knee]
+        axis, at = self.data.xaxis[joint], self.data.xanchor[joint]
+        up, down = at - farthest([self.data.xanchor[j] for j in limb.joints[:knee]], at), limb.tip - at
+        return -folds(self.model, joint, axis, up, down) * np.cross(axis, down)
+
+    def _length(self, limb: _Limb) -> float:
+        """The sum of the ways from each joint of a limb to the next and to its end, m."""
+        points = np.vstack([self.data.xanchor[limb.joints], limb.tip])
+        return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 
     def _end(self, limb: _Limb, knee: int) -> int | None:
         """The first joint of the ankle (wrist)."""
@@ -309,10 +356,12 @@ class _Matcher:
 
     def _beside(self, limb: _Limb, left: Array) -> _Limb:
         """The part of an arm that does not start near the middle of the body, as a clavicle does."""
-        centre = self.data.xpos[self.root]
-        out = [abs(float((self.data.xanchor[j] - centre) @ left)) for j in limb.joints]
-        first = next((k for k, away in enumerate(out) if away >= CLAVICLE_SHARE * self.tall), 0)
+        first = next((k for k, joint in enumerate(limb.joints) if self._is_beside(joint, left)), 0)
         return _Limb(limb.joints[first:], limb.tip) if len(limb.joints) - first > 1 else limb
+
+    def _is_beside(self, joint: int, left: Array) -> bool:
+        away = float((self.data.xanchor[joint] - self.data.xpos[self.root]) @ left)
+        return abs(away) >= CLAVICLE_SHARE * self.tall
 
     def _limb(self, end: int, above: int) -> _Limb:
         """The joints on the way from a body to an end; fingers that fork off a hand are left out."""
@@ -380,15 +429,3 @@ class _Matcher:
         if not name:
             raise FileFormatError(f"{self.path}: a body that the motion needs has no name; give each body one")
         return name
-
-
-def _is_left(name: str, other: str) -> bool | None:
-    """Whether of two names that differ by l and r (left and right) only the first is the left one; None if unclear."""
-    name, other = name.lower(), other.lower()
-    for left, right in (("left", "right"), ("l", "r")):
-        for at in range(len(name)):
-            if name.startswith(left, at) and name[:at] + right + name[at + len(left) :] == other:
-                return True
-            if name.startswith(right, at) and name[:at] + left + name[at + len(right) :] == other:
-                return False
-    return None

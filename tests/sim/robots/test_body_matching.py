@@ -1,5 +1,7 @@
 """Tests that limbs are found from the mechanics of humanoids with any order and number of hinges."""
 
+import re
+
 import mujoco
 import numpy as np
 import pytest
@@ -59,6 +61,49 @@ def test_knees_and_elbows_are_found_whatever_hinges_there_are(tmp_path, build):
     up, ahead = ([0, 1, 0], [0, 0, 1]) if build.get("lying") else ([0, 0, 1], [1, 0, 0])
     assert rotate(found.root_rotation, np.array(up, dtype=float)) == pytest.approx([0, 0, 1], abs=1e-6)
     assert rotate(found.root_rotation, np.array(ahead, dtype=float)) == pytest.approx([1, 0, 0], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "build",
+    [{"spread": 0.8}, {"spread": 1.5}, {"raised": 1.5}, {"spread": 0.8, "wrist": "roll yaw", "shoulder": "pitch roll"}],
+    ids=["A", "T", "ahead", "A without a yaw"],
+)
+@pytest.mark.parametrize("lying", ["", '<body name="base" euler="0 3.1416 0"'], ids=["z up", "y up, facing -z"])
+def test_elbows_are_found_however_the_arms_are_held(tmp_path, build, lying):
+    """At 45 degrees the axes of twin elbows are square to each other, and arms ahead may pass for legs upside down."""
+    text = full_humanoid(lying=bool(lying), **build).replace('<body name="base"', lying or '<body name="base"')
+    found, model = matched(tmp_path, text)
+    for part, joint in JOINTS.items():
+        assert joint in joints_at(model, found.parts[part])
+
+
+@pytest.mark.parametrize(
+    ("left", "right"), [("gauche", "droite"), ("links", "rechts"), ("sx", "dx"), ("migi2", "hidari13"), ("左", "右")]
+)
+def test_sides_are_told_in_other_languages(tmp_path, left, right):
+    """The feet of this robot say nothing; a name that says the other side turns it round."""
+    text = full_humanoid().replace("left", left).replace("right", right)
+    text = text.replace('pos="0.04 0 -0.03" size="0.1', 'pos="0 0 -0.03" size="0.1')
+    found, model = matched(tmp_path, text)
+    side = "r" if left.startswith("migi") else "l"
+    assert f"{left}_knee" in joints_at(model, found.parts[f"{side}_shank"])
+
+
+def test_legs_without_ankles_face_the_way_in_which_their_knees_fold(tmp_path):
+    """Their feet would say the other way: seen from the knee, what is behind it is not ahead of the ankle."""
+    text = full_humanoid(ankle="", fingers=False).replace("left", "one").replace("right", "two")
+    text = text.replace('pos="0.04 0 -0.03" size="0.1', 'pos="-0.04 0 -0.03" size="0.1')
+    text = re.sub(r'(_knee" axis="0 1 0" range=)"[^"]*"', r'\1"0 2.4"', text)
+    found, model = matched(tmp_path, text)
+    assert "one_knee" in joints_at(model, found.parts["l_shank"])
+
+
+@pytest.mark.parametrize("build", [{}, {"lying": True}, {"waist": ""}], ids=str)
+def test_the_one_arm_of_a_robot_is_found(tmp_path, build):
+    found, model = matched(tmp_path, full_humanoid(arms=("left",), **build))
+    assert "left_elbow" in joints_at(model, found.parts["l_forearm"])
+    assert "r_upper_arm" not in found.parts
+    assert found.parts["chest"] == ("base" if "waist" in build else "waist_pitch")
 
 
 TOES = (

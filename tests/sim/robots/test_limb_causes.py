@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from sim.retargeting.human_limbs import LIMBS
+from sim.robots.calibrate import standing
 from sim.robots.limb_causes import limb_causes
 from sim.robots.limb_directions import LimbDirections, degrees_between
 from sim.robots.reachable import ReachableLimb
@@ -100,3 +101,22 @@ def test_a_limb_is_out_of_reach_held_back_or_carried_wrongly(tmp_path):
     (cannot,) = limb_causes(robot, directions, halfway, halfway, limbs, 30.0)
     assert cannot.cause == "out of reach"
     assert cannot.best["l_shank"][0] > 30.0
+
+
+def test_an_arm_of_three_joints_shares_what_it_cannot_reach(tmp_path):
+    """Fists before the chin: an arm on the wrong side of shoulder and hand would have its hand there too."""
+    robot, directions = loaded(tmp_path)
+    solver = robot.retarget.solver
+    for inwards in (0.4, 0.7, 1.0):
+        goals = standing()
+        for side, left in (("r", -1.0), ("l", 1.0)):
+            for part, way in (("upper_arm", (0.4, 0.3 * left, -0.9)), ("forearm", (0.5, -inwards * left, 0.7))):
+                goals[LIMBS.index(f"{side}_{part}")] = way / np.linalg.norm(way)
+        solver.reset()
+        there = pointing(robot, directions, [solver(goals, np.array([0.0, 0.0, 1.0]))])
+        wanted = directions.goals(goals[None])
+        for limb in directions.limbs:
+            rows = [directions.segments.index(segment) for segment in limb]
+            best = ReachableLimb(robot.model, directions, limb, robot.joints, robot.limits).best(wanted[:, rows])
+            short = degrees_between(there[:, rows], wanted[:, rows]) - degrees_between(best, wanted[:, rows])
+            assert short.mean() < 5.0
