@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.rotations import Array
+from motiondeck_base.errors import MotiondeckError
 
 
 def nrmse(output: Array, target: Array) -> float:
@@ -16,7 +17,13 @@ def nrmse(output: Array, target: Array) -> float:
 
     Args:
         output, target: shape (T, C).
+
+    Raises:
+        MotiondeckError: if their shapes differ.
     """
+    output, target = np.asarray(output), np.asarray(target)
+    if output.shape != target.shape:
+        raise MotiondeckError(f"an output of shape {output.shape} and a target of shape {target.shape} do not compare")
     variance = 0.5 * (output.var(0) + target.var(0))
     moving = target.var(0) > 1e-12
     if not moving.any():

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controller.given import number_within, time_series, whole_number
 from controller.library.network_arrays import AnyNetwork
 from controller.mocap.encodings.normalisation import Normalisation
 from controller.networks.base import FrameNetwork
@@ -20,7 +21,7 @@ from controller.ridge import ridge
 from controller.rotations import Array
 from controller.training.fit import train
 from controller.training.preparation.training_motion import TrainingMotion
-from controller.training.recipe import NetworkRecipe
+from controller.training.recipe import NetworkRecipe, require_sizes
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe, load_reservoir
 from motiondeck_base.errors import MotiondeckError
 
@@ -43,6 +44,7 @@ def load_signals(
     Raises:
         MotiondeckError: if there is no signal, channels differ, a signal is too short, or a number is not finite.
     """
+    require_sizes(recipe)
     motions, normalisation = _motions(signals, (), recipe.washout)
     loaded = load_reservoir(motions, recipe, seed)
     states = {motion.name: own for motion, own in zip(motions, loaded.states, strict=True)}
@@ -67,20 +69,33 @@ def learn_signals(
         seed: of everything random.
 
     Raises:
-        MotiondeckError: as `load_signals`, or if a name in `loops` is no signal.
+        MotiondeckError: as `load_signals`, or if a name in `loops` is no signal, or the rate is not from 0.001 Hz to
+            100 kHz.
     """
-    motions, normalisation = _motions(signals, loops, 0)
-    return train(motions, normalisation, recipe, rate, seed)
+    require_sizes(recipe)
+    hertz, drawn_with = number_within(rate, "the rate, Hz,", 1e-3, 1e5), whole_number(seed, "seed")
+    motions, normalisation = _motions(signals, [loops] if isinstance(loops, str) else loops, 0)
+    return train(motions, normalisation, recipe, hertz, drawn_with)
 
 
 def run_free(network: FrameNetwork, motion: str, frames: int, anchor: int = 0) -> Array:
     """What a network plays without any input, from a stored state on, shape (frames, C).
 
+    Args:
+        network: as `learn_signals` returns it.
+        motion: the name of a signal.
+        frames: how many.
+        anchor: which of the stored states; 0 is that at the start of the signal.
+
     Raises:
         UnknownNameError: if there is no such motion; it names the nearest.
+        MotiondeckError: if frames is no whole number, or there is no such anchor.
     """
-    network.cue(motion, anchor)
-    out = np.empty((frames, network.channels))
+    count, start, anchors = whole_number(frames, "frames"), whole_number(anchor, "anchor"), len(network.anchors(motion))
+    if start >= anchors:
+        raise MotiondeckError(f"anchor is {start}; '{motion}' has anchors from 0 to {anchors - 1}")
+    network.cue(motion, start)
+    out = np.empty((count, network.channels))
     for frame in out:
         network.advance(frame)
     return out
@@ -99,7 +114,11 @@ class ReservoirResponse:
     readout: Array
 
     def respond(self, inputs: Array) -> Array:
-        """The outputs to inputs (T, C), shape (T, D), from x = 0 on: the first frames are still a transient."""
+        """The outputs to inputs (T, C), shape (T, D), from x = 0 on: the first frames are still a transient.
+
+        Raises:
+            MotiondeckError: if the inputs are not of that shape, or a number is not finite.
+        """
         (states,) = drive(self.reservoir, [inputs])
         return states @ self.readout.T
 
@@ -110,15 +129,18 @@ def learn_response(
     """Learns to answer an input signal (T, C) with an output signal (T, D) by ridge regression on the driven states.
 
     Raises:
-        MotiondeckError: if the two do not fit each other, or the washout leaves nothing to learn from.
+        MotiondeckError: if the two do not fit each other or the reservoir, the washout leaves nothing to learn from, or
+            a number is not finite.
     """
-    if not len(inputs) == len(outputs) > washout:
+    given, wanted = time_series(inputs, "the input"), time_series(outputs, "the output")
+    first = whole_number(washout, "washout")
+    if not len(given) == len(wanted) > first:
         raise MotiondeckError(
-            f"{len(inputs)} input and {len(outputs)} output frames with a washout of {washout}: "
+            f"{len(given)} input and {len(wanted)} output frames with a washout of {first}: "
             "give equally many of both, and more than the washout"
         )
-    (states,) = drive(reservoir, [inputs])
-    return ReservoirResponse(reservoir, ridge(states[washout:], outputs[washout:], regulariser))
+    (states,) = drive(reservoir, [given])
+    return ReservoirResponse(reservoir, ridge(states[first:], wanted[first:], regulariser))
 
 
 def _motions(
@@ -132,12 +154,18 @@ def _motions(
     for name in loops:
         if name not in signals:
             raise MotiondeckError(f"loops names '{name}', which is not among the signals {', '.join(signals)}")
+    series: dict[str, Array] = {}
     for name, signal in signals.items():
-        if len(signal) < washout + 2:
-            raise MotiondeckError(f"signal '{name}' of {len(signal)} frames is too short for a washout of {washout}")
-    normalisation = Normalisation.fit(list(signals.values()))
+        channels = next(iter(series.values())).shape[1] if series else None
+        series[name] = frames = time_series(signal, f"signal '{name}'", channels)
+        if len(frames) < washout + 2:
+            lead_in = f"{washout} of them lead in (washout), and " if washout else ""
+            raise MotiondeckError(
+                f"signal '{name}' of {len(frames)} frames is too short: {lead_in}2 at least are learned"
+            )
+    normalisation = Normalisation.fit(list(series.values()))
     return [
         TrainingMotion(name, frames[washout:], name in loops, frames[:washout] if washout else None)
-        for name, signal in signals.items()
+        for name, signal in series.items()
         for frames in [normalisation.apply(signal)]
     ], normalisation

@@ -20,7 +20,7 @@ from controller.training.reservoirs.phase_conceptor_training import PhaseRecipe
 from controller.training.reservoirs.phase_echo_state_training import PhaseEchoStateRecipe
 from controller.training.reservoirs.phase_training import PhaseDrivenRecipe
 from controller.training.reservoirs.random_feature_training import RandomFeatureRecipe
-from motiondeck_base.errors import FileFormatError
+from motiondeck_base.errors import FileFormatError, MotiondeckError
 from motiondeck_base.toml_file import read_toml, shaped
 
 ReservoirRecipe = ConceptorRecipe | EchoStateRecipe | RandomFeatureRecipe
@@ -214,6 +214,18 @@ def check_recipe(recipe: LibraryRecipe, path: Path, data: Path | None = None) ->
     return recipe
 
 
+def require_sizes(network: NetworkRecipe) -> None:
+    """Refuses sizes and scales that no network can have.
+
+    Raises:
+        MotiondeckError: it names the first.
+    """
+    if not isinstance(network, NetworkRecipe):  # what pyright sees, a user's script does not
+        raise MotiondeckError(f"a recipe such as ConceptorRecipe() is needed, not {network!r}")
+    for problem in _size_problems(network):
+        raise MotiondeckError(problem)
+
+
 def find_recording(data: Path, file: str) -> Path:
     """A recording below the data folder, or directly in it.
 
@@ -283,9 +295,13 @@ def _input_problems(motion: MotionRecipe, recipe: LibraryRecipe) -> Iterator[str
         yield f"motion '{motion.name}' has {many} recordings; give as many people, the first that it is to be like"
 
 
-def _network_problems(recipe: LibraryRecipe) -> Iterator[str]:
-    """Sizes and scales that no network can have, and settings that its kind does not know."""
-    network = recipe.network
+def _size_problems(network: NetworkRecipe) -> Iterator[str]:
+    """Values of another type than the recipe's, which only a script can give, and sizes and scales out of range."""
+    try:
+        msgspec.convert(msgspec.to_builtins(network), type(network))
+    except msgspec.ValidationError as error:
+        yield f"{type(network).__name__}: {error}"
+        return
     for field in network.__struct_fields__:
         value = getattr(network, field)
         if isinstance(value, bool) or not isinstance(value, int | float):
@@ -294,6 +310,12 @@ def _network_problems(recipe: LibraryRecipe) -> Iterator[str]:
         most = 20_000 if field in {"neurons", "features"} else 1.0 if field == "leak" else 1e6
         if not least <= value <= most:
             yield f"network.{field} is {value}; it lies between {least} and {most}"
+
+
+def _network_problems(recipe: LibraryRecipe) -> Iterator[str]:
+    """Sizes and scales that no network can have, and settings that its kind does not know."""
+    network = recipe.network
+    yield from _size_problems(network)
     if isinstance(network, CenterRecipe) and recipe.as_recorded:
         yield "as_recorded is for networks that run by themselves; centers need closed loops and ends that hold"
     if isinstance(network, ConceptorRecipe):

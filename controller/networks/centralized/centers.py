@@ -40,6 +40,8 @@ def require_frequencies(frequency: Array) -> None:
     Raises:
         FrequencyError: it names the center.
     """
+    if frequency.ndim != 1:
+        raise FrequencyError(f"frequencies of shape {frequency.shape}; one number a center is needed, (n,), rad/s")
     for center, omega in enumerate(frequency):
         if not (np.isfinite(omega) and omega > 0.0):
             raise FrequencyError(f"center {center}: frequency {omega} rad/s is not a positive number")
@@ -64,6 +66,7 @@ class HarmonicCenters:
         Raises:
             FrequencyError: if a frequency is not finite and positive; it names the center.
         """
+        frequency = np.asarray(frequency, dtype=np.float64)
         require_frequencies(frequency)
         return cls(frequency, np.exp(1j * np.broadcast_to(phase, frequency.shape)))
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controller.given import number_within, time_series, whole_number
 from controller.networks.centralized.centers import HarmonicCenters, NonlinearCenters
 from controller.networks.centralized.satellites import Satellites
 from controller.ridge import ridge
@@ -49,7 +50,12 @@ class SatelliteNetwork:
         return self.now
 
     def run(self, steps: int, dt: float) -> Array:
-        """The signal now and at the following steps of dt seconds, shape (steps, D)."""
+        """The signal now and at the following steps of dt seconds, shape (steps, D).
+
+        Raises:
+            MotiondeckError: if steps is no whole number, 1 or more.
+        """
+        steps = whole_number(steps, "steps", 1)
         return np.array([self.now] + [self.step(dt) for _ in range(steps - 1)])
 
 
@@ -65,17 +71,19 @@ def learn_weights(
         regulariser: of the ridge regression, as a share of the number of frames.
 
     Raises:
-        MotiondeckError: if the signal is not of shape (T, D), or holds a number that is not finite.
+        MotiondeckError: if the signal is not of shape (T, D), holds a number that is not finite, the rate is none, or
+            the satellites do not fit the centers.
     """
-    if signal.ndim != 2 or len(signal) == 0 or not np.isfinite(signal).all():
-        raise MotiondeckError(
-            f"a signal of shape {signal.shape} with finite numbers only: (frames, channels) is needed"
-        )
+    signal, rate = time_series(signal, "the signal"), number_within(rate, "the rate, Hz,", 1e-9, 1e12)
     driven = deepcopy(centers)
     states = []
     for _ in range(len(signal)):
         states.append(driven.coordinates.copy())
         driven.advance(1.0 / rate)
-    response, rest = satellites.respond(np.array(states)), signal.mean(0)
+    try:
+        response, rest = satellites.respond(np.array(states)), signal.mean(0)
+    except ValueError:
+        seen = len(driven.coordinates)
+        raise MotiondeckError(f"the centers have {seen} coordinates, and the satellites take another number") from None
     weights = ridge(response, signal - rest, regulariser * len(signal))
     return SatelliteNetwork(deepcopy(centers), satellites, weights, rest)

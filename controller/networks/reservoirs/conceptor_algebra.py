@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from controller.given import square, time_series
 from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError
 
@@ -17,7 +18,12 @@ SHARP = 1e-9
 
 
 def correlation(states: Array) -> Array:
-    """R = X X' / N of states (T, N), with the thesis's 1 / N (eq. 3.9), shape (N, N)."""
+    """R = X X' / N of states (T, N), with the thesis's 1 / N (eq. 3.9), shape (N, N).
+
+    Raises:
+        MotiondeckError: if the states are not of that shape, or a number is not finite.
+    """
+    states = time_series(states, "the states")
     return states.T @ states / states.shape[1]
 
 
@@ -25,8 +31,9 @@ def conceptor(correlations: Array, aperture: float) -> Array:
     """C = R (R + alpha^-2 I)^-1 (eq. 3.10): eigenvalues in [0, 1).
 
     Raises:
-        MotiondeckError: if the aperture is not a positive number.
+        MotiondeckError: if the aperture is not a positive number, or R is not square.
     """
+    correlations = square(correlations, "a correlation matrix")
     if not (np.isfinite(aperture) and aperture > 0.0):
         raise MotiondeckError(f"aperture {aperture} is not a positive number")
     values, vectors = np.linalg.eigh(_symmetric(correlations))
@@ -38,7 +45,7 @@ def adapt_aperture(c: Array, factor: float) -> Array:
     """phi(C, gamma) = C (C + gamma^-2 (I - C))^-1: the conceptor with its aperture multiplied by gamma in [0, inf].
 
     Raises:
-        MotiondeckError: if the factor is negative or not a number.
+        MotiondeckError: if the factor is negative or not a number, or the conceptor is not square.
     """
     if not factor >= 0.0:
         raise MotiondeckError(f"aperture factor {factor} is not a number of at least 0")
@@ -52,16 +59,23 @@ def adapt_aperture(c: Array, factor: float) -> Array:
 
 def quota(c: Array) -> float:
     """The mean eigenvalue: the share of the reservoir's space that a conceptor claims."""
+    c = square(c, "a conceptor")
     return float(np.trace(c) / len(c))
 
 
 def negation(c: Array) -> Array:
     """NOT C = I - C: what C does not let through."""
+    c = square(c, "a conceptor")
     return np.eye(len(c)) - c
 
 
 def conjunction(c: Array, b: Array) -> Array:
-    """C AND B = (C^-1 + B^-1 - I)^-1 on the directions that both know, nothing elsewhere (Jaeger 2014, section 3.9)."""
+    """C AND B = (C^-1 + B^-1 - I)^-1 on the directions that both know, nothing elsewhere (Jaeger 2014, section 3.9).
+
+    Raises:
+        MotiondeckError: if they are not square matrices of one size.
+    """
+    c, b = _pair(c, b)
     # The directions that neither excludes: those orthogonal to both null spaces.
     excluded: Array = _null_projector(c) + _null_projector(b)
     values, vectors = np.linalg.eigh(_symmetric(excluded))
@@ -82,7 +96,11 @@ def similarity(c: Array, b: Array) -> float:
     """|C^1/2 B^1/2|^2 / (|C| |B|) with Frobenius norms: 1 for equal ones, 0 where they share no direction.
 
     0 as well where one of them lets nothing through.
+
+    Raises:
+        MotiondeckError: if they are not square matrices of one size.
     """
+    c, b = _pair(c, b)
     sizes = float(np.linalg.norm(c) * np.linalg.norm(b))
     # |C^1/2 B^1/2|^2 = trace(C B)
     return float(np.sum(c * b)) / sizes if sizes > 0.0 else 0.0
@@ -92,10 +110,20 @@ def attenuation(c: Array, correlations: Array) -> float:
     """The share of a signal's energy that a conceptor takes away, E|x - C x|^2 / E|x|^2, for states of correlation R.
 
     Running free with a conceptor, the aperture at which this is least is a good one (Jaeger 2014, section 3.8.5).
+
+    Raises:
+        MotiondeckError: if they are not square matrices of one size.
     """
+    c, correlations = _pair(c, correlations)
     rest = np.eye(len(c)) - c
     energy = float(np.trace(correlations))
     return float(np.sum((rest @ correlations) * rest)) / energy if energy > 0.0 else 0.0
+
+
+def _pair(first: Array, second: Array) -> tuple[Array, Array]:
+    """Two square matrices of one size."""
+    first = square(first, "the first conceptor")
+    return first, square(second, "the second matrix", len(first))
 
 
 def _symmetric(matrix: Array) -> Array:
@@ -107,7 +135,7 @@ def _compose(values: Array, vectors: Array) -> Array:
 
 
 def _eigen(c: Array) -> tuple[Array, Array]:
-    values, vectors = np.linalg.eigh(_symmetric(c))
+    values, vectors = np.linalg.eigh(_symmetric(square(c, "a conceptor")))
     return np.clip(values, 0.0, 1.0), vectors
 
 

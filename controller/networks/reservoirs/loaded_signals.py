@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controller.given import whole_number
 from controller.mocap.encodings.normalisation import Normalisation
 from controller.networks.reservoirs.conceptor_algebra import conceptor
 from controller.networks.reservoirs.reservoir import Reservoir
@@ -71,9 +72,9 @@ class LoadedSignals:
             The signal, shape (steps, D), in its own units.
 
         Raises:
-            MotiondeckError: if a shape is wrong.
+            MotiondeckError: if a shape is wrong, or steps is no whole number.
         """
-        return self.morph(c, c, np.zeros(steps), start)
+        return self.morph(c, c, np.zeros(whole_number(steps, "steps")), start)
 
     def morph(self, first: Array, second: Array, shares: Array, start: Array | None = None) -> Array:
         """Runs free with the conceptor (1 - mu) C_1 + mu C_2 (Jaeger 2014, section 3.7; Deliallisi 2017, eq. 3.17).
@@ -87,10 +88,14 @@ class LoadedSignals:
             The signal, shape (steps, D), in its own units.
 
         Raises:
-            MotiondeckError: if a shape is wrong.
+            MotiondeckError: if a shape is wrong, or a share is not finite.
         """
-        x = next(iter(self.states.values()))[0] if start is None else start
-        expected = (len(x), len(x))
+        shares = np.asarray(shares, dtype=np.float64)
+        if shares.ndim != 1 or not np.isfinite(shares).all():
+            raise MotiondeckError(f"shares of shape {shares.shape}; one finite number a step is needed, (steps,)")
+        first, second = np.asarray(first), np.asarray(second)
+        x = next(iter(self.states.values()))[0] if start is None else np.asarray(start)
+        expected = (len(self.reservoir), len(self.reservoir))
         if not first.shape == second.shape == expected or x.shape != (len(self.reservoir),):
             raise MotiondeckError(
                 f"conceptors of shape {first.shape} and {second.shape} and a state of shape {x.shape} "

@@ -13,7 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.given import number_within, time_series, whole_number
 from controller.rotations import Array
+from motiondeck_base.errors import MotiondeckError
 
 Floats = NDArray[Any]
 """Double precision, or single where that will do."""
@@ -54,7 +56,20 @@ def random_reservoir(
     rng: np.random.Generator,
     leak: float = 1.0,
 ) -> Reservoir:
-    """Weights drawn from U[-1, 1]; W is scaled to a spectral radius, the others by a factor (section 3.3.1)."""
+    """Weights drawn from U[-1, 1]; W is scaled to a spectral radius, the others by a factor (section 3.3.1).
+
+    Raises:
+        MotiondeckError: if a size is no whole number, or a scale is not a number in its range; it names it.
+    """
+    neurons, inputs = whole_number(neurons, "neurons", 1), whole_number(inputs, "inputs", 0)
+    spectral_radius = number_within(spectral_radius, "spectral_radius", 0.0, 1e6)
+    input_scale, bias_scale = (
+        number_within(input_scale, "input_scale", 0.0, 1e6),
+        number_within(bias_scale, "bias_scale", 0.0, 1e6),
+    )
+    leak = number_within(leak, "leak", 1e-9, 1.0)
+    if not isinstance(rng, np.random.Generator):  # what pyright sees, a user's script does not
+        raise MotiondeckError(f"rng is {rng!r}; give a generator: numpy.random.default_rng(SEED)")
     weights = rng.uniform(-1.0, 1.0, (neurons, neurons))
     weights *= spectral_radius / largest_eigenvalue(weights, rng)
     return Reservoir(
@@ -108,7 +123,14 @@ def drive(
 
     Returns:
         One array (T_j, N) a signal: row n is the state after input n.
+
+    Raises:
+        MotiondeckError: if there is no signal, one is not of shape (T, C), or a number is not finite.
     """
+    if len(signals) == 0:
+        raise MotiondeckError("there are no signals to drive the reservoir with")
+    channels = reservoir.input_weights.shape[1]
+    signals = [time_series(signal, f"signal {j}", channels) for j, signal in enumerate(signals)]
     kind = reservoir.weights.dtype
     order = sorted(range(len(signals)), key=lambda j: -len(signals[j]))
     lengths = np.array([len(signals[j]) for j in order])

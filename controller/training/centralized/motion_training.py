@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 
+from controller.given import number_within, time_series
 from controller.networks.centralized.centralized import CentralizedMotion
 from controller.networks.centralized.low_rank import LowRankWeights
 from controller.rotations import Array
@@ -54,8 +55,10 @@ def train_centralized(
         seed: of the frequencies that are tried.
 
     Raises:
-        MotiondeckError: if there are fewer frames than satellites, or the weights grow beyond LARGEST_WEIGHT.
+        MotiondeckError: if the motion is not of shape (K, D), a number is not finite, there are fewer frames than
+            satellites, or the weights grow beyond LARGEST_WEIGHT.
     """
+    channels, rate = time_series(channels, "the motion"), number_within(rate, "the rate, Hz,", 1e-9, 1e12)
     if centers < 1 or satellites < 1:
         raise MotiondeckError(f"a network of {centers} centers and {satellites} satellites; it needs at least one each")
     frames = len(channels)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from controller.given import number_within, time_series
 from controller.networks.centralized.movement_primitive import MovementPrimitive
 from controller.rotations import Array
 from controller.training.centralized.satellite_learning import learn, ridge_readout, slow_and_fast
@@ -30,15 +31,14 @@ def learn_primitive(
         MotiondeckError: if there is none, one is too short, their channels differ or a number is not finite; it says
             which.
     """
-    if not demonstrations:
+    if len(demonstrations) == 0:
         raise MotiondeckError("a movement primitive needs one demonstration at least, two for a spread")
-    channels = demonstrations[0].shape[-1]
+    rate = number_within(rate, "the rate, Hz,", 1e-9, 1e12)
+    channels = time_series(demonstrations[0], "demonstration 0").shape[1]
+    demonstrations = [time_series(one, f"demonstration {i}", channels) for i, one in enumerate(demonstrations)]
     for index, each in enumerate(demonstrations):
-        if each.ndim != 2 or each.shape[1] != channels or len(each) < 6 or not np.isfinite(each).all():
-            raise MotiondeckError(
-                f"demonstration {index} is of shape {each.shape}; (frames, {channels}) is needed, 6 frames at least, "
-                "all finite"
-            )
+        if len(each) < 6:
+            raise MotiondeckError(f"demonstration {index} is of shape {each.shape}; 6 frames are needed at least")
     frames = round(float(np.median([len(each) for each in demonstrations])))
     phase = np.linspace(0.0, 1.0, frames)
     aligned = np.stack([_at(each, phase) for each in demonstrations])

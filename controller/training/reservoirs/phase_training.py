@@ -29,6 +29,9 @@ from controller.training.preparation.training_motion import TrainingMotion
 # Frames on either side of a seam and what they count for a readout, so that both pieces meet there.
 SEAM_FRAMES, SEAM_WEIGHT = 3, 100.0
 
+# A piece of fewer says nothing about its directions; only series of a few frames a second come so low.
+FEWEST_PIECE_FRAMES = 8
+
 Motion = TypeVar("Motion", bound=PhaseMotion)
 
 
@@ -105,7 +108,7 @@ def train_phase_driven(
 
 def course_of(motion: TrainingMotion, piece_frames: float) -> PhaseCourse:
     """How the center turns with a motion that is cut into pieces of about so many frames; one with an input is one."""
-    frames = len(motion.frames)
+    frames, piece_frames = len(motion.frames), max(piece_frames, FEWEST_PIECE_FRAMES)
     if motion.driving is not None:
         return PhaseCourse.of(frames, 1, loop=True)
     if not motion.loop:
