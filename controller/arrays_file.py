@@ -17,6 +17,7 @@ from safetensors.numpy import save
 
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import write_file
+from motiondeck_base.mistaken_files import what_it_is
 from motiondeck_base.printable import printable
 
 LARGEST_BYTES = 2**30
@@ -68,6 +69,8 @@ def read_arrays(path: Path, kind: Kind) -> tuple[object, StoredArrays]:
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read ({error.strerror or error})") from None
     except (SafetensorError, TypeError, ValueError, AttributeError) as error:
+        if found := what_it_is(path, path.read_bytes()[:1024]):
+            raise FileFormatError(f"{path}: {found}") from None
         raise FileFormatError(f"{path}: not a safetensors file, or a damaged one ({error})") from None
     if kind.key not in metadata:
         raise FileFormatError(f"{path}: a safetensors file, but not a {kind.name}. Make one with {kind.made_by}.")

@@ -92,6 +92,9 @@ class LiveDeck:
         report: how the run went, as `motiondeck play --json` prints it; None until it has ended.
     """
 
+    # A misspelt name, as in `deck.tmpo = 2`, is an error and not an attribute more.
+    __slots__ = ("_clients", "_opened", "_process", "_reader", "_stdout", "command_port", "motions", "page", "report")
+
     def __init__(self, process: subprocess.Popen[bytes], opened: contextlib.ExitStack) -> None:
         self._process, self._opened = process, opened
         self.report: dict[str, Any] | None = None

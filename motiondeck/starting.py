@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -15,6 +16,7 @@ from controller.cli.session.live_deck import LiveRequest, with_right_types
 from controller.wire.run_folder import run_folder
 from motiondeck.libraries import Library
 from motiondeck.live import LiveDeck
+from motiondeck_base.errors import MotiondeckError
 
 __all__ = ["play"]
 
@@ -81,6 +83,9 @@ def play(
             lock_to=str(lock_to.command_port if isinstance(lock_to, LiveDeck) else lock_to) if lock_to else None,
         )
         request = with_right_types(request)
+        for name, value in (("rate", request.rate), ("seconds", request.seconds)):
+            if value is not None and not math.isfinite(value):
+                raise MotiondeckError(f"{name} is {value}, not a finite number")
         module = "controller.cli.session.live_deck"
         # In a session of its own: Ctrl-C is for the program, whose `with` block then ends the deck.
         process = subprocess.Popen(

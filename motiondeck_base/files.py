@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from motiondeck_base.errors import FileFormatError
+from motiondeck_base.mistaken_files import what_it_is
 
 LARGEST = 256 * 2**20  # bytes; CMU's files need that much for three quarters of an hour
-
-GZIP = b"\x1f\x8b"  # how a file begins that gzip has packed
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +79,8 @@ def read_bytes(path: str | Path, largest: int = LARGEST) -> bytes:
     """The content of a file.
 
     Raises:
-        FileFormatError: if it cannot be opened, is empty, or is larger than `largest` bytes.
+        FileFormatError: if it cannot be opened, is empty, is larger than `largest` bytes, or is plainly something else
+            than its name says; it says what.
     """
     try:
         with Path(path).open("rb") as file:
@@ -96,6 +96,8 @@ def read_bytes(path: str | Path, largest: int = LARGEST) -> bytes:
             f"{path}: larger than {largest // 2**20} MiB, the most that is read. Is it the right file? "
             "Cut a longer recording into pieces."
         )
+    if found := what_it_is(path, content):
+        raise FileFormatError(f"{path}: {found}")
     return content
 
 
@@ -120,8 +122,6 @@ def read_text(path: str | Path, largest: int = LARGEST) -> str:
         text = content.decode("utf-16" if wide else "utf-8", errors="replace" if wide else "strict")
     except UnicodeDecodeError:
         text = content.decode("latin-1")
-    if content.startswith(GZIP):
-        raise FileFormatError(f"{path}: the file is packed by gzip. Unpack it: gunzip < {Path(path).name} > NEW.")
     if "\0" in text:
         raise FileFormatError(f"{path}: this is not a text file. Is it the right one?")
     return text.replace("\r\n", "\n").replace("\r", "\n")

@@ -156,6 +156,9 @@ def _print(learned: LearnedLibrary) -> None:
         title=f"{learned.library.info.name}: {len(learned.library.info.motions)} motions",
         left=("plays", "self-test"),
     )
+    for motion in learned.motions:
+        if motion.plays and not motion.file.stem.isascii():  # its name says little or nothing about the file
+            print(f"{motion.name}: learned from {motion.file.name}")
     for motion in learned.failed:
         print(f"{motion.name} ({motion.file.name}): {motion.remedy}")
     doubtful: dict[str, list[str]] = {}

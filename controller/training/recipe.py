@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Literal
@@ -35,6 +36,9 @@ _SATELLITES = 6.0  # per second of the longest clip
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}")
 """Names that can be typed at a prompt and in a script."""
+
+
+_SPELLED = str.maketrans({"ß": "ss", "æ": "ae", "ø": "o", "œ": "oe", "ł": "l", "đ": "d", "ı": "i"})
 
 
 class MotionRecipe(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -121,7 +125,9 @@ def read_recipe(path: Path, data: Path | None = None) -> LibraryRecipe:
 
 
 def typeable(text: str) -> str:
-    """The name nearest to a text that can be typed at a prompt and in a script."""
+    """The name nearest to a text that can be typed at a prompt and in a script; letters lose their accents."""
+    text = unicodedata.normalize("NFKD", text.translate(_SPELLED))
+    text = "".join(letter for letter in text if not unicodedata.combining(letter))
     return re.sub(r"[^A-Za-z0-9_-]+", "-", text).strip("-_")[-40:].lstrip("-_") or "motion"
 
 

@@ -28,6 +28,12 @@ def library():
     return Library(synthetic.small_phase_library())
 
 
+@pytest.mark.parametrize("number", ["rate", "seconds"])
+def test_a_length_of_time_that_is_no_number_is_refused_before_anything_starts(library, number):
+    with pytest.raises(MotiondeckError, match=f"{number} is nan"):
+        motiondeck.play(library, "march", physics=False, **{number: float("nan")})
+
+
 def test_ten_lines_play_switch_on_a_condition_and_end(library, tmp_path):
     with motiondeck.play(library, "march", physics=False, rate=100.0, record=tmp_path / "show.rec") as deck:
         assert deck.motions == ("march", "wave", "bow")
@@ -73,6 +79,10 @@ def test_commands_change_the_status_and_appear_as_events(library):
             deck.queue("mrach")
         with pytest.raises(MotiondeckError, match="nothing can be pushed here"):  # its physics are off
             deck.push("left", 0.1)
+        with pytest.raises(MotiondeckError, match="side: 'up' is none of front, back, left, right"):
+            deck.push("up")
+        with pytest.raises(AttributeError, match="tmpo"):
+            deck.tmpo = 2.0
         with pytest.raises(MotiondeckError, match=r"from -3 to 3, not 9"):
             deck.set_tempo(9.0)
         deck.tempo = -0.5

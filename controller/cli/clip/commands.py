@@ -17,6 +17,7 @@ from controller.cli.common.options import (
     SkeletonOption,
     UnitOption,
     UpOption,
+    check_other,
     reading_options,
 )
 
@@ -87,6 +88,7 @@ def convert(
     from controller.mocap.canonical.clip_edits import seconds_of
     from controller.mocap.formats.writing import write_clip
 
+    check_other(file, out)
     clip = seconds_of(_read(file, reading_options(skeleton, unit, up, rename)).clip, begin, end)
     write_clip(clip, out)
     print(f"wrote {out} ({len(clip)} frames of {len(clip.skeleton)} bones)")
@@ -110,6 +112,7 @@ def mirror(
     from controller.mocap.canonical.clip_edits import mirrored
     from controller.mocap.formats.writing import write_clip
 
+    check_other(file, out)
     clip = mirrored(_read(file, reading_options(skeleton, unit, up, rename)).clip)
     write_clip(clip, out)
     print(f"wrote {out} ({len(clip)} frames, left and right exchanged)")
@@ -212,7 +215,8 @@ def _print(known: Facts) -> None:
 
     rows = {
         "motion": f"{known['name']} ({known['source']})",
-        "body": f"{known['skeleton']}, {known['bones']} bones, legs {known['leg']:.2f} m"
+        "body": f"{known['skeleton']}, {known['bones']} bones"
+        + (f", legs {known['leg']:.2f} m" if known["taken_for"] else "")
         + (f"; no {', no '.join(known['lacks'])}" if known["lacks"] else ""),
         "length": f"{known['frames']} frames at {known['rate']:g} Hz, {known['duration']:.2f} s",
         "taken for": ", ".join(f"{part}: {bone}" for part, bone in known["taken_for"].items()),

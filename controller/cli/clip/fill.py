@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from controller.cli.clip.commands import app
+from controller.cli.common.options import check_other
 
 if TYPE_CHECKING:
     from controller.mocap.formats.markers.tracks import Markers
@@ -48,8 +49,7 @@ def fill(
         raise MotiondeckError(f"{file}: only markers (.c3d) can be missing; other recordings hold whole skeletons")
     if out.suffix.lower() not in (".c3d", ".csv"):
         raise MotiondeckError(f"{out}: markers are written as .c3d or .csv. Name the file so.")
-    if out.resolve() == file.resolve():
-        raise MotiondeckError(f"{out}: this is the recording itself. Give what is filled in another name.")
+    check_other(file, out)
     if not out.absolute().parent.is_dir():
         raise MotiondeckError(f"{out.parent}: there is no such folder to write {out.name} to")
     markers = read_c3d(file)

@@ -105,6 +105,17 @@ def check_new(*files: Path, force: bool, hint: str = "") -> None:
             raise MotiondeckError(f"{file} is there already; give another --out, or --force to replace it{hint}")
 
 
+def check_other(recording: Path, out: Path) -> None:
+    """Refuses to write over the recording that is read.
+
+    Raises:
+        MotiondeckError: if both are one file.
+    """
+    linked = recording.exists() and out.exists() and recording.samefile(out)
+    if linked or recording.resolve() == out.resolve():
+        raise MotiondeckError(f"{out}: this is the recording itself. Give what is written another name.")
+
+
 def check_folder(*files: Path | None) -> None:
     """Checks, before anything is computed, that there are folders that files can be written to.
 

@@ -51,10 +51,11 @@ def show_facts(facts: Mapping[str, str]) -> None:
     """Prints names and what they stand for, one line each."""
     from rich.console import Console
     from rich.table import Table as RichTable
+    from rich.text import Text
 
     grid = RichTable.grid(padding=(0, 2))
     for name, value in facts.items():
-        grid.add_row(f"[bold]{printable(name)}[/]", printable(value))
+        grid.add_row(Text(printable(name), "bold"), Text(printable(value)))
     Console().print(grid)
 
 

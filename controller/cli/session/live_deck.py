@@ -12,7 +12,7 @@ import signal
 import sys
 import threading
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args, get_type_hints
 
 import msgspec
 
@@ -68,6 +68,8 @@ def with_right_types(given: T) -> T:
         return msgspec.convert(msgspec.to_builtins(given), type(given))
     except msgspec.ValidationError as error:
         reason, _, place = str(error).replace("`", "").partition(" - at $.")
+        if choices := get_args(get_type_hints(type(given)).get(place)):
+            reason = f"'{getattr(given, place)}' is none of {', '.join(map(str, choices))}"
         raise CommandError(f"{place}: {reason[:1].lower()}{reason[1:]}") from None
 
 

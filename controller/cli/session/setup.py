@@ -84,6 +84,10 @@ def first_motion(library: MotionLibrary, motion: str | None) -> str:
     """
     names = library.network.motions
     if motion is not None and motion not in names and Path(motion).is_file():
+        if Path(motion).suffix.lower() == ".safetensors":
+            raise MotiondeckError(
+                f"{motion}: a file, not a motion of {library.info.name}. Play it: motiondeck play --library {motion}"
+            )
         learned = Path(motion).with_suffix(".safetensors").name
         raise MotiondeckError(
             f"{motion}: a file, not a motion of {library.info.name}. Learn it: motiondeck learn {motion} --out "

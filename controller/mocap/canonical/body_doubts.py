@@ -29,12 +29,12 @@ def doubts(clip: Clip) -> list[str]:
     """What looks wrong about the body of a clip."""
     skeleton = clip.skeleton
     found: list[str] = []
-    if named_anatomy(skeleton) is None:
-        found.append("no names of legs were understood: parts were found by shape. Check them, or use --rename.")
     try:
         marks = landmarks_of(skeleton)
     except FileFormatError as error:
-        return [*found, str(error)]
+        return [str(error)]
+    if named_anatomy(skeleton) is None:
+        found.append("no names of legs were understood: parts were found by shape. Check them, or use --rename.")
     lacking = [_called(bone) for bone in marks.lacking]
     if lacking:
         what = "was found: its length and direction are" if len(lacking) == 1 else "were found: they are"

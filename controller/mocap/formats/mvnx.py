@@ -21,6 +21,7 @@ from controller.mocap.reading_options import AS_FOUND, ReadingOptions
 from controller.rotations import Array, normalise, rotate
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.files import shortened
+from motiondeck_base.mistaken_files import what_it_is
 
 MOST_SEGMENTS = 200
 FARTHEST = 1e5  # m
@@ -120,6 +121,9 @@ class _MvnxReader:
     def contents(self) -> _Contents:
         try:
             with Path(self._path).open("rb") as file:
+                if found := what_it_is(self._path, file.read(1024)):
+                    raise FileFormatError(f"{self._path}: {found}")
+                file.seek(0)
                 self._parser.ParseFile(file)
         except (OSError, ValueError, LookupError) as error:  # LookupError: an encoding that nobody knows
             reason = getattr(error, "strerror", None) or str(error)

@@ -43,8 +43,8 @@ _INSTEAD = {
     **dict.fromkeys((".zip", ".gz", ".xz", ".7z", ".rar", ".tar"), _PACKED),
     ".usd": "not read. Convert it in Blender: import it, then File > Export > glTF 2.0.",
 }
-CONVERTIBLE = frozenset(suffix for suffix, said in _INSTEAD.items() if said != _PACKED) - {".asf"}
-"""The endings of recordings that `read_clip` refuses with the way to convert them, in small letters."""
+CONVERTIBLE = frozenset(_INSTEAD) - {".asf"}
+"""The endings of recordings that `read_clip` refuses with the way to unpack or convert them, in small letters."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from controller.mocap.reading_options import ReadingOptions
 from controller.rotations import multiply
 from controller.training.fit import fit, fit_prepared
 from controller.training.learn import learn, recordings_in
-from controller.training.recipe import LibraryRecipe, MotionRecipe, read_recipe
+from controller.training.recipe import LibraryRecipe, MotionRecipe, read_recipe, typeable
 from controller.training.recipe_text import recipe_text
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe
 from controller.training.reservoirs.phase_conceptor_training import PhaseRecipe
@@ -279,3 +279,16 @@ def test_fit_of_a_recording_says_what_to_type_and_of_a_recipe_tells_parts(folder
     assert "set licence in the recipe" in fitted.stderr
     part = learned.motions[0].part
     assert f"{part.first:.2f} to {part.end:.2f} of 6.00 s" in fitted.stdout
+
+
+@pytest.mark.parametrize(
+    ("text", "name"), [("Grüße (2)", "Grusse-2"), ("fröhlich", "frohlich"), ("niño", "nino"), ("歩く", "motion")]
+)
+def test_a_name_keeps_its_letters_where_they_can_be_typed(text, name):
+    assert typeable(text) == name
+
+
+def test_a_folder_of_archives_says_that_they_are_packed(tmp_path):
+    (tmp_path / "takes.zip").write_bytes(b"PK\x03\x04")
+    with pytest.raises(MotiondeckError, match=r"takes\.zip: packed\. Unpack it"):
+        learn([tmp_path], "takes")

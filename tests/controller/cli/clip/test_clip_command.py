@@ -55,6 +55,8 @@ def test_a_piece_is_cut_out(tmp_path):
         (("show", "gone.bvh"), "gone.bvh: cannot be read"),
         (("show", "bow.xyz"), "'.xyz' files are not read"),
         (("convert", "bow.bvh", "b.bvh", "--from", "3"), "bow.bvh: from 3 s to its end is no piece of 0.02 s"),
+        (("convert", "bow.bvh", "./bow.bvh"), "bow.bvh: this is the recording itself"),
+        (("mirror", "bow.bvh", "bow.bvh"), "bow.bvh: this is the recording itself"),
         (("convert", "bow.bvh", "bow.fbx"), "bow.fbx: clips are written as .bvh or .csv"),
         (("view", "bow.bvh", "--robot", "servo21"), "unknown robot 'servo21'. Did you mean servo20?"),
         (("plot", "bow.bvh", "--out", "bow.nothing"), "bow.nothing: cannot be drawn"),
@@ -71,6 +73,28 @@ def test_a_mistake_is_one_line(bow, monkeypatch, arguments, problem):
     assert isinstance(said.exception, MotiondeckError)
     assert problem in str(said.exception)
     assert len(str(said.exception).splitlines()) == 1
+
+
+def test_brackets_in_a_name_are_no_markup(bow):
+    named = bow.rename(bow.with_name("bow [bold] (2).bvh"))
+    assert "bow [bold] (2).bvh" in run("show", named).stdout
+
+
+def test_a_hand_alone_has_no_legs(tmp_path):
+    hand = tmp_path / "hand.bvh"
+    rotations = "CHANNELS 3 Zrotation Xrotation Yrotation"
+    joints = "".join(
+        f"JOINT {finger}\n{{\nOFFSET {x} 8 0\n{rotations}\nEnd Site\n{{\nOFFSET 0 5 0\n}}\n}}\n"
+        for x, finger in enumerate(("Thumb", "Index", "Middle", "Ring"))
+    )
+    root = f"ROOT Hand\n{{\nOFFSET 0 0 0\nCHANNELS 6 Xposition Yposition Zposition {rotations[11:]}\n{joints}}}\n"
+    frames = "\n".join(f"0 100 0 {' '.join(str(k * n) for n in range(15))}" for k in range(3))
+    hand.write_text(f"HIERARCHY\n{root}MOTION\nFrames: 3\nFrame Time: 0.02\n{frames}\n")
+    said = run("show", hand)
+    assert said.exception is None
+    assert " bones; no left thigh" in said.stdout
+    assert "parts were found" not in said.stdout
+    assert "doubt: skeleton 'hand': no left leg was found" in said.stdout
 
 
 def test_curves_and_sheets_are_drawn(bow, tmp_path):
