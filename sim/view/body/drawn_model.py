@@ -34,19 +34,25 @@ class DrawnModel:
             height: of the robot that the scene is made for, m.
             name: tells it from others.
         """
-        self._model, self._visible = model, True
+        self._page, self._model, self._visible = page, model, True
         self.data = mujoco.MjData(model)
-        self._batches = batches(model)
-        self._handles: dict[str, list[viser.BatchedMeshHandle]] = {}
+        found = batches(model)
+        # Where all copies are is found at once; of each shape it is a part of that.
+        self._geom = np.array([geom for batch in found.values() for geom in batch.geom], dtype=np.int64)
+        self._offset = np.array([offset for batch in found.values() for offset in batch.offset]).reshape(-1, 3)
+        ends = np.cumsum([len(batch.geom) for batch in found.values()])
+        self._parts = [slice(end - len(batch.geom), end) for end, batch in zip(ends, found.values(), strict=True)]
+        self._handles: list[tuple[viser.BatchedMeshHandle, viser.BatchedMeshHandle]] = []  # each with its shadow
         mujoco.mj_kinematics(model, self.data)
-        for shape, batch in self._batches.items():
-            position, orientation = poses(model, self.data, batch)
+        self._placed = poses(model, self.data, self._geom, self._offset)
+        for (shape, batch), part in zip(found.items(), self._parts, strict=True):
+            position, orientation = (of_all[part] for of_all in self._placed)
             # The same solids, flattened, are their own shadow: there is no shadow map for a slow computer to filter.
             looks = (
                 ("robot", batch.mesh, _linear(np.minimum(batch.colour, BRIGHTEST)), 1.0, 0.0, 1.0),
                 ("shadow", batch.shadow, SHADOW, 1e-3, 0.002 * height, 0.5),
             )
-            self._handles[shape] = [
+            solid, shadow = (
                 page.scene.add_batched_meshes_simple(
                     f"/{look}{name}/{shape}",
                     *mesh,
@@ -64,24 +70,28 @@ class DrawnModel:
                     opacity=None if batch.opacity == 1.0 else share * batch.opacity,
                 )
                 for look, mesh, colour, thickness, lift, share in looks
-            ]
+            )
+            self._handles.append((solid, shadow))
 
     @property
     def solids(self) -> list[viser.BatchedMeshHandle]:
         """Its solids on the page, without their shadows."""
-        return [solid for solid, _ in self._handles.values()]
+        return [solid for solid, _ in self._handles]
 
     def show(self, qpos: Array, centre: Array) -> None:
         """Draws it at qpos (nq,), as seen by someone at the centre (2,), m."""
         self.data.qpos[:] = qpos
         mujoco.mj_kinematics(self._model, self.data)
         self._set_visible(True)
-        for shape, batch in self._batches.items():
-            position, orientation = poses(self._model, self.data, batch)
-            position[:, :2] -= centre
-            positions, orientations = position.astype(np.float32), orientation.astype(np.float32)
-            for handle in self._handles[shape]:
-                handle.batched_positions, handle.batched_wxyzs = positions, orientations
+        position, orientation = poses(self._model, self.data, self._geom, self._offset)
+        position[:, :2] -= centre
+        position, orientation = position.astype(np.float32), orientation.astype(np.float32)
+        if all(map(np.array_equal, (position, orientation), self._placed)):
+            return
+        self._placed = position, orientation
+        for part, handles in zip(self._parts, self._handles, strict=True):
+            for handle in handles:
+                self._page.move_copies(handle, position[part], orientation[part])
 
     def hide(self) -> None:
         """Hides it until it is shown again."""
@@ -90,7 +100,7 @@ class DrawnModel:
     def _set_visible(self, visible: bool) -> None:
         if visible != self._visible:
             self._visible = visible
-            for handle in (handle for handles in self._handles.values() for handle in handles):
+            for handle in (handle for handles in self._handles for handle in handles):
                 handle.visible = visible
 
 

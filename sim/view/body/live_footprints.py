@@ -36,13 +36,17 @@ class LiveSteps:
 
     def show(self, data: mujoco.MjData, centre: Array, dt: float, *, visible: bool) -> None:
         """Marks what the feet do after dt more seconds, seen from the centre (2,), m."""
-        left = self._steps(data, dt)
         self._floor.visible = visible
+        if not visible:
+            for mark in self._marks:
+                mark.visible = False
+            return
+        left = self._steps(data, dt)
         self._floor.position = (-float(centre[0]), -float(centre[1]), 0.0)
         for foot, mark in enumerate(self._marks):
-            mark.visible = visible and bool(self._steps.stands[foot])
+            mark.visible = bool(self._steps.stands[foot])
             mark.position = tuple(self._steps.corners[foot].mean(axis=0))
-        for corners in left if visible else ():
+        for corners in left:
             self._leave(corners)
 
     def _leave(self, corners: Array) -> None:

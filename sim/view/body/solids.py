@@ -109,10 +109,10 @@ def batches(model: mujoco.MjModel) -> dict[str, SolidBatch]:
     }
 
 
-def poses(model: mujoco.MjModel, data: mujoco.MjData, batch: SolidBatch) -> tuple[Array, Array]:
-    """Where the copies of a batch are: positions (N, 3), m, and quaternions (N, 4)."""
-    orientation = multiply(data.xquat[model.geom_bodyid[batch.geom]], model.geom_quat[batch.geom])
-    return data.geom_xpos[batch.geom] + rotate(orientation, batch.offset), orientation
+def poses(model: mujoco.MjModel, data: mujoco.MjData, geom: NDArray[np.int64], offset: Array) -> tuple[Array, Array]:
+    """Where copies are that belong to geoms (N,), at offsets (N, 3), m: positions (N, 3), m, and quaternions (N, 4)."""
+    orientation = multiply(data.xquat[model.geom_bodyid[geom]], model.geom_quat[geom])
+    return data.geom_xpos[geom] + rotate(orientation, offset), orientation
 
 
 def sphere(rings: int, segments: int) -> Triangles:

@@ -16,9 +16,11 @@ from collections.abc import Callable, Iterator
 from http import HTTPStatus
 from typing import Any
 
+import numpy as np
 import viser
 import viser._messages
 import websockets.asyncio.server
+from numpy.typing import NDArray
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
@@ -61,6 +63,21 @@ class PrivatePage(viser.ViserServer):
 
     def request_share_url(self, verbose: bool = True) -> None:
         """Refuses: the panel of a robot is not published."""
+
+    def move_copies(
+        self, copies: viser.BatchedMeshHandle, position: NDArray[np.float32], turn: NDArray[np.float32]
+    ) -> None:
+        """Moves and turns the copies of a mesh.
+
+        Set one by one, these properties would be two messages, each of which costs again for every browser.
+
+        Args:
+            copies: of a mesh.
+            position, turn: of each, shapes (N, 3), m, and (N, 4); nothing may change these arrays any more.
+        """
+        places = {"batched_positions": position, "batched_wxyzs": turn}
+        vars(copies._impl.props).update(places)
+        self.scene._queue_scene_message(viser._messages.SceneNodeUpdateMessage(copies.name, places))
 
     @property
     def address(self) -> str:

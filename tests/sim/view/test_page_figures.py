@@ -14,6 +14,7 @@ from controller.mocap.posture import Pose
 from sim.robots.robot import load_robot
 from sim.view.body.drawn_model import DrawnModel
 from sim.view.body.live_footprints import LiveSteps
+from sim.view.body.solids import batches, poses
 from sim.view.body.target_pose import TargetPose
 from sim.view.ghost import OPACITY, WAYS, Ghost, draw_ghost
 from simulated_bodies import ROBOTS, bent_pose, human
@@ -62,6 +63,7 @@ class Floor:
         self.scene = self
         self.prints = []
         self.solids = {}
+        self.moved = []
 
     def add_frame(self, name, **how):
         return SimpleNamespace()
@@ -75,6 +77,10 @@ class Floor:
     def add_batched_meshes_simple(self, name, *mesh, **how):
         self.solids[name] = SimpleNamespace(visible=True, **how)
         return self.solids[name]
+
+    def move_copies(self, copies, position, turn):
+        copies.batched_positions, copies.batched_wxyzs = position, turn
+        self.moved.append(copies)
 
 
 def test_a_foot_that_stands_is_marked_and_one_that_has_stood_leaves_a_print():
@@ -127,3 +133,32 @@ def test_a_model_is_drawn_where_it_is_with_its_shadow_and_can_be_hidden():
         assert solid.visible
         assert solid.batched_positions == pytest.approx(np.array([[2.0, 1.0, 1.0]]))
         assert np.abs(solid.batched_wxyzs) == pytest.approx(np.array([[0.0, 0.0, 0.0, 1.0]]))
+
+
+def test_a_model_is_sent_as_often_as_it_moves():
+    robot = load_robot(ROBOTS / "servo20.toml", human())
+    page: Any = Floor()
+    drawn = DrawnModel(page, robot.model, 0.4)
+    places, centre = robot.model.qpos0.copy(), np.array([0.1, 0.0])
+    for _ in range(3):
+        drawn.show(places, centre)
+    assert len(page.moved) == len(page.solids)  # once each: solids and shadows
+    places[2] += 0.01
+    drawn.show(places, centre)
+    assert len(page.moved) == 2 * len(page.solids)
+
+
+def test_each_solid_of_a_model_is_drawn_where_its_geoms_are():
+    robot = load_robot(ROBOTS / "servo20.toml", human())
+    page: Any = Floor()
+    drawn = DrawnModel(page, robot.model, 0.4)
+    qpos = robot.model.qpos0 + np.linspace(0.1, 0.3, robot.model.nq)
+    qpos[3:7] = 0.5
+    drawn.show(qpos, np.zeros(2))
+    data = mujoco.MjData(robot.model)
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(robot.model, data)
+    for shape, batch in batches(robot.model).items():
+        position, turn = poses(robot.model, data, batch.geom, batch.offset)
+        assert page.solids[f"/robot/{shape}"].batched_positions == pytest.approx(position, abs=1e-6)
+        assert page.solids[f"/shadow/{shape}"].batched_wxyzs == pytest.approx(turn, abs=1e-6)

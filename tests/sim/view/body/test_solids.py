@@ -42,6 +42,10 @@ def test_solids_are_closed_and_face_outwards():
         assert np.allclose(np.abs(mesh[0]).max(axis=0), 1.0, atol=0.05)
 
 
+def placed(model, data, batch):
+    return poses(model, data, batch.geom, batch.offset)
+
+
 def test_the_parts_of_a_capsule_face_outwards():
     for part in (cap(1.0, 3, 16), cap(-1.0, 3, 16), mantle(16)):
         assert outward(part)
@@ -52,7 +56,7 @@ def test_the_parts_of_a_capsule_face_outwards():
 def test_a_capsule_is_a_mantle_between_two_caps():
     model, data, found = figure()
     # The body lies along x, so the ends of the capsule do.
-    (up, way), (down, _) = (poses(model, data, found[shape]) for shape in ("cap up", "cap down"))
+    (up, way), (down, _) = (placed(model, data, found[shape]) for shape in ("cap up", "cap down"))
     assert np.allclose(up, [[1.4, 0, 0]])
     assert np.allclose(down, [[0.6, 0, 0]])
     # Each cap reaches farthest where the capsule ends.
@@ -76,7 +80,7 @@ def test_floors_hidden_groups_and_the_invisible_are_left_out():
 
 def test_a_box_stands_where_its_geom_does():
     model, data, found = figure()
-    position, orientation = poses(model, data, found["box"])
+    position, orientation = placed(model, data, found["box"])
     assert np.allclose(position[0], [2.0, 0.0, 0.0])
     matrix = np.empty(9)
     mujoco.mju_quat2Mat(matrix, orientation[0])

@@ -6,8 +6,10 @@ import sys
 import threading
 
 import msgspec
+import numpy as np
 import pytest
 import viser
+import viser._messages
 import websockets.exceptions
 import websockets.sync.client
 
@@ -163,6 +165,24 @@ def test_it_listens_on_loopback_only(monkeypatch):
         with socket.socket() as other:
             # Another address of this machine; had the page taken them all, this one would be in use.
             other.bind(("127.0.0.2", port))
+    finally:
+        page.stop()
+
+
+def test_copies_move_and_turn_in_one_message_of_which_the_latest_is_kept_for_whoever_comes():
+    page = PrivatePage(free_port(), "test")
+    try:
+        copies = page.scene.add_batched_meshes_simple(
+            "/copies", np.eye(3), np.array([[0, 1, 2]]), np.array([[1.0, 0.0, 0.0, 0.0]] * 2), np.zeros((2, 3))
+        )
+        for height in (1.0, 2.0):
+            place, turn = np.full((2, 3), height, np.float32), np.full((2, 4), 0.5, np.float32)
+            page.move_copies(copies, place, turn)
+        kept = page._websock_server._broadcast_buffer.message_from_id.values()
+        (moved,) = (message for message in kept if isinstance(message, viser._messages.SceneNodeUpdateMessage))
+        assert moved.name == copies.name
+        assert moved.updates["batched_positions"].tolist() == copies.batched_positions.tolist() == place.tolist()
+        assert moved.updates["batched_wxyzs"].tolist() == copies.batched_wxyzs.tolist() == turn.tolist()
     finally:
         page.stop()
 
