@@ -19,8 +19,9 @@ from controller.jobs import ALONE, Jobs, spread
 from controller.library.motion_library import MotionLibrary
 from controller.measures.motion_matching import joint_features
 from controller.mocap.canonical.body_doubts import doubts
+from controller.mocap.canonical.breaks import breaks
 from controller.mocap.canonical.canonical_body import to_canonical
-from controller.mocap.canonical.clip_edits import jumps, moving_part, resampled, span, spikes
+from controller.mocap.canonical.clip_edits import moving_part, resampled, span
 from controller.mocap.clip import Clip
 from controller.mocap.encodings.encoding import encoding_of
 from controller.mocap.encodings.joint_angles import JointBody
@@ -305,29 +306,12 @@ def _prepare(
 
 def _without_jumps(clip: Clip, first: int, end: int) -> tuple[tuple[int, int], list[str]]:
     """The longest part of some frames in which neither body nor limb jumps, and the doubts that tell of the others."""
-    part = span(clip, first, end)
-    jumped = [first + jump for jump in jumps(part)]
-    spiked = [(first + frame, bone) for frame, bone in spikes(part)]
-    at = sorted({*jumped, *(edge for frame, _ in spiked for edge in (frame, frame + 1))})
+    at, found = breaks(clip, first, end)
     if not at:
         return (first, end), []
     begin, stop = max(pairwise([first, *at, end]), key=lambda part: part[1] - part[0])
     taken = f"only {begin / clip.rate:.2f} to {stop / clip.rate:.2f} s were learned."
-    found: list[str] = []
-    if jumped:
-        far = max(float(np.linalg.norm(clip.root_position[frame] - clip.root_position[frame - 1])) for frame in jumped)
-        when = _times(jumped, clip.rate)
-        found.append(f"the body jumps by up to {far:.1f} m between two frames {when}: {taken}")
-    if spiked:
-        bone, when = clip.skeleton.bones[spiked[0][1]], _times([frame for frame, _ in spiked], clip.rate)
-        found.append(f"the end of bone '{bone}' is elsewhere for a moment {when}: {taken}")
-    return (begin, stop), found
-
-
-def _times(frames: list[int], rate: float) -> str:
-    """When something happens, the first time in s; frames side by side are one time."""
-    more = sum(later > frame + 2 for frame, later in pairwise(frames))
-    return f"at {frames[0] / rate:.2f} s" + (f" and {more} more time{'s' if more > 1 else ''}" if more else "")
+    return (begin, stop), [f"{what}: {taken}" for what in found]
 
 
 def _skeleton(file: Path, options: ReadingOptions) -> Path | None:

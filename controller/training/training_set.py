@@ -10,7 +10,7 @@ import numpy as np
 
 from controller.measures.motion_matching import joint_features
 from controller.mocap.canonical.canonical_body import carried, to_canonical
-from controller.mocap.canonical.clip_edits import jumps, mirrored, resampled, span
+from controller.mocap.canonical.clip_edits import jumps, mirrored, resampled, span, spikes
 from controller.mocap.clip import Clip
 from controller.mocap.encodings.encoding import Encoding, encoding_of
 from controller.mocap.encodings.joint_angles import JointBody
@@ -254,7 +254,7 @@ def cut(clip: Clip, motion: MotionRecipe) -> Clip:
     """The frames of a clip that a recipe wants.
 
     Raises:
-        FileFormatError: if they are not in it, too few, or the body jumps in them.
+        FileFormatError: if they are not in it, too few, or the body or a limb jumps in them.
     """
     first, end = motion.frames or (0, len(clip))
     if not 0 <= first < end <= len(clip):
@@ -271,5 +271,10 @@ def cut(clip: Clip, motion: MotionRecipe) -> Clip:
         raise FileFormatError(
             f"motion '{motion.name}': from frame {at - 1} to {at} the body jumps {far:.1f} m. "
             "Give it frames before or after that in the recipe."
+        )
+    for frame, bone in spikes(wanted):
+        raise FileFormatError(
+            f"motion '{motion.name}': in frame {first + frame} the end of bone '{clip.skeleton.bones[bone]}' is "
+            "elsewhere for a moment. Give it frames before or after that in the recipe."
         )
     return wanted

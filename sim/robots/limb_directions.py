@@ -110,11 +110,15 @@ class LimbDirections:
         Returns:
             LimbSegment, such as "r_thigh", to the mean and the worst angle over the frames, degrees.
         """
-        degrees = degrees_between(np.array([self(q) for q in qpos]), self.goals(limbs))
+        degrees = self.degrees(qpos, limbs)
         return {
             segment.name: (float(degrees[:, k].mean()), float(degrees[:, k].max()))
             for k, segment in enumerate(self.segments)
         }
+
+    def degrees(self, qpos: Array, limbs: Array) -> Array:
+        """The same for each frame and segment, shape (T, K), degrees."""
+        return degrees_between(np.array([self(q) for q in qpos]), self.goals(limbs))
 
     def trunk_errors(self, qpos: Array, limbs: Array) -> Array:
         """By how much the chest is turned from the human's, both seen from the pelvis, shape (T,), degrees.

@@ -19,7 +19,8 @@ import numpy as np
 from joblib import delayed
 
 from controller.jobs import EVERY_CORE, Jobs, spread
-from controller.mocap.canonical.clip_edits import jumps, resampled, without_reference_pose
+from controller.mocap.canonical.breaks import breaks
+from controller.mocap.canonical.clip_edits import resampled, without_reference_pose
 from controller.mocap.clip import Clip
 from controller.mocap.formats.reading import read_clip, recordings_below
 from motiondeck_base.errors import MotiondeckError
@@ -176,7 +177,9 @@ def _opened(out: Path, settings: _Settings) -> dict[str, RetargetedFile]:
             path.write_text("".join(lines[:-1]), encoding="utf-8")
             lines.pop()
     except OSError as error:
-        raise MotiondeckError(f"{path}: cannot be used ({error.strerror or error})") from None
+        raise MotiondeckError(
+            f"{path}: cannot be used ({error.strerror or error}). Give an --out that you may write to."
+        ) from None
     try:
         before = msgspec.json.decode(lines[0] if lines else "", type=_Settings)
         rows = [msgspec.json.decode(line, type=RetargetedFile) for line in lines[1:]]
@@ -207,7 +210,7 @@ def _carried(
     try:
         clip, left_out = without_reference_pose(read_clip(recording))
         notes = (f"a pose before the motion is left out, frames: {left_out}",) if left_out else ()
-        parted = [f"the body jumps at {jump / clip.rate:.2f} s" for jump in jumps(clip)[:1]]
+        _, parted = breaks(clip)
         clip = resampled(clip, RATES.get(format, clip.rate))
         loader = _loader(robot, digest)
         fitted = loader(clip.skeleton, None if loader.file.kind == "mannequin" else solver, 1.0 / clip.rate)

@@ -33,6 +33,13 @@ WHY: dict[str, str] = {
     "held back": "because limits of speed hold joints back",
     "carried wrongly": "though joints could turn there ([parts] of the robot file may be wrong)",
 }
+REMEDY: dict[str, str] = {
+    OUT_OF_REACH: "nothing to mend, unless [limits.joints.NAME] of the robot file has narrower ranges than the joints",
+    "held back": "give joints that are faster their speeds under [limits] of the robot file, or play these more slowly",
+    "carried wrongly": "a wrong body under [parts] is off in every recording, by far: see `robot calibrate --picture`. "
+    "In some recordings only, it is what holding soles where they stand or turning arms round costs: leave these out",
+}
+NAMED = 3  # recordings, in the verdict
 
 
 def recordings(paths: Sequence[Path]) -> list[Path]:
@@ -68,7 +75,7 @@ def check(robot: Path, files: Sequence[Path], solver: Solver | None, seconds: fl
             continue
         try:
             row = {"clip": str(file), "frames": len(clip), "rate": clip.rate, "left_out": left_out}
-            yield row | _measured(robot, load, clip, solver)
+            yield row | _measured(robot, load, clip, left_out, solver)
         except Exception as error:  # a row that says so is what the table is for
             yield {"clip": str(file), "frames": len(clip), "error": f"{type(error).__name__}: {error}"}
 
@@ -96,7 +103,9 @@ def verdict(rows: Sequence[dict[str, Any]]) -> str:
         return f"PASSED: {len(rows)} of {len(rows)} recordings{beside}"
     reasons = Counter(reason for words in failed for reason in words)
     said = "; ".join(f"{reason}: {count}" for reason, count in reasons.most_common())
-    return f"FAILED: {len(failed)} of {len(rows)} recordings. {said}"
+    names = [Path(row["clip"]).name for row, words in zip(rows, found, strict=True) if words]
+    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    return f"FAILED: {len(failed)} of {len(rows)} recordings ({', '.join(names[:NAMED])}{more}). {said}"
 
 
 def off_limits(row: dict[str, Any]) -> dict[str, list[str]]:
@@ -104,12 +113,32 @@ def off_limits(row: dict[str, Any]) -> dict[str, list[str]]:
     found: dict[str, list[str]] = {}
     for name, off in row.get("limbs_deg", {}).items():
         for phrase in beyond_limits({name: (off["mean"], off["worst"])}):
-            best = f" (in reach: {off['best_mean']:.0f}, {off['best_worst']:.0f})"
-            found.setdefault(off["cause"], []).append(phrase + best)
+            best = f"in reach: {off['best_mean']:.0f} and {off['best_worst']:.0f}"
+            found.setdefault(off["cause"], []).append(f"{phrase} at {off['worst_at_s']:.2f} s ({best})")
     return found
 
 
-def _measured(robot: Path, load: RobotLoader, clip: Clip, solver: Solver | None) -> dict[str, Any]:
+def remarks(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """What is to be said of single recordings and what to do, a line each."""
+    found, causes = [], set[str]()
+    for row in rows:
+        clip = row["clip"]
+        if "unread" in row or "error" in row:
+            found.append(
+                f"{'not read' if 'unread' in row else 'failed'}: {clip}: {row.get('unread', row.get('error'))}"
+            )
+            continue
+        if row["left_out"]:
+            found.append(f"a pose before the motion is left out: {clip}, frames: {row['left_out']}")
+        found += [f"fails: {clip}: {row[name]:.0f} x {words}" for name, words in MUST_BE_ZERO.items() if row[name]]
+        for cause, phrases in off_limits(row).items():
+            causes.add(cause)
+            kind = "passes" if cause == OUT_OF_REACH else "fails"
+            found.append(f"{kind}: {clip}: limbs point elsewhere, {cause}: {'; '.join(phrases)}")
+    return found + [f"{cause}: {what}" for cause, what in REMEDY.items() if cause in causes]
+
+
+def _measured(robot: Path, load: RobotLoader, clip: Clip, left_out: int, solver: Solver | None) -> dict[str, Any]:
     file = load.file
     loaded = load(clip.skeleton, None if file.kind == "mannequin" else solver, 1.0 / clip.rate)
     carried = carry(clip, loaded)
@@ -118,8 +147,15 @@ def _measured(robot: Path, load: RobotLoader, clip: Clip, solver: Solver | None)
         limbs = RobotLimbs(robot, loaded.model, file.parts, np.array(file.root_rotation), loaded.joints)
         measures |= limb_errors(limbs, carried)
         directions = LimbDirections(loaded.model, file.parts, np.array(file.root_rotation))
-        off = directions.errors(carried.qpos, carried.limbs)
-        said: dict[str, dict[str, Any]] = {name: {"mean": mean, "worst": worst} for name, (mean, worst) in off.items()}
+        degrees = directions.degrees(carried.qpos, carried.limbs)
+        said: dict[str, dict[str, Any]] = {
+            segment.name: {
+                "mean": float(off.mean()),
+                "worst": float(off.max()),
+                "worst_at_s": (left_out + int(off.argmax())) / clip.rate,
+            }
+            for segment, off in zip(directions.segments, degrees.T, strict=True)
+        }
         for limb in limb_causes(loaded, directions, carried.wanted, carried.played, carried.limbs, clip.rate):
             for name, (mean, worst) in limb.best.items():
                 said[name] |= {"cause": limb.cause, "best_mean": mean, "best_worst": worst}

@@ -228,10 +228,11 @@ def check(
 ) -> None:
     """Retarget recordings onto a robot and measure how well it follows: one row each.
 
-    The last line says PASSED, or FAILED and why. A recording fails if it cannot be read, if one of these counts is not
-    zero, or if a limb points further off than 15 degrees on average or 45 at worst though its joints' ranges would let
-    it come closer: bad (NaN or infinite), beyond (targets outside a joint's range), fast (steps faster than a joint may
-    go), jumps (a joint goes far in one frame though the human does not). The exit code is 1 if one fails.
+    The last line says PASSED, or FAILED and why; lines above it name recording, limb, degrees and what to do. A
+    recording fails if it cannot be read, if one of these counts is not zero, or if a limb points further off than 15
+    degrees on average or 45 at worst though its joints' ranges would let it come closer: bad (NaN or infinite), beyond
+    (targets outside a joint's range), fast (steps faster than a joint may go), jumps (a joint goes far in one frame
+    though the human does not). The exit code is 1 if one fails.
 
     changed is the share of targets that the safety envelope had to slow down. short and worst are how far inverse
     kinematics missed the ends of the limbs (rms and worst, mm); past is how many goals of the angle solver lay outside
@@ -272,7 +273,7 @@ def check(
 def _print_rows(rows: list[dict[str, Any]]) -> None:
     """The table, its sums, and what went wrong."""
     from controller.cli.common.tables import show_table
-    from controller.cli.robot.check import off_limits
+    from controller.cli.robot.check import remarks
 
     counts, segments = ("bad", "beyond", "too_fast", "jumps"), ("thigh", "shank", "upper_arm", "forearm")
     reach = {"past_range": "past"} if any("past_range" in row for row in rows) else {}
@@ -295,16 +296,8 @@ def _print_rows(rows: list[dict[str, Any]]) -> None:
     carried = [row for row in rows if "altered" in row]
     sums = ", ".join(f"{name.replace('_', ' ')} {sum(row[name] for row in carried):.0f}" for name in counts)
     print(f"{len(carried)} recordings, {sum(row['frames'] for row in carried)} frames: {sums}")
-    for row in rows:
-        if "unread" in row or "error" in row:
-            print(
-                f"{'not read' if 'unread' in row else 'failed'}: {row['clip']}: {row.get('unread', row.get('error'))}"
-            )
-            continue
-        if row["left_out"]:
-            print(f"a pose before the motion is left out: {row['clip']}, frames: {row['left_out']}")
-        for cause, phrases in off_limits(row).items():
-            print(f"limbs point elsewhere, {cause}: {row['clip']}: {'; '.join(phrases)}")
+    for line in remarks(rows):
+        print(line)
 
 
 def _degrees(limbs: dict[str, dict[str, float]], segment: str) -> str:

@@ -121,10 +121,16 @@ def test_a_limb_that_is_elsewhere_for_a_moment_is_learned_up_to_there(folder, fr
     spiked.rotation[200 : 200 + frames, below] = multiply(flip, spiked.rotation[200 : 200 + frames, below])
     file = folder / "spiked.bvh"
     file.write_text(bvh_text(spiked))
-    (motion,) = learn([file], "mine", network=QUICK, seeds=[0]).motions
+    learned = learn([file], "mine", network=QUICK, seeds=[0])
+    (motion,) = learned.motions
     assert motion.part.end <= 200 / 60.0
     said = r"the end of bone 'l\w+' is elsewhere for a moment at 3\.3\d s( and 1 more time)?: only 0\.00 to 3"
     assert re.match(said, motion.doubts[0])
+    whole = msgspec.structs.replace(learned.recipe, motions=[MotionRecipe(name="spiked", file=str(file))])
+    with pytest.raises(
+        MotiondeckError, match=r"motion 'spiked': in frame \d+ the end of bone 'l\w+' is elsewhere.*Give it"
+    ):
+        prepare(whole, folder)
 
 
 def test_a_recording_of_minutes_is_refused_with_the_way_to_cut_it(folder, monkeypatch):

@@ -1,6 +1,7 @@
 """Tests of carrying many recordings onto a robot: going on, what is infeasible, what fails."""
 
 import json
+import re
 import shutil
 
 import joblib
@@ -9,6 +10,7 @@ import pytest
 
 from controller.mocap.clip import Clip
 from controller.mocap.formats.writing import write_clip
+from controller.rotations import multiply
 from motiondeck_base.errors import MotiondeckError
 from sim.robots import retarget_files as module
 from sim.robots.retarget_files import MANIFEST, retarget_files
@@ -123,7 +125,18 @@ def test_a_body_that_jumps_is_infeasible(folder, tmp_path):
     pasted.root_position[20:, 1] += 2.0
     write_clip(pasted, tmp_path / "pasted.bvh")
     row = run(folder, tmp_path / "out", "npz", [tmp_path / "pasted.bvh"])["pasted.bvh"]
-    assert row.infeasible[-1] == "the body jumps at 0.33 s"
+    assert row.infeasible[-1] == "the body jumps by up to 2.0 m between two frames at 0.33 s"
+
+
+@pytest.mark.parametrize("frames", [1, 2])
+def test_a_limb_that_is_elsewhere_for_a_moment_is_infeasible(folder, tmp_path, frames):
+    spiked = clip_of([standing()] * 31)
+    elbow = 1 + spiked.skeleton.index("lelb")
+    spiked.rotation[20 : 20 + frames, elbow] = multiply(np.array([0.0, 1.0, 0.0, 0.0]), spiked.rotation[20, elbow])
+    write_clip(spiked, tmp_path / "spiked.bvh")
+    row = run(folder, tmp_path / "out", "npz", [tmp_path / "spiked.bvh"])["spiked.bvh"]
+    assert re.fullmatch(r"the end of bone 'l\w+' is elsewhere for a moment at 0\.3\d s.*", row.infeasible[-1])
+    assert row.file == "spiked.infeasible.npz"
 
 
 def test_motions_of_another_robot_or_format_are_not_mixed(folder, first):
@@ -153,5 +166,5 @@ def test_a_manifest_of_something_else_is_named(folder, tmp_path):
     with pytest.raises(MotiondeckError, match=r"motions\.jsonl.*no manifest"):
         run(folder, tmp_path)
     (tmp_path / "file").write_text("")
-    with pytest.raises(MotiondeckError, match="cannot be used"):
+    with pytest.raises(MotiondeckError, match=r"cannot be used.*--out that you may write to"):
         run(folder, tmp_path / "file")
