@@ -266,13 +266,13 @@ class _Matcher:
         line = hips[1] - hips[0]
         line[2] = 0.0
         across = np.array([line[1], -line[0], 0.0]) / max(float(np.linalg.norm(line)), 1e-9)
-        reach = 0.0
+        reach, seen = 0.0, True
         for leg in legs:
             limb = self._limb(leg, pelvis)
             knee = self._bend(limb, limb)
             ankle = self._end(limb, knee)
             ahead = self._folds_back(limb, knee) @ across if ankle is None else 0.0
-            last = limb.joints[-1] if ankle is None else ankle
+            last, seen = (limb.joints[-1], False) if ankle is None else (ankle, seen)
             mine = np.isin(self.surface.body, below(self.model, int(self.model.jnt_bodyid[last])))
             if ahead:
                 reach += ahead
@@ -289,7 +289,7 @@ class _Matcher:
         by_names = across if second_is_left else -across
         if second_is_left is None:
             return across * np.sign(reach)
-        if (by_names @ across) * reach < -0.05 * self.tall:
+        if seen and (by_names @ across) * reach < -0.05 * self.tall:
             self.doubts.append(f"its feet stick out behind if '{names[0]}' and '{names[1]}' are on the sides they name")
         return by_names
 

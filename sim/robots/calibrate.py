@@ -33,7 +33,7 @@ from sim.retargeting.retarget import SERVO_HUMANOID_JOINTS, LimbAngles
 from sim.retargeting.robot_limbs import SIDES, RobotLimbs, limb_directions
 from sim.robots.body_matching import match
 from sim.robots.limb_directions import LimbDirections
-from sim.robots.proportions import Doubt, SegmentPair, doubts, segments_of, unlike_ranges
+from sim.robots.proportions import Doubt, SegmentPair, doubts, other_units, segments_of, unlike_ranges
 from sim.robots.rest_pose import rest_pose
 
 # What a model does not say: rad/s, rad/s^2, rad/s^3. A robot half as tall moves its limbs 1.4 times as fast.
@@ -190,8 +190,9 @@ def calibrate(path: Path, packages: Mapping[str, Path] | None = None) -> Calibra
         if there[row].any()
     }
     points, radius = limbs.surface.positions(limbs.data), limbs.surface.radius
-    segments = segments_of(model, found.parts, limbs, float((points[:, 2] + radius).max() + height))
-    unsure = [Doubt("", words, False) for words in found.doubts]
+    tall = float((points[:, 2] + radius).max() + height)
+    segments = segments_of(model, found.parts, limbs, tall)
+    unsure = other_units(model, tall) + [Doubt("", words, False) for words in found.doubts]
     directions = LimbDirections(model, found.parts, found.root_rotation)
     unsure += doubts(found.parts, segments, directions) + unlike_ranges(model, found.parts, directions.standing)
     return Calibration(

@@ -18,7 +18,7 @@ import mujoco
 import numpy as np
 
 from controller.rotations import Array
-from sim.models.kinematic_tree import below, hinges_at, hinges_between
+from sim.models.kinematic_tree import below, hinges_at, hinges_between, path_to
 from sim.models.limb_geometry import centre_of, end_hinge, level_with
 from sim.models.surface import Surface
 from sim.retargeting.human_limbs import LIMBS
@@ -148,6 +148,8 @@ class LimbDirections:
         model, data = self._model, self.standing
         ends = [b for b in below(model, body) if hinges_at(model, b)] or [body]
         end = max(ends, key=lambda b: len(hinges_between(model, trunk, b)))
+        if names is SEGMENTS["arm"]:
+            end = self._palm(body, end)
         hinges = hinges_between(model, trunk, end)
         tall = float(np.ptp(self._surface.positions(data)[:, 2]))
         beside = [abs(data.xanchor[j, 1] - data.xpos[trunk, 1]) >= CLAVICLE * tall for j in hinges]
@@ -171,6 +173,17 @@ class LimbDirections:
                 direction = data.xmat[on].reshape(3, 3).T @ way / length
                 found.append(LimbSegment(f"{side}_{part}", name, axis, on, direction, length, trunk))
         return found
+
+    def _palm(self, upper: int, end: int) -> int:
+        """The last body of an arm that a hinge moves, from its upper segment to where fingers part, or else its end."""
+        path, palm = path_to(self._model, end), upper
+        for body in path[path.index(upper) + 1 :]:
+            palm = body if hinges_at(self._model, body) else palm
+            children = np.flatnonzero(self._model.body_parentid == body).tolist()
+            fingers = [one for one in children if any(hinges_at(self._model, b) for b in below(self._model, one))]
+            if len(fingers) > 1:
+                return palm
+        return end
 
     def _fold(self, joint: int, first: int, end: int, tip: Array) -> float:
         """By how much a hinge changes the distance from the first hinge of a limb to its tip, m."""

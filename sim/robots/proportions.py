@@ -25,6 +25,8 @@ HUMAN = {"thigh": 0.245, "shank": 0.246, "upper_arm": 0.186, "forearm": 0.146}
 TWINS, ODD, IMPLAUSIBLE = 0.1, (0.6, 1.8), (0.2, 4.0)
 # The ranges of twins, seen in a mirror, differ by less than this, rad.
 ALIKE = 0.25
+# A robot is this tall, m, and half of its joints turn this far, rad: what does not was written in other units.
+TALL, TURNS = (0.05, 25.0), (0.15, 12.6)
 TWIN_AXES = 0.9  # the least cosine between their axes, seen in a mirror
 # A robot's arms may end in long hands that no joint tells from the forearm.
 ODD_FOREARM = 2.8
@@ -112,6 +114,27 @@ def doubts(parts: dict[str, str], segments: list[SegmentPair], directions: LimbD
                 bend = "knee" if segment.part == "shank" else "elbow"
                 words = f"its {bend} is taken to be '{hinge}', but '{other}' folds the limb more"
                 found.append(Doubt(f"{side}_{segment.part}", words, True))
+    return found
+
+
+def other_units(model: mujoco.MjModel, height: float) -> list[Doubt]:
+    """What is said of a robot, of a height in m, whose file seems to be in other units than MuJoCo reads it in."""
+    found = []
+    if not TALL[0] <= height <= TALL[1]:
+        words = (
+            f"it is {height:.2f} m tall: lengths in its file are metres (where only meshes are in mm, with their scale)"
+        )
+        found.append(Doubt("", f"{words}; scale them there", True))
+    hinges = (model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE) & (model.jnt_limited != 0)
+    if not hinges.any():
+        return found
+    turns = float(np.median(np.ptp(model.jnt_range[hinges], axis=1)))
+    if turns < TURNS[0]:
+        words = 'an MJCF\'s angles are degrees unless it says <compiler angle="radian"/>'
+        found.append(Doubt("", f"half of its joints turn by no more than {turns:.2g} rad: {words}", True))
+    elif turns > TURNS[1]:
+        words = "a URDF's angles are radians, and an MJCF's with <compiler angle=\"radian\"/>"
+        found.append(Doubt("", f"half of its joints turn by {turns:.0f} rad or more: {words}", True))
     return found
 
 

@@ -1,5 +1,7 @@
 """Tests of the angles between a robot's limbs and a human's, and of what does not fit a human's proportions."""
 
+import re
+
 import mujoco
 import numpy as np
 import pytest
@@ -11,9 +13,15 @@ from sim.retargeting.human_limbs import LIMBS
 from sim.robots.body_matching import match
 from sim.robots.calibrate import calibrate, standing
 from sim.robots.limb_directions import LimbDirections, beyond_limits
+from sim.robots.proportions import other_units
 from small_robots import full_humanoid, humanoid
 
+LENGTHS = re.compile(r'(pos|size|fromto)="([^"]*)"')
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+def in_millimetres(numbers):
+    return " ".join(f"{1000.0 * float(number):g}" for number in numbers.split())
 
 
 def loaded(tmp_path, text):
@@ -184,3 +192,31 @@ def test_a_humanoid_of_human_proportions_is_not_doubted(tmp_path):
     assert [segment.part for segment in found.segments] == ["thigh", "shank", "upper_arm", "forearm"]
     assert np.allclose([segment.length for segment in found.segments], np.array([[0.3, 0.3, 0.2, 0.2]]).T, atol=0.01)
     assert len(standing()) == len(LIMBS)
+
+
+def test_a_forearm_without_a_wrist_ends_amid_its_fingers(tmp_path):
+    """Not at the tip of one: these fingers are spread ahead, the first by nothing, the other by 6 cm."""
+    text = full_humanoid(wrist="").replace('finger1" pos="0.01 0', 'finger1" pos="0.06 0')
+    model, found = loaded(tmp_path, text.replace('finger0" pos="0 0', 'finger0" pos="-0.06 0'))
+    directions = LimbDirections(model, found.parts, found.root_rotation)
+    ahead = {segment.name: segment.direction for segment in directions.segments}["l_forearm"]
+    assert ahead == pytest.approx([0.0, 0.0, -1.0], abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (LENGTHS.sub(lambda at: f'{at[1]}="{in_millimetres(at[2])}"', full_humanoid()), r"\d{4}.\d\d m tall: lengths"),
+        (full_humanoid().replace('<compiler angle="radian"', "<compiler"), "no more than 0.087 rad: .*are degrees"),
+        (full_humanoid().replace('range="-2.5 2.5"', 'range="-140 140"'), "280 rad or more: .*are radians"),
+    ],
+    ids=["millimetres", "degrees for radians", "radians for degrees"],
+)
+def test_other_units_are_named(tmp_path, text, words):
+    model, found = loaded(tmp_path, text)
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    (doubt,) = other_units(model, float(np.ptp(data.xpos[1:, 2])))
+    assert doubt.fatal
+    assert re.search(words, doubt.words)
+    assert found.parts["l_shank"] == "left_shin"
