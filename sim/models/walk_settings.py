@@ -23,7 +23,7 @@ class WalkSettings(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         ahead: what a landing foot makes up for of the error of the capture point, forwards.
         aside: the same, sideways.
         ankle: how far the centre of mass is moved against what is left of that error.
-        upright: how much of the trunk's tilt the swinging foot makes up for.
+        upright: what the swinging foot makes up for of how far the trunk's tilt moves it, as a share.
         feed_forward: the share of the torques of gravity that the servos of the legs get in advance.
     """
 

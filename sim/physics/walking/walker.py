@@ -155,7 +155,7 @@ class Walker:
         self._centre = soles[:, :2].mean(axis=0)
         self._pressure, self._astray = self._centre.copy(), 0.0
         self._off, self._learned = np.zeros(2), np.zeros(2)
-        self._righted = [(np.zeros(3), np.zeros(3))] * 2
+        self._righted = np.zeros((2, 3))
         self._gait = Gait(self._set, height, self._length, self._sides)
         self._gait.start(self._centre, facing, yaws)
         goal = data.qpos.copy()
@@ -238,7 +238,10 @@ class Walker:
         return push * min(1.0, 0.5 * REACH * self._length / max(float(np.hypot(*push)), 1e-9))
 
     def _feet(self, tilt: Array) -> tuple[list[Array], list[Array]]:
-        """Where the soles are to be and how the feet are to be turned; the swinging one against the trunk's tilt."""
+        """Where the soles are to be and how the feet are to be turned; the swinging one is raised against the tilt.
+
+        It is not turned against it: a sole that lands flat under a tilted trunk keeps it tilted, step after step.
+        """
         gait, step = self._gait, self._gait.step
         places = [np.array([*place, 0.0]) for place in gait.places]
         turns = [multiply(yaw(angle), flat) for angle, flat in zip(gait.yaws, self._flat, strict=True)]
@@ -250,11 +253,10 @@ class Walker:
             place = np.array([*(start + along * (step.place - start)), lift * high])
             places[step.foot], turns[step.foot] = place, multiply(yaw(turn), self._flat[step.foot])
             arm, back = place - places[1 - step.foot], -self._set.upright * min(1.0, share / TILT_FROM) * tilt
-            self._righted[step.foot] = back, rotate(from_rotation_vector(back), arm) - arm
-        for foot, (back, moved) in enumerate(self._righted):
-            places[foot], turns[foot] = places[foot] + moved, multiply(from_rotation_vector(back), turns[foot])
-            # What has landed comes back to the plan little by little, and the trunk with it.
-            self._righted[foot] = self._fades * back, self._fades * moved
+            self._righted[step.foot] = rotate(from_rotation_vector(back), arm) - arm
+        places = [place + moved for place, moved in zip(places, self._righted, strict=True)]
+        # What has landed comes back to the plan little by little.
+        self._righted = self._fades * self._righted
         return places, turns
 
     def _carry(self, goal: Array, pressure: Array) -> None:
