@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from types import UnionType
-from typing import Any, TypeVar, Union, get_args, get_origin
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin
 
 import msgspec
 
@@ -66,6 +66,8 @@ def _problems(tree: object, shape: Any, where: str) -> list[str]:
     found = list(_wrong_keys(tree, shape, where))
     for key, part, part_shape in _parts(tree, shape):
         found += _problems(part, part_shape, f"{where}.{key}" if where else key)
+    if isinstance(tree, str) and (choices := list(_choices(shape))):
+        return [f"'{tree}' is none of {', '.join(choices)}{_at(where)}"]
     # A problem of the whole: a wrong type, a value out of range, or what the structure itself checks.
     return found or [_lower(re.sub(r" - at `\$[^`]*`$", "", message)) + _at(where)]
 
@@ -114,6 +116,16 @@ def _member(shape: Any, tree: object) -> Any:
             return member
     containers = [member for member in members if _is_struct(member) or get_origin(member) in (dict, list, tuple)]
     return containers[0] if len(containers) == 1 else shape
+
+
+def _choices(shape: Any) -> Iterator[str]:
+    """The words that a value may be, if it may be nothing but one of some words."""
+    members = get_args(shape) if get_origin(shape) in (Union, UnionType) else (shape,)
+    for member in members:
+        if member is str:
+            return
+        if get_origin(member) is Literal:
+            yield from map(str, get_args(member))
 
 
 def _is_struct(shape: Any) -> bool:

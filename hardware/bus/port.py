@@ -148,6 +148,8 @@ def _reason(name: str, error: OSError | ValueError) -> str:
         return "there is no such device. Plug the adapter in, or name its port."
     if number == errno.EACCES:
         return f"permission denied. {_right_to_open(name)}"
+    if number in (errno.EISDIR, errno.ENOTTY) or "Inappropriate ioctl" in str(error):
+        return "this is no serial port. Name the adapter's, such as /dev/ttyUSB0."
     return str(error)
 
 

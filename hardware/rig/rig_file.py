@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import math
 import re
 from collections import Counter
@@ -64,8 +65,10 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(
                 f"model '{self.model}' is unknown. " + (f"Did you mean {' or '.join(near)}?" if near else "")
             )
-        if not (math.isfinite(self.velocity) and self.lower < self.upper):
-            raise ValueError("velocity must be finite, and lower below upper")
+        if not math.isfinite(self.velocity):
+            raise ValueError(f"velocity is {self.velocity}; it must be a finite number")
+        if not self.lower < self.upper:
+            raise ValueError(f"lower is {self.lower} rad and upper {self.upper} rad; lower must be below upper")
         needed = _NEEDED if self.model in OLD_MODELS else _NEEDED + _NEEDED_UNLESS_OLD
         if any(name not in self.table.registers for name in needed):
             raise ValueError(f"model '{self.model}' cannot be a joint of a rig: its control table is of another kind")
@@ -78,9 +81,10 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         bottom, top = self.table.one_turn
         low, high = sorted((self.pulses(self.lower), self.pulses(self.upper)))
         if not (low >= bottom and high <= top):
+            in_degrees = " Limits are in radians" if max(-self.lower, self.upper) > 2.0 * math.pi * self.gear else ""
             raise ValueError(
                 f"limits {self.lower} to {self.upper} rad with zero {self.zero} reach from {low:.0f} to {high:.0f} "
-                f"pulses, outside the servo's one turn ({bottom} to {top})"
+                f"pulses, outside the servo's one turn ({bottom} to {top}){'.' if in_degrees else ''}{in_degrees}"
             )
 
     @property
@@ -198,14 +202,16 @@ def load_rig(path: str | Path) -> RigConfig:
         RigFileError: if it cannot be read, is not TOML, or has an unknown key or an impossible value.
     """
     try:
-        data = Path(path).read_bytes()
+        data = Path(path).read_bytes().removeprefix(codecs.BOM_UTF8)
     except OSError as error:
         raise RigFileError(f"cannot read the rig file {path}: {error.strerror}.") from error
     try:
         return msgspec.toml.decode(data, type=RigConfig)
     except msgspec.ValidationError as error:
         raise RigFileError(_explain(path, data.decode(), str(error))) from error
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError:
+        raise RigFileError(f"{path}: not a text file in UTF-8; save it as UTF-8") from None
+    except msgspec.DecodeError as error:
         raise RigFileError(f"{path} is not a complete TOML file: {error}") from error
 
 
@@ -224,7 +230,9 @@ def _explain(path: str | Path, text: str, message: str) -> str:
         what = f"{what.removeprefix('Invalid enum value ')} is not allowed; {allowed} are"
     key = unknown[1] if unknown else where.rpartition(".")[2].rstrip("`")
     line = _line(text, where, key, what)
-    return f"{path}{f' line {line}' if line else ''}: {f'{place}: ' if place else ''}{what}."
+    what = what.removeprefix("Object ")  # what msgspec calls a table
+    end = "" if what.endswith("?") else "."
+    return f"{path}{f' line {line}' if line else ''}: {f'{place}: ' if place else ''}{what}{end}"
 
 
 def _line(text: str, where: str, key: str, what: str) -> int | None:

@@ -1,3 +1,5 @@
+from typing import Literal
+
 import msgspec
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -18,6 +20,17 @@ class Round(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, tag="round
 
 class Square(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, tag="square"):
     side: float
+
+
+class Cue(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+    when: Literal["here", "settled"] | None = None
+
+
+def test_a_word_that_is_none_of_the_choices_is_told_them(tmp_path):
+    path = tmp_path / "cue.toml"
+    path.write_text('when = "heer"\n')
+    with pytest.raises(FileFormatError, match=r"'heer' is none of here, settled in \[when\]"):
+        read_toml(path, Cue)
 
 
 class Thing(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):

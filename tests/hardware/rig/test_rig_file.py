@@ -53,9 +53,10 @@ def test_an_angle_becomes_pulses(written):
         (("direction = 1", "direction = 2"), "joint 1.direction: 2 is not allowed; -1 and 1 are"),
         (("XM430-W350", "MX-28 1.0"), "joint 1: model 'MX-28 1.0' is unknown. Did you mean MX-28(1.0)"),
         (("-W350", "-X"), "joint 1: model 'XM430-X' is unknown"),
-        (("lower = -1", "lower = 2"), "joint 1: velocity must be finite, and lower below upper"),
-        (("upper = 1", "upper = nan"), "joint 1: velocity must be finite"),
-        (("velocity = 4", "velocity = inf"), "joint 1: velocity must be finite"),
+        (("lower = -1", "lower = 2"), "joint 1: lower is 2.0 rad and upper 1.0 rad; lower must be below"),
+        (("upper = 1", "upper = nan"), "joint 1: lower is -1.0 rad and upper nan rad"),
+        (("velocity = 4", "velocity = inf"), "joint 1: velocity is inf; it must be a finite number"),
+        (("upper = 1", "upper = 90"), "outside the servo's one turn (0 to 4095). Limits are in radians"),
         (("upper = 1", "upper = 3.5"), "outside the servo's one turn (0 to 4095)"),
         (("rate_hz = 100", "rate_hz = 4"), "watchdog_ms 200 is too short for rate_hz 4: the servos would stop"),
         (("rate_hz = 100", "rate_hz = 100\nwatchdog_ms = 34"), "It must be at least 35"),
@@ -77,6 +78,19 @@ def test_a_mistake_is_named_with_its_place_and_what_is_allowed(written, change, 
         load_rig(path)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_what_editors_write_before_the_text_is_no_mistake(written):
+    path = written("\ufeff" + GOOD.replace("\n", "\r\n"))
+    assert load_rig(path).names == ("neck",)
+
+
+@pytest.mark.parametrize("alphabet", ["utf-16", "latin-1"])
+def test_another_alphabet_is_named(tmp_path, alphabet):
+    path = tmp_path / "rig.toml"
+    path.write_text(f"{GOOD}# Größe\n", encoding=alphabet)
+    with pytest.raises(RigFileError, match=r"rig\.toml: not a text file in UTF-8; save it as UTF-8"):
+        load_rig(path)
 
 
 LINES = f"""# a comment with joints = [ {{

@@ -18,7 +18,7 @@ from controller.mocap.encodings.joint_angles import JointBody, JointRetargeter
 from controller.mocap.posture import Pose
 from controller.rotations import Array
 from controller.wire.run_recording import RunRecording
-from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 if TYPE_CHECKING:
     from hardware.rig.rig_file import RigConfig
@@ -50,7 +50,13 @@ def open_rig_alone(
     from motiondeck_base.shipped import find_robot
     from sim.robots.robot import load_robot
 
-    loaded = load_robot(find_robot(robot), source.skeleton)
+    try:
+        file = find_robot(robot)
+    except UnknownNameError as error:
+        raise MotiondeckError(
+            f"{error} Motions of people are carried to the rig by a robot with its joints: name it with --robot."
+        ) from None
+    loaded = load_robot(file, source.skeleton)
     limits = narrowed(loaded.limits, loaded, config)
     output = _connect(opening, config, ports, loaded.joints)[1]
     return RobotOnDeck(loaded.name, loaded.joints, limits, loaded.rest, loaded.retarget, Channel(output))

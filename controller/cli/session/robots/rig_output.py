@@ -17,6 +17,7 @@ from controller.loop.output_channel import Channel
 from controller.mocap.posture import Pose
 from controller.rotations import Array
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
+from motiondeck_base.files import listed
 
 if TYPE_CHECKING:
     from hardware.rig.rig_file import RigConfig
@@ -42,7 +43,8 @@ class RigOutput:
         missing = [name for name in rig.names if name not in joints]
         if missing:
             raise MotiondeckError(
-                f"the rig's joints {', '.join(missing)} are not joints of this robot (it has: {', '.join(joints)})"
+                f"the rig's joints {listed(missing)} are not joints of this robot (it has: {listed(joints)}). Give the "
+                "robot that has them with --robot, or name the joints in the rig file as the robot does."
             )
         self.name = "rig"
         self._rig = rig
