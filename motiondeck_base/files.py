@@ -130,9 +130,17 @@ def read_text(path: str | Path, largest: int = LARGEST) -> str:
 def write_file(path: Path, content: bytes) -> None:
     """Writes a file under a temporary name and renames it, so that it is whole or not there.
 
+    What is no file, such as /dev/stdout or a pipe, is written to as it is, and stays what it is.
+
     Raises:
         FileFormatError: if it cannot be written.
     """
+    if path.exists() and not path.is_file():
+        try:
+            path.write_bytes(content)
+        except OSError as error:
+            raise FileFormatError.unwritable(path, error) from None
+        return
     try:
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     except OSError as error:

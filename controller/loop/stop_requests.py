@@ -91,6 +91,14 @@ class StopRequest:
         return bool(self.reason)
 
 
+SIGNALS = {
+    signal.SIGINT: "Ctrl-C was pressed",
+    signal.SIGTERM: "stopped from outside (SIGTERM)",
+    signal.SIGHUP: "the terminal was closed (SIGHUP)",
+}
+"""The signals that end a run, and what is then given as the reason."""
+
+
 @contextmanager
 def stop_on_signals() -> Iterator[StopRequest]:
     """A request that SIGINT, SIGTERM and SIGHUP set; the next signal raises KeyboardInterrupt.
@@ -112,9 +120,9 @@ def stop_on_signals() -> Iterator[StopRequest]:
         if interrupted:
             raise KeyboardInterrupt
         interrupted = True
-        request.ask(f"{signal.Signals(number).name} received")
+        request.ask(SIGNALS[signal.Signals(number)])
 
-    before = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    before = {number: signal.signal(number, on_signal) for number in SIGNALS}
     try:
         yield request
     finally:

@@ -6,6 +6,7 @@ python -m controller.wire.recorder --state FILE --out FILE
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import signal
 import sys
@@ -43,6 +44,11 @@ def record(state: Path, out: Path) -> int:
     return lost
 
 
+def reason_file(state: Path) -> Path:
+    """Where the recorder of a deck leaves why it has ended too early, for the report of the run."""
+    return state.with_name("recorder-ended")
+
+
 def main(arguments: list[str] | None = None) -> int:
     """The command line of the recorder's process; returns its exit code."""
     parser = argparse.ArgumentParser(prog="python -m controller.wire.recorder", description="Records a deck.")
@@ -56,6 +62,8 @@ def main(arguments: list[str] | None = None) -> int:
         lost = record(options.state, options.out)
     except MotiondeckError as error:
         print(f"motiondeck: the recording has ended: {error}", file=sys.stderr)
+        with contextlib.suppress(OSError):
+            reason_file(options.state).write_text(str(error))
         return 1
     if lost:
         print(f"motiondeck: {options.out} lacks {lost} ticks: its process was held up for too long", file=sys.stderr)

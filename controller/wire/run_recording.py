@@ -67,6 +67,8 @@ class RecordingWriter:
             self._file.write(_MAGIC + _HEADER.pack(len(header), zlib.crc32(header)) + header)
             self._file.flush()
         except OSError as error:
+            if path.is_file():
+                path.unlink()  # without a beginning nobody can read it
             raise FileFormatError.unwritable(path, error) from None
 
     def append(self, rows: Array) -> None:

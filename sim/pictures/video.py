@@ -5,8 +5,10 @@
 
 from __future__ import annotations
 
+import errno
 import itertools
 import os
+import shutil
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -176,13 +178,16 @@ def _write_mp4(pictures: Iterator[bytes], path: Path, fps: float, size: tuple[in
         fps=rate,
         quality=8,
         macro_block_size=2,
-        ffmpeg_log_level="error",
+        ffmpeg_log_level="fatal",  # what else it says is in the error below
         output_params=["-preset", "veryfast", "-f", "mp4"],
     )
     writer.send(None)
     try:
         for picture in pictures:
             writer.send(picture)
+    except OSError:  # several lines of ffmpeg's
+        full = shutil.disk_usage(path).free < size[0] * size[1]
+        raise OSError(errno.ENOSPC, "No space left on device") if full else OSError("ffmpeg has ended") from None
     finally:
         writer.close()
 

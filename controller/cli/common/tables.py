@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import sys
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -10,7 +11,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from motiondeck_base.errors import MotiondeckError
+from motiondeck_base.files import write_file
 from motiondeck_base.printable import printable
 
 if TYPE_CHECKING:
@@ -89,13 +90,11 @@ def write_csv(table: Table, path: Path) -> None:
         MotiondeckError: if the file cannot be written.
     """
     rows = table.details or table.rows
-    try:
-        with path.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, list(rows[0]))
-            writer.writeheader()
-            writer.writerows(rows)
-    except OSError as error:
-        raise MotiondeckError.unwritable(path, error) from None
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, list(rows[0]))
+    writer.writeheader()
+    writer.writerows(rows)
+    write_file(path, text.getvalue().encode())
 
 
 def print_measurements(table: Table) -> None:

@@ -40,7 +40,7 @@ class Playing(Protocol):
 def words_of(deck: Playing, stop: StopRequest, seconds: float | None) -> str:
     """The line: what is played, for how long, and when or how it ends."""
     if stop:
-        return f"{cause_of(stop.reason)}: the joints come to rest"
+        return f"{stop.reason}: the joints come to rest"
     if stop.mode != "playing":
         return f"{_MODES[stop.mode]}: {deck.playing}, Ctrl-C ends it"
     if deck.time < PERIOD:  # its first update comes before the approach
@@ -48,15 +48,6 @@ def words_of(deck: Playing, stop: StopRequest, seconds: float | None) -> str:
     going = "" if deck.settled else " (on its way)"
     until = f" of {seconds:.0f} s" if seconds is not None else " s, Ctrl-C ends it"
     return f"{deck.playing}{going}  {deck.time:.0f}{until}"
-
-
-def cause_of(reason: str) -> str:
-    """Why a run ends, in a reader's words."""
-    return {
-        "SIGINT received": "Ctrl-C was pressed",
-        "SIGTERM received": "the process was asked to end (SIGTERM)",
-        "SIGHUP received": "the terminal was closed (SIGHUP)",
-    }.get(reason, reason)
 
 
 @contextmanager

@@ -10,7 +10,6 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from controller.cli.session.progress_line import cause_of
 from controller.cli.session.recognition.recognition_watch import summary_lines
 from controller.deck.switch import CommandedSwitch
 from controller.loop.clock import Clock
@@ -124,7 +123,7 @@ def summary(report: dict[str, Any]) -> str:
     """A report in a few lines: what happened, then the figures."""
     seconds = report["ticks"] / report["rate_hz"] if report["ticks"] else 0.0
     ended = f"ended after {seconds:.1f} s" if report["ticks"] else "ended before anything moved"
-    return "\n".join([f"{ended}: {cause_of(report['reason'])}", *_happened(report), *_figures(report)])
+    return "\n".join([f"{ended}: {report['reason']}", *_happened(report), *_figures(report)])
 
 
 def _happened(report: dict[str, Any]) -> list[str]:
@@ -147,7 +146,10 @@ def _happened(report: dict[str, Any]) -> list[str]:
         most = sorted(kept.items(), key=lambda item: -item[1])[:3]
         lines.append("kept apart: " + ", ".join(f"{pair} ({count} ticks)" for pair, count in most))
     if not report.get("recording", {"complete": True})["complete"]:
-        lines.append(f"the recording {report['recording']['file']} is not complete")
+        file, reason = report["recording"]["file"], report["recording"].get("reason", "")
+        lines.append(
+            f"the recording {file} is not complete" + (f": {reason.removeprefix(f'{file}: ')}" if reason else "")
+        )
     lines += summary_lines(report["recognition"]) if "recognition" in report else []
     lines += [f"output {o['name']} was parked: {o['fault']}" for o in report["outputs"] if o["parked"]]
     return lines

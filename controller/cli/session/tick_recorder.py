@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import subprocess
 from collections.abc import Iterator, Mapping, Sequence
@@ -35,6 +36,7 @@ from controller.wire.messages import (
     Subscribe,
     Switch,
 )
+from controller.wire.recorder import reason_file
 from controller.wire.run_folder import run_folder
 from controller.wire.run_recording import COMMANDS, MODES
 from controller.wire.telemetry import StateWriter
@@ -64,6 +66,7 @@ class TickRecorder:
         writer: with the fields that `recording` makes.
         motions: the names that commands use.
         process: the recorder.
+        state: what it reads.
         file: the recording.
 
     Attributes:
@@ -71,20 +74,27 @@ class TickRecorder:
     """
 
     def __init__(
-        self, writer: StateWriter, motions: Sequence[str], process: subprocess.Popen[bytes], file: Path
+        self, writer: StateWriter, motions: Sequence[str], process: subprocess.Popen[bytes], state: Path, file: Path
     ) -> None:
         self._writer, self._motions = writer, motions
-        self.process, self._file = process, file
+        self.process, self._state, self._file = process, state, file
         self._forget()
 
     def finish(self) -> dict[str, object]:
-        """Has the recorder write the last ticks and end; the recording's file, and whether it has every tick."""
+        """Has the recorder write the last ticks and end.
+
+        Returns:
+            The recording's `file`, whether it is `complete`, and the `reason` where it is not and that is known.
+        """
         self._writer.close()
         try:
             complete = self.process.wait(_PATIENCE) == 0
         except subprocess.TimeoutExpired:
             complete = False
-        return {"file": str(self._file), "complete": complete}
+        found: dict[str, object] = {"file": str(self._file), "complete": complete}
+        with contextlib.suppress(OSError):
+            found["reason"] = reason_file(self._state).read_text()
+        return found
 
     def note(self, message: Message, reply: Reply) -> None:
         """Remembers a command and whether it was refused."""
@@ -174,6 +184,6 @@ def recording(out: Path, description: Mapping[str, Any], joints: int, rate: floa
         arguments = ("--state", str(state), "--out", str(out))
         with child_process("controller.wire.recorder", *arguments, patience=_PATIENCE) as process:
             try:
-                yield TickRecorder(writer, description["motions"], process, out)
+                yield TickRecorder(writer, description["motions"], process, state, out)
             finally:
                 writer.close()

@@ -12,6 +12,7 @@ from controller.loop.clock import VirtualClock
 from controller.loop.loop import run
 from controller.loop.output_channel import Channel
 from controller.loop.safety.safety_envelope import SafetyEnvelope
+from controller.loop.stop_requests import SIGNALS
 from controller.mocap.posture import Pose
 from motiondeck_base.errors import MotiondeckError
 
@@ -266,7 +267,7 @@ def test_a_signal_ends_the_run_with_the_joints_at_rest(number):
 
     before = signal.getsignal(number)
     report = play(WavingDeck(), Channel(output), commands=commands)
-    assert report.reason == f"{number.name} received"
+    assert report.reason == SIGNALS[number]
     assert np.array_equal(output.written[-1], output.written[-2])
     assert_calm(output.written)
     assert signal.getsignal(number) is before

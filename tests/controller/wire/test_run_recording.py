@@ -1,4 +1,5 @@
 import os
+import resource
 import subprocess
 import sys
 import time
@@ -240,3 +241,14 @@ def test_a_recorded_deck_can_be_paused_and_played_slowly_but_not_switched():
             command("jog")
     with pytest.raises(MotiondeckError, match="empty"):
         RecordedDeck(recorded(0))
+
+
+def test_a_recording_that_cannot_even_begin_leaves_no_file(tmp_path):
+    path, (soft, hard) = tmp_path / "run.rec", resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10, hard))  # as a disk that is full after 10 bytes
+    try:
+        with pytest.raises(FileFormatError, match=r"run\.rec: cannot be written"):
+            RecordingWriter(path, DESCRIPTION, FIELDS)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert not path.exists()

@@ -82,7 +82,7 @@ def test_sigterm_ends_a_run_on_the_rig_without_torque_and_with_its_report(rig, p
 
     monkeypatch.setattr(JoinedRig, "write", write)
     run = motiondeck("rig", "play", rig, clip, *port, "--command-port", "0", "--json")
-    assert run["reason"] == "SIGTERM received"
+    assert run["reason"] == "stopped from outside (SIGTERM)"
     assert len(writes) >= 20
     torques = [servo["torque"] for one in diagnosed(rig, *port)["ports"] for servo in one["servos"]]
     assert torques == [False, False]

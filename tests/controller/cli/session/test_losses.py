@@ -54,7 +54,8 @@ def test_a_recorder_that_is_killed_is_said_at_once_and_in_the_report(play, tmp_p
 def test_a_disk_that_is_full_is_said_and_ends_with_exit_code_1(play, capfd):
     result = invoked(*play, "--seconds", "0.8", "--record", "/dev/full")
     assert result.exit_code == 1
-    assert "the recording /dev/full is not complete" in result.stdout
+    reason = "the recording /dev/full is not complete: cannot be written (No space left on device)"
+    assert reason in result.stdout
     assert "/dev/full: cannot be written (No space left on device)" in capfd.readouterr().err
 
 

@@ -10,6 +10,7 @@ from controller.cli.session.robots.robot_on_deck import RobotSetup, open_robots
 from controller.cli.session.session import RunSettings, Session
 from controller.deck.deck import Deck
 from controller.loop.clock import VirtualClock
+from controller.loop.stop_requests import SIGNALS
 from motiondeck_base.shipped import find_robot
 
 
@@ -48,7 +49,7 @@ def test_a_signal_while_the_run_is_opening_ends_it_before_anything_moves(library
     before = signal.getsignal(number)
     with session(library, deck) as run:
         report = run.run()
-    assert (report["reason"], report["ticks"]) == (f"{number.name} received", 0)
+    assert (report["reason"], report["ticks"]) == (SIGNALS[number], 0)
     assert report["outputs"][0]["writes"] == 0
     assert signal.getsignal(number) is before
 

@@ -31,7 +31,7 @@ class Playing:
         (Playing(settled=False), StopRequest(), 20.0, "walk (on its way)  12 of 20 s"),
         (Playing(time=0.005), StopRequest(), None, "approaching the first pose of walk"),
         (Playing(), StopRequest(mode="emergency stop"), None, "EMERGENCY STOP: walk, Ctrl-C ends it"),
-        (Playing(), StopRequest("SIGINT received"), None, "Ctrl-C was pressed: the joints come to rest"),
+        (Playing(), StopRequest("Ctrl-C was pressed"), None, "Ctrl-C was pressed: the joints come to rest"),
         (Playing(), StopRequest("the rig is lost: gone"), None, "the rig is lost: gone: the joints come to rest"),
     ],
 )
@@ -79,7 +79,7 @@ def test_a_terminal_that_is_gone_ends_nothing():
 def test_the_summary_says_first_what_happened_then_the_figures():
     figures = {"p50": 3.0, "p99": 5.0, "p999": 9.0, "max": 9.0}
     report = {
-        **{"reason": "SIGINT received", "ticks": 400, "rate_hz": 200.0, "overruns": 1, "skipped": 0},
+        **{"reason": "Ctrl-C was pressed", "ticks": 400, "rate_hz": 200.0, "overruns": 1, "skipped": 0},
         **{"lateness_us": figures, "work_us": figures, "restarts": 0, "outputs": []},
         "switches": [{"to": "jog", "via": ["walk"], "commanded_s": 1.0, "settled_s": 1.5}],
         "refused": [{"at": 1.0, "reason": "no"}],

@@ -1,0 +1,27 @@
+"""Files that commands write: whole or not there, and what is no file stays what it is."""
+
+import os
+import stat
+import threading
+
+import pytest
+
+from motiondeck_base.errors import FileFormatError
+from motiondeck_base.files import write_file
+
+
+def test_a_pipe_is_written_to_and_stays_a_pipe(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    read = []
+    reader = threading.Thread(target=lambda: read.append(pipe.read_bytes()))
+    reader.start()
+    write_file(pipe, b"a table")
+    reader.join(5.0)
+    assert read == [b"a table"]
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
+
+
+def test_a_folder_is_refused(tmp_path):
+    with pytest.raises(FileFormatError, match="Is a directory"):
+        write_file(tmp_path, b"")
