@@ -128,6 +128,15 @@ def followers(model: mujoco.MjModel) -> dict[int, tuple[int, np.ndarray]]:
     return coupled
 
 
+def ball_joints(model: mujoco.MjModel) -> str:
+    """What is said of joints that turn as a ball does, behind a refusal; nothing if there are none."""
+    balls = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_BALL).tolist()
+    if not balls:
+        return ""
+    first, more = model.joint(balls[0]).name, f" and {len(balls) - 1} more" if len(balls) > 1 else ""
+    return f". Its ball joints ('{first}'{more}) are not played: put three hinges in the place of each"
+
+
 def _clear_stage(spec: mujoco.MjSpec) -> None:
     """Takes away what stands or shines beside the robot."""
     for thing in [*spec.worldbody.geoms, *spec.worldbody.lights]:
@@ -186,6 +195,7 @@ def _free_root(path: Path, spec: mujoco.MjSpec) -> None:
             break
     else:
         root = max(bodies, key=lambda body: len(body.find_all("body")))
+        _clear_rails(spec, root)
         if root.joints:
             raise FileFormatError(
                 f"{path}: body '{root.name}' hangs from the world by joint '{root.joints[0].name}'. "
@@ -199,6 +209,16 @@ def _free_root(path: Path, spec: mujoco.MjSpec) -> None:
         if body is not root:
             # A ball or a table that came along would stand in front of the free root's seven numbers.
             spec.delete(body)
+
+
+def _clear_rails(spec: mujoco.MjSpec, root: mujoco.MjsBody) -> None:
+    """Takes away the joints by which the root slides and turns against the world, where no actuator moves them: in
+    place of a free joint some files have three, or six."""
+    slides = any(joint.type == mujoco.mjtJoint.mjJNT_SLIDE for joint in root.joints)
+    names = {joint.name for joint in root.joints}
+    if slides and not any(actuator.target in names for actuator in spec.actuators):
+        for joint in [*root.joints]:
+            spec.delete(joint)
 
 
 def _move_origin(spec: mujoco.MjSpec, root: mujoco.MjsBody) -> None:
@@ -237,7 +257,7 @@ def _servos(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel, feet: Sequen
     coupled = followers(model)
     played = [joint for joint in (driven or np.flatnonzero(hinge)) if joint not in coupled]
     if not played:
-        raise FileFormatError(f"{path}: it has no hinge joint that could be moved")
+        raise FileFormatError(f"{path}: it has no hinge joint that could be moved{ball_joints(model)}")
     old, stance = [*spec.actuators], stances(model, feet)
     for joint in played:
         name = model.joint(int(joint)).name

@@ -27,6 +27,7 @@ from controller.rotations import Array, conjugate, from_rotation_vector, multipl
 from motiondeck_base.errors import FileFormatError
 from sim.models.kinematic_tree import below, hinges_at, hinges_between, path_to
 from sim.models.limb_geometry import ACROSS, end_hinge, farthest, folds, sine
+from sim.models.model_file import ball_joints
 from sim.models.surface import Surface
 from sim.robots.side_names import is_left
 
@@ -416,10 +417,10 @@ class _Matcher:
             limbs[branch] = sum(len(hinges_at(self.model, b)) for b in below(self.model, branch))
         words = [f"'{self.model.body(b).name}' ({count} hinge{'s' * (count > 1)})" for b, count in limbs.items()]
         listed = ", ".join(words[:6]) + (f" and {len(words) - 6} more" if len(words) > 6 else "")
-        return (
-            f"{self.path}: this is not a humanoid with two legs: {why}; its limbs are {listed or 'none'}. "
-            "If it is one, write a robot file by hand and name its bodies under [parts]."
+        remedy = (
+            ball_joints(self.model) or ". If it is one, write a robot file by hand and name its bodies under [parts]"
         )
+        return f"{self.path}: this is not a humanoid with two legs: {why}; its limbs are {listed or 'none'}{remedy}."
 
     def _ends_below(self, body: int) -> int:
         return sum(end in below(self.model, body) for end in self.ends)
