@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
 import signal
 import sys
@@ -148,6 +149,8 @@ def _run() -> Any:
 def main() -> None:
     """Runs the command line; a user's mistake ends in one clear line and exit code 1."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # a terminal without a letter shows a question mark
     try:
         sys.exit(_run())
     except (KeyboardInterrupt, typer.Abort):

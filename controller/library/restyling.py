@@ -39,7 +39,10 @@ def restyled(library: MotionLibrary, motion: str, like: str) -> tuple[MotionLibr
     """
     network = library.network
     if not isinstance(network, CentralizedNetwork):
-        raise MotiondeckError(f"library '{library.info.name}' holds no centralized network, and so no frequencies")
+        raise MotiondeckError(
+            f"library '{library.info.name}' holds no centralized network, and so no frequencies; "
+            "in a phase-driven one name the same action without the style: --unlike NEUTRAL"
+        )
     part, other, name = network[motion], network[like], _new_name(library, motion, like)
     styled = part.with_frequencies(other.frequency)
     frames = round(styled.seconds * network.rate)

@@ -94,6 +94,23 @@ class RecordingWriter:
             self._file.close()
 
 
+def check_replaceable(path: Path) -> None:
+    """Refuses to record over a file that is no recording of a run, such as one of motion capture.
+
+    Raises:
+        FileFormatError: if it is one, or cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            beginning = file.read(len(_MAGIC)) if path.is_file() else b""
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise FileFormatError.unwritable(path, error) from None
+    if beginning not in (b"", _MAGIC):
+        raise FileFormatError(f"{path}: there is another file of this name, which would be lost. Give another one.")
+
+
 @dataclass(frozen=True)
 class RunRecording:
     """A recording in memory.

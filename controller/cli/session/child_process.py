@@ -83,13 +83,15 @@ def page_process(port: int, command_port: int) -> Iterator[PageProcess]:
 
 def free_port(port: int) -> int:
     """The port itself if nobody has it, or any free one for 0."""
+    if not 0 <= port <= 65535:
+        raise MotiondeckError(f"port {port} for the page cannot be used: it must be from 0 to 65535")
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             probe.bind(("127.0.0.1", port))
-        except (OSError, OverflowError) as error:
+        except OSError as error:
             raise MotiondeckError(
-                f"port {port} for the page cannot be used ({getattr(error, 'strerror', None) or error}): another "
+                f"port {port} for the page cannot be used ({error.strerror or error}): another "
                 "program, or the page of another deck, may have it. Give --port 0 for any that is free."
             ) from None
         return int(probe.getsockname()[1])

@@ -38,7 +38,7 @@ from controller.wire.messages import (
 )
 from controller.wire.recorder import reason_file
 from controller.wire.run_folder import run_folder
-from controller.wire.run_recording import COMMANDS, MODES
+from controller.wire.run_recording import COMMANDS, MODES, check_replaceable
 from controller.wire.telemetry import StateWriter
 from motiondeck_base.errors import FileFormatError
 
@@ -163,15 +163,16 @@ def recording(out: Path, description: Mapping[str, Any], joints: int, rate: floa
     """Records into a file from a process of its own while the block runs.
 
     Args:
-        out: the recording; replaced if it is there.
+        out: the recording; an older one is replaced.
         description: what is recorded, with `motions` (names).
         joints: how many there are.
         rate: ticks a second.
 
     Raises:
-        FileFormatError: if the file cannot be written.
+        FileFormatError: if the file cannot be written, or is there and no recording of a run.
         MotiondeckError: if there is no room for what the processes share.
     """
+    check_replaceable(out)
     try:
         out.open("ab").close()
     except OSError as error:

@@ -9,9 +9,11 @@ import subprocess
 import sys
 import time
 from importlib.metadata import version
+from pathlib import Path
 
 import pytest
 
+import controller
 import synthetic
 from command_line import motiondeck
 from controller.library.motion_library import save_library
@@ -274,3 +276,16 @@ def test_words_for_a_terminal_that_is_closed_end_without_a_traceback():
         os.close(ours)
         _, said = run.communicate("\n", timeout=110)
     assert (run.returncode, said) == (129, "")
+
+
+def test_a_terminal_without_a_letter_shows_a_question_mark(library, tmp_path):
+    shutil.copy(library, tmp_path / "größe.safetensors")
+    done = subprocess.run(
+        [sys.executable, "-m", "controller.cli.main", "library", "list"],
+        env=os.environ | {"PYTHONIOENCODING": "ascii", "PYTHONPATH": str(Path(controller.__file__).parent.parent)},
+        cwd=tmp_path,
+        capture_output=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert b"gr??e" in done.stdout

@@ -3,6 +3,7 @@ import resource
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 from controller.deck.interfaces import PlacedPose
 from controller.deck.recorded_deck import RecordedDeck
 from controller.wire.recorder import main, record
-from controller.wire.run_recording import RecordingWriter, RunRecording, load_recording
+from controller.wire.run_recording import RecordingWriter, RunRecording, check_replaceable, load_recording
 from controller.wire.telemetry import StateReader, StateWriter
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 
@@ -252,3 +253,13 @@ def test_a_recording_that_cannot_even_begin_leaves_no_file(tmp_path):
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert not path.exists()
+
+
+def test_only_a_recording_of_a_run_is_recorded_over(tmp_path):
+    older, mocap = tmp_path / "run.rec", tmp_path / "walk.bvh"
+    RecordingWriter(older, DESCRIPTION, FIELDS).close()
+    mocap.write_text("HIERARCHY\n")
+    for free in (older, tmp_path / "new.rec", Path("/dev/full")):
+        check_replaceable(free)
+    with pytest.raises(FileFormatError, match=r"walk\.bvh: there is another file of this name"):
+        check_replaceable(mocap)
