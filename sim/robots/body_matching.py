@@ -267,7 +267,7 @@ class _Matcher:
         line = hips[1] - hips[0]
         line[2] = 0.0
         across = np.array([line[1], -line[0], 0.0]) / max(float(np.linalg.norm(line)), 1e-9)
-        reach, seen = 0.0, True
+        reach, seen, folding = 0.0, True, True
         for leg in legs:
             limb = self._limb(leg, pelvis)
             knee = self._bend(limb, limb)
@@ -275,6 +275,7 @@ class _Matcher:
             ahead = self._folds_back(limb, knee) @ across if ankle is None else 0.0
             last, seen = (limb.joints[-1], False) if ankle is None else (ankle, seen)
             mine = np.isin(self.surface.body, below(self.model, int(self.model.jnt_bodyid[last])))
+            folding = folding and (ahead != 0.0 or ankle is not None)
             if ahead:
                 reach += ahead
             elif mine.any():
@@ -289,6 +290,8 @@ class _Matcher:
             )
         by_names = across if second_is_left else -across
         if second_is_left is None:
+            if not folding:
+                self.doubts.append("no name, foot or knee tells ahead from behind: see it walk with --picture")
             return across * np.sign(reach)
         if seen and (by_names @ across) * reach < -0.05 * self.tall:
             self.doubts.append(f"its feet stick out behind if '{names[0]}' and '{names[1]}' are on the sides they name")

@@ -96,6 +96,8 @@ def test_legs_without_ankles_face_the_way_in_which_their_knees_fold(tmp_path):
     text = re.sub(r'(_knee" axis="0 1 0" range=)"[^"]*"', r'\1"0 2.4"', text)
     found, model = matched(tmp_path, text)
     assert "one_knee" in joints_at(model, found.parts["l_shank"])
+    found, _ = matched(tmp_path, text.replace("0 2.4", "-2.4 2.4"))
+    assert "tells ahead from behind" in found.doubts[0]
 
 
 @pytest.mark.parametrize("build", [{}, {"lying": True}, {"waist": ""}], ids=str)
