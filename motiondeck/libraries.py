@@ -17,7 +17,7 @@ from controller.mocap.clip import Clip
 from controller.mocap.skeleton import Skeleton
 from controller.training.fit import fit
 from controller.training.learn import learn as learn_recordings
-from controller.training.recipe import NetworkRecipe, read_recipe
+from controller.training.recipe import NetworkRecipe, read_recipe, require_sizes
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library
 
@@ -163,8 +163,10 @@ def learn(
         progress: called with a short description of each step.
 
     Raises:
-        MotiondeckError: if there is no recording, or none can be used.
+        MotiondeckError: if there is no recording, none can be used, or no network can have these sizes.
     """
+    if network is not None:
+        require_sizes(network)
     paths = [recordings] if isinstance(recordings, str | Path) else recordings
     learned = learn_recordings([Path(path) for path in paths], name, network=network, seeds=seeds, progress=progress)
     left_out = {str(motion.file): motion.remedy for motion in learned.failed if not motion.plays}

@@ -87,7 +87,12 @@ class Rig:
         """Waits and feeds the servos' watchdogs; a simulated rig returns at once.
 
         Successive calls keep a steady pace: a loop of `write` and `wait(0.01)` runs at 100 Hz, whatever else it does.
+
+        Raises:
+            RigError: if the time is no number of at least 0.
         """
+        if not 0.0 <= seconds < np.inf:
+            raise RigError(f"nobody can wait for {seconds:g} s. Give a time of 0 or more.")
         rig = self._rig
         if isinstance(rig, SimulatedRig):
             for dt in _portions(seconds, 1.0 / self.config.rate_hz):

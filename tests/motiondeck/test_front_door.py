@@ -298,3 +298,21 @@ def test_a_library_in_memory_is_saved_as_it_is(library, tmp_path):
     save_library(library.model, tmp_path / "one.safetensors")
     library.save(tmp_path / "other.safetensors")
     assert (tmp_path / "one.safetensors").read_bytes() == (tmp_path / "other.safetensors").read_bytes()
+
+
+@pytest.mark.parametrize("seconds", [-1.0, float("nan"), float("inf")])
+def test_a_wait_that_is_no_time_is_refused(seconds):
+    with (
+        motiondeck.open_rig("servo20", servos="simulated") as rig,
+        pytest.raises(MotiondeckError, match="nobody can wait"),
+    ):
+        rig.wait(seconds)
+
+
+@pytest.mark.parametrize(
+    ("network", "words"),
+    [("conceptor", "a recipe such as"), (motiondeck.networks.PhaseRecipe(neurons=-1), "network.neurons is -1")],
+)
+def test_a_network_that_cannot_be_is_refused_before_recordings_are_read(network, words):
+    with pytest.raises(MotiondeckError, match=words):
+        motiondeck.learn("nowhere.bvh", name="x", network=network)
