@@ -35,8 +35,10 @@ from sim.retargeting.stuck_limbs import StuckLimbs
 # of the human's, so both segments of an arm count as much as the whole, and each by its angle, however short it is.
 WEIGHT = {"leg": 2.5, "thigh": 2.0, "arm": 2.0, "upper_arm": 2.0, "forearm": 2.0, "head": 1.5, "chest": 3.0}
 # A sole must be level where the human's is. Where its toes point is shared with the plane of the knee: few robots can
-# turn a foot in its ankle.
+# turn a foot in its ankle. Nor do ankles tilt as far as a human's on tiptoe: the shank would lean for it, so the more
+# the human's sole is tilted the less it counts, down to this share.
 WEIGHT |= {"foot_up": 2.5, "foot_ahead": 0.4}
+TIPTOE = 0.1
 # Of feet that stand: how far they are apart along the floor, how much higher one is, and, besides, where toes point.
 APART, HIGHER, TURNED = 10.0, 3.0, 3.0
 # The plane in which an arm bends, times the sine of the human's bend: a straight arm has none.
@@ -123,6 +125,7 @@ class LimbSolver:
                 self._weight[k] *= half / max(limbs.vectors.length[k], 0.1 * half)
         self._has_feet = FEET in self.names  # the last one
         self._toes = [k for k, kind in enumerate(kinds) if kind == "foot_ahead"]
+        self._soles = [k for k, kind in enumerate(kinds) if kind == "foot_up"]
         self._hold = np.zeros((3, 3))
         # Arms and head are held to the chest: what turns the chest takes their goals along, so it is no way to them.
         along = np.outer(self._goals.with_chest, limbs.turns_chest)
@@ -150,6 +153,9 @@ class LimbSolver:
         """
         lower, upper = self._limits.lower, self._limits.upper
         goals, q = self._goals(directions, up), self._q
+        for row in self._soles:
+            level = max(float(goals[row] @ up) / float(self._limbs.vectors.length[row]), 0.0)
+            self._weight[row] = self._slope[row] = WEIGHT["foot_up"] * max(level * level, TIPTOE) / self._longest
         if planted is not None:
             self._plant(planted, goals)
         missed = self._square

@@ -330,3 +330,17 @@ def test_only_arms_that_can_choose_it_have_a_plane(limbs, tmp_path):
     names = swung_shoulders(tmp_path / "ball.xml", BALL)[1].vectors.names
     assert {"r_arm_plane", "l_arm_plane"} <= set(names)
     assert not any("plane" in name for name in limbs.vectors.names)  # two hinges a shoulder
+
+
+def test_a_leg_does_not_lean_for_a_foot_on_tiptoe(limbs):
+    """The human's heels are up by 1.2 rad; these ankles turn by 0.3."""
+    _, limits = solver_of(limbs)
+    ankles = [SERVOS.index(f"{name}_ankle") for name in SIDES.values()]
+    limits.lower[ankles], limits.upper[ankles] = -0.3, 0.3
+    solver = LimbSolver(limbs, limits, np.clip(np.zeros(len(SERVOS)), limits.lower, limits.upper), DT)
+    goals = standing()
+    for side in SIDES:
+        goals[LIMBS.index(f"{side}_foot")] = [np.cos(FOOT_SLOPE + 1.2), 0.0, -np.sin(FOOT_SLOPE + 1.2)]
+    there = seen(limbs, solver(goals, UP))
+    for name in ("r_thigh", "r_shank", "l_shank"):
+        assert there[LIMBS.index(name)] @ goals[LIMBS.index(name)] > np.cos(0.1)
