@@ -84,7 +84,7 @@ def fit(
       motiondeck fit configs/libraries/cmu86.toml --data cmu --centers auto --satellites auto --out small.safetensors
     """
     from controller.cli.common.library_report import join_fields, join_line, part_fields, print_table, report
-    from controller.cli.common.options import check_folder
+    from controller.cli.common.options import check_ending, check_folder
     from controller.cli.common.progress import progress
     from controller.deck.worst_join import worst_join
     from controller.library.motion_library import save_library
@@ -97,6 +97,8 @@ def fit(
     for path in what:
         if path.suffix.lower() in CONVERTIBLE:
             read_clip(path)  # refuses it, and says how to convert it
+    if out is not None:
+        check_ending(out, "a library")
     gestures = False
     if all(path.suffix.lower() == ".clip" for path in what):
         if data is not None:

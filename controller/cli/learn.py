@@ -16,6 +16,7 @@ from controller.cli.common.options import (
     SkeletonOption,
     UnitOption,
     UpOption,
+    check_ending,
     check_folder,
     check_new,
     reading_options,
@@ -75,8 +76,7 @@ def learn(
     from motiondeck_base.errors import MotiondeckError
     from motiondeck_base.files import write_file
 
-    if out.suffix.lower() != ".safetensors":
-        raise MotiondeckError(f"{out}: a library ends in .safetensors. Name the file so.")
+    check_ending(out, "a library")
     check_folder(out)
     recipe = out.with_suffix(".toml")
     where = Jobs.parse(jobs)

@@ -105,6 +105,16 @@ def check_new(*files: Path, force: bool, hint: str = "") -> None:
             raise MotiondeckError(f"{file} is there already; give another --out, or --force to replace it{hint}")
 
 
+def check_ending(file: Path, what: str, ending: str = ".safetensors") -> None:
+    """Refuses, before anything is computed, a name that says something else: a recording of that name could be lost.
+
+    Raises:
+        MotiondeckError: if the name of the file does not end so.
+    """
+    if file.suffix.lower() != ending:
+        raise MotiondeckError(f"{file}: {what} ends in {ending}. Name the file so.")
+
+
 def check_other(recording: Path, out: Path) -> None:
     """Refuses to write over the recording that is read.
 

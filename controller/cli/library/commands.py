@@ -13,6 +13,7 @@ from controller.cli.common.options import (
     SkeletonOption,
     UnitOption,
     UpOption,
+    check_ending,
     check_folder,
     reading_options,
 )
@@ -131,6 +132,7 @@ def add(
     if out is None and not Path(library).is_file():
         raise MotiondeckError(f"'{library}' is a shipped library, which stays as it is; say with --out where to write")
     target = out or path
+    check_ending(target, "a library")
     check_folder(target)
     options = reading_options(skeleton, unit, up, rename)
     name = name or typeable(clip.stem)

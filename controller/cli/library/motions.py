@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from controller.cli.common.options import JobsOption
+from controller.cli.common.options import JobsOption, check_ending, check_folder
 from controller.cli.common.progress import progress
 from controller.cli.library.commands import LibraryArgument, app
 
@@ -228,6 +228,8 @@ def restyle(
     from controller.library.restyling import in_the_style, restyled
     from motiondeck_base.shipped import find_library
 
+    check_ending(out, "a library")
+    check_folder(out)
     loaded = load_library(find_library(library))
     if unlike is not None:
         styled, distance = in_the_style(loaded, motion, like, unlike, strength)

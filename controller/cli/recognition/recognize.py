@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from controller.cli.common.options import RenameOption, SkeletonOption, UnitOption, UpOption, reading_options
+from controller.cli.common.options import (
+    RenameOption,
+    SkeletonOption,
+    UnitOption,
+    UpOption,
+    check_ending,
+    check_folder,
+    reading_options,
+)
 from controller.cli.recognition.recognition_data import SKIPPED_EXIT, AsJson, DataArgument, leave, read
 
 if TYPE_CHECKING:
@@ -72,10 +80,9 @@ def train(
     from controller.recognition.features import FeatureRecipe
     from controller.recognition.recognizer import train_recognizer
     from controller.recognition.recognizer_file import save_recognizer
-    from motiondeck_base.errors import MotiondeckError
 
-    if not out.parent.is_dir():
-        raise MotiondeckError(f"{out.parent}: there is no such folder to write the recognizer to")
+    check_ending(out, "a recognizer")
+    check_folder(out)
     look = FeatureRecipe(rate=rate, joints=tuple(name.strip() for name in joints.split(",") if name.strip()))
     dataset = read(data)
     stretches = tuple(dict.fromkeys(stretch or STRETCHES))
