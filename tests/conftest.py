@@ -57,8 +57,8 @@ def pytest_configure(config):
 
 @cache
 def has_browser_tests(file):
-    """Whether a test of this file takes the fixture `browser`."""
-    return re.search(r"def test_\w+\([^)]*\bbrowser\b", Path(file).read_text(encoding="utf-8")) is not None
+    """Whether a test or a fixture of this file takes the fixture `browser`."""
+    return re.search(r"def \w+\([^)]*\bbrowser\b", Path(file).read_text(encoding="utf-8")) is not None
 
 
 def pytest_collection_modifyitems(items):

@@ -9,6 +9,8 @@ import sys
 import time
 from pathlib import Path
 
+import pytest
+
 from command_line import invoked
 
 PAGE = Path(__file__).parents[3] / "docs" / "first-motion.md"
@@ -53,6 +55,7 @@ def like(expected):
     return re.compile(r"\s*".join(words))
 
 
+@pytest.mark.documented
 def test_a_recording_comes_to_a_robot_as_the_page_says(mocap_data, tmp_path, monkeypatch):
     shutil.copy(mocap_data / "bvh/bandai/walk_normal_001.bvh", tmp_path / "walk.bvh")
     monkeypatch.chdir(tmp_path)

@@ -113,6 +113,7 @@ def swings(emulator, seconds):
     return np.ptp(places, axis=0), [int((np.diff(np.sign(column)) != 0).sum()) for column in moving]
 
 
+@pytest.mark.documented
 @pytest.mark.timeout(180)
 def test_a_taught_wave_loops_and_switches_to_a_taught_nod(tmp_path):
     typed = blocks(PAGE)
