@@ -38,7 +38,7 @@ WEIGHT = {"leg": 2.5, "thigh": 2.0, "arm": 2.0, "upper_arm": 2.0, "forearm": 2.0
 # turn a foot in its ankle. Nor do ankles tilt as far as a human's on tiptoe: the shank would lean for it, so the more
 # the human's sole is tilted the less it counts, down to this share.
 WEIGHT |= {"foot_up": 2.5, "foot_ahead": 0.4}
-TIPTOE = 0.1
+TIPTOE = 0.2
 # Of feet that stand: how far they are apart along the floor, how much higher one is, and, besides, where toes point.
 APART, HIGHER, TURNED = 10.0, 3.0, 3.0
 # The plane in which an arm bends, times the sine of the human's bend: a straight arm has none.

@@ -81,7 +81,7 @@ def test_it_lasts_as_long_as_demonstrations_or_as_is_said(primitive):
         (lambda p: p.ending_at(np.zeros(3), deviation=-1.0), "deviation of -1"),
         (lambda p: p.play(100.0, 0.0), "cannot be played"),
         (lambda p: learn_primitive([], 100.0), "one demonstration at least"),
-        (lambda p: learn_primitive([reach(1.0), reach(1.0)[:, :2]], 100.0), "demonstration 1 is of shape"),
+        (lambda p: learn_primitive([reach(1.0), reach(1.0)[:, :2]], 100.0), "demonstration 1 has 2 channels"),
     ],
 )
 def test_what_makes_no_sense_is_refused(primitive, wrong, says):
