@@ -73,6 +73,15 @@ def whole_number(given: object, what: str, least: int = 0) -> int:
     return int(given)
 
 
+def sampling_rate(given: object) -> float:
+    """The rate of a time series, Hz.
+
+    Raises:
+        MotiondeckError: if it is no number above 0, or one that nothing was ever sampled at.
+    """
+    return number_within(given, "the rate, Hz,", 1e-9, 1e12)
+
+
 def number_within(given: object, what: str, least: float, most: float) -> float:
     """A number from `least` to `most`.
 

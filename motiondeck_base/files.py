@@ -135,22 +135,21 @@ def write_file(path: Path, content: bytes) -> None:
     Raises:
         FileFormatError: if it cannot be written.
     """
-    if path.exists() and not path.is_file():
-        try:
-            path.write_bytes(content)
-        except OSError as error:
-            raise FileFormatError.unwritable(path, error) from None
-        return
     try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        if path.exists() and not path.is_file():
+            path.write_bytes(content)
+        else:
+            _replace(path, content)
     except OSError as error:
         raise FileFormatError.unwritable(path, error) from None
+
+
+def _replace(path: Path, content: bytes) -> None:
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(content)
         Path(temporary).chmod(0o644)
         Path(temporary).replace(path)
-    except OSError as error:
-        raise FileFormatError.unwritable(path, error) from None
     finally:
         Path(temporary).unlink(missing_ok=True)

@@ -37,7 +37,6 @@ _SATELLITES = 6.0  # per second of the longest clip
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}")
 """Names that can be typed at a prompt and in a script."""
 
-
 _SPELLED = str.maketrans({"ß": "ss", "æ": "ae", "ø": "o", "œ": "oe", "ł": "l", "đ": "d", "ı": "i"})
 
 

@@ -81,10 +81,10 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         bottom, top = self.table.one_turn
         low, high = sorted((self.pulses(self.lower), self.pulses(self.upper)))
         if not (low >= bottom and high <= top):
-            in_degrees = " Limits are in radians" if max(-self.lower, self.upper) > 2.0 * math.pi * self.gear else ""
+            in_degrees = ". Limits are in radians" if max(-self.lower, self.upper) > 2.0 * math.pi * self.gear else ""
             raise ValueError(
                 f"limits {self.lower} to {self.upper} rad with zero {self.zero} reach from {low:.0f} to {high:.0f} "
-                f"pulses, outside the servo's one turn ({bottom} to {top}){'.' if in_degrees else ''}{in_degrees}"
+                f"pulses, outside the servo's one turn ({bottom} to {top}){in_degrees}"
             )
 
     @property

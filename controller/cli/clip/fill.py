@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from controller.cli.clip.commands import app
-from controller.cli.common.options import check_other
+from controller.cli.common.options import check_folder, check_other
 
 if TYPE_CHECKING:
     from controller.mocap.formats.markers.tracks import Markers
@@ -50,8 +50,7 @@ def fill(
     if out.suffix.lower() not in (".c3d", ".csv"):
         raise MotiondeckError(f"{out}: markers are written as .c3d or .csv. Name the file so.")
     check_other(file, out)
-    if not out.absolute().parent.is_dir():
-        raise MotiondeckError(f"{out.parent}: there is no such folder to write {out.name} to")
+    check_folder(out)
     markers = read_c3d(file)
     with progress("gaps", len(gaps_of(markers.position))) as tick:
         position, gaps = fill_missing(markers.position, markers.rate, tick)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.given import number_within, time_series, whole_number
+from controller.given import sampling_rate, time_series, whole_number
 from controller.networks.centralized.centers import HarmonicCenters, NonlinearCenters
 from controller.networks.centralized.satellites import Satellites
 from controller.ridge import ridge
@@ -74,7 +74,7 @@ def learn_weights(
         MotiondeckError: if the signal is not of shape (T, D), holds a number that is not finite, the rate is none, or
             the satellites do not fit the centers.
     """
-    signal, rate = time_series(signal, "the signal"), number_within(rate, "the rate, Hz,", 1e-9, 1e12)
+    signal, rate = time_series(signal, "the signal"), sampling_rate(rate)
     driven = deepcopy(centers)
     states = []
     for _ in range(len(signal)):

@@ -63,10 +63,8 @@ def random_reservoir(
     """
     neurons, inputs = whole_number(neurons, "neurons", 1), whole_number(inputs, "inputs", 0)
     spectral_radius = number_within(spectral_radius, "spectral_radius", 0.0, 1e6)
-    input_scale, bias_scale = (
-        number_within(input_scale, "input_scale", 0.0, 1e6),
-        number_within(bias_scale, "bias_scale", 0.0, 1e6),
-    )
+    input_scale = number_within(input_scale, "input_scale", 0.0, 1e6)
+    bias_scale = number_within(bias_scale, "bias_scale", 0.0, 1e6)
     leak = number_within(leak, "leak", 1e-9, 1.0)
     if not isinstance(rng, np.random.Generator):  # what pyright sees, a user's script does not
         raise MotiondeckError(f"rng is {rng!r}; give a generator: numpy.random.default_rng(SEED)")

@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from controller.given import number_within, time_series
+from controller.given import sampling_rate, time_series
 from controller.networks.centralized.centralized import CentralizedMotion
 from controller.networks.centralized.low_rank import LowRankWeights
 from controller.rotations import Array
@@ -58,7 +58,7 @@ def train_centralized(
         MotiondeckError: if the motion is not of shape (K, D), a number is not finite, there are fewer frames than
             satellites, or the weights grow beyond LARGEST_WEIGHT.
     """
-    channels, rate = time_series(channels, "the motion"), number_within(rate, "the rate, Hz,", 1e-9, 1e12)
+    channels, rate = time_series(channels, "the motion"), sampling_rate(rate)
     if centers < 1 or satellites < 1:
         raise MotiondeckError(f"a network of {centers} centers and {satellites} satellites; it needs at least one each")
     frames = len(channels)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from controller.given import number_within, time_series
+from controller.given import sampling_rate, time_series
 from controller.networks.centralized.movement_primitive import MovementPrimitive
 from controller.rotations import Array
 from controller.training.centralized.satellite_learning import learn, ridge_readout, slow_and_fast
@@ -33,7 +33,7 @@ def learn_primitive(
     """
     if len(demonstrations) == 0:
         raise MotiondeckError("a movement primitive needs one demonstration at least, two for a spread")
-    rate = number_within(rate, "the rate, Hz,", 1e-9, 1e12)
+    rate = sampling_rate(rate)
     channels = time_series(demonstrations[0], "demonstration 0").shape[1]
     demonstrations = [time_series(one, f"demonstration {i}", channels) for i, one in enumerate(demonstrations)]
     for index, each in enumerate(demonstrations):
