@@ -119,6 +119,7 @@ def absent(paths, packed):
     return {path for path in paths if path not in packed and not any(name.startswith(f"{path}/") for name in packed)}
 
 
+@pytest.mark.thorough
 def test_the_source_distribution_holds_what_the_pages_show(packed):
     shown = {page.relative_to(ROOT).as_posix() for page in PAGES}
     for page in PAGES:

@@ -98,12 +98,14 @@ def test_what_a_task_raises_comes_out(jobs):
         list(spread((delayed(refuses)(number) for number in range(6)), jobs))
 
 
+@pytest.mark.thorough
 def test_a_lost_worker_costs_only_its_task(jobs, tmp_path):
     tasks = (delayed(dies_once)(number, tmp_path / "died") for number in range(20))
     assert sorted(spread(tasks, jobs)) == list(range(20))
     assert (tmp_path / "died").exists()
 
 
+@pytest.mark.thorough
 def test_a_task_that_kills_its_workers_is_given_up(cluster, jobs, monkeypatch):
     monkeypatch.setattr(cluster.scheduler, "allowed_failures", 0)
     with pytest.raises(ClusterError, match="gave a task up"):
@@ -126,6 +128,7 @@ def test_recordings_are_read_on_a_cluster_as_here(jobs, tmp_path):
     assert files[0].read_bytes() == files[1].read_bytes()
 
 
+@pytest.mark.thorough
 def test_files_are_carried_on_a_cluster_as_here_though_a_worker_is_killed(cluster, jobs, tmp_path):
     (tmp_path / "small.xml").write_text(humanoid())
     (tmp_path / "small.toml").write_text(calibrated(tmp_path / "small.xml").to_toml(tmp_path))

@@ -26,6 +26,7 @@ def test_no_example_is_left_out():
     assert all(name in listed for name in RUNS)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", RUNS)
 def test_an_example_runs(name, monkeypatch, tmp_path, capsys):
     arguments, printed = RUNS[name]

@@ -22,6 +22,7 @@ def reservoir():
     return net.random_reservoir(20, 2, spectral_radius=0.9, input_scale=1.0, bias_scale=0.1, rng=rng)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "given",
     [WAVE.tolist(), np.asfortranarray(WAVE), np.repeat(WAVE, 2, axis=0)[::2], WAVE.astype(">f8")],

@@ -56,6 +56,7 @@ def environment(**more):
     return {name: value for name, value in os.environ.items() if name != "PYTHONPATH"} | more
 
 
+@pytest.mark.thorough
 def test_page_recording_and_emulated_rig_work_beside_foreign_packages(command, crowded):
     deck = subprocess.Popen(
         [

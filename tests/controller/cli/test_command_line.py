@@ -278,6 +278,7 @@ def test_words_for_a_terminal_that_is_closed_end_without_a_traceback():
     assert (run.returncode, said) == (129, "")
 
 
+@pytest.mark.thorough
 def test_a_terminal_without_a_letter_shows_a_question_mark(library, tmp_path):
     shutil.copy(library, tmp_path / "größe.safetensors")
     done = subprocess.run(

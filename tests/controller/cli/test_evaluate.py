@@ -111,6 +111,7 @@ def test_what_is_unknown_is_refused(tmp_path):
     )
 
 
+@pytest.mark.thorough
 def test_the_shipped_library_survives_noise(mocap_data):
     result = invoke("thesis15", "stability", "--data", mocap_data, "--runs", 1, "--jobs", 1, "--json")
     assert result.exception is None

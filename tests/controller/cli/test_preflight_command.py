@@ -22,6 +22,7 @@ def preflight(*arguments):
     return invoked("preflight", *arguments, env={"COLUMNS": "220"})
 
 
+@pytest.mark.thorough
 def test_every_motion_and_every_switch_is_judged_and_the_exit_code_says_so(library, tmp_path):
     picture = tmp_path / "preflight.png"
     run = preflight(library, "--robot", "mannequin", "--json", "--plot", picture)
@@ -36,6 +37,7 @@ def test_every_motion_and_every_switch_is_judged_and_the_exit_code_says_so(libra
     assert picture.stat().st_size > 5_000
 
 
+@pytest.mark.thorough
 def test_the_table_names_what_is_wrong_and_the_tempo_that_passes(library):
     run = preflight(library, "--robot", "mannequin", "--motions-only", "--root", "free")
     assert run.exit_code == 1

@@ -345,6 +345,7 @@ def test_a_blend_plays_its_first_motion_before(library):
     assert (deck.playing, deck.blend) == ("march", ("wave", 0.25))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("share", "left"), [(1.0, "wave"), (0.0, "march")])
 def test_the_share_of_a_blend_can_be_moved_and_at_its_ends_one_motion_is_left(library, share, left):
     deck = new_deck(library)
@@ -378,6 +379,7 @@ def test_a_blend_commanded_while_its_first_motion_is_faded_in_is_carried_out(lib
     assert deck.settled
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("to", synthetic.MOTIONS)
 def test_a_switch_leaves_a_blend(library, to):
     deck = new_deck(library)
@@ -415,6 +417,7 @@ def test_what_cannot_be_blended_is_refused(library, first, second, share, why):
         new_deck(library).blend_in(first, second, share)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("joining", JOININGS)
 @pytest.mark.parametrize("to", ["wave", "bow"])
 def test_however_motions_are_joined_the_target_is_played_in_the_end(library, joining, to):

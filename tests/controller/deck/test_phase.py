@@ -106,6 +106,7 @@ def own_peaks(library):
     return {motion: peaks(played(library, new_deck(library, motion), 2.0)) for motion in synthetic.MOTIONS}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("tempo", [1.0, 0.0, -1.0])
 @pytest.mark.parametrize("motion", list(synthetic.MOTIONS))
 def test_a_jump_arrives_without_a_step(library, own_peaks, motion, tempo):

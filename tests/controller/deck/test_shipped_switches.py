@@ -40,6 +40,7 @@ def own_peaks(library):
     return peaks
 
 
+@pytest.mark.thorough
 def test_twenty_switches_in_one_run(library, own_peaks):
     rng = np.random.default_rng(20)
     motions = list(library.network.motions)

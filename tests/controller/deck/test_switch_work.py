@@ -54,6 +54,7 @@ def pairs_of(library):
     return [(names[k], names[(k + 4) % len(names)], 0.13 * k % 1.0) for k in range(0, len(names), 2)]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("joining", [None, "crossfade"])
 def test_no_tick_of_a_switch_does_two_heavy_things(library, work, joining):
     looks = []
@@ -69,6 +70,7 @@ def test_no_tick_of_a_switch_does_two_heavy_things(library, work, joining):
     assert sum(looks) or (joining is None and library.info.name == "cmu86")  # its module morphs
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("joining", [None, "crossfade"])
 def test_no_tick_of_a_switch_makes_many_calls(joining):
     library, calls = load_library(find_library("thesis15")), 0

@@ -69,6 +69,7 @@ def test_the_player_and_the_batch_recover_alike(subject):
     assert np.allclose(calm[-1], network["march"].at(np.array([1 / network.rate]))[0], atol=1e-5)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["robustness", "stability"])
 def test_loops_come_back_from_every_disturbance(subject, syllabus, kind):
     counts = sweep(kind, [subject], syllabus, 5)

@@ -15,6 +15,7 @@ def crossings():
     return all_crossings(synthetic.small_library(), syllabus)
 
 
+@pytest.mark.thorough
 def test_every_ordered_pair_is_crossed_in_every_way(crossings):
     names = list(synthetic.MOTIONS)
     pairs = [(c.source, c.target) for c in crossings if c.method == "deck"]

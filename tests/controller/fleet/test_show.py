@@ -144,6 +144,7 @@ def test_two_decks_start_together_keep_step_and_stop_together(theatre):
     assert "first reset the emergency stop" in theatre.conductor.go()
 
 
+@pytest.mark.thorough
 def test_a_deck_that_joins_late_joins_in_step(theatre):
     left = theatre.deck("left")
     theatre.conduct(cues=[ShowCue(say="switch march", when="here", in_step=True)], lead=0.1)

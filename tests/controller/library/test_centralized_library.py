@@ -64,6 +64,7 @@ def small_library(library):
     return MotionLibrary(library.info, network, library.encoding)
 
 
+@pytest.mark.thorough
 def test_weights_of_low_rank_come_back_bit_by_bit_from_a_smaller_file(library, small_library, tmp_path):
     save_library(small_library, tmp_path / "small.safetensors")
     save_library(library, tmp_path / "full.safetensors")

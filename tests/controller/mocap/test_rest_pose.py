@@ -34,6 +34,7 @@ def in_other_axes(body, up, unit, turn, scramble):
     )
 
 
+@pytest.mark.thorough
 @settings(max_examples=25)
 @given(
     st.integers(0, 2**32 - 1),

@@ -57,6 +57,7 @@ def clip(mocap_data):
     return read_clip(mocap_data / "cmu/86/86_01.amc")
 
 
+@pytest.mark.thorough
 def test_a_recorded_sequence_is_cut_where_people_cut_it(mocap_data, clip):
     marked = read_labels(mocap_data / "cmu/86/labels/barbic_01_ground_truth.txt").borders
     features = body_features(clip)

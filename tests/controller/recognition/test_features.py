@@ -114,6 +114,7 @@ def recorded(mocap_data):
     return [read_clip(mocap_data / file) for file in ("bvh/bandai/walk_normal_001.bvh", "c3d/0803_walk.c3d")]
 
 
+@pytest.mark.thorough
 def test_a_recognizer_of_acclaim_joints_reads_other_bodies_by_the_canonical_ones(recorded):
     """Trained on CMU's names, it looks at the same joints of a BVH and of markers."""
     recipe = FeatureRecipe(joints=JOINTS)

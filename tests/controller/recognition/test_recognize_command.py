@@ -76,6 +76,7 @@ def test_train_and_run(folder, tmp_path):
     assert streamed["spans"][-1]["to_s"] == pytest.approx(streamed["frames"] / 30.0)
 
 
+@pytest.mark.thorough
 def test_recordings_of_any_format_train_and_are_recognized_together(mocap_data, tmp_path):
     """Two motions by five people in three formats, at 30 and 120 Hz; asked about two others."""
     classes = {

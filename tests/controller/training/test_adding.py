@@ -144,6 +144,7 @@ def test_a_network_without_a_scale_for_it_refuses_the_motion():
         add_motion(library, FILE, waving_left(), MotionRecipe(name="left", file=""))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "make", [conceptor_library, phase_library, phase_echo_state_library, echo_state_library, centralized_library]
 )

@@ -49,6 +49,7 @@ def accelerations(features):
     return np.linalg.norm(np.diff(joints, n=2, axis=0), axis=-1).ravel()
 
 
+@pytest.mark.thorough
 def test_joints_are_where_they_were_taught_to_be(generator, loops, encoding):
     for name, frames in loops.items():
         played = generator[name].at(np.arange(len(frames)) / 120.0)

@@ -59,6 +59,7 @@ def test_a_small_library_is_trained_from_recordings(tmp_path, mocap_data):
     assert load_library(tmp_path / "three.safetensors").info == library.info
 
 
+@pytest.mark.thorough
 def test_a_phase_driven_library_needs_one_seed_and_is_exact(tmp_path, mocap_data):
     recipe = recipe_of(
         tmp_path, SMALL.replace('type = "conceptor"', 'type = "phase-conceptor"').replace("aperture", "#")

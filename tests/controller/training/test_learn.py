@@ -149,6 +149,7 @@ def test_files_with_the_same_name_get_names_of_their_own(folder):
     assert list(learned.library.network.motions) == ["recordings-swing", "again-swing"]
 
 
+@pytest.mark.thorough
 def test_the_command_writes_library_and_recipe_and_prints_what_it_found(folder, tmp_path):
     out = tmp_path / "mine.safetensors"
     result = invoked("learn", str(folder), "--out", str(out), "--json")
@@ -186,6 +187,7 @@ def learned_at(rate):
     return fit_prepared(recipe, prepare(recipe, Path(), read=lambda motion: clips[motion.name])).info.motions
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("rate", [24.0, 30.0, 60.0, 240.0])
 def test_a_library_at_another_rate_is_alike(rate):
     for other, usual in zip(learned_at(rate), learned_at(120.0), strict=True):

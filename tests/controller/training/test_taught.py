@@ -57,6 +57,7 @@ def library(tmp_path_factory):
     return load_library(folder / "gestures.safetensors")
 
 
+@pytest.mark.thorough
 def test_every_motion_passes_its_self_test_and_survives_the_file(library):
     assert library.info.encoding == library.encoding.name == "joint angles"
     assert [motion.name for motion in library.info.motions if motion.passed] == ["wave", "nod", "reach"]

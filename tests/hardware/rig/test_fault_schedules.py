@@ -18,6 +18,7 @@ def test_a_random_schedule_of_faults_ends_well(seed):
     assert run(seed).problems == []
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "seed", "noticed"),
     [
@@ -33,6 +34,7 @@ def test_a_broken_source_is_noticed_while_it_runs(name, seed, noticed):
         assert noticed in "; ".join(run(seed, until_wrong=True).problems)
 
 
+@pytest.mark.thorough
 def test_a_source_that_leaves_torque_on_is_noticed_at_the_end():
     with mutated(MUTANTS["no switch-off"]):
         assert "wrong torque after the close" in "; ".join(run(10).problems)

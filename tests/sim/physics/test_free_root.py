@@ -69,6 +69,7 @@ def without_servos(folder, text):
     return load_robot(folder / "small.toml", human())
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "text",
     [
@@ -140,6 +141,7 @@ def test_a_free_robot_starts_on_the_floor_and_falls_where_it_cannot_stand(name):
     assert output.report()["fell_s"] == output.fell_s
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", NAMES)
 def test_with_balance_it_stands_where_it_would_fall_and_when_it_is_pushed(name):
     robot = load(name)

@@ -45,6 +45,7 @@ def test_a_gentle_swing_passes_and_physics_agrees():
     assert {f.check: f.value for f in verdict.findings}["physics: off target"] < ASTRAY
 
 
+@pytest.mark.thorough
 def test_a_swing_that_is_too_fast_fails_and_passes_at_the_speed_offered():
     judge = Preflight(SERVO20, SERVO20.limits)
     played = swinging(25.0, seconds=0.4)
@@ -163,6 +164,7 @@ def test_a_robot_that_leans_too_far_falls_in_both_ways():
     assert verdict.passes_at is None
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "rotation", [(1.0, 0.0, 0.0, 0.0), (np.sqrt(0.5), 0.0, -np.sqrt(0.5), 0.0)], ids=["up", "lying"]
 )

@@ -67,6 +67,7 @@ def test_a_gif_has_a_picture_a_frame_and_its_pace(model, tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["walk.gif"]
 
 
+@pytest.mark.thorough
 def test_an_mp4_is_written_whole(model, tmp_path):
     pytest.importorskip("imageio_ffmpeg", reason="the extra 'video' is not installed")
     assert render(model, [standing(model)] * 3, tmp_path / "walk.mp4", size=(64, 64)) == 3
@@ -74,6 +75,7 @@ def test_an_mp4_is_written_whole(model, tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["walk.mp4"]
 
 
+@pytest.mark.thorough
 def test_a_film_that_breaks_leaves_nothing_behind(model, tmp_path):
     def frames():
         yield standing(model)
@@ -85,6 +87,7 @@ def test_a_film_that_breaks_leaves_nothing_behind(model, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["a.gif", "a.mp4"])
 def test_a_film_of_nothing_is_refused(model, tmp_path, name):
     with pytest.raises(PictureError, match="no frames"):
@@ -197,6 +200,7 @@ def test_meshes_lose_what_a_picture_cannot_show():
     assert len(full.mesh_face) == full.mesh_facenum[0]
 
 
+@pytest.mark.thorough
 def test_screens_that_share_a_film_draw_the_same_pictures(model, monkeypatch):
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1, 2}, raising=False)
     shots = [Shot(standing(model, 0.2 * k), ghost=standing(model) if k == 3 else None) for k in range(5)]

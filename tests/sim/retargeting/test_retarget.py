@@ -99,6 +99,7 @@ def test_the_head_pans_and_tilts(servo20):
     assert angles(servo20, bent_pose(human(), head=(0, 0.4, 0)))["head_tilt"] == pytest.approx(0.4, abs=1e-6)
 
 
+@pytest.mark.thorough
 @settings(max_examples=15)
 @given(st.integers(0, 2**32 - 1))
 @example(230)  # rounding once led past the end of a range by the last digit

@@ -39,6 +39,7 @@ def pointing(robot, directions, joints):
     return np.array(found)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("extra", ["", FOLLOWS], ids=["free", "a joint that follows"])
 def test_what_the_robot_itself_does_is_in_reach(tmp_path, extra):
     robot, directions = loaded(tmp_path, extra)

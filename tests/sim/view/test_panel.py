@@ -5,6 +5,7 @@ import time
 from contextlib import closing
 
 import numpy as np
+import pytest
 
 from controller.wire.command_socket import CommandClient, CommandServer
 from controller.wire.messages import Accepted, EmergencyStop, Event, Push, StepOn, Switch
@@ -53,6 +54,7 @@ SITUATIONS = [
 ]
 
 
+@pytest.mark.thorough
 def test_two_browsers_see_what_happens_and_both_command(browser):
     page, heard, over = PrivatePage(free_port(), "test"), [], threading.Event()
     with closing(CommandServer(0)) as server, closing(CommandClient(server.port)) as client:

@@ -97,6 +97,7 @@ def test_a_hand_alone_has_no_legs(tmp_path):
     assert "doubt: skeleton 'hand': no left leg was found" in said.stdout
 
 
+@pytest.mark.thorough
 def test_curves_and_sheets_are_drawn(bow, tmp_path):
     pytest.importorskip("matplotlib")
     assert run("plot", bow, "--out", tmp_path / "curves.png").exit_code == 0
@@ -108,6 +109,7 @@ def test_curves_and_sheets_are_drawn(bow, tmp_path):
     assert Image.open(io.BytesIO((tmp_path / "sheet.png").read_bytes())).size == (120 + 8 * 200, 220)
 
 
+@pytest.mark.thorough
 def test_lost_markers_are_filled_in(tmp_path):
     seen = markers(200, 6)
     lost = seen.copy()

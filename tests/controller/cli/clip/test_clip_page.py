@@ -30,6 +30,7 @@ def address(tmp_path):
         view.wait(timeout=20)
 
 
+@pytest.mark.thorough
 def test_the_bar_the_steps_and_the_button(browser, address):
     page = browser.new_page(viewport={"width": 800, "height": 600})
     for _ in range(100):

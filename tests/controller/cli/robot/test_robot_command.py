@@ -54,6 +54,7 @@ def test_a_robot_is_shown_with_its_joints_and_parts():
     assert "left knee" not in run("show", "mannequin").stdout
 
 
+@pytest.mark.thorough
 def test_calibrate_says_what_it_found_and_replaces_nothing_unasked(files):
     out = files / "again.toml"
     said = json.loads(run("calibrate", files / "small.xml", "--out", out, "--json").stdout)
@@ -150,6 +151,7 @@ def test_the_check_fails_when_a_knee_is_moved_to_the_yaw_hinge(tmp_path):
     assert "r_thigh" in calibration.tried(file).wrong
 
 
+@pytest.mark.thorough
 def test_calibrate_shows_what_limbs_measure_and_which_line_to_edit(tmp_path):
     model = tmp_path / "short.xml"
     model.write_text(
@@ -170,6 +172,7 @@ def test_calibrate_shows_what_limbs_measure_and_which_line_to_edit(tmp_path):
     assert 0.25 < shank["human_m"] < 0.4
 
 
+@pytest.mark.thorough
 def test_calibrate_fails_where_limbs_point_elsewhere_though_joints_could_turn_there(files, monkeypatch):
     found = calibration.tried(files / "small.toml")
     assert not found.wrong

@@ -65,6 +65,7 @@ class WalkingRig:
         self.port.elapse(DT)
 
 
+@pytest.mark.thorough
 def test_held_by_the_knees_it_waits_without_overload_and_goes_on_from_there():
     walker = WalkingRig()
     free = walker.play(1.6)

@@ -97,6 +97,7 @@ def test_every_message_is_a_recorded_command_or_commands_nothing():
     assert told == {*COMMANDS} | {kind.__struct_config__.tag for kind in ASKS}
 
 
+@pytest.mark.thorough
 def test_every_tick_is_recorded_with_its_commands(run, folder):
     recording = load_recording(folder / "show.rec")
     fields = recording.fields

@@ -27,6 +27,7 @@ def report_of(motion, seconds, **setup):
         return session.run()
 
 
+@pytest.mark.thorough
 def test_a_fall_is_told_on_the_clock_of_the_run():
     report = report_of("jog", 1.0)
     fell = report["outputs"][0]["fell_s"]
@@ -34,6 +35,7 @@ def test_a_fall_is_told_on_the_clock_of_the_run():
     assert f"the robot fell after {fell:.1f} s" in summary(report)
 
 
+@pytest.mark.thorough
 def test_the_report_tells_how_far_it_walked():
     report = report_of("walk", 2.5, walk=True)
     travel = report["outputs"][0]["travel"]

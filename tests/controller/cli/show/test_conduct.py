@@ -25,6 +25,7 @@ in_step = true
 """
 
 
+@pytest.mark.thorough
 def test_a_show_of_one_deck_from_its_first_cue_to_the_stop(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     (tmp_path / "gala.toml").write_text(SHOW)

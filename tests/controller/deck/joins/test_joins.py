@@ -36,6 +36,7 @@ def test_from_kick_to_run_at_frame_109_no_shin_turns_over(cmu86, joining, frame)
     assert join.passes, join
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("phase", [0.67, 0.71, 0.75])
 def test_from_jump_to_punch_no_fist_is_thrown(cmu86, phase):
     """Mixed as directions, it reached eight times the speed of either motion."""

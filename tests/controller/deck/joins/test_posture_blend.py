@@ -74,6 +74,7 @@ def test_bones_that_pass_half_a_turn_from_each_other_do_not_change_sides(weight)
         before = shown
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("weight", [-0.3, 0.1, 0.5, 0.8, 1.3])
 def test_a_bone_that_keeps_turning_is_taken_the_short_way_round_without_a_jump(weight):
     """Once a turn it is turned back by 2 pi w; at once, that would be 2 pi w / DT here, rad/s."""

@@ -150,6 +150,7 @@ def test_a_target_that_turns_takes_longer():
     assert fade.duration > found((shown, shown), (target, target), dt, staying(target), bounds).duration
 
 
+@pytest.mark.thorough
 @settings(max_examples=20)
 @given(st.integers(0, 200), st.floats(2.0, 8.0))
 def test_no_joint_gets_faster_than_the_bound(seed, bound):

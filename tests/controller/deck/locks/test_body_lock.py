@@ -47,6 +47,7 @@ def test_a_body_that_follows_is_played_as_without_the_lock():
     assert deck.lock_state.state == "locked"
 
 
+@pytest.mark.thorough
 @settings(max_examples=6)
 @given(st.floats(0.0, 1.0), st.sampled_from([1.0, 0.5, 2.0, -1.0]))
 def test_held_at_any_phase_it_waits_there_and_goes_on_from_there(moment, tempo):

@@ -59,6 +59,7 @@ def test_bones_of_exporters_files_point_as_recorded(mocap_data, file):
     assert landmarks_of(recorded.skeleton).lacking == []
 
 
+@pytest.mark.thorough
 def test_bones_of_bandai_files_point_as_recorded_and_stay_on_their_path(mocap_data):
     files = sorted((mocap_data / "bvh" / "bandai").glob("*.bvh"))
     assert len(files) == 12

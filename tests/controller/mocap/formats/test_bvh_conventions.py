@@ -20,6 +20,7 @@ FILES = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("along_x", [False, True])
 @pytest.mark.parametrize("seed", range(6))
 def test_a_person_is_told_by_shape_where_names_say_nothing(tmp_path, seed, along_x):

@@ -81,6 +81,7 @@ def oracle(asf, amc, frames):
         yield place
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("subject", CMU + HDM05)
 def test_forward_kinematics_agrees_with_matrices_from_the_definition(mocap_data, subject):
     asf, recordings = pairs(mocap_data, subject)
@@ -94,6 +95,7 @@ def test_forward_kinematics_agrees_with_matrices_from_the_definition(mocap_data,
                 assert np.allclose(joints[bone][frame], np.array([z, x, y]) / 0.45 * 0.0254, atol=1e-9)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("subject", CMU + HDM05)
 def test_people_stand_on_the_ground_and_keep_their_bones(mocap_data, subject):
     asf, recordings = pairs(mocap_data, subject)

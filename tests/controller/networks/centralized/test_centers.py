@@ -129,6 +129,7 @@ def test_a_nonlinear_center_follows_the_integrated_orbit(spring):
         assert centers.p[i] == pytest.approx(run.y[1, -1], abs=2e-5)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("spring", SPRINGS)
 def test_a_change_of_control_settles_on_the_new_orbit(spring):
     centers = NonlinearCenters.at_rest(spring, np.full(4, 4.0), 1.0)

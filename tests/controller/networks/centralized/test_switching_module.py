@@ -20,6 +20,7 @@ from controller.networks.centralized.switching_module import (
 betas = st.floats(0.02, 0.98)
 
 
+@pytest.mark.thorough
 @settings(max_examples=40)
 @given(st.integers(1, 30), betas, st.floats(8.0, 40.0), st.floats(0.001, 10.0))
 def test_lemma_1(motions, beta, slope, kappa):
@@ -75,6 +76,7 @@ def reached(design, command_of, dt):
     return list(zip(np.floor(z - design.beta).astype(int), targets, strict=True))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("motions", [3, 5, 10, 15])
 @pytest.mark.parametrize("command_of", [clamp, excite, collapse_and_kick])
 @pytest.mark.parametrize("dt", [0.01, 0.05])

@@ -32,6 +32,7 @@ def network_of(request):
     return learned(body_like(), request.param), request.param
 
 
+@pytest.mark.thorough
 def test_it_takes_no_more_numbers_than_asked_for_and_says_more_with_them_than_full_weights(network_of):
     target = body_like()
     network, parameters = network_of
@@ -85,6 +86,7 @@ def test_what_cannot_be_learned_is_refused():
         learn_low_rank(np.ones((2, 2)), np.arange(2.0), [np.array([1.0])], satellites=5)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("name", "loop"), [("march", True), ("bow", False)])
 def test_a_motion_of_low_rank_comes_back_in_fewer_numbers(name, loop):
     frames = synthetic.MOTIONS[name]()

@@ -110,6 +110,7 @@ def test_speed_and_load_have_the_joints_direction_in_every_model(config, port):
     assert rig.velocities == pytest.approx(np.full(COUNT, -2.0), abs=0.2)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("model", "fault"), [("AX-12A", "overload"), ("MX-28(1.0)", "overheat"), ("XL-320", "overload")]
 )
@@ -137,6 +138,7 @@ LEFT_BEHIND = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("id", "register"), LEFT_BEHIND)
 def test_what_could_move_an_old_servo_wrongly_is_refused_named_and_fixed_on_request(config, port, bus, id, register):
     port.bus[id][register], said = LEFT_BEHIND[id, register]
@@ -147,6 +149,7 @@ def test_what_could_move_an_old_servo_wrongly_is_refused_named_and_fixed_on_requ
     assert play(supervised(config, port), port, 1.2, 1.0).max() < 1.1 * 2.0 + 0.1
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "left",
     [

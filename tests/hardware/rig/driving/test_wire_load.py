@@ -60,6 +60,7 @@ def possible_rate(name, delay=250):
     return float(re.findall(r"ower rate_hz to (\d+)", str(refused.value))[0])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", RIGS)
 def test_at_the_rate_that_a_refusal_names_no_goal_meets_an_answer(name):
     rate = possible_rate(name)
@@ -68,6 +69,7 @@ def test_at_the_rate_that_a_refusal_names_no_goal_meets_an_answer(name):
         collisions(rig_file(name, rate + 1.0))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", RIGS)
 def test_a_rig_that_is_refused_would_have_met_them(name, monkeypatch):
     rate = possible_rate(name)

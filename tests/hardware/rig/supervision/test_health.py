@@ -51,6 +51,7 @@ def test_a_fault_of_any_model_is_named_within_a_second(model, fault, in_place):
     assert (model in found.end) == (fault == "overheat")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("hidden", [NONE_HIDDEN, (1,), (0, 1, 3), ALL_HIDDEN])
 def test_position_comes_every_tick_and_health_at_least_once_a_second(hidden):
     rig, port = build(hidden)
@@ -143,6 +144,7 @@ def test_heat_is_a_reason_to_stop_even_where_the_servo_does_not_shut_down():
         play(rig, port, 1.0)
 
 
+@pytest.mark.thorough
 def test_going_on_survives_the_next_hiccup_a_restart_and_a_second_loss():
     rig, port = build(on_loss="go on")
     play(rig, port, 0.3)
@@ -161,6 +163,7 @@ def test_going_on_survives_the_next_hiccup_a_restart_and_a_second_loss():
     assert rig.positions[[0, 2, 3, 5]] == pytest.approx(np.full(4, 0.4), abs=0.02)
 
 
+@pytest.mark.thorough
 def test_a_lost_servo_that_answers_again_is_set_up_again():
     rig, port = build(on_loss="go on")
     play(rig, port, 0.3)
@@ -181,6 +184,7 @@ def test_a_rig_that_has_lost_every_joint_stops():
         play(rig, port, 2.0)
 
 
+@pytest.mark.thorough
 def test_a_servo_that_keeps_restarting_is_given_up_and_not_set_up_again():
     rig, port = build(on_loss="go on")
     for _ in range(10):

@@ -58,6 +58,7 @@ def test_without_faults_it_is_the_rig_it_looks_after(build):
     assert rig.close() == []
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "fault",
     [
@@ -174,6 +175,7 @@ def test_a_joint_has_caught_up_with_a_target_that_stands_only_when_it_is_there(b
     assert abs(rig.positions[0] - 1.2) < 0.06
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("at", "misled"), [(0.55, 0.0), (0.75, 0.0), (0.95, 0.0), (1.076, 0.1)])
 def test_a_servo_that_takes_the_id_of_a_faster_joint_keeps_its_own_speed(build, rig_of_four, at, misled):
     """It shares that joint's goals then. Only if speeds are just under way does it take them, for less than 0.1 s."""
@@ -339,6 +341,7 @@ def test_a_hot_joint_gets_slower_before_it_shuts_down(build):
     assert play(rig, port, [1.0] * 4, 2.0) == 0.0
 
 
+@pytest.mark.thorough
 def test_a_blocked_joint_yields_before_it_shuts_down_and_catches_up_when_it_is_free(build):
     rig, port = build("jam:id=1,at=0.5,for=6")
     play(rig, port, [0.0] * 4, 0.6)

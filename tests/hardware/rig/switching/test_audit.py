@@ -77,6 +77,7 @@ AS_OTHER_TOOLS_LEAVE_IT = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("left", AS_OTHER_TOOLS_LEAVE_IT)
 def test_what_other_tools_leave_is_named_and_refused_or_mended_and_never_too_fast(used_rig, port, left):
     settings, said, then = AS_OTHER_TOOLS_LEAVE_IT[left]
@@ -138,6 +139,7 @@ def test_the_doctor_mends_a_servo_that_answers_no_read(used_rig, port, bus):
     assert [servo.id for servo in examine(used_rig, bus).servos] == [1, 2]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("register", LEFT_BEHIND)
 def test_what_could_move_a_joint_wrongly_is_refused_and_named_and_fixed_on_request(used_rig, port, bus, register):
     value, said = LEFT_BEHIND[register]
@@ -153,6 +155,7 @@ def test_what_could_move_a_joint_wrongly_is_refused_and_named_and_fixed_on_reque
     assert fastest(DynamixelRig(used_rig, bus), port) < 1.05 * LIMIT
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("register", SET_ANYWAY)
 def test_what_the_rig_file_states_or_is_in_ram_is_set_at_switch_on(used_rig, port, bus, register):
     port.bus[1][register] = SET_ANYWAY[register]

@@ -63,6 +63,7 @@ SKELETONS = (
 )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("file", SKELETONS)
 def test_every_skeleton_there_is_plays_back_exactly(mocap_data, file):
     path = mocap_data / file

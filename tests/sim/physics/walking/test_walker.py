@@ -49,6 +49,7 @@ def test_servo20_walks_and_a_push_does_not_fell_it():
     assert stage.report()["travel"] == {"asked_m": asked, "walked_m": walked}
 
 
+@pytest.mark.thorough
 def test_who_stops_walking_after_two_steps_and_boxes_keeps_on_its_feet():
     assert walk("servo20", "walk", 4.2, at=1.0, then="box1").fell_s is None
 
@@ -74,6 +75,7 @@ def test_it_stands_where_nothing_moves():
     assert stage.travel[1] < 0.02
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("force", [(11.0, 0.0, 0.0), (0.0, -12.0, 0.0)])
 def test_who_stands_and_is_pushed_hard_takes_a_step(force):
     stage = standing(np.array(force), seconds=2.5)
@@ -93,6 +95,7 @@ def shaking(delay):
     return np.median(speeds[50:])
 
 
+@pytest.mark.thorough
 def test_what_is_seen_late_does_not_shake_the_legs():
     # An ankle that acts at once on what is late answers its own answer.
     assert shaking(0.01) < 0.3 * shaking(0.0)
@@ -119,6 +122,7 @@ def test_it_does_not_matter_which_way_in_the_world_it_has_turned(turned):
     assert goal_seen_from(turned) == pytest.approx(goal_seen_from(0.0), abs=1e-6)
 
 
+@pytest.mark.thorough
 def test_a_tilted_trunk_does_not_turn_the_sole_that_lands():
     # A sole that lands turned against the trunk's tilt keeps the trunk tilted under the next step too.
     library = load_library(find_library("thesis15"))

@@ -95,6 +95,7 @@ def rig(loose, angles, seconds=0.0):
     }
 
 
+@pytest.mark.thorough
 def test_the_rig_is_recorded_by_hand_and_the_part_that_was_chosen_is_played(learning):
     tab, hands, asked = learning.tab, learning.hands, learning.asked
     tab.get_by_role("button", name="Record the rig by hand").click()
