@@ -22,8 +22,8 @@ TICK = 0.01
 def rig_on_port(rig_of_four):
     """A rig of some servos of a bus, which has others too, and the port."""
 
-    def make(*faults, count=4, joints=None):
-        config = msgspec.structs.replace(rig_of_four, joints=joints or rig_of_four.joints)
+    def make(*faults, count=4, joints=None, on_loss=rig_of_four.on_loss):
+        config = msgspec.structs.replace(rig_of_four, joints=joints or rig_of_four.joints, on_loss=on_loss)
         port = EmulatedPort(EmulatedBus(config), paced=True, faults=FaultPlan([parse_fault(fault) for fault in faults]))
         own = msgspec.structs.replace(config, joints=config.joints[:count])
         rig = SupervisedRig(own, lambda: Bus(port, config.baud), beside=False, sleep=port.elapse)
@@ -84,6 +84,34 @@ def test_a_register_is_written_only_without_torque_and_only_a_harmless_one(rig_o
     rig.set_up_again(1)
     play(rig, port, 0.1, lambda: rig.states.torque[1])
     assert port.bus[2]["moving_threshold"] == 25
+
+
+def test_a_joint_that_is_being_switched_off_is_written_only_when_its_torque_is_gone(rig_on_port):
+    rig, port = rig_on_port()
+    play(rig, port, 0.1, lambda: rig.positions[0] > 0.05)
+    rig.switch_off(1)
+    assert rig.states.torque[1]
+    with pytest.raises(RigError, match="switch it off first"):
+        rig.registers(1, ("led", 1))
+    play(rig, port, 0.1, lambda: not rig.states.torque[1])
+    rig.registers(1, ("led", 1))
+
+
+def test_a_joint_that_lost_its_torque_by_itself_is_not_written(rig_on_port):
+    rig, port = rig_on_port("alert:id=2,at=0.3,value=32", on_loss="go on")
+    play(rig, port, 1.0, lambda: not rig.states.torque[1], seconds=5.0)
+    with pytest.raises(RigError, match="switch it off first"):
+        rig.registers(1, ("led", 1))
+
+
+def test_no_more_than_eight_servos_wait_to_be_read(rig_on_port):
+    rig, port = rig_on_port()
+    play(rig, port, 0.1, lambda: rig.positions[0] > 0.05)
+    looks = [rig.registers(joint % 4) for joint in range(8)]
+    with pytest.raises(RigError, match="being read already"):
+        rig.registers(0)
+    play(rig, port, 0.1, lambda: all(look.done for look in looks), seconds=5.0)
+    assert not rig.registers(0).done
 
 
 def test_registers_of_a_servo_that_is_gone_are_not_waited_for(rig_on_port):
