@@ -139,7 +139,7 @@ def write_file(path: Path, content: bytes) -> None:
         if path.exists() and not path.is_file():
             path.write_bytes(content)
         else:
-            _replace(path, content)
+            _replace(path.resolve(), content)  # a link stays one
     except OSError as error:
         raise FileFormatError.unwritable(path, error) from None
 

@@ -21,6 +21,7 @@ from controller.cli.common.options import (
     check_new,
     reading_options,
 )
+from motiondeck_base.counted import counted
 
 if TYPE_CHECKING:
     from controller.training.learn import LearnedLibrary
@@ -153,7 +154,7 @@ def _print(learned: LearnedLibrary) -> None:
     show_table(
         ("motion", "plays", "seconds", "of the recording", "best seam", "error, mm", "self-test"),
         rows,
-        title=f"{learned.library.info.name}: {len(learned.library.info.motions)} motions",
+        title=f"{learned.library.info.name}: {counted(len(learned.library.info.motions), 'motion')}",
         left=("plays", "self-test"),
     )
     for motion in learned.motions:

@@ -79,7 +79,7 @@ def with_undisturbed_clips(table: Table) -> Table:
 def crossing_table(
     title: str, crossings: Sequence[MeasuredTransition], loops: dict[str, bool], notes: list[str]
 ) -> Table:
-    """Median, 95th percentile and maximum of each measure, by method and kind of target."""
+    """Median, 95th percentile and maximum of each measure by method and kind of target; names the failed ones."""
     rows: list[dict[str, Value]] = []
     for method in dict.fromkeys(crossing.method for crossing in crossings):
         for kind, loop in (("loops", True), ("once", False)):
@@ -96,7 +96,8 @@ def crossing_table(
                 row[name] = " / ".join(f"{value:.0f}" if name == "frames" else f"{value:.2f}" for value in values)
             rows.append(row)
     details = [asdict(crossing) for crossing in crossings]
-    return Table(title, rows, ("frames", "velocity", "acceleration", "jerk"), notes, details)
+    failed = [f"{c.method}, {c.source} to {c.target}: {c.reason}" for c in crossings if c.failed]
+    return Table(title, rows, ("frames", "velocity", "acceleration", "jerk"), notes + failed, details)
 
 
 def training_table(

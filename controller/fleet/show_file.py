@@ -182,6 +182,8 @@ def _wrong_cues(show: Show) -> Iterator[str]:
         place = _place(number, cue)
         if cue.name and (cue.name in names or names.add(cue.name)):
             yield f"{place}: another cue has this name"
+        if not cue.say:
+            yield f"{place}: say is empty; give one command or several"
         waits = [key for key, given in (("at", cue.at is not None), ("hold", cue.hold), ("when", cue.when)) if given]
         if len(waits) != 1:
             yield f"{place}: give one of at, hold = true and when, not {' and '.join(waits) or 'none'}"

@@ -56,7 +56,12 @@ class Clock(Protocol):
         ...
 
 
-def _period_ns(rate: float) -> int:
+def period_ns(rate: float) -> int:
+    """The time between two ticks at a rate in Hz, ns.
+
+    Raises:
+        RateError: if no loop runs at this rate.
+    """
     if not 1.0 <= rate <= 10_000.0:
         raise RateError(f"a loop cannot run at {rate} Hz; give a rate from 1 to 10000")
     return round(1e9 / rate)
@@ -82,7 +87,7 @@ class Ticker:
     skipped: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
-        self._period = _period_ns(self.rate)
+        self._period = period_ns(self.rate)
         self._deadline = self.now()
         self._shift = 0
 
@@ -152,7 +157,7 @@ class VirtualClock:
     skipped: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
-        self._period = _period_ns(self.rate)
+        self._period = period_ns(self.rate)
         self._time = 0
 
     @property

@@ -78,6 +78,8 @@ class RigJoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"model '{self.model}' has no limit of acceleration: leave acceleration out")
         if self.current and "current_limit" not in self.table.registers:
             raise ValueError(f"model '{self.model}' measures no current, so it takes no limit of it")
+        if self.current and self.current > (most := (limit := self.table["current_limit"]).maximum * limit.si):
+            raise ValueError(f"current is {self.current:g} A; the most that model '{self.model}' takes is {most:.3g} A")
         bottom, top = self.table.one_turn
         low, high = sorted((self.pulses(self.lower), self.pulses(self.upper)))
         if not (low >= bottom and high <= top):

@@ -167,6 +167,8 @@ def _digest(robot: Path) -> str:
 def _opened(out: Path, settings: _Settings) -> dict[str, RetargetedFile]:
     """What an earlier run wrote to a folder, by recording; begins a manifest where there is none."""
     path = out / MANIFEST
+    if out.exists() and not out.is_dir():
+        raise MotiondeckError(f"{out} is a file, and --out names a folder for the motions. Give another.")
     try:
         out.mkdir(parents=True, exist_ok=True)
         if not path.exists():

@@ -25,3 +25,11 @@ def test_a_pipe_is_written_to_and_stays_a_pipe(tmp_path):
 def test_a_folder_is_refused(tmp_path):
     with pytest.raises(FileFormatError, match="Is a directory"):
         write_file(tmp_path, b"")
+
+
+def test_a_link_stays_a_link_to_what_was_written(tmp_path):
+    link = tmp_path / "latest.bvh"
+    link.symlink_to(tmp_path / "monday.bvh")
+    write_file(link, b"walk")
+    assert link.is_symlink()
+    assert (tmp_path / "monday.bvh").read_bytes() == b"walk"

@@ -12,6 +12,7 @@ import typer
 from controller.cli.common.options import JobsOption, check_ending, check_folder
 from controller.cli.common.progress import progress
 from controller.cli.library.commands import LibraryArgument, app
+from motiondeck_base.counted import counted
 
 if TYPE_CHECKING:
     from controller.mocap.clip import Clip
@@ -116,7 +117,7 @@ def index(
     if as_json:
         print(json.dumps({"written": str(out), "motions": len(names), "left_out": left_out}))
     else:
-        print(f"wrote {out} ({len(names)} motions)")
+        print(f"wrote {out} ({counted(len(names), 'motion')})")
 
 
 def _signature_of(file: Path) -> tuple[Array | None, str]:

@@ -19,6 +19,7 @@ from controller.cli.common.options import (
     reading_options,
 )
 from controller.cli.recognition.recognition_data import SKIPPED_EXIT, AsJson, DataArgument, leave, read
+from motiondeck_base.counted import counted
 
 if TYPE_CHECKING:
     from controller.recognition.recognizer import Recognizer
@@ -93,7 +94,8 @@ def train(
     if as_json:
         print(json.dumps(said))
     else:
-        print(f"{recognizer.clips} clips of {len(recognizer.bank.classes)} motions: {', '.join(said['motions'])}")
+        of = counted(len(recognizer.bank.classes), "motion")
+        print(f"{counted(recognizer.clips, 'clip')} of {of}: {', '.join(said['motions'])}")
         print(f"a motion is called unknown below a confidence of {recognizer.threshold:.3f}")
         print(f"wrote {out} ({out.stat().st_size / 1e6:.1f} MB)")
     leave(dataset)

@@ -12,6 +12,7 @@ import typer
 
 from controller.cli.remote.send import CommandPort, Host, TokenFile, client_of
 from controller.wire.command_socket import DEFAULT_PORT
+from motiondeck_base.counted import counted
 from motiondeck_base.printable import printable
 
 if TYPE_CHECKING:
@@ -131,7 +132,9 @@ def _summary(mapped: StageMap) -> str:
         parts.append(f"OSC to {osc.target[0]}:{osc.target[1]}")
     if midi is not None:
         clock = ", clock" if midi.clock else ""
-        parts.append(f"MIDI from {midi.input} ({len(midi.notes)} notes, {len(midi.cues)} cues{clock})")
+        parts.append(
+            f"MIDI from {midi.input} ({counted(len(midi.notes), 'note')}, {counted(len(midi.cues), 'cue')}{clock})"
+        )
     return ", ".join(parts)
 
 

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from controller.cli.rig.rig_port import PortOption, RigArgument, ended_by_sigterm, load, open_buses
+from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
 
 
@@ -29,7 +30,7 @@ def backup(
     with ended_by_sigterm(), open_buses(load(rig), port) as parts:
         backups = [one for part, bus in parts for one in back_up(part, bus)]
     save_backups(backups, out)
-    print(f"wrote {out}: {len(backups)} servos")
+    print(f"wrote {out}: {counted(len(backups), 'servo')}")
 
 
 def restore(

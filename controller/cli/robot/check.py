@@ -13,6 +13,7 @@ import numpy as np
 from controller.mocap.canonical.clip_edits import without_reference_pose
 from controller.mocap.clip import Clip
 from controller.mocap.formats.reading import RECORDINGS, read_clip, recordings_below
+from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
 from sim.models.robot_file import Solver
 from sim.retargeting.robot_limbs import SIDES, RobotLimbs
@@ -100,12 +101,12 @@ def verdict(rows: Sequence[dict[str, Any]]) -> str:
     if not failed:
         short = sum(OUT_OF_REACH in off_limits(row) for row in rows)
         beside = f"; in {short}, limbs point elsewhere {WHY[OUT_OF_REACH]}" if short else ""
-        return f"PASSED: {len(rows)} of {len(rows)} recordings{beside}"
+        return f"PASSED: {len(rows)} of {counted(len(rows), 'recording')}{beside}"
     reasons = Counter(reason for words in failed for reason in words)
     said = "; ".join(f"{reason}: {count}" for reason, count in reasons.most_common())
     names = [Path(row["clip"]).name for row, words in zip(rows, found, strict=True) if words]
     more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-    return f"FAILED: {len(failed)} of {len(rows)} recordings ({', '.join(names[:NAMED])}{more}). {said}"
+    return f"FAILED: {len(failed)} of {counted(len(rows), 'recording')} ({', '.join(names[:NAMED])}{more}). {said}"
 
 
 def off_limits(row: dict[str, Any]) -> dict[str, list[str]]:

@@ -12,6 +12,7 @@ import typer
 
 from controller.cli.common.options import PAGE_PORT, JobsOption, SolverOption
 from controller.jobs import Jobs
+from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 app = typer.Typer(help="List and show robots, and write a robot file for any MJCF or URDF.", no_args_is_help=True)
@@ -96,7 +97,7 @@ def show(robot: RobotArgument, as_json: JsonOption = False) -> None:
         print(json.dumps(said))
         return
     how = "exactly" if file.kind == "mannequin" else {"ik": "inverse kinematics", "angles": "angles"}[file.solver]
-    print(f"{file.name}: {file.kind}, {len(joints)} joints, {said['mass_kg']:.1f} kg, posed by {how}")
+    print(f"{file.name}: {file.kind}, {counted(len(joints), 'joint')}, {said['mass_kg']:.1f} kg, posed by {how}")
     if file.kind == "mannequin":
         print("built from the skeleton of the motions; shown is that of an average body")
     rows = [
@@ -295,7 +296,8 @@ def _print_rows(rows: list[dict[str, Any]]) -> None:
     show_table((*headings, "slide", "sunk"), lines)
     carried = [row for row in rows if "altered" in row]
     sums = ", ".join(f"{name.replace('_', ' ')} {sum(row[name] for row in carried):.0f}" for name in counts)
-    print(f"{len(carried)} recordings, {sum(row['frames'] for row in carried)} frames: {sums}")
+    frames = sum(row["frames"] for row in carried)
+    print(f"{counted(len(carried), 'recording')}, {frames} frames: {sums}")
     for line in remarks(rows):
         print(line)
 

@@ -10,6 +10,7 @@ import typer
 
 from controller.cli.common.options import JobsOption, SolverOption
 from controller.cli.robot.commands import JsonOption
+from motiondeck_base.counted import counted
 
 if TYPE_CHECKING:
     from sim.robots.retarget_files import RetargetedFile
@@ -113,7 +114,8 @@ def print_rows(rows: list[RetargetedFile], out: Path) -> None:
     written = [row for row in rows if row.error is None]
     seconds = sum(row.frames / row.fps for row in written)
     refused = sum(bool(row.infeasible) for row in written)
-    print(f"{len(written)} motions, {seconds:.0f} s, in {out}; {refused} infeasible, {len(rows) - len(written)} failed")
+    failed = len(rows) - len(written)
+    print(f"{counted(len(written), 'motion')}, {seconds:.0f} s, in {out}; {refused} infeasible, {failed} failed")
 
 
 def _worse(limbs: dict[str, tuple[float, float]], segment: str) -> str:

@@ -18,6 +18,7 @@ from controller.loop.loop import LoopReport
 from controller.loop.output_channel import Channel
 from controller.loop.permissions import Permission
 from controller.wire.command_socket import CommandServer
+from motiondeck_base.counted import counted
 
 _INCIDENTS_SHOWN = 10  # the latest
 _OVERRUNS_EVERY = 1.0  # s from one event on overruns to the next, which has all since
@@ -59,7 +60,7 @@ class RunNews:
             return
         if self._clock.overruns != self._overruns and self._ticks % self._overruns_every < self._faults_every:
             new, self._overruns = self._clock.overruns - self._overruns, self._clock.overruns
-            self._desk.tell("overrun", f"{new} ticks came more than a period late")
+            self._desk.tell("overrun", f"{counted(new, 'tick')} came more than a period late")
         self._tell_faults()
         replayed = sum(server.traffic.replayed for server in self._servers)
         if replayed != self._replayed:
@@ -144,7 +145,7 @@ def _happened(report: dict[str, Any]) -> list[str]:
             lines.append(f"walked {travel['walked_m']:.1f} m; the motion went {travel['asked_m']:.1f} m")
     if kept := report.get("kept_apart"):
         most = sorted(kept.items(), key=lambda item: -item[1])[:3]
-        lines.append("kept apart: " + ", ".join(f"{pair} ({count} ticks)" for pair, count in most))
+        lines.append("kept apart: " + ", ".join(f"{pair} ({counted(count, 'tick')})" for pair, count in most))
     if not report.get("recording", {"complete": True})["complete"]:
         file, reason = report["recording"]["file"], report["recording"].get("reason", "")
         lines.append(
@@ -162,7 +163,7 @@ def _figures(report: dict[str, Any]) -> list[str]:
         rig = report["rig"]
         error = rig["tracking_rmse_rad"]
         lines.append(
-            f"rig: {rig['joints']} joints at {rig['hz']:g} Hz, {rig['faults']} faults"
+            f"rig: {counted(rig['joints'], 'joint')} at {rig['hz']:g} Hz, {counted(rig['faults'], 'fault')}"
             + (f", tracking error {np.degrees(error):.2f} deg (rms)" if error is not None else "")
         )
     lines.append(

@@ -11,6 +11,7 @@ import numpy as np
 
 from controller.cli.session.robots.robot_on_deck import RobotSetup
 from controller.library.motion_library import MotionLibrary
+from controller.loop.clock import period_ns
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from motiondeck_base.shipped import find_rig, find_robot
 
@@ -58,10 +59,10 @@ def checked_rate(
         cost: of a frame, s; measured if not given.
 
     Raises:
-        MotiondeckError: if it is refused; it names the rate that the network can hold.
+        RateError: if no loop runs at this rate.
+        MotiondeckError: if it is too much for the network; it names the rate that the network can hold.
     """
-    if not 0.0 < rate < 1e6:
-        return rate  # the clock refuses it
+    period_ns(rate)  # refuses a rate at which no loop runs
     cost = frame_seconds(library, motion) if cost is None else cost
     recorded = library.info.rate
     needs = cost * math.ceil(recorded / rate)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from controller.cli.common.options import SHOW_PAGE_PORT
+from motiondeck_base.counted import counted
 from motiondeck_base.printable import printable
 
 if TYPE_CHECKING:
@@ -80,7 +81,7 @@ def conduct(
     with ExitStack() as opening:
         page = opening.enter_context(show_page(page_port)) if not headless else None
         conductor = opening.enter_context(closing(Conductor(show, Link(member), tell, first)))
-        tell(f"{show.show}: {len(show.cues)} cues; {_HELP}")
+        tell(f"{show.show}: {counted(len(show.cues), 'cue')}; {_HELP}")
         try:
             _converse(conductor, tell, page, as_json=as_json)
             return

@@ -52,6 +52,8 @@ class GaussianSatellites:
     sharpness: Array
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "places", np.asarray(self.places))
+        object.__setattr__(self, "sharpness", np.asarray(self.sharpness))
         if self.places.ndim != 2 or self.sharpness.shape != self.places.shape[:1]:
             raise SatelliteError(
                 f"satellites at places of shape {self.places.shape} with sharpness of shape {self.sharpness.shape}"

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -41,6 +43,12 @@ def test_the_table_has_a_row_a_method_and_kind_and_every_pair_below(crossings):
         f"{kind}, {method}" for method in METHODS for kind in ("loops", "once")
     ]
     assert len(table.details) == len(crossings)
+
+
+def test_the_table_names_each_pair_that_failed(crossings):
+    failed = replace(crossings[0], failed=True, reason="turned round")
+    table = crossing_table("t", [failed, *(replace(c, failed=False) for c in crossings[1:])], LOOPS, ["a note"])
+    assert table.notes == ["a note", f"{failed.method}, {failed.source} to {failed.target}: turned round"]
 
 
 def test_recordings_are_joined_as_smoothly_as_a_network_that_learned_them(crossings):

@@ -23,6 +23,7 @@ def written(folder, text):
         ('show = "gala"\n[[cues]]\nat = 1\nhold = true\nsay = "pause"', "not at and hold"),
         ('show = "gala"\n[[cues]]\nat = 1\nsay = "dance wildly now"', "cue 1: 'dance wildly now' is not a command"),
         ('show = "gala"\n[[cues]]\nat = 1\nsay = "tempo 9"', "cue 1: tempo:"),
+        ('show = "gala"\n[[cues]]\nat = 1\nsay = []', "cue 1: say is empty"),
         ('show = "gala"\n[[cues]]\nat = 1\nname = "off"\nsay = "reset"', "cue 1 'off': 'reset' is not for a show"),
         ('show = "gala"\n[[cues]]\nat = 1\nsay = "load x walk"', "'load' is not for a show"),
         ('show = "gala"\n[[cues]]\nwhen = "ready"\nsay = "pause"', "'ready'"),

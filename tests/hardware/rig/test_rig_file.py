@@ -62,6 +62,10 @@ def test_an_angle_becomes_pulses(written):
         (("rate_hz = 100", "rate_hz = 100\nwatchdog_ms = 34"), "It must be at least 35"),
         (('"neck"', '""'), "joint 1: name '' must be printable, and not empty"),
         (('"neck"', '"a\\u001b[31m"'), "must be printable"),
+        (
+            ("velocity = 4", "velocity = 4, current = 9"),
+            "current is 9 A; the most that model 'XM430-W350' takes is 3.21 A",
+        ),
         (("velocity = 4", "velocity = 0"), "joint 1.velocity: Expected `float` > 0"),
         ((f"  {JOINT},\n", f"  {JOINT},\n  {JOINT.replace('neck', 'nose')},\n"), "id 1 is used more than once"),
         (

@@ -139,6 +139,13 @@ def test_a_limb_that_is_elsewhere_for_a_moment_is_infeasible(folder, tmp_path, f
     assert row.file == "spiked.infeasible.npz"
 
 
+def test_a_file_is_no_folder_to_write_into(folder, tmp_path):
+    (tmp_path / "out").write_text("mine")
+    with pytest.raises(MotiondeckError, match="out is a file, and --out names a folder"):
+        run(folder, tmp_path / "out", "npz")
+    assert (tmp_path / "out").read_text() == "mine"
+
+
 def test_motions_of_another_robot_or_format_are_not_mixed(folder, first):
     with pytest.raises(MotiondeckError, match=r"out holds motions for small\.toml as mjlab.*--out"):
         run(folder, folder / "out", "csv")
@@ -167,4 +174,4 @@ def test_a_manifest_of_something_else_is_named(folder, tmp_path):
         run(folder, tmp_path)
     (tmp_path / "file").write_text("")
     with pytest.raises(MotiondeckError, match=r"cannot be used.*--out that you may write to"):
-        run(folder, tmp_path / "file")
+        run(folder, tmp_path / "file" / "below")

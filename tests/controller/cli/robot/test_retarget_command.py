@@ -42,7 +42,7 @@ def test_the_table_says_how_well_and_what_failed(walk, tmp_path):
     assert result.exit_code == 1
     assert "walk.bvh" in result.output
     assert "failed: " in result.output
-    assert "1 motions, 1 s, in" in result.output
+    assert "1 motion, 1 s, in" in result.output
     assert "1 failed" in result.output
     assert np.loadtxt(tmp_path / "out" / "walk.csv", delimiter=",").shape == (16, 27)
 

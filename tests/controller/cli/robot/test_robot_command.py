@@ -132,7 +132,7 @@ def test_the_check_fails_when_a_knee_is_moved_to_the_yaw_hinge(tmp_path):
     assert run("calibrate", tmp_path / "full.xml", "--out", file).exit_code == 0
     result = run("check", file, tmp_path / "squats.bvh")
     assert result.exit_code == 0, result.stdout
-    assert result.stdout.strip().splitlines()[-1].startswith("PASSED: 1 of 1 recordings")
+    assert result.stdout.strip().splitlines()[-1].startswith("PASSED: 1 of 1 recording")
     text = file.read_text()
     for side, name in (("l", "left"), ("r", "right")):
         text = text.replace(f'{side}_thigh = "{name}_hip_yaw"', f'{side}_thigh = "{name}_hip_roll"')
@@ -143,7 +143,7 @@ def test_the_check_fails_when_a_knee_is_moved_to_the_yaw_hinge(tmp_path):
     said = r"fails: \S+squats\.bvh: limbs point elsewhere, carried wrongly: .*l_thigh \d+ degrees on average, "
     assert re.search(said + r"\d+ at worst at 0\.\d\d s \(in reach: \d+ and \d+\)", result.stdout)
     assert "\ncarried wrongly: a wrong body under [parts]" in result.stdout
-    assert result.stdout.strip().splitlines()[-1].startswith("FAILED: 1 of 1 recordings (squats.bvh). ")
+    assert result.stdout.strip().splitlines()[-1].startswith("FAILED: 1 of 1 recording (squats.bvh). ")
     failed = json.loads(run("check", file, tmp_path / "squats.bvh", "--json").stdout)
     assert failed["verdict"] == result.stdout.strip().splitlines()[-1]
     assert failed["recordings"][0]["faults"]
@@ -200,7 +200,7 @@ def test_check_finds_recordings_in_folders_and_goes_past_what_it_cannot_read(fil
     (files / "torn.bvh").write_text("HIERARCHY\n")
     result = run("check", files / "small.toml", files, "--seconds", "0.2")
     assert result.exit_code == 1
-    assert "1 recordings" in result.stdout
+    assert "1 recording," in result.stdout
     assert "not read" in result.stdout
     last = result.stdout.strip().splitlines()[-1]
     assert last.startswith("FAILED: ")

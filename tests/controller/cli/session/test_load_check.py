@@ -6,6 +6,7 @@ import pytest
 
 import synthetic
 from controller.cli.session.setup import TIMED_FRAMES, checked_rate, frame_seconds
+from controller.loop.clock import RateError
 from motiondeck_base.errors import MotiondeckError
 
 
@@ -39,5 +40,7 @@ def test_the_quickest_batch_counts_and_nothing_that_plays_is_changed(library):
     assert TIMED_FRAMES == 100
 
 
-def test_a_rate_that_cannot_be_is_left_to_the_clock(library):
-    assert checked_rate(library, "march", 0.0) == 0.0
+@pytest.mark.parametrize("rate", [0.0, -1.0, 1e9, float("nan")])
+def test_a_rate_at_which_no_loop_runs_is_refused(library, rate):
+    with pytest.raises(RateError, match="cannot run at"):
+        checked_rate(library, "march", rate, lower=True)

@@ -85,3 +85,8 @@ def test_impossible_satellites_are_refused_by_name():
         GaussianSatellites(np.array([[0.0], [0.0], [np.nan]]), np.ones(3))
     with pytest.raises(SatelliteError, match="shape"):
         GaussianSatellites(places, np.ones(2))
+
+
+def test_satellites_are_given_as_lists_too():
+    given, lists = GaussianSatellites(np.eye(2), np.ones(2)), GaussianSatellites([[1, 0], [0, 1]], [1, 1])
+    assert np.array_equal(lists.respond(np.array([0.3, 0.7])), given.respond(np.array([0.3, 0.7])))
