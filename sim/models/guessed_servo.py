@@ -23,10 +23,10 @@ from math import sqrt
 import mujoco
 import numpy as np
 
+from sim.models.gravity import GRAVITY
 from sim.models.kinematic_tree import below, path_to
 
 BANDWIDTH = 30.0  # rad/s
-GRAVITY = 9.81
 SAG = 0.02
 """How far a limb held out level may sag, rad."""
 SWINGS = 200.0

@@ -19,6 +19,7 @@ import numpy as np
 
 from controller.rotations import Array, about, conjugate, from_matrix, multiply, rotate, yaw
 from motiondeck_base.errors import MotiondeckError
+from sim.models.gravity import GRAVITY
 from sim.physics.physics_model import feet_of
 from sim.physics.support_polygon import convex_hull, margin
 from sim.physics.walking.whole_body import WholeBody
@@ -128,7 +129,7 @@ class Balance:
         com, velocity = data.subtree_com[root], data.subtree_linvel[root]
         here = self._corners(data)
         middle = 0.5 * (here[:4].mean(axis=0) + here[4:].mean(axis=0))
-        self._omega = np.sqrt(9.81 / max(float(com[2]), 0.05))
+        self._omega = np.sqrt(GRAVITY / max(float(com[2]), 0.05))
         off = com[:2] + velocity[:2] / self._omega - middle
         # Feet slip a little with every blow, and the robot may have turned by now.
         (x, y), (u, v) = here[4:].mean(axis=0) - here[:4].mean(axis=0), self._place[1][:2] - self._place[0][:2]
@@ -142,7 +143,7 @@ class Balance:
         """The turn of the root, a quaternion, by which the hips help where ankles are at their end."""
         far = float(np.hypot(*off))
         beyond = max(far - HIP_FROM * self._half, 0.0)
-        leg = 9.81 / self._omega**2
+        leg = GRAVITY / self._omega**2
         angle = min(HIP_GAIN * beyond / leg, HIP_MOST)
         if angle == 0.0:
             return np.array([1.0, 0.0, 0.0, 0.0])

@@ -23,6 +23,7 @@ from scipy.optimize import nnls
 
 from controller.rotations import Array
 from sim.models.feet import Foot
+from sim.models.gravity import GRAVITY
 from sim.models.kinematic_tree import below
 from sim.models.surface import LowestPoint, Surface
 from sim.physics.played_motions import DT, PlayedMotion
@@ -79,7 +80,7 @@ class Loads:
 
     def balance(self, tempo: float = 1.0) -> Array:
         """How far inside the support the capture point is at a tempo, shape (T,), m; -inf for a robot without feet."""
-        omega = np.sqrt(9.81 / np.maximum(self.com[:, 2], 1e-3))
+        omega = np.sqrt(GRAVITY / np.maximum(self.com[:, 2], 1e-3))
         capture = self.com[:, :2] + tempo * self.com_velocity / omega[:, None]
         return np.array([margin(hull, point) for hull, point in zip(self.support, capture, strict=True)])
 

@@ -13,6 +13,7 @@ import mujoco
 from controller.rotations import from_matrix
 from motiondeck_base.errors import MotiondeckError
 from sim.models.feet import Foot, find_feet
+from sim.models.gravity import GRAVITY
 from sim.models.overlaps import near_bodies
 from sim.models.scenery import FLOOR, GANTRY
 from sim.robots.robot import Robot
@@ -43,7 +44,7 @@ def usual_push(model: mujoco.MjModel) -> float:
     0.05 m sqrt(g h), with the root's height h where the model has it: 0.24 N s for servo20, 16 N s for the mannequin.
     """
     height = float(model.body(int(model.jnt_bodyid[0])).pos[2])
-    return 0.05 * float(model.body_mass.sum()) * math.sqrt(9.81 * height)
+    return 0.05 * float(model.body_mass.sum()) * math.sqrt(GRAVITY * height)
 
 
 def check_root(root: str) -> None:

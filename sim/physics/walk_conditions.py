@@ -12,6 +12,7 @@ import msgspec
 import mujoco
 import numpy as np
 
+from sim.models.gravity import GRAVITY
 from sim.models.servo_motor import ServoMotor
 from sim.physics.physics_model import FLOOR_BIT, Alteration
 from sim.physics.walking.senses import Sensors
@@ -45,7 +46,7 @@ class Condition:
 def _slope(spec: mujoco.MjSpec) -> None:
     """The floor rises by 3 degrees along y: seen from the floor, gravity leans."""
     angle = np.radians(3.0)
-    spec.option.gravity = 9.81 * np.array([0.0, -np.sin(angle), -np.cos(angle)])
+    spec.option.gravity = GRAVITY * np.array([0.0, -np.sin(angle), -np.cos(angle)])
 
 
 def _steps(spec: mujoco.MjSpec) -> None:

@@ -255,7 +255,9 @@ class Page:
         if learns and library is not None:
             description["learn"] = [sys.executable, "-P", "-m", "controller.cli.session.page_learning"]
         if _on_floor(robots[0]) is not None:
-            description["weight"] = 9.81 * float(robot.model.body_mass.sum())
+            from sim.models.gravity import GRAVITY
+
+            description["weight"] = GRAVITY * float(robot.model.body_mass.sum())
             numbers["contacts"] = 6 * MOST_FORCES
         if isinstance(_simulations(robots)[0].stage, Driven):
             description["has_target"] = True

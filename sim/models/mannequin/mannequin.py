@@ -15,6 +15,7 @@ import numpy as np
 from controller.mocap.anatomy import Anatomy, Part, anatomy
 from controller.mocap.skeleton import ROOT, Skeleton
 from controller.rotations import Array, from_matrix
+from sim.models.gravity import GRAVITY
 from sim.models.mannequin.solids import Solid, flesh, limb_inertia, masses, pelvis
 from sim.models.overlaps import near_bodies
 from sim.models.scenery import add_gantry, add_lamp, set_stage
@@ -48,7 +49,6 @@ ROTOR_RATE = 200.0
 FLUNG = (100.0, 0.05)
 # ... and a leg that stands has the rest of the body to hold: kp is also STANCE times weight times height of the hips.
 STANCE = 2.0
-GRAVITY = 9.81
 
 # Bits of the solids that bodies touch one another with, and of those that only the floor of a free root touches.
 SELF, OTHERS = 1, 2

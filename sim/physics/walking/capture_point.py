@@ -23,8 +23,7 @@ from __future__ import annotations
 import numpy as np
 
 from controller.rotations import Array
-
-GRAVITY = 9.81
+from sim.models.gravity import GRAVITY
 
 
 def pendulum_rate(height: float) -> float:
