@@ -29,6 +29,9 @@ SILENT_AFTER = 1.0
 JOINS_EVERY = 1.0
 """A deck that has missed a cue is given what stands so often, until it has it, s."""
 
+TOLD_AFTER = 3.0
+"""A cue that waits for decks for so long says so, s."""
+
 _SAID = 0.5  # s within which a deck that was told to stop says so
 _HISTORY = 16  # emergency stops that were seen
 
@@ -51,7 +54,7 @@ class SeenDeck:
     """
 
     name: str
-    here: bool = True
+    here: bool = False
     about: About | None = None
     health: DeckHealth | None = None
     heard: float = 0.0
@@ -93,6 +96,9 @@ class Conductor:
         self._stops: list[str] = []
         self._to_say: list[tuple[float, bytes]] = []
         self._told_waiting: ShowCue | None = None
+        self._lacks: list[str] = []
+        self._told_lacks: list[str] = []
+        self._lacking_since = 0.0
         self.decks: dict[str, SeenDeck] = {}
         self.given: dict[int, float] = {}
         self.stopped_by = ""
@@ -125,6 +131,7 @@ class Conductor:
                 self._send_show_cue(number, cue, at)
             self._bring_in(now)
         self._tell_waiting()
+        self._tell_lacking(now)
         return 0.01
 
     def close(self) -> None:
@@ -262,14 +269,17 @@ class Conductor:
     def _send_show_cue(self, number: int, cue: ShowCue, at: float) -> None:
         at = self.given[number] = _on_grid(at)
         name = cue.name or f"cue {number + 1}"
-        decks = self.show.members(cue.to, [deck.name for deck in self._present])
+        present = [deck.name for deck in self._present]
+        decks = self.show.members(cue.receivers, present)
         try:
             say = cue.commands
         except CommandError as error:  # the file was checked when it was read
             self._tell(f"{name}: {error}")
             return
-        self._send(name, at, cue.to, decks, say, self._step_of(cue, decks, at))
-        self._tell(f"{name}: {', '.join(decks) or 'no deck is here'}")
+        self._send(name, at, cue.receivers, decks, say, self._step_of(cue, decks, at))
+        absent = [deck for deck in decks if deck not in present]
+        told = ", ".join(deck for deck in decks if deck in present) or "no deck is here"
+        self._tell(f"{name}: {told}" + (f" (not here: {', '.join(absent)})" if absent else ""))
 
     def _step_of(self, cue: ShowCue, decks: list[str], at: float) -> CommonRound | None:
         if cue.in_step is False:
@@ -308,18 +318,27 @@ class Conductor:
                 self._tell(f"{deck.name} joins")
 
     def _holds(self, condition: Condition, cue: ShowCue) -> bool:
-        now = self.now()
-        for name in self.show.members(cue.to, [deck.name for deck in self._present]):
-            deck = self._deck(name)
-            health = deck.health
-            if health is None or health.clock is None or now - deck.heard > SILENT_AFTER:
-                return False
-            current = (health.run, health.cue) == (self._run, deck.standing.number) or not deck.standing.number
-            if condition != "here" and (not current or health.switching):
-                return False
-            if condition == "in step" and not health.lock.startswith("locked"):
-                return False
-        return bool(self._present)
+        return not self._lacking(condition, cue)
+
+    def _lacking(self, condition: Condition, cue: ShowCue) -> list[str]:
+        """What a condition lacks, deck by deck."""
+        decks = self.show.members(cue.receivers, [deck.name for deck in self._present])
+        lacks = [f"{name} {lack}" for name in decks if (lack := self._lack(condition, self.decks.get(name)))]
+        return lacks if decks else ["no deck is here"]
+
+    def _lack(self, condition: Condition, deck: SeenDeck | None) -> str:
+        """What a deck lacks for a condition; "" for nothing."""
+        if deck is None or not deck.here:
+            return "is not here"
+        health = deck.health
+        if health is None or self.now() - deck.heard > SILENT_AFTER:
+            return "says nothing"
+        if health.clock is None:
+            return "does not know the time yet"
+        current = (health.run, health.cue) == (self._run, deck.standing.number) or not deck.standing.number
+        if condition != "here" and (not current or health.switching):
+            return "is switching"
+        return "is not in step" if condition == "in step" and not health.lock.startswith("locked") else ""
 
     def _tell_waiting(self) -> None:
         cue = self.cues.next if self.cues.waits else None
@@ -327,6 +346,18 @@ class Conductor:
             self._told_waiting = cue
             if cue is not None:
                 self._tell(f"waits for go: {cue.name or cue.say}")
+
+    def _tell_lacking(self, now: float) -> None:
+        """Tells what the next cue waits for, when it takes long, and again when that has changed."""
+        cue = self.cues.next
+        if cue is None or cue.when is None or self.cues.waits or self.stopped_by:
+            return
+        lacking = self._lacking(cue.when, cue)
+        if lacking != self._lacks:
+            self._lacks, self._lacking_since = lacking, now
+        elif lacking and lacking != self._told_lacks and now - self._lacking_since > TOLD_AFTER:
+            self._told_lacks = lacking
+            self._tell(f"{cue.name or cue.say} waits: {', '.join(lacking)}")
 
 
 def _on_grid(at: float) -> float:

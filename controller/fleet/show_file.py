@@ -52,7 +52,7 @@ class ShowCue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         hold: waits for `go`.
         when: waits until this holds.
         within: s after which a condition that does not hold becomes a hold point.
-        to: decks and groups; all decks by default.
+        to: a deck or group, or several; all decks by default.
         in_step: keeps loops in step from then on, at the length of the motion as recorded, or in so many s a round.
     """
 
@@ -62,8 +62,13 @@ class ShowCue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     hold: bool = False
     when: Condition | None = None
     within: Seconds | None = None
-    to: list[str] = msgspec.field(default_factory=lambda: [ALL])
+    to: str | list[str] = ALL
     in_step: bool | Annotated[float, msgspec.Meta(ge=0.2, le=60)] = False
+
+    @property
+    def receivers(self) -> list[str]:
+        """The decks and groups that it is for."""
+        return [self.to] if isinstance(self.to, str) else self.to
 
     @property
     def commands(self) -> list[Message]:
@@ -138,7 +143,7 @@ def wrong_motions(show: Show, decks: Mapping[str, Mapping[str, float]]) -> Itera
         decks: the motions of each deck that is there.
     """
     for number, cue in enumerate(show.cues, start=1):
-        for name in show.members(cue.to, list(decks)):
+        for name in show.members(cue.receivers, list(decks)):
             motions = decks.get(name)
             for motion in motions_of(cue.commands) if motions is not None else ():
                 if motions is not None and motion not in motions:
@@ -186,14 +191,15 @@ def _wrong_cues(show: Show) -> Iterator[str]:
             yield f"{place}: say is empty; give one command or several"
         waits = [key for key, given in (("at", cue.at is not None), ("hold", cue.hold), ("when", cue.when)) if given]
         if len(waits) != 1:
-            yield f"{place}: give one of at, hold = true and when, not {' and '.join(waits) or 'none'}"
+            given = f"not {' and '.join(waits)}" if waits else "which say when it comes"
+            yield f"{place}: give one of at, hold = true and when, {given}"
         if cue.within is not None and cue.when is None:
             yield f"{place}: within belongs to when"
         if cue.at is not None and cue.at < latest:
             yield f"{place}: at = {cue.at:g} is before the cue above, at {latest:g} s"
         latest = cue.at if cue.at is not None else 0.0
         if show.decks:
-            yield from (f"{place}: {UnknownNameError.among('deck', n, known)}" for n in cue.to if n not in known)
+            yield from (f"{place}: {UnknownNameError.among('deck', n, known)}" for n in cue.receivers if n not in known)
         try:
             cue.commands  # noqa: B018 (for what it raises)
         except CommandError as error:

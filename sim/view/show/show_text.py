@@ -121,5 +121,5 @@ def _cue_row(state: ShowState, number: int, cue: ShowCue) -> str:
     when = f"{cue.at:g} s" if cue.at is not None else "at Go" if cue.hold else f"when {CONDITIONS[cue.when or 'here']}"
     said = "; ".join([cue.say] if isinstance(cue.say, str) else cue.say)
     step = "" if cue.in_step is False else ", in step"
-    cells = (mark, str(number + 1), cue.name, when, ", ".join(cue.to), said + step)
+    cells = (mark, str(number + 1), cue.name, when, ", ".join(cue.receivers), said + step)
     return f'<tr class="{mark}">' + "".join(f"<td>{html.escape(cell)}</td>" for cell in cells) + "</tr>"

@@ -19,7 +19,10 @@ def written(folder, text):
         ('show = "Gala Night"', "'Gala Night' cannot name a show"),
         ('show = "gala"\nif_lost = "dance"', "dance"),
         ('show = "gala"\nlost_after = 0.1', "lost_after"),
-        ('show = "gala"\n[[cues]]\nsay = "switch walk"', "cue 1: give one of at, hold = true and when, not none"),
+        (
+            'show = "gala"\n[[cues]]\nsay = "switch walk"',
+            "cue 1: give one of at, hold = true and when, which say when it comes",
+        ),
         ('show = "gala"\n[[cues]]\nat = 1\nhold = true\nsay = "pause"', "not at and hold"),
         ('show = "gala"\n[[cues]]\nat = 1\nsay = "dance wildly now"', "cue 1: 'dance wildly now' is not a command"),
         ('show = "gala"\n[[cues]]\nat = 1\nsay = "tempo 9"', "cue 1: tempo:"),
@@ -46,6 +49,12 @@ def test_groups_and_decks_are_taken_once(tmp_path):
     show = read_show(written(tmp_path, 'show = "gala"\n[groups]\nsides = ["left", "right"]'))
     assert show.members(["right", "sides"], ["left", "middle", "right"]) == ["right", "left"]
     assert show.members(["all"], ["left", "middle"]) == ["left", "middle"]
+
+
+def test_a_cue_is_for_one_name_or_several(tmp_path):
+    cues = "".join(f'[[cues]]\nat = 1\nsay = "pause"\n{to}\n' for to in ("", 'to = "left"', 'to = ["left", "right"]'))
+    show = read_show(written(tmp_path, f'show = "gala"\ndecks = ["left", "right"]\n{cues}'))
+    assert [cue.receivers for cue in show.cues] == [["all"], ["left"], ["left", "right"]]
 
 
 def test_a_motion_that_a_deck_lacks_is_named(tmp_path):
