@@ -167,14 +167,22 @@ class CommandServer:
 class CommandClient:
     """Sends commands to a deck of this user, or with a token to one at an address."""
 
-    def __init__(self, port: int = DEFAULT_PORT, host: str | None = None, token: bytes | None = None) -> None:
+    def __init__(
+        self, port: int = DEFAULT_PORT, host: str | None = None, token: bytes | None = None, patience: float = 1.0
+    ) -> None:
         """Prepares to talk to a deck; nothing is sent yet.
+
+        Args:
+            port: by which it is found.
+            host: its address, if it is not one of this user.
+            token: who has it may command from elsewhere.
+            patience: how long a command waits for a deck of this user that takes none at the moment, s.
 
         Raises:
             SocketError: if the address or port cannot exist.
         """
         self._connection = (
-            LocalConnection(port) if host is None or token is None else NetworkConnection(port, host, token)
+            LocalConnection(port, patience) if host is None or token is None else NetworkConnection(port, host, token)
         )
         self._numbers = itertools.count(1)
         self._settled: dict[int, Last] = {}
@@ -183,7 +191,7 @@ class CommandClient:
         """Sends a command without waiting for a reply; returns the number that its replies will carry.
 
         Raises:
-            SocketError: if no deck is running there.
+            SocketError: if no deck is running there, or it takes no commands.
         """
         number = next(self._numbers)
         self._connection.send(encode(msgspec.structs.replace(message, id=number)))

@@ -174,18 +174,18 @@ class LocalListener:
 class LocalConnection:
     """A client's connection to a deck of this user; made when something is sent."""
 
-    def __init__(self, port: int) -> None:
-        """Prepares to talk to the deck of a number.
+    def __init__(self, port: int, patience: float) -> None:
+        """Prepares to talk to the deck of a number, which may keep a sender waiting for `patience` seconds.
 
         Raises:
             SocketError: if it cannot be a number of one.
         """
         _check(port)
-        self._port = port
+        self._port, self._patience = port, patience
         self._socket: socket.socket | None = None
 
     def send(self, data: bytes) -> None:
-        """Sends a datagram, and waits while there is no room for it, at most a second.
+        """Sends a datagram; it waits for room, as long as its patience lasts.
 
         Raises:
             PeerGoneError: if no deck is running there.
@@ -194,30 +194,35 @@ class LocalConnection:
         if self._socket is None:
             path = command_folder() / str(self._port)
             fresh = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+            fresh.settimeout(self._patience)
             try:
                 fresh.connect(str(path))
+            except (TimeoutError, BlockingIOError):
+                fresh.close()
+                raise self._held_up() from None
             except OSError:
                 fresh.close()
                 raise self._nobody() from None
             self._socket = fresh
-        self._socket.settimeout(1.0)
+        self._socket.settimeout(self._patience)
         try:
             self._socket.send(data)
-        except TimeoutError:
-            raise SocketError(f"the deck on port {self._port} takes no commands: it is held up") from None
+        except (TimeoutError, BlockingIOError):
+            raise self._held_up() from None
         except OSError:
             self.close()
             raise self._nobody() from None
 
     def receive(self, timeout_s: float) -> bytes | None:
-        """The next datagram, or None if none arrives in time.
+        """The next datagram, or None if none arrives in time; without any time it does not wait at all.
 
         Raises:
             PeerGoneError: if no deck is running there.
         """
         if self._socket is None:
             raise self._nobody()
-        self._socket.settimeout(max(timeout_s, 1e-6))
+        # Any time above 0 becomes at least a millisecond, in which a loop would give up its core.
+        self._socket.settimeout(max(timeout_s, 0.0))
         try:
             if data := self._socket.recv(65536):
                 return data
@@ -243,6 +248,9 @@ class LocalConnection:
         if self._socket is not None:
             self._socket.close()
         self._socket = None
+
+    def _held_up(self) -> SocketError:
+        return SocketError(f"the deck on port {self._port} takes no commands: it is held up")
 
     def _nobody(self) -> PeerGoneError:
         return PeerGoneError(f"no deck is running on port {self._port}; start one with: motiondeck play")

@@ -227,7 +227,7 @@ class NetworkConnection:
 
     def _take(self, timeout_s: float) -> bytes | None:
         """The next datagram for us; a challenge is taken note of, and an old reply passed over."""
-        self._socket.settimeout(max(timeout_s, 1e-6))
+        self._socket.settimeout(max(timeout_s, 0.0))
         try:
             body = verify(self._token, self._socket.recv(65536))
         except (TimeoutError, BlockingIOError):

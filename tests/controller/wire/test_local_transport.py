@@ -4,6 +4,7 @@ import os
 import socket
 import subprocess
 import sys
+import time
 from contextlib import closing
 
 import pytest
@@ -106,3 +107,41 @@ def test_a_crowd_of_clients_is_limited_and_those_there_are_served(folder):
         assert [type(message) for message, _ in server.poll()] == [GetStatus]
         for one in crowd:
             one.close()
+
+
+def post_many(clients):
+    for client in clients:
+        client.post(GetStatus())
+
+
+def test_a_look_for_replies_without_time_takes_none(folder):
+    """A loop looks so every tick; the shortest wait of the system is a millisecond."""
+    with closing(CommandServer(0)) as server, closing(CommandClient(server.port)) as client:
+        client.post(GetStatus())
+        began = time.monotonic()
+        assert {client.receive(0.0) for _ in range(300)} == {None}
+        assert time.monotonic() - began < 0.15
+
+
+def test_who_has_no_patience_is_not_held_up_by_a_deck_that_takes_nothing(folder):
+    with closing(CommandServer(0)) as server, closing(CommandClient(server.port, patience=0.0)) as client:
+        began = time.monotonic()
+        with pytest.raises(SocketError, match="it is held up"):
+            post_many([client] * 10_000)
+        assert time.monotonic() - began < 0.5
+        list(server.poll())
+        client.post(GetStatus())
+
+
+def test_who_has_no_patience_is_not_held_up_by_a_crowd_at_the_door(folder):
+    folder.mkdir(mode=0o700)
+    with closing(socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)) as busy:
+        busy.bind(str(folder / "47810"))
+        busy.listen(0)
+        crowd = [CommandClient(47810, patience=0.0) for _ in range(4)]
+        began = time.monotonic()
+        with pytest.raises(SocketError, match="it is held up"):
+            post_many(crowd)
+        assert time.monotonic() - began < 0.5
+        for client in crowd:
+            client.close()
