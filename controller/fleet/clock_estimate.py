@@ -11,9 +11,12 @@ samples of the middles m, by weighted least squares with a prior on the drift:
 
     minimise  sum_i (o_i - a - b (m_i - m0))^2 / sigma_i^2 + (b / sigma_b)^2
 
-where d = r - s and sigma_i^2 = s0^2 + ((d_i - d_min) / 2)^2. The uncertainty is d_min / 2, because no exchange of
-messages shows by how much the fastest way there and the fastest way back differ, plus twice the standard deviation of
-the line.
+    sigma_i^2 = s0^2 (1 + (q_i / s0)^2)^(3/2) + (w (m0 - m_i))^2,    q_i = (d_i - d_min) / 2,    d_i = r_i - s_i.
+
+Of a sample that has waited, q bounds the error, and most such errors have one sign; so it counts by less than 1 / q^2.
+On busy machines few samples have waited nowhere: they are kept for minutes, and count less as they age, because the
+drift wanders. The uncertainty is d_min / 2, because no exchange of messages shows by how much the fastest way there and
+the fastest way back differ, plus twice the standard deviation of the line.
 """
 
 from __future__ import annotations
@@ -23,16 +26,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-WINDOW = 30.0
+WINDOW = 120.0
 """Samples older than this are forgotten, s."""
 
-MOST_SAMPLES = 256
+MOST_SAMPLES = 1024
 
 DRIFT = 200e-6
 """Standard deviation of the drift between two machines before it is measured."""
 
-JITTER = 2e-4
+JITTER = 4e-4
 """Standard deviation of a sample that waited nowhere, s."""
+
+WANDER = 1e-6
+"""How much the drift wanders meanwhile, w."""
 
 _SLACK = 2e-3  # s by which a sample may contradict the line before it counts as one of another clock
 _CONTRADICTIONS = 3  # such samples in a row begin the estimate anew
@@ -132,8 +138,9 @@ class ClockEstimate:
         offsets = np.array([trip.offset for trip in self._trips])
         delays = np.array([trip.seconds for trip in self._trips])
         self._reference, self._shortest = float(middles[-1]), float(delays.min())
-        weights = 1.0 / (JITTER**2 + np.square(0.5 * (delays - self._shortest)))
-        columns = np.column_stack([np.ones_like(middles), middles - self._reference])
+        waited, ages = 0.5 * (delays - self._shortest), self._reference - middles
+        weights = 1.0 / (JITTER**2 * (1.0 + (waited / JITTER) ** 2) ** 1.5 + (WANDER * ages) ** 2)
+        columns = np.column_stack([np.ones_like(middles), -ages])
         first = float(offsets[-1])  # of about the same size as all, so that no digits are lost
         normal = columns.T @ (weights[:, None] * columns) + np.diag([0.0, DRIFT**-2])
         self._covariance = np.linalg.inv(normal)
