@@ -20,10 +20,12 @@ from typing import Annotated
 
 import numpy as np
 import typer
+from numpy.typing import NDArray
 
 from benchmarks.command import run
+from benchmarks.fleet._idle_watch import idle_watch, stalls
 from benchmarks.fleet._network import Network, address, namespace, network
-from benchmarks.fleet._recorded_decks import RecordedDeck, apart_ms, in_step_since
+from benchmarks.fleet._recorded_decks import RecordedDeck, apart_ms, in_step_since, longest_beyond, undisturbed
 from controller.fleet.certificates import make_certificates
 
 SHOW = """
@@ -36,6 +38,8 @@ when = "here"
 say = "switch jog"
 in_step = true
 """
+
+_STEP = 0.01  # s from one comparison of phases to the next
 
 # Says an emergency stop and a cue again and again with whatever it can open, and prints what it hears.
 STRANGER = """
@@ -230,20 +234,42 @@ def judge_step(theatre: Theatre, at: dict[str, float]) -> list[tuple[str, str]]:
     decks = [theatre.recorded(number, 1) for number in range(1, theatre.count + 1)]
     round_s = _round_seconds(decks[1])
     begun, due = np.array([deck.played("jog", at["opening"] - 5.0) for deck in decks]).T
-    apart = apart_ms(decks, at["opening"] + 6.0, at["together"], round_s)
+    times = np.arange(at["opening"] + 6.0, at["together"], _STEP)
     # A deck that is killed afterwards takes the last moments of its recording with it.
-    apart = apart[np.isfinite(apart)]
+    times = times[np.isfinite(apart_ms(decks, times, round_s))]
+    by_due, by_begun = (apart_ms(decks, times, round_s, by_due=by) for by in (True, False))
+    stood = stalls(theatre.folder)
+    stood = stood[(stood[:, 0] > times[0]) & (stood[:, 0] < times[-1])]
+    free = undisturbed(times, stood)
     lateness = np.concatenate([deck.fields["late_us"] for deck in decks])
-    shares = f"{np.median(apart):.1f}, {np.percentile(apart, 99):.1f}, {apart.max():.1f}"
     return [
         ("start of one cue, first to last deck, by when its tick was due, ms", f"{1e3 * np.ptp(due):.1f}"),
         ("    by when its tick began, all decks on the cores of one machine, ms", f"{1e3 * np.ptp(begun):.1f}"),
-        (f"phases apart for {len(apart) / 100:.0f} s, ms: median, p99, most", shares),
+        (f"phases apart for {len(times) / 100:.0f} s by when ticks were due, ms: median, p99, most", _shares(by_due)),
+        ("    share of the time beyond 10 ms, longest at a stretch, s", _beyond(by_due)),
+        ("    by when ticks began, ms: median, p99, most", _shares(by_begun)),
+        ("    share of the time beyond 10 ms, longest at a stretch, s", _beyond(by_begun)),
+        (
+            "idle loops beside the decks, one a core: stalls of more than 5 and 10 ms, longest, ms",
+            f"{np.sum(stood[:, 1] > 0.005)}, {np.sum(stood[:, 1] > 0.01)}, {1e3 * stood[:, 1].max(initial=0.0):.1f}",
+        ),
+        (f"    by due in the {np.mean(free):.0%} of the time 1 s or more after those of 5 ms", _shares(by_due[free])),
+        ("    by begun", _shares(by_begun[free])),
         (
             "lateness of ticks, ms: p50, p99",
             f"{np.median(lateness) / 1e3:.1f}, {np.percentile(lateness, 99) / 1e3:.1f}",
         ),
     ]
+
+
+def _shares(apart: NDArray[np.float64]) -> str:
+    if not len(apart):
+        return "-"
+    return f"{np.median(apart):.1f}, {np.percentile(apart, 99):.1f}, {apart.max():.1f}"
+
+
+def _beyond(apart: NDArray[np.float64]) -> str:
+    return f"{np.mean(apart > 10.0):.2%}, {longest_beyond(apart, _STEP):.2f}"
 
 
 def judge_losses(theatre: Theatre, at: dict[str, float], lost: str) -> list[tuple[str, str]]:
@@ -257,7 +283,7 @@ def judge_losses(theatre: Theatre, at: dict[str, float], lost: str) -> list[tupl
     stills = np.array([deck.still(at["conductor killed"]) - at["conductor killed"] for deck in decks.values()])
     gone = np.sum(stills < 7.0)
     when = f" after {np.nanmin(stills):.1f} to {np.nanmax(stills):.1f} s" if gone else ""
-    apart = apart_ms([*decks.values()], at["conductor killed"], at["conductor killed"] + 7.0, round_s)
+    apart = apart_ms([*decks.values()], at["conductor killed"] + np.arange(0.0, 7.0, _STEP), round_s)
     stops = np.array([deck.stopped(at["stop"]) for number, deck in decks.items() if number != 3])
     return [
         ("deck killed and restarted: in step after, s", restarted),
@@ -314,6 +340,7 @@ def main(
         folder = keep or Path(opened.enter_context(tempfile.TemporaryDirectory(prefix="fleet-")))
         folder.mkdir(exist_ok=True)
         net = opened.enter_context(network(decks + 2, delay, loss))
+        opened.enter_context(idle_watch(folder))
         theatre = Theatre(folder, decks, rate, net, lost)
         try:
             at = play_together(theatre, seconds)
