@@ -27,9 +27,9 @@ class Wheel(Lockable):
         angle = 2.0 * np.pi * self.phase
         return np.array([0.5 * np.cos(angle), 0.5 * np.sin(angle), 0.3])
 
-    def _playhead(self):
+    def _playhead(self, time):
         alone = not self.paused
-        return LoopPlace(self.time, "walk", self.phase, self.seconds, self.loop, self.commanded_tempo, alone)
+        return LoopPlace(time, "walk", self.phase, self.seconds, self.loop, self.commanded_tempo, alone)
 
     def update(self, dt):
         tempo, jump = self._steer(dt)

@@ -301,13 +301,13 @@ class Deck(Lockable):
             self._note(targets)
         return targets, self.pose
 
-    def _playhead(self) -> LoopPlace | None:
+    def _playhead(self, time: float) -> LoopPlace | None:
         """Where it is, for a lock; None if the network runs by itself."""
         here, phase = self._show.here, self.phase
         if phase is None:
             return None
         alone = self.settled and self.blend is None and not self.paused
-        return LoopPlace(self.time, here.name, phase, here.seconds, here.loop, self.commanded_tempo, alone)
+        return LoopPlace(time, here.name, phase, here.seconds, here.loop, self.commanded_tempo, alone)
 
     def _command(self, switch: CommandedSwitch, direct: bool) -> CommandedSwitch:
         """Starts a switch; earlier commands are overtaken."""

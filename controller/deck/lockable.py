@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 
 from controller.deck.locks.beats import Beats
 from controller.deck.locks.body_lock import BodyLock, Measured
@@ -21,11 +22,16 @@ class Lockable(Paced, ABC):
 
     Attributes:
         time: s since the start, summed over updates.
+        due: tells when the present tick was due, by the machine's steady clock, s. Beats and other decks go on while
+            ticks are missed, so locks follow this time; without it they follow that of the deck.
+        phase_at: when the present phase was due by that clock, s; None without one.
         leader: sees the deck that this one can be locked to, if there is one.
         measured: tells where the joints are, if that is measured.
     """
 
     time: float
+    due: Callable[[], float] | None = None
+    phase_at: float | None = None
     leader: Leader | None = None
     measured: Measured | None = None
 
@@ -48,8 +54,8 @@ class Lockable(Paced, ABC):
         """
 
     @abstractmethod
-    def _playhead(self) -> LoopPlace | None:
-        """Where the deck is; None if the network runs by itself."""
+    def _playhead(self, time: float) -> LoopPlace | None:
+        """Where the deck is since its latest update, which was at a time, s; None if the network runs by itself."""
 
     def lock(self, source: LockSource, phase: float = 0.0, steps: int = 0) -> None:
         """Locks the phase of loops to something else than the commanded tempo; an earlier lock ends.
@@ -98,7 +104,7 @@ class Lockable(Paced, ABC):
         if self._beats is None:
             self.lock("beat")
         assert self._beats is not None, "locked to beats"
-        self._beats.clock.beat(self.time - ago)
+        self._beats.clock.beat((self.due() if self.due is not None else self.time) - ago)
 
     def set_tempo(self, factor: float, over: float = 0.0) -> None:
         """Plays at another tempo, reached within `over` seconds; it ends a lock to beats or to another deck."""
@@ -108,15 +114,19 @@ class Lockable(Paced, ABC):
 
     def _note(self, targets: Array) -> None:
         """Takes the joint targets (J,), rad, that a tick has led to, for a lock to the body."""
-        if isinstance(self._lock, BodyLock) and (playhead := self._playhead()) is not None:
+        if isinstance(self._lock, BodyLock) and (playhead := self._playhead(self.time)) is not None:
             self._lock.note(playhead, targets)
 
     def _steer(self, dt: float) -> tuple[float, float | None]:
         """The tempo after dt more seconds, as commanded or as a lock wants it, and a phase to jump to, if it wants one.
 
-        It is called before the deck advances by them.
+        It is called before the deck advances by them. Where it is now it should have been one update before this one is
+        due: however many were missed, the lock sees all of what it has fallen behind.
         """
-        if self._lock is None or (playhead := self._playhead()) is None:
+        if self.due is not None:
+            self.phase_at = self.due()
+        time = self.phase_at - dt if self.phase_at is not None else self.time
+        if self._lock is None or (playhead := self._playhead(time)) is None:
             return self._tempo.advance(dt), None
         steering = self._lock.steer(playhead)
         return self._tempo.steer(steering.tempo, self._lock.rate, dt), steering.jump

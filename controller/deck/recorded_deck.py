@@ -29,6 +29,7 @@ class RecordedDeck(Paced):
         over: whether the end is reached; the last targets are held there.
         switches, events: always empty.
         restarts: always 0; no network is playing.
+        phase_at: always None; it has no phase.
 
     Raises:
         MotiondeckError: if the recording is empty.
@@ -45,6 +46,7 @@ class RecordedDeck(Paced):
         self.events: deque[Event] = deque()
         self.settled = True
         self.restarts = 0
+        self.phase_at: float | None = None
         self.time = 0.0
         super().__init__()
         self._rate = float(recording.description["rate"])

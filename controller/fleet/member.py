@@ -8,6 +8,7 @@ the phase of the show.
 from __future__ import annotations
 
 import os
+import random
 import select
 import time
 from collections import deque
@@ -33,6 +34,7 @@ from controller.fleet.messages import (
 from controller.wire.command_socket import CommandClient, CommandServer
 from controller.wire.messages import (
     AlignTicks,
+    AtTime,
     Blend,
     EmergencyStop,
     Event,
@@ -53,7 +55,7 @@ from controller.wire.messages import (
 )
 
 ASKS_EVERY = 0.25
-"""So often the conductor is asked for its time and the deck for its state, s; at first more often."""
+"""So often, on average, the conductor is asked for its time and the deck for its state, s; at first more often."""
 
 LATEST = 0.25
 """A cue that comes later than this after its time is not carried out, s; the conductor then gives what stands."""
@@ -62,6 +64,7 @@ STOP_SAID, STOP_AGAIN = 5, 0.02
 """An emergency stop is said so many times, so far apart, s."""
 
 _ASKS_FIRST, _FIRST = 0.05, 40  # so often, s, for the first questions; after them the time counts as known
+_IRREGULAR = 0.6, 1.4
 _PATIENCE = 1.0  # s for an answer
 _OWN_DOING = 1.0  # s within which the deck reports an emergency stop that came from here
 _REMEMBERED = 64  # emergency stops that were passed on
@@ -92,7 +95,7 @@ class Member:
         tell: Told,
         now: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._early = 0.5 / about.rate  # a command in the middle between ticks counts in the next one, its own
+        self._early = 0.5 / about.rate  # s before its time at which the deck may carry out a cue, in its nearest tick
         self._name, self._link, self._deck, self._leader = name, link, deck, leader
         self._tell, self._now = tell, now
         self._arrived = Mailbox[tuple[str, bytes]]()
@@ -154,7 +157,9 @@ class Member:
     def _ask(self, now: float) -> None:
         """Asks the conductor for its time and the deck for its state, and tells how it is."""
         self._asked += 1
-        self._ask_at = now + (_ASKS_FIRST if self._asked < _FIRST else ASKS_EVERY)
+        # Ticks of decks keep cores busy at the same times of every period. Questions at regular times could meet them
+        # again and again on the way there and never on the way back, which looks like another clock.
+        self._ask_at = now + (_ASKS_FIRST if self._asked < _FIRST else ASKS_EVERY) * random.uniform(*_IRREGULAR)
         sent = self._now()
         self._link.ask("clock", lambda _, data: self._answers.put((sent, self._now(), data)), _PATIENCE)
         if self._asked % 5 == 0 or self._asked >= _FIRST:
@@ -202,43 +207,48 @@ class Member:
             self._take_stop(stop, data)
         cue = read(data, TimedCue) if key == "cue" else None
         if cue is not None and self._name in cue.decks and cue.run == self._time.run:
-            self._cues.append(cue)
+            self._take_cue(cue)
+
+    def _take_cue(self, cue: TimedCue) -> None:
+        """Gives the deck a cue ahead of its time: its loop is punctual, and this process may not get a core then."""
+        late = self._now() - self._due(cue)
+        if late > LATEST:
+            self._problem = f"cue {cue.number} came {late:.1f} s late"
+            self._tell(self._problem)
+            return
+        if refused := [command for command in cue.say if not is_allowed(command)]:
+            self._problem = f"cue {cue.number} asks for what a show may not: {type(refused[0]).__name__}"
+            cue = msgspec.structs.replace(cue, say=[], step=None)
+        else:
+            self._give(cue)
+        self._cues.append(cue)
 
     def _carry_out(self) -> None:
-        """Gives the deck the cues whose time has come."""
+        """Notes the cues whose time has come: what is answered for the phase changes with them."""
         now = self._now()
         for cue in [cue for cue in self._cues if self._due(cue) <= now]:
             self._cues.remove(cue)
-            late = now - self._due(cue)
-            if late > LATEST:
-                self._problem = f"cue {cue.number} came {late:.1f} s late"
-                self._tell(self._problem)
-                continue
+            self._step = _step_after(self._step, cue)
             self._done = max(self._done, (cue.run, cue.number)) if self._done[0] == cue.run else (cue.run, cue.number)
-            if refused := [command for command in cue.say if not is_allowed(command)]:
-                self._problem = f"cue {cue.number} asks for what a show may not: {type(refused[0]).__name__}"
-                continue
-            self._give(cue)
 
     def _due(self, cue: TimedCue) -> float:
-        """When to give a cue to the deck, local time, s."""
+        """When a cue is carried out at the earliest, local time, s: half a tick before its time."""
         return self._clock.local(cue.at) - self._early
 
     def _give(self, cue: TimedCue) -> None:
-        motions = any(isinstance(command, Switch | Queue | Blend) for command in cue.say)
-        if motions and cue.step is None and self._step is not None:
-            self._step = None
-            self._deck.post(Unlock())
+        step = self._step
+        for earlier in self._cues:
+            step = _step_after(step, earlier)
+        if step is not None and cue.step is None and _plays(cue):
+            self._post(Unlock(), cue)
         for command in cue.say:
-            if isinstance(command, SetTempo | Unlock):
-                self._step = None  # the deck's lock ends with it
-            self._post(command, cue.number)
+            self._post(command, cue)
         if cue.step is not None:
-            self._step = cue.step
-            self._post(LockPhase("deck"), cue.number)
+            self._post(LockPhase("deck"), cue)
 
-    def _post(self, command: msgspec.Struct, number: int) -> None:
-        self._commands[self._deck.post(command)] = f"cue {number}"  # pyright: ignore[reportArgumentType]
+    def _post(self, command: msgspec.Struct, cue: TimedCue) -> None:
+        timed = AtTime(self._clock.local(cue.at), command)  # pyright: ignore[reportArgumentType]
+        self._commands[self._deck.post(timed)] = f"cue {cue.number}"
         if len(self._commands) > _REMEMBERED:
             del self._commands[next(iter(self._commands))]
 
@@ -246,8 +256,8 @@ class Member:
         """The phase of the show now, for the deck's lock."""
         if self._step is None or not self._clock.known:
             return PhaseNow("", None, None, number)
-        phase = self._step.phase(self._clock.remote(self._now()))
-        return PhaseNow("", phase, 1.0 / self._step.seconds, number)
+        now = self._now()
+        return PhaseNow("", self._step.phase(self._clock.remote(now)), 1.0 / self._step.seconds, number, now)
 
     # The deck.
 
@@ -321,6 +331,19 @@ class Member:
         for due in [due for due in self._to_say if due[0] <= now]:
             self._to_say.remove(due)
             self._link.say("stop", due[1])
+
+
+def _plays(cue: TimedCue) -> bool:
+    """Whether a cue plays another motion."""
+    return any(isinstance(command, Switch | Queue | Blend) for command in cue.say)
+
+
+def _step_after(step: CommonRound | None, cue: TimedCue) -> CommonRound | None:
+    """What loops keep step with after a cue; a tempo and an unlocking end the deck's lock."""
+    if cue.step is not None:
+        return cue.step
+    ends = _plays(cue) or any(isinstance(command, SetTempo | Unlock) for command in cue.say)
+    return None if ends else step
 
 
 def _refusal(message: msgspec.Struct) -> Refused:

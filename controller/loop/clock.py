@@ -100,6 +100,10 @@ class Ticker:
         """The monotonic clock, ns."""
         return time.monotonic_ns()
 
+    def due(self) -> float:
+        """When the present tick was due by that clock, s; of several that were missed, the last one."""
+        return 1e-9 * self._deadline
+
     def start(self) -> None:
         """Makes the present the time of tick 0 and clears the counts."""
         self._deadline = self.now()

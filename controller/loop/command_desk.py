@@ -20,6 +20,7 @@ from controller.wire.command_table import command_of
 from controller.wire.messages import (
     Accepted,
     AlignTicks,
+    AtTime,
     Blend,
     EmergencyStop,
     Event,
@@ -101,8 +102,17 @@ class Pushable(Protocol):
         ...
 
 
-class Alignable(Protocol):
-    """A clock whose ticks can be moved; the call does not wait."""
+class RealTime(Protocol):
+    """The clock of a loop in real time; no call waits."""
+
+    @property
+    def period(self) -> float:
+        """Seconds from tick to tick."""
+        ...
+
+    def due(self) -> float:
+        """When the present tick was due, by the machine's steady clock, s."""
+        ...
 
     def align(self, here: int, there: int) -> None:
         """Moves them onto those of a clock that shows `there` when this one shows `here`, ns."""
@@ -112,7 +122,9 @@ class Alignable(Protocol):
 Awaited = Switch | Queue | Blend
 """Commands that are answered once more when they have settled."""
 _LOOKED_WITHIN = 15.0  # s, for a look at servos
+_AHEAD = 60.0  # s, of a command that is given ahead of its time
 
+_MOST_TIMED = 64  # commands whose time is still to come
 _MOST_AWAITED = 256  # switches, or looks, whose second reply is still to come
 _MOST_LISTENERS = 64
 _FORGOTTEN_AFTER = 60.0  # s that a subscriber over a network may be silent
@@ -148,7 +160,7 @@ class CommandDesk:
         servos: of the rig, if there is one.
         body: what is simulated, if it can be pushed.
         restarts: whether the run can be started again with another library.
-        ticks: the clock of the loop, if its ticks can be moved.
+        ticks: the clock of the loop, in real time.
     """
 
     def __init__(
@@ -161,7 +173,7 @@ class CommandDesk:
         servos: RigServos | None = None,
         body: Pushable | None = None,
         restarts: bool = False,
-        ticks: Alignable | None = None,
+        ticks: RealTime | None = None,
     ) -> None:
         self._deck = deck
         self._ticks = ticks
@@ -172,6 +184,7 @@ class CommandDesk:
         self._seen = seen
         self._now = now
         self._awaited: deque[tuple[CommandServer, Address, Awaited, Progress]] = deque(maxlen=_MOST_AWAITED)
+        self._timed: list[tuple[CommandServer, Address, AtTime]] = []
         self._looks: deque[tuple[CommandServer, Address, int, Look, float]] = deque(maxlen=_MOST_AWAITED)
         self._listeners: dict[Address, _Listener] = {}
         self._number = 0
@@ -190,7 +203,11 @@ class CommandDesk:
                     self._looks.append((server, sender, message.id, self._look, self._now()))
                 if progress is not None and isinstance(message, Awaited):
                     self._awaited.append((server, sender, message, progress))
+                if isinstance(message, AtTime) and isinstance(reply, Accepted):
+                    self._timed.append((server, sender, message))
                 server.reply(sender, reply)
+        if self._timed:
+            self._carry_out_timed(stop)
         if self._awaited:
             self._reply_again()
         if self._looks:
@@ -216,6 +233,25 @@ class CommandDesk:
         if self._note is not None:
             self._note(message, reply)
         return reply, progress
+
+    def _carry_out_timed(self, stop: StopRequest) -> None:
+        """Carries out the commands whose time is nearer to this tick than to the next one."""
+        assert self._ticks is not None, "else none is accepted"
+        if stop.emergency:
+            self._timed.clear()
+        until = self._ticks.due() + 0.5 * self._ticks.period
+        due = [timed for timed in self._timed if timed[2].when <= until]
+        for timed in sorted(due, key=lambda timed: timed[2].when):
+            self._timed.remove(timed)
+            server, sender, message = timed
+            if not server.connected(sender):
+                continue
+            say = msgspec.structs.replace(message.say, id=message.id)
+            reply, progress = self.carry_out(say, stop)
+            if progress is not None and isinstance(say, Awaited):
+                self._awaited.append((server, sender, say, progress))
+            if isinstance(reply, Refused):
+                server.reply(sender, reply)
 
     def _reply_again(self) -> None:
         """Sends the second replies of switches that have settled, were given up or overtaken."""
@@ -316,8 +352,10 @@ class CommandDesk:
                     if self._ticks is None or remote:
                         raise MotiondeckError("ticks are aligned by programs of this machine, on a deck in real time")
                     self._ticks.align(round(1e9 * here), round(1e9 * there))
+                case AtTime():
+                    self._check_timed(message, remote)
                 case GetPhase():
-                    return PhaseNow(deck.motion, deck.phase, deck.phase_rate, message.id), None
+                    return PhaseNow(deck.motion, deck.phase, deck.phase_rate, message.id, deck.phase_at), None
                 case EmergencyStop():
                     stop.emergency_stop()
                     deck.pause()
@@ -357,6 +395,14 @@ class CommandDesk:
         if progress is None:
             return Accepted(message.id), None
         return Accepted(message.id, progress.after, list(progress.via)), progress
+
+    def _check_timed(self, message: AtTime, remote: bool) -> None:
+        if self._ticks is None or remote:
+            raise MotiondeckError("commands for a time are given by programs of this machine, on a deck in real time")
+        if message.when > self._ticks.due() + _AHEAD:
+            raise MotiondeckError(f"a command is given at most {_AHEAD:g} s ahead of its time")
+        if len(self._timed) >= _MOST_TIMED:
+            raise MotiondeckError(f"{_MOST_TIMED} commands wait for their time already")
 
     def _load(self, message: LoadLibrary, stop: StopRequest, remote: bool) -> None:
         """Asks for a controlled end, after which another library is started."""

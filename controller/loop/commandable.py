@@ -26,10 +26,12 @@ class Commandable(Protocol):
     Attributes:
         time: s since the start.
         events: what has happened; whoever tells it takes it out.
+        phase_at: when the present phase was due by the machine's steady clock, s; None if that is not known.
     """
 
     time: float
     events: deque[Event]
+    phase_at: float | None
 
     @property
     def motions(self) -> Sequence[str]:

@@ -17,6 +17,7 @@ from controller.wire.messages import (
     MOST_BYTES,
     SIDES,
     AlignTicks,
+    AtTime,
     Blend,
     CommandError,
     EmergencyStop,
@@ -45,6 +46,7 @@ from controller.wire.messages import (
     Stop,
     Subscribe,
     Switch,
+    Timeable,
     Unlock,
     WriteRegister,
 )
@@ -167,7 +169,27 @@ class Choice:
             raise CommandError(f"{self.name} must be one of {', '.join(self.words)}, not '{value}'")
 
 
-Argument = MotionName | FilePath | Number | Flag | Choice
+@dataclass(frozen=True)
+class WholeCommand:
+    """An argument that is a command, as one word."""
+
+    field: str
+    name: str
+    optional: bool = False
+
+    def parse(self, word: str) -> Timeable:
+        """The command; raises a CommandError where it is none, or none for another time."""
+        message = parse_command(word.split())
+        if not isinstance(message, Timeable):
+            raise CommandError(f"{self.name} can be given only for now: {word}")
+        return message
+
+    def check(self, value: Timeable) -> None:
+        """Raises a CommandError where an argument of it is out of its range."""
+        checked(value)
+
+
+Argument = MotionName | FilePath | Number | Flag | Choice | WholeCommand
 
 TEMPO = Number("factor", "TEMPO", -3.0, 3.0)
 TEMPO_SECONDS = Number("over", "SECONDS", 0.0, 60.0, optional=True)
@@ -294,6 +316,12 @@ COMMANDS = (
         (Number("here", "HERE", *_CLOCK), Number("there", "THERE", *_CLOCK)),
         "move ticks onto those of a clock that shows THERE when this machine's shows HERE, s (for programs)",
         ALWAYS,
+    ),
+    DeckCommand(
+        "at",
+        AtTime,
+        (Number("when", "WHEN", *_CLOCK), WholeCommand("say", "'COMMAND'")),
+        "carry out a command in the tick due at WHEN by this machine's clock, s (for programs)",
     ),
     DeckCommand("subscribe", Subscribe, (), "receive the events of the deck", ALWAYS),
     DeckCommand("status", GetStatus, (), "show what is played, and all motions", ALWAYS),

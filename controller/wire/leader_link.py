@@ -17,7 +17,7 @@ class Sighting:
     """How far another deck was.
 
     Attributes:
-        time: when, by the asking deck's clock, s: in the middle between question and answer.
+        time: when, by the asking deck's clock, s.
         phase: of its loop, [0, 1).
         rate: how fast the loop turned, rounds a second; negative backwards.
     """
@@ -28,10 +28,11 @@ class Sighting:
 
 
 class LeaderLink:
-    """Sees how far another deck is.
+    """Sees how far another deck of this machine is, and when: by the clock that both have, if the answer tells it,
+    else in the middle between question and answer.
 
     Args:
-        client: connected to that deck.
+        client: connected to that deck; with patience it could hold up a loop.
     """
 
     def __init__(self, client: CommandClient) -> None:
@@ -48,7 +49,7 @@ class LeaderLink:
         """
         if not port.isdecimal() or not 0 < int(port) < 65536:
             raise CommandError(f"'{port}' is nothing to lock to: give beat, body, or the command port of another deck")
-        return cls(CommandClient(int(port)))
+        return cls(CommandClient(int(port), patience=0.0))
 
     def __call__(self, time: float) -> Sighting | None:
         """What has been seen since the last call, at a time of the asking deck, s; None where nothing turns."""
@@ -56,7 +57,7 @@ class LeaderLink:
         waited = time - self._asked
         if waited >= (ASKED_EVERY if self._answered else UNANSWERED_AFTER):
             self._asked, self._answered = time, False
-            with contextlib.suppress(SocketError):  # nobody is there yet, or any more
+            with contextlib.suppress(SocketError):  # nobody is there yet, or any more, or it is held up
                 self._question = self._client.post(GetPhase())
         return sighting
 
@@ -70,7 +71,8 @@ class LeaderLink:
                     continue
                 self._answered = True
                 if reply.phase is not None and reply.rate is not None:
-                    sighting = Sighting(0.5 * (self._asked + time), reply.phase, reply.rate)
+                    seen = reply.at if reply.at is not None else 0.5 * (self._asked + time)
+                    sighting = Sighting(seen, reply.phase, reply.rate)
         return sighting
 
     def close(self) -> None:

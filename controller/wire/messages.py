@@ -388,12 +388,14 @@ class PhaseNow(msgspec.Struct, frozen=True, tag="phase"):
         motion: the motion that is played.
         phase: from 0 to 1; None if the network runs by itself.
         rate: rounds a second, negative backwards; None for a one-shot, or without a phase.
+        at: when the phase was this, by the machine's steady clock, s; None if the deck does not play in real time.
     """
 
     motion: str
     phase: float | None
     rate: float | None
     id: Number
+    at: float | None = None
 
 
 class LockState(msgspec.Struct, frozen=True):
@@ -523,6 +525,28 @@ class Event(msgspec.Struct, frozen=True, tag="event"):
     id: Number = 0
 
 
+Timeable = (
+    Switch | Queue | Blend | SetTempo | SetInput | Jump | LockPhase | Unlock | Pause | Resume | Home | Push | Stop
+)
+"""Commands that can be given ahead of their time."""
+
+
+class AtTime(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="at"):
+    """Carry out a command in the tick that is due at a time; in the next one if that has passed.
+
+    It is accepted at once, and refused later where it cannot be carried out; a switch is answered once more when it
+    has settled. An emergency stop ends it, and so does its sender by leaving.
+
+    Attributes:
+        when: by this machine's steady clock, s.
+        say: the command.
+    """
+
+    when: float
+    say: Timeable
+    id: Number = 0
+
+
 Message = (
     Switch
     | Queue
@@ -542,6 +566,7 @@ Message = (
     | Stop
     | Heartbeat
     | AlignTicks
+    | AtTime
     | Subscribe
     | GetStatus
     | GetPhase

@@ -205,6 +205,8 @@ class Session:
             body.clock = lambda: self._deck.time  # as events do; the approach comes before
         if isinstance(self._deck, Lockable):
             self._deck.measured = self._measured
+            if isinstance(self._clock, Ticker):
+                self._deck.due = self._clock.due
             lock_deck(opening, self._deck, settings.lock_to)
             if member is not None:
                 member.lead(opening, self._deck)

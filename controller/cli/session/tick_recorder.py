@@ -18,6 +18,7 @@ from controller.loop.stop_requests import StopRequest
 from controller.rotations import Array
 from controller.wire.messages import (
     AlignTicks,
+    AtTime,
     Blend,
     GetPhase,
     GetStatus,
@@ -42,8 +43,8 @@ from controller.wire.run_recording import COMMANDS, MODES, check_replaceable
 from controller.wire.telemetry import StateWriter
 from motiondeck_base.errors import FileFormatError
 
-ASKS = (GetStatus, GetPhase, Heartbeat, AlignTicks, Subscribe, ReadRegisters)
-"""Messages that command nothing; they are not recorded."""
+ASKS = (GetStatus, GetPhase, Heartbeat, AlignTicks, AtTime, Subscribe, ReadRegisters)
+"""Messages that command nothing now; they are not recorded."""
 
 KEPT_SECONDS = 8.0
 """How far the recorder may fall behind before ticks are lost, s."""

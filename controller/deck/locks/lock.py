@@ -13,7 +13,7 @@ class LoopPlace:
     """Where a deck is.
 
     Attributes:
-        time: of the deck, s.
+        time: when it was there, by the clock on which ticks are due (the deck's own time without one), s.
         motion: what is played.
         phase: how far the motion is, [0, 1) in a loop.
         seconds: how long one round of the loop, or the one-shot, takes at tempo 1, s.

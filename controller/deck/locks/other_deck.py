@@ -11,7 +11,7 @@ from controller.deck.locks.phase_lock import Reference
 from controller.wire.leader_link import Sighting
 
 Leader = Callable[[float], Sighting | None]
-"""What has been seen of another deck since the last call, at a time of this deck, s."""
+"""What has been seen of another deck since the last call, at a time of this deck's clock, s."""
 
 GAIN = 0.3
 """How much of the error of the predicted phase each sighting corrects: the time of one is known to a tick or two."""

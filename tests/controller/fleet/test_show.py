@@ -27,19 +27,33 @@ DT = 0.005
 ROUND = 0.9
 
 
+class Ticks:
+    """The clock of a loop whose ticks stay where they are."""
+
+    period = DT
+
+    def __init__(self, due):
+        self.due = due
+
+    def align(self, here, there):
+        pass
+
+
 class Machine(threading.Thread):
     """A machine with a deck in real time and its member, whose clock is not that of the others."""
 
     def __init__(self, name, offset=0.0, drift=0.0):
         super().__init__(daemon=True)
         self.name, self.told, self.began = name, [], {}
-        self._offset, self._drift = offset, drift
+        self._offset, self._drift, self._due = offset, drift, time.monotonic()
         self.left, self.open = threading.Event(), ExitStack()
         server = self.open.enter_context(closing(CommandServer(0)))
         leader = self.open.enter_context(closing(CommandServer(0)))
         self.deck = Deck(synthetic.small_phase_library(), lambda pose: pose.rotation.ravel(), "march")
         self.deck.leader = self.open.enter_context(closing(LeaderLink.to(str(leader.port))))
-        self.stop, self.desk = StopRequest(), CommandDesk(self.deck, [server], note=self._note)
+        self.deck.due = lambda: self._by_own_clock(self._due)
+        ticks = Ticks(self.deck.due)
+        self.stop, self.desk = StopRequest(), CommandDesk(self.deck, [server], note=self._note, ticks=ticks)
         client = self.open.enter_context(closing(CommandClient(server.port)))
         about = About("dummy", "small", 1.0 / DT, dict.fromkeys(self.deck.motions, ROUND))
         link = Link(on_this_machine("gala", name))
@@ -47,7 +61,10 @@ class Machine(threading.Thread):
         self.open.callback(self.member.close)
 
     def now(self):
-        return self._offset + (1.0 + self._drift) * time.monotonic()
+        return self._by_own_clock(time.monotonic())
+
+    def _by_own_clock(self, seconds):
+        return self._offset + (1.0 + self._drift) * seconds
 
     def _note(self, message, reply):
         self.began.setdefault(type(message).__name__, time.monotonic())
@@ -58,12 +75,11 @@ class Machine(threading.Thread):
             self.member.step(0.01)
 
     def _play(self):
-        due = time.monotonic()
         while not self.left.is_set():
             self.desk(self.stop)
             self.deck.update(DT)
-            due += DT
-            time.sleep(max(due - time.monotonic(), 0.0))
+            self._due += DT
+            time.sleep(max(self._due - time.monotonic(), 0.0))
 
     def end(self):
         self.left.set()
@@ -152,6 +168,22 @@ def test_a_deck_that_joins_late_joins_in_step(theatre):
     late = theatre.deck("late", offset=3.0)
     theatre.until(lambda: in_step(left, late))
     assert "late joins" in theatre.told
+
+
+def test_it_is_told_who_is_missing_and_who_is_left_out(theatre, monkeypatch):
+    monkeypatch.setattr("controller.fleet.conductor.TOLD_AFTER", 0.05)
+    left = theatre.deck("left")
+    cues = [
+        ShowCue(say="switch march", name="early", at=0.0, to=["left", "right"]),
+        ShowCue(say="pause", name="late", when="here"),
+    ]
+    theatre.conduct(cues=cues, decks=["left", "right"], lead=0.05)
+    theatre.until(lambda: "late waits: right is not here" in theatre.told)
+    assert any(text.startswith("early: ") and "not here: " in text and "right" in text for text in theatre.told)
+    theatre.until(lambda: "left" in theatre.conductor.decks)
+    assert [deck.here for deck in show_state(theatre.conductor).decks] == [True, False]
+    theatre.deck("right")
+    theatre.until(lambda: left.deck.paused)
 
 
 def test_a_stop_of_one_deck_stops_all_without_a_conductor(theatre):

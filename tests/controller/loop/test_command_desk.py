@@ -12,6 +12,7 @@ from controller.wire.command_table import COMMANDS
 from controller.wire.messages import (
     Accepted,
     AlignTicks,
+    AtTime,
     EmergencyStop,
     Event,
     GetStatus,
@@ -87,6 +88,21 @@ class Desk:
         self.server.replies.clear()
         self.desk(self.stop)
         return [reply for _, reply in self.server.replies if isinstance(reply, Event)]
+
+
+class Ticks:
+    """The clock of a loop, at the tick that it is told."""
+
+    period = 0.01
+
+    def __init__(self, due=100.0):
+        self.now = due
+
+    def due(self):
+        return self.now
+
+    def align(self, here, there):
+        self.asked = here, there
 
 
 @pytest.fixture
@@ -328,17 +344,71 @@ def test_another_library_ends_the_run_where_it_can_be_started_again(desk, tmp_pa
 
 
 def test_every_command_that_changes_something_can_be_recorded():
-    looks = {"status", "phase", "heartbeat", "align", "subscribe", "registers"}
+    looks = {"status", "phase", "heartbeat", "align", "at", "subscribe", "registers"}
     assert {command.word for command in COMMANDS} - looks == set(RECORDED)
 
 
 def test_ticks_are_aligned_on_a_deck_in_real_time_by_programs_of_its_machine():
-    class Ticks:
-        def align(self, here, there):
-            self.asked = here, there
-
     ticks = Ticks()
     assert Desk(ticks=ticks).ask(AlignTicks(2.5, 7.0)) == Accepted(0)
     assert ticks.asked == (2_500_000_000, 7_000_000_000)
     assert isinstance(Desk().ask(AlignTicks(2.5, 7.0)), Refused)
     assert isinstance(Desk(remote=True, ticks=ticks).ask(AlignTicks(2.5, 7.0)), Refused)
+
+
+def test_a_command_for_a_time_is_carried_out_in_the_tick_nearest_to_it():
+    ticks = Ticks()
+    desk = Desk(ticks=ticks)
+    assert desk.ask(AtTime(100.017, Pause(), id=3)) == Accepted(3)
+    for due in (100.0, 100.01):
+        ticks.now = due
+        desk.tick()
+        assert not desk.deck.paused
+    ticks.now = 100.02
+    desk.tick()
+    assert desk.deck.paused
+    desk.ask(AtTime(100.015, Resume()))
+    assert not desk.deck.paused  # that time has passed
+
+
+def test_commands_for_one_time_keep_their_order_and_are_refused_where_they_cannot_be_carried_out():
+    ticks = Ticks()
+    desk = Desk(ticks=ticks)
+    for number, say in enumerate((Pause(), Resume(), Push("left"))):
+        desk.ask(AtTime(100.02, say, id=number))
+    ticks.now = 100.02
+    desk.tick()
+    assert not desk.deck.paused
+    ((sender, refused),) = desk.server.replies
+    assert (sender, refused.id) == ("somebody", 2)
+    assert "nothing can be pushed" in refused.reason
+
+
+def test_an_emergency_stop_and_a_sender_that_leaves_end_commands_for_a_time():
+    ticks = Ticks()
+    desk = Desk(ticks=ticks)
+    desk.ask(AtTime(100.02, Resume()))
+    desk.ask(EmergencyStop())
+    assert isinstance(desk.ask(AtTime(100.02, Resume())), Refused)
+    desk.stop.at_rest = True
+    desk.ask(Reset())
+    desk.ask(AtTime(100.03, Pause()), "who leaves")
+    desk.server.gone.add("who leaves")
+    desk.deck.paused = True
+    ticks.now = 100.02
+    desk.tick()
+    assert desk.deck.paused
+    desk.deck.paused, ticks.now = False, 100.03
+    desk.tick()
+    assert not desk.deck.paused
+
+
+def test_commands_for_a_time_are_bounded_and_for_programs_of_this_machine():
+    ticks = Ticks()
+    desk = Desk(ticks=ticks)
+    assert "at most 60 s ahead" in desk.ask(AtTime(161.0, Pause())).reason
+    for _ in range(64):
+        assert isinstance(desk.ask(AtTime(110.0, Pause())), Accepted)
+    assert "64 commands wait" in desk.ask(AtTime(110.0, Pause())).reason
+    for other in (Desk(), Desk(remote=True, ticks=ticks)):
+        assert "programs of this machine" in other.ask(AtTime(100.0, Pause())).reason

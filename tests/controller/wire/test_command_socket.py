@@ -80,6 +80,7 @@ class TinyDeck:
     inputs: dict[str, float] = field(default_factory=dict)
     lock_state: LockState | None = None
     beats: list[float] = field(default_factory=list)
+    phase_at: float | None = None
 
     @property
     def phase_rate(self):

@@ -18,11 +18,12 @@ from controller.wire.command_table import (
     Flag,
     MotionName,
     Number,
+    WholeCommand,
     command_of,
     parse_command,
     read_message,
 )
-from controller.wire.messages import CommandError, EmergencyStop, Message, Reset, encode
+from controller.wire.messages import CommandError, EmergencyStop, Message, Pause, Reset, encode
 
 NAMES = st.text("abc-1", min_size=1, max_size=100).filter(lambda name: name not in BY_WORD)
 
@@ -45,6 +46,8 @@ def typed(argument):
         return st.just(argument.name)
     if isinstance(argument, Choice):
         return st.sampled_from(argument.words)
+    if isinstance(argument, WholeCommand):
+        return st.sampled_from(["pause", "tempo 1.5 2", "switch jog", "jog", "lock beat 0.5 4"])
     if argument.whole:
         return st.integers(argument.lowest, argument.highest).map(str)
     return st.floats(argument.lowest, argument.highest).map(repr)
@@ -62,7 +65,12 @@ def test_every_command_in_its_ranges_is_read_alike_typed_and_from_the_wire(data)
 
 def required(command):
     """Values for the arguments that a command must have."""
-    examples = {MotionName: lambda a: "a", Number: lambda a: a.lowest, Choice: lambda a: a.words[0]}
+    examples = {
+        MotionName: lambda a: "a",
+        Number: lambda a: a.lowest,
+        Choice: lambda a: a.words[0],
+        WholeCommand: lambda a: Pause(),
+    }
     return {a.field: examples[type(a)](a) for a in command.arguments if not a.optional}
 
 
@@ -94,7 +102,7 @@ def test_the_emergency_stop_is_always_allowed_and_its_reset_only_while_it_is_on(
     assert command_of(Reset()).modes == {"emergency stop"}
     moving = [c.word for c in COMMANDS if "emergency stop" not in c.modes]
     plays = ["switch", "queue", "blend", "tempo", "input", "jump", "beat", "lock", "unlock"]
-    assert moving == [*plays, "pause", "step", "resume", "home", "restart", "scan", "load"]
+    assert moving == [*plays, "pause", "step", "resume", "home", "at", "restart", "scan", "load"]
 
 
 @pytest.mark.parametrize("words", [["switch", "\udcff"], ["load", "\udcff.safetensors", "walk"]])
