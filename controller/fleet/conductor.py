@@ -14,7 +14,7 @@ from controller.fleet.mailbox import Mailbox
 from controller.fleet.member import STOP_AGAIN, STOP_SAID
 from controller.fleet.membership import CONDUCTOR
 from controller.fleet.messages import About, CommonRound, DeckHealth, EmergencyStopAll, Time, TimedCue, encode, read
-from controller.fleet.show_file import Condition, Show, ShowCue, motions_of, show_command, wrong_motions
+from controller.fleet.show_file import ALL, Condition, Show, ShowCue, motions_of, show_command, wrong_motions
 from controller.fleet.standing import Standing
 from controller.wire.messages import CommandError, Message
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
@@ -126,10 +126,10 @@ class Conductor:
             self._to_say.remove(due)
             self._link.say("stop", due[1])
         if not self.stopped_by:
+            self._bring_in(now)  # first: who carries out a later cue counts as one who has had those before
             while (due := self.cues.due(now, self._holds)) is not None:
                 number, cue, at = due
                 self._send_show_cue(number, cue, at)
-            self._bring_in(now)
         self._tell_waiting()
         self._tell_lacking(now)
         return 0.01
@@ -160,7 +160,7 @@ class Conductor:
         self.cues.hold()
 
     def command(self, names: list[str], line: str) -> str:
-        """Has decks and groups carry out a command together.
+        """Has decks and groups carry out a command together; those that are not here get it when they join.
 
         Returns:
             What was done.
@@ -177,7 +177,7 @@ class Conductor:
             about = self.decks[deck].about
             raise UnknownNameError(f"{deck}: {UnknownNameError.among('motion', motion, about.rounds if about else ())}")
         self._send(line, _on_grid(self.now() + self.show.lead), names, decks, [command])
-        return f"{', '.join(decks)}: {line}"
+        return f"{_told(decks, [deck.name for deck in self._present])}: {line}"
 
     def stop(self) -> None:
         """Stops all decks at once."""
@@ -253,17 +253,19 @@ class Conductor:
         return [deck for deck in self.decks.values() if deck.here]
 
     def _named(self, names: list[str]) -> list[str]:
+        """The decks of some names, of which at least one is here."""
         present = [deck.name for deck in self._present]
+        known = [*dict.fromkeys([*present, *self.show.decks]), *self.show.groups, ALL]
+        for name in names:
+            if name not in known:
+                raise UnknownNameError.among("deck", name, known)
         decks = self.show.members(names, present)
-        for name in decks:
-            if name not in present:
-                raise UnknownNameError.among("deck", name, [*present, *self.show.groups, "all"])
-        if not decks:
-            raise MotiondeckError("no deck is here yet")
+        if not set(decks) & set(present):
+            raise MotiondeckError(f"not here: {', '.join(decks)}" if decks else "no deck is here yet")
         return decks
 
     def _plays(self, deck: str, motion: str) -> bool:
-        about = self.decks[deck].about
+        about = self._deck(deck).about
         return about is None or motion in about.rounds
 
     def _send_show_cue(self, number: int, cue: ShowCue, at: float) -> None:
@@ -277,9 +279,7 @@ class Conductor:
             self._tell(f"{name}: {error}")
             return
         self._send(name, at, cue.receivers, decks, say, self._step_of(cue, decks, at))
-        absent = [deck for deck in decks if deck not in present]
-        told = ", ".join(deck for deck in decks if deck in present) or "no deck is here"
-        self._tell(f"{name}: {told}" + (f" (not here: {', '.join(absent)})" if absent else ""))
+        self._tell(f"{name}: {_told(decks, present)}")
 
     def _step_of(self, cue: ShowCue, decks: list[str], at: float) -> CommonRound | None:
         if cue.in_step is False:
@@ -358,6 +358,13 @@ class Conductor:
         elif lacking and lacking != self._told_lacks and now - self._lacking_since > TOLD_AFTER:
             self._told_lacks = lacking
             self._tell(f"{cue.name or cue.say} waits: {', '.join(lacking)}")
+
+
+def _told(decks: list[str], present: list[str]) -> str:
+    """Which of some decks something is for, and which of them are not here."""
+    here = ", ".join(deck for deck in decks if deck in present) or "no deck is here"
+    absent = [deck for deck in decks if deck not in present]
+    return here + (f" (not here: {', '.join(absent)})" if absent else "")
 
 
 def _on_grid(at: float) -> float:

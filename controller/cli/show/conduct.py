@@ -191,8 +191,10 @@ def _show_status(conductor: Conductor, *, as_json: bool) -> None:
 
 def _describe(deck: SeenDeck) -> str:
     health = deck.health
-    if not deck.here or health is None:
-        return "gone" if not deck.here else "says nothing yet"
+    if not deck.here:
+        return "gone" if deck.losses else "not here yet"
+    if health is None:
+        return "says nothing yet"
     doing = f"{'switching to' if health.switching else 'paused in' if health.paused else 'plays'} {health.motion}"
     mode = "" if health.mode == "playing" else f"{health.mode}; "
     lock = f", {health.lock}" if health.lock else ""

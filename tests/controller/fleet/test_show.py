@@ -182,8 +182,13 @@ def test_it_is_told_who_is_missing_and_who_is_left_out(theatre, monkeypatch):
     assert any(text.startswith("early: ") and "not here: " in text and "right" in text for text in theatre.told)
     theatre.until(lambda: "left" in theatre.conductor.decks)
     assert [deck.here for deck in show_state(theatre.conductor).decks] == [True, False]
-    theatre.deck("right")
+    assert theatre.conductor.command(["all"], "tempo 1.2") == "left (not here: right): tempo 1.2"
+    for names, problem in (("right", "not here: right"), ("lft", "unknown deck 'lft'. Did you mean left?")):
+        with pytest.raises(Exception, match=problem):
+            theatre.conductor.command([names], "tempo 1.2")
+    right = theatre.deck("right")
     theatre.until(lambda: left.deck.paused)
+    theatre.until(lambda: right.deck.commanded_tempo == 1.2)
 
 
 def test_a_stop_of_one_deck_stops_all_without_a_conductor(theatre):
