@@ -206,7 +206,7 @@ def _network(setting: Setting) -> Shots:
 
 
 def _blend(setting: Setting) -> Shots:
-    send(Blend("walk", "jog", 0.4))
+    send(Blend("walk", "slow-walk", 0.25, also=(("jog", 0.4),)))
     time.sleep(4.0)
     yield from setting.shots()
 

@@ -7,7 +7,7 @@ import contextlib
 import subprocess
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Literal
@@ -62,7 +62,7 @@ class CommandedMotion:
     """A motion that a deck has been commanded to play.
 
     Attributes:
-        motion: its name, or "walk + jog" for a blend.
+        motion: its name, or "walk + jog" for a blend of these.
         after: the one-shot that has to end first, or "".
         via: the motions on the way.
     """
@@ -151,9 +151,21 @@ class LiveDeck:
         """Plays a motion after what is played and queued; raises as `switch`."""
         return self._commanded(motion, Queue(motion))
 
-    def blend(self, first: str, second: str, weight: float) -> CommandedMotion:
-        """Plays a blend of two loops, the second with a weight in [-0.3, 1.3]; raises as `switch`."""
-        return self._commanded(f"{first} + {second}", Blend(first, second, weight))
+    def blend(self, first: str, second: str, weight: float, also: Mapping[str, float] | None = None) -> CommandedMotion:
+        """Plays a blend of loops: `deck.blend("walk", "jog", 0.3)`, `deck.blend("walk", "jog", 0.3, {"waltz": 0.2})`.
+
+        Args:
+            first: the motion that has the rest of the weights, which sum to 1.
+            second: a motion that is blended into it.
+            weight: of the second, in [-0.3, 1.3].
+            also: one or two further motions with their weights; then no weight is below 0 or above 1.
+
+        Raises:
+            CommandError: if they cannot be blended, and why; or as `switch`.
+            MotiondeckError: if the deck has ended.
+        """
+        message = Blend(first, second, weight, also=tuple((also or {}).items()))
+        return self._commanded(" + ".join(message.motions), message)
 
     @property
     def tempo(self) -> float:
@@ -181,7 +193,7 @@ class LiveDeck:
         """Goes to a phase, from 0 to 1, of the present motion, by a transition.
 
         Raises:
-            CommandError: if the network has no phase, or two motions are blended.
+            CommandError: if the network has no phase, or motions are blended.
         """
         self._request(Jump(phase))
 

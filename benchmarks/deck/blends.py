@@ -22,7 +22,7 @@ for _library in ("OPENBLAS", "OMP", "MKL"):
 import numpy as np  # noqa: E402
 
 from controller.deck.joins.blend_check import STILL, TURNS_OVER  # noqa: E402
-from controller.deck.joins.deck_motions import read_motions, tempos_in_step  # noqa: E402
+from controller.deck.joins.deck_motions import read_motions, rounds_beside, tempos_in_step  # noqa: E402
 from controller.deck.joins.posture_blend import PostureBlend  # noqa: E402
 from controller.deck.routes import Routes  # noqa: E402
 from controller.deck.tracks.frame_player import FramePlayer  # noqa: E402
@@ -63,12 +63,14 @@ def played(library: MotionLibrary, first: str, second: str, share: float, seed: 
     players[1].cue_anchor(second, near)
     twist_by_rule = type(encoding) is BoneDirections
     start = [encoding.decode(player.step(0.0)) for player in players]
-    blend = PostureBlend(start[0], start[1], encoding.skeleton.rest_direction if twist_by_rule else None)
+    blend = PostureBlend(start[0], encoding.skeleton.rest_direction if twist_by_rule else None)
+    blend.add(start[1])
     motions, postures = read_motions(library), []
+    lasts = motions[first].seconds, motions[second].seconds * rounds_beside(motions[first], motions[second])
     for weight in weights:
-        tempos = tempos_in_step(motions[first], motions[second], weight) if way == "in step" else (1.0, 1.0)
+        tempos = tempos_in_step(lasts, (1.0 - weight, weight)) if way == "in step" else (1.0, 1.0)
         now = [encoding.decode(player.step(own / rate)) for player, own in zip(players, tempos, strict=True)]
-        postures.append(blend.advance(now[0], now[1], weight, 1.0 / rate))
+        postures.append(blend.advance(now, (1.0 - weight, weight), 1.0 / rate))
     rotation, height = np.array([p.rotation for p in postures]), np.array([p.height for p in postures])
     joints = encoding.skeleton.joints(np.zeros((len(postures), 3)), rotation)[:, 1:]
     return 1e3 * np.concatenate([joints.reshape(len(postures), -1), height[:, None]], axis=1)

@@ -72,9 +72,10 @@ def blended(library: MotionLibrary, channels: tuple[Array, Array], tempos: tuple
         ]
         for one, tempo in zip(channels, tempos, strict=True)
     ]
-    blend = PostureBlend(postures[0][0], postures[1][0], rest)
+    blend = PostureBlend(postures[0][0], rest)
+    blend.add(postures[1][0])
     shown = [
-        blend.advance(postures[0][step % frames], postures[1][step % frames], mu, 1.0 / rate)
+        blend.advance([one[step % frames] for one in postures], (1.0 - mu, mu), 1.0 / rate)
         for step in range((SETTLED_ROUNDS + 1) * frames + 3)
     ][-frames - 3 :]
     joints = encoding.skeleton.joints(np.zeros((len(shown), 3)), np.array([one.rotation for one in shown]))[:, 1:]

@@ -97,9 +97,13 @@ def _draw(recording: RunRecording, picture: Path) -> None:
     tracking.plot(time[1:], np.degrees(mean), linewidth=0.7, label="root mean square over joints")
     tracking.set(ylabel="tracking error, deg")
     tracking.legend(loc="upper right")
-    shown = sorted({int(index) for index in fields["motion"][:, 0]})
+    blended = fields.get("blend", np.empty((len(time), 0)))
+    shown = sorted({int(index) for index in (*fields["motion"][:, 0], *blended[blended >= 0.0])})
     row = {index: place for place, index in enumerate(shown)}
     playing.step(time, [row[int(index)] for index in fields["motion"][:, 0]], where="post")
+    for numbers in blended.T:
+        there = numbers >= 0.0
+        playing.plot(time[there], [row[int(index)] for index in numbers[there]], "C0.", markersize=1)
     playing.set_yticks(range(len(shown)), [motions[index] for index in shown])
     playing.set(xlabel="s", ylim=(-0.5, len(shown) - 0.3))
     for at in np.flatnonzero(fields["command"][:, 0]):

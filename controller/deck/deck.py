@@ -8,7 +8,8 @@ joints. The loop calls `update` once a tick, and commands in between. The deck d
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from itertools import combinations
 
 from controller.deck.inputs import Inputs
 from controller.deck.interfaces import Retargeter
@@ -22,8 +23,8 @@ from controller.library.motion_library import MotionLibrary
 from controller.mocap.posture import Pose, Posture
 from controller.networks.base import Activation
 from controller.rotations import Array
-from controller.wire.command_table import PHASE, TEMPO, WEIGHT
-from controller.wire.messages import Event, EventKind
+from controller.wire.command_table import MOST_BLENDED, PHASE, TEMPO, blend_weights
+from controller.wire.messages import Event, EventKind, described
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 __all__ = ["MOST_QUEUED", "REMEMBERED_SWITCHES", "CommandedSwitch", "Deck"]
@@ -31,6 +32,7 @@ __all__ = ["MOST_QUEUED", "REMEMBERED_SWITCHES", "CommandedSwitch", "Deck"]
 REMEMBERED_SWITCHES = 1_000
 REMEMBERED_EVENTS = 64
 MOST_QUEUED = 32
+_NO_WEIGHT = 1e-9
 
 
 class Deck(Lockable):
@@ -128,8 +130,8 @@ class Deck(Lockable):
         return self.tempo / here.seconds if here.loop and self.phase is not None else None
 
     @property
-    def blend(self) -> tuple[str, float] | None:
-        """The motion that is blended into the one that is played, and its present weight."""
+    def blend(self) -> tuple[tuple[str, float], ...]:
+        """The motions that are blended into the one that is played, each with its present weight."""
         return self._show.blend
 
     @property
@@ -169,38 +171,42 @@ class Deck(Lockable):
         direct = direct or self._direct
         loop = self._show.motions[to].loop
         current = self._current
-        if current is not None and (current.to, current.blend) == (to, None) and loop and not (direct and self._ahead):
+        if current is not None and (current.to, current.blend) == (to, ()) and loop and not (direct and self._ahead):
             self._mark_overtaken(self._queued)
             self._queued.clear()
             return current
         return self._command(CommandedSwitch(to, self.time), direct)
 
-    def blend_in(self, first: str, second: str, weight: float) -> CommandedSwitch:
-        """Plays a blend of two loops, which run side by side.
+    def blend_in(
+        self, first: str, second: str, weight: float, also: Sequence[tuple[str, float]] = ()
+    ) -> CommandedSwitch:
+        """Plays a blend of loops, which run side by side.
 
-        The first is switched to if it is not playing, then the second is blended in; at a weight of 0 or 1 one of them
-        plays alone.
+        The first is switched to if it is not playing, then the others are blended in; a motion whose weight comes to 0
+        is dropped. From one blend to another that has a motion in common only the weights change, if there are no more
+        than MOST_BLENDED motions in both.
 
         Args:
-            first, second: the motions.
+            first, second: motions.
             weight: the blend weight of the second, in [-0.3, 1.3]; beyond 0 and 1 one motion is exaggerated.
+            also: further motions with their weights; then each weight is in [0, 1], and the first has the rest.
 
         Raises:
             UnknownNameError: if there is no such motion; it names the nearest.
-            MotiondeckError: if the two cannot be blended, and why.
+            MotiondeckError: if they cannot be blended, and why.
         """
-        for name in (first, second):
+        for name in (first, second, *(name for name, _ in also)):
             self._check(name)
             if not self._show.motions[name].loop:
                 raise MotiondeckError(f"{name} is a one-shot; only loops can be blended")
-        if first == second:
-            raise MotiondeckError(f"a blend takes two motions, not {first} twice")
-        WEIGHT.check(weight)
-        if not self._direct and (via := self._routes.by_way_of(first, second)):
-            raise MotiondeckError(f"{first} and {second} are too far apart to be blended: {via[0]} lies between them")
-        if self.blend is not None and (self.playing, self._show.other) == (second, first):
-            first, second, weight = second, first, 1.0 - weight
-        return self._command(CommandedSwitch(first, self.time, blend=(second, weight)), self._direct)
+        weights = blend_weights(first, second, weight, also)
+        for one, other in combinations(weights, 2):
+            if not self._direct and (via := self._between(one, other, both_ways=one != first)):
+                raise MotiondeckError(f"{one} and {other} are too far apart to be blended: {via} lies between them")
+        if self.blend and self.playing in weights:
+            first = self.playing
+        blend = tuple((name, part) for name, part in weights.items() if name != first)
+        return self._command(CommandedSwitch(first, self.time, blend=blend), self._direct)
 
     def enqueue(self, to: str) -> CommandedSwitch:
         """Plays a motion after what is played and queued.
@@ -257,12 +263,12 @@ class Deck(Lockable):
 
         Raises:
             CommandError: if the phase is out of its range.
-            MotiondeckError: if the network runs by itself, or two motions are blended.
+            MotiondeckError: if the network runs by itself, or motions are blended.
         """
         PHASE.check(phase)
         self._show.require_phase()
-        if self.blend is not None:
-            raise MotiondeckError("two motions are blended; a jump is possible when one of them plays alone")
+        if self.blend:
+            raise MotiondeckError("motions are blended; a jump is possible when one of them plays alone")
         self._jump = phase
 
     def update(self, dt: float) -> tuple[Array, Pose]:
@@ -306,7 +312,7 @@ class Deck(Lockable):
         here, phase = self._show.here, self.phase
         if phase is None:
             return None
-        alone = self.settled and self.blend is None and not self.paused
+        alone = self.settled and not self.blend and not self.paused
         return LoopPlace(time, here.name, phase, here.seconds, here.loop, self.commanded_tempo, alone)
 
     def _command(self, switch: CommandedSwitch, direct: bool) -> CommandedSwitch:
@@ -329,10 +335,9 @@ class Deck(Lockable):
         """Makes a switch the current one and finds its way."""
         show, here = self._show, self._show.here
         self._tell("motion", switch.destination, switch.to)
-        if switch.to == here.name and here.loop and (not show.other or (switch.blend or ("",))[0] == show.other):
-            # That motion is already shown, or faded to.
+        if here.loop and self._goes_on(switch):
             self._current = switch
-            if switch.blend is None:
+            if not switch.blend:
                 switch.first_change_s = self.time
                 self._settle(switch)
             elif show.fading:
@@ -347,6 +352,23 @@ class Deck(Lockable):
         self._ahead.extend((*switch.via, switch.to))
         self._waits = bool(switch.after)
 
+    def _goes_on(self, switch: CommandedSwitch) -> bool:
+        """Whether what is shown, or faded to, plays on in what is commanded, so that only weights change."""
+        show = self._show
+        if not show.blend:
+            return switch.to == show.here.name
+        present = {show.here.name, *(name for name, _ in show.blend)}
+        wanted = {switch.to, *(name for name, _ in switch.blend)}
+        if not switch.blend or not present & wanted or len(present | wanted) > MOST_BLENDED:
+            return False
+        new = [(one, other) for one in wanted - present for other in (present | wanted) - {one}]
+        return self._direct or not any(self._between(*pair, both_ways=True) for pair in new)
+
+    def _between(self, one: str, other: str, *, both_ways: bool) -> str:
+        """The first motion that lies between two others, on the way to the second or, if asked, on either; or ""."""
+        ways = [(one, other), (other, one)] if both_ways else [(one, other)]
+        return next((via[0] for way in ways if (via := self._routes.by_way_of(*way))), "")
+
     def _next_is_due(self) -> bool:
         """Whether the next motion begins in this tick."""
         over = self._show.ended
@@ -355,9 +377,11 @@ class Deck(Lockable):
         return bool(self._ahead) and (over or not self._waits)
 
     def _blend(self, switch: CommandedSwitch) -> None:
-        """Begins the blend of a switch whose first motion is playing."""
-        assert switch.blend is not None
-        self._show.blend_in(*switch.blend)
+        """Begins the blend of a switch of which something is playing."""
+        blend = dict(switch.blend)
+        rest = 1.0 - sum(blend.values())
+        # Weights such as 0.1, 0.2 and 0.7 do not sum to 1 exactly.
+        self._show.blend_in({switch.to: rest if abs(rest) > _NO_WEIGHT else 0.0} | blend)
         self._blending = self._blended = switch
 
     def _settle(self, switch: CommandedSwitch) -> None:
@@ -373,20 +397,20 @@ class Deck(Lockable):
         if switch.first_change_s is None:
             switch.first_change_s = self.time
         if switch is self._current and not self._ahead:
-            if switch.blend is None:
-                self._settle(switch)
-            else:
+            if switch.blend:
                 self._blend(switch)
+            else:
+                self._settle(switch)
         self._fading = None
 
     def _give_up_blend(self, problem: str) -> None:
         """Gives a blend up and switches to the motion that has more weight in it."""
         show, blended = self._show, self._blended
-        if show.blend is None or blended is None:
+        if not show.blend or blended is None:
             return
-        first, (second, weight) = self.playing, show.blend
-        nearer = second if weight > 0.5 else first
-        blended.fell_back = f"{first} with {weight:.2f} of {second} {problem}, fell back to {nearer}"
+        weights = {self.playing: 1.0 - sum(weight for _, weight in show.blend)} | dict(show.blend)
+        nearer = max(weights, key=weights.__getitem__)
+        blended.fell_back = f"{described(self.playing, show.blend)} {problem}, fell back to {nearer}"
         self._tell("gave up", blended.fell_back, nearer)
         if self._current is not None:
             self._mark_overtaken([self._current])
@@ -396,14 +420,14 @@ class Deck(Lockable):
         self._ahead.append(nearer)
 
     def _update_blend(self, switch: CommandedSwitch) -> None:
-        """Notes the progress of a switch's blend, and drops the first motion when its weight has become 0."""
+        """Notes the progress of a switch's blend, and drops the motions whose weight has become 0."""
         show = self._show
         if switch.first_change_s is None:
             switch.first_change_s = self.time
         if show.crossing:
             return
         self._blending = None
-        show.finish_blend()
+        show.finish_blend(switch.to)
         if switch is self._current and not self._ahead:
             self._settle(switch)
 

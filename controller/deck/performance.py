@@ -1,19 +1,20 @@
-"""Plays one motion, or a blend of two, and joins motions without a jump.
+"""Plays one motion, or a blend of several, and joins motions without a jump.
 
-    track -> posture (or two of them -> blend) -> fade of the last switch -> limits of a join -> root path -> pose
+    track -> posture (or several of them -> blend) -> fade of the last switch -> limits of a join -> root path -> pose
 
 It does what it is told at once; when a motion is played is decided by the deck.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 import numpy as np
 
 from controller.deck.joins.blend_check import BlendCheck
-from controller.deck.joins.blend_weight import Crossing, ModuleWeight, Ramp, Weight
-from controller.deck.joins.deck_motions import Motion, read_motions, tempos_in_step
+from controller.deck.joins.blend_weight import Crossing, ModuleWeight, Ramps, TakeOver, Weights
+from controller.deck.joins.deck_motions import Motion, read_motions, rounds_beside, tempos_in_step
 from controller.deck.joins.fade_search import PLANNED_SHARE, Bounds, FadeSearch
 from controller.deck.joins.fading import Fading
 from controller.deck.joins.join_limits import FASTEST, JoinLimits
@@ -29,6 +30,7 @@ from controller.networks.base import Activation
 from controller.networks.centralized.centralized_frames import CentralizedNetwork
 from controller.networks.reservoirs.morph import ReservoirNetwork
 from controller.rotations import Array
+from controller.wire.command_table import MOST_BLENDED
 
 # A difference in joint velocity counts as much as the distance it covers in this time (8 frames at 120 Hz), s.
 VELOCITY_REACH = 8.0 / 120.0
@@ -51,7 +53,7 @@ BLEND_TURNS_OVER = 2.0
 
 
 class Performance:
-    """Plays one motion of a library, or a blend of two.
+    """Plays one motion of a library, or a blend of up to MOST_BLENDED.
 
     A tick is one `step`, perhaps a `switch_to` or `blend_in`, and in the end `show`.
 
@@ -72,11 +74,14 @@ class Performance:
         self._by_module = isinstance(library.network, CentralizedNetwork)
         self._morphs_inside = isinstance(library.network, ReservoirNetwork)
         self._joining: Joining = joining or ("morph" if self._by_module else "inertialise")
-        # A blend plays both; in a switch by mixing the second is the one that is entered.
-        self._first, self._second = Track(library, self.motions), Track(library, self.motions)
+        first = Track(library, self.motions)
+        self._tracks = (first, *(Track(library, self.motions, first) for _ in range(MOST_BLENDED - 1)))
+        # Those that play: in a blend several, in a switch by mixing the second is the one that is entered.
+        self._played = [first]
+        self._rounds = [1.0]  # how often each goes round in a common round of a blend
         self._blend: PostureBlend | None = None
-        self._weight: Weight = Ramp(0.0, 0.0, 0.0)
-        self._weight_pace = 1.0  # of the weight, which changes more slowly where joints become too fast
+        self._weights: Weights = Ramps((1.0,), (1.0,), 0.0)
+        self._weight_pace = 1.0  # of the weights, which change more slowly where joints become too fast
         self._switching = False  # whether a switch is under way that mixes or morphs
         self._check: BlendCheck | None = None
         self.blend_problem = ""
@@ -84,9 +89,9 @@ class Performance:
         self._limits: JoinLimits | None = None
         self._corrections = 0
         self._dt, self._tempo = 1.0 / library.info.rate, 1.0
-        self._first.cue_phase(motion, phase)
-        self._first.step(0.0, 1.0)
-        self._before = self.posture = self._shown = self._target = self._first.posture
+        first.cue_phase(motion, phase)
+        first.step(0.0, 1.0)
+        self._before = self.posture = self._shown = self._target = first.posture
         self.pose = self._next = at_origin(self.posture)
         self._pose_before: Pose | None = None
         self._joints(self.posture)  # what its skeleton finds once it finds before the first tick
@@ -103,20 +108,18 @@ class Performance:
 
     @property
     def crossing(self) -> bool:
-        """Whether the blend weight is still changing, or what it has led to is not yet one motion alone."""
-        if self._blend is None or self._weight.changing:
+        """Whether blend weights are still changing, or what they have led to is not yet one motion alone."""
+        if self._blend is None or self._weights.changing:
             return self._blend is not None
-        return self._blend.settling and self._weight.value in (0.0, 1.0)
+        return self._blend.settling and 1.0 in self._weights.values
 
     @property
-    def other(self) -> str:
-        """The second motion of the blend, or ""."""
-        return self._second.motion.name if self._blend is not None and not self._switching else ""
-
-    @property
-    def blend(self) -> tuple[str, float] | None:
-        """The motion that is blended into the one that is played, and its present weight."""
-        return (self.other, self._weight.value) if self.other else None
+    def blend(self) -> tuple[tuple[str, float], ...]:
+        """The motions that are blended into the one that is played, each with its present weight."""
+        if self._blend is None or self._switching:
+            return ()
+        names = [track.motion.name for track in self._played]
+        return tuple(zip(names[1:], self._weights.values[1:], strict=True))
 
     @property
     def activation(self) -> Activation | None:
@@ -131,11 +134,11 @@ class Performance:
     @property
     def inputs(self) -> dict[str, tuple[float, float]]:
         """The inputs that the network has besides the phase, and between which values each was learned."""
-        return self._first.inputs
+        return self._tracks[0].inputs
 
     def set_input(self, name: str, value: float) -> None:
         """Gives an input of the network another value."""
-        for track in (self._first, self._second):
+        for track in self._tracks:
             track.set_input(name, value)
 
     def require_phase(self) -> None:
@@ -144,12 +147,12 @@ class Performance:
         Raises:
             MotiondeckError: if it runs by itself.
         """
-        self._first.require_phase()
+        self._tracks[0].require_phase()
 
     @property
     def restarts(self) -> int:
         """How often the network lost its motion and was restarted."""
-        return self._first.restarts + self._second.restarts
+        return sum(track.restarts for track in self._tracks)
 
     @property
     def at_end(self) -> bool:
@@ -189,9 +192,10 @@ class Performance:
             self._fade_instead()
         if self.blend_problem == "turns over":
             self._take(extrapolated(self._before, self.posture, dt, self._rest_direction))
-        restarted = self._first.restarted() if self._first.guarded else None
+        first = self._played[0]
+        restarted = first.restarted() if first.guarded else None
         if restarted is not None and self._blend is None:
-            self._first.restart_at(restarted)
+            first.restart_at(restarted)
             self._fade_to_first(self.here)
         return completed
 
@@ -208,20 +212,20 @@ class Performance:
     def switch_to(self, motion: str) -> None:
         """Starts a motion where it resembles the body most, and the join from what is shown to it.
 
-        While another switch is under way, or two motions are blended, the join is a fade.
+        While another switch is under way, or motions are blended, the join is a fade.
         """
         leaving, entering, joining = self.here, self.motions[motion], self._joining
         anchor = self._best_anchor(motion, self.posture, self._shown)
         self._limit(leaving, entering)
         if joining in ("morph", "crossfade") and not self.fading and self._blend is None:
             if joining == "morph" and self._morphs_inside:
-                self._first.morph(motion, anchor, MORPH_SECONDS)
+                self._played[0].morph(motion, anchor, MORPH_SECONDS)
             else:
                 self._mix_to(motion, anchor)
             self._switching = True
             return
-        self._blend, self._switching = None, False
-        self._first.cue(motion, anchor)
+        self._leave_blend(self._played[0])
+        self._played[0].cue(motion, anchor)
         if joining == "cut":
             self._fade, self._limits = None, None
             self._switching = True  # completed in the next step
@@ -232,44 +236,67 @@ class Performance:
         """Goes to a phase in [0, 1] of the motion that is played, and fades from what is shown to it."""
         motion = self.here
         self._limit(motion)
-        self._blend, self._switching = None, False
-        self._first.cue_phase(motion.name, phase)
+        self._leave_blend(self._played[0])
+        self._played[0].cue_phase(motion.name, phase)
         self._fade_to_first(motion)
 
-    def blend_in(self, other: str, weight: float) -> None:
-        """Blends another motion in, or changes its weight, at MORPH_SECONDS for a weight of 1."""
-        if self._blend is None:
-            self._check = BlendCheck(self.here, self.motions[other])
-            self._second.cue(other, self._best_anchor(other, self._before, self.posture))
-            self._second.step(0.0, self._tempo)
-            self._blend = PostureBlend(self._first.posture, self._second.posture, self._rest_direction)
-            self._weight = Ramp(0.0, 0.0, 0.0)
-        self._limit(self.here, self.motions[other])
-        present = self._weight.value
-        self._weight = Ramp(present, weight, abs(weight - present) * MORPH_SECONDS)
+    def blend_in(self, weights: Mapping[str, float]) -> None:
+        """Goes over to a blend, at MORPH_SECONDS for a weight that changes by 1.
 
-    def finish_blend(self) -> None:
-        """Drops the motion whose weight has become 0, if one has."""
-        if self._weight.value == 1.0:
-            self._first, self._second = self._second, self._first
-        if self._weight.value in (0.0, 1.0):
-            self._blend = None
+        Args:
+            weights: of its motions, which sum to 1; with those that play they are at most MOST_BLENDED.
+        """
+        if self._blend is None:
+            self._blend = PostureBlend(self._played[0].posture, self._rest_direction)
+            self._weights = Ramps((1.0,), (1.0,), 0.0)
+        present = [*self._weights.values]
+        playing = {track.motion.name for track in self._played}
+        for name in sorted(weights.keys() - playing):
+            self._add_to_blend(name)
+            present.append(0.0)
+        motions = [track.motion for track in self._played]
+        if len(motions) > len(playing):
+            self._check = BlendCheck(*motions)
+        self._limit(*motions)
+        goal = [weights.get(motion.name, 0.0) for motion in motions]
+        change = max(abs(after - before) for after, before in zip(goal, present, strict=True))
+        self._weights = Ramps(present, goal, change * MORPH_SECONDS)
+
+    def finish_blend(self, first: str) -> None:
+        """Drops the motions whose weight has become 0; where the one that leads is dropped, `first` leads."""
+        values = self._weights.values
+        left = [place for place, weight in enumerate(values) if weight != 0.0]
+        if len(left) == len(values) or self._blend is None:
+            return
+        if 0 not in left:
+            left.sort(key=lambda place: self._played[place].motion.name != first)
+        if len(left) == 1:
+            self._leave_blend(self._played[left[0]])
+            return
+        self._blend.keep(left)
+        self._played = [self._played[place] for place in left]
+        self._rounds = [self._rounds[place] for place in left]
+        values = [values[place] for place in left]
+        self._weights = Ramps(values, values, 0.0)
+        self._check = BlendCheck(*(track.motion for track in self._played))
 
     @property
     def _leading(self) -> Track:
-        return self._second if self._switching and self._blend is not None else self._first
+        return self._played[-1] if self._switching else self._played[0]
 
     def _play(self, dt: float, tempo: float) -> Posture:
-        """The posture of the motion, or of both, dt seconds later."""
+        """The posture of the motion, or of the blend, dt seconds later."""
+        played = self._played
         if self._blend is None:
             onset = self._fade.onset if self._fade is not None and not self.here.loop else 1.0
-            return self._first.step(dt, tempo * onset)
-        weight = self._weight.advance(dt * self._weight_pace)
-        tempos = (1.0, 1.0)
+            return played[0].step(dt, tempo * onset)
+        weights: Sequence[float] = self._weights.advance(dt * self._weight_pace)
+        tempos: Sequence[float] = [1.0] * len(played)
         if not self._switching:
-            tempos = tempos_in_step(self._first.motion, self._second.motion, weight)
-        first, second = self._first.step(dt, tempo * tempos[0]), self._second.step(dt, tempo * tempos[1])
-        return self._blend.advance(first, second, weight, dt)
+            lasts = [rounds * track.motion.seconds for rounds, track in zip(self._rounds, played, strict=True)]
+            tempos = tempos_in_step(lasts, weights)
+        postures = [track.step(dt, tempo * own) for track, own in zip(played, tempos, strict=True)]
+        return self._blend.advance(postures, weights, dt)
 
     def _faded(self, dt: float) -> tuple[Posture, bool]:
         """The target with what is left of the last switch, and whether the switch is now complete."""
@@ -280,10 +307,10 @@ class Performance:
                 return self._fade.shown(target), False
             self._fade = None
             return target, True
-        if self.crossing or self._first.morphing:
+        if self.crossing or self._played[0].morphing:
             return target, False
         if self._blend is not None:
-            self.finish_blend()
+            self._leave_blend(self._leading)
         self._switching = False
         return target, True
 
@@ -300,38 +327,58 @@ class Performance:
         self._corrections = 0
 
     def _mix_to(self, motion: str, anchor: int) -> None:
-        """Enters a motion on the second track, and mixes both until it is left alone."""
+        """Enters a motion on a second track, and mixes both until it is left alone."""
         leaving, entering = self.here, self.motions[motion]
         by_module = self._by_module and self._joining == "morph"
-        self._second.cue(motion, anchor)
+        second = self._idle_track()
+        second.cue(motion, anchor)
         if not by_module:
-            self._second.step(0.0, self._tempo)  # for the search: what comes before
-        now = self._second.step(self._dt, self._tempo)
-        self._blend = PostureBlend(self._first.posture, now, self._rest_direction)
+            second.step(0.0, self._tempo)  # for the search: what comes before
+        now = second.step(self._dt, self._tempo)
+        self._blend = PostureBlend(self._played[0].posture, self._rest_direction)
+        self._blend.add(now)
+        self._played.append(second)
         if by_module:
-            self._weight = ModuleWeight(len(self._names), *map(self._names.index, (leaving.name, motion)))
+            weight = ModuleWeight(len(self._names), *map(self._names.index, (leaving.name, motion)))
         else:
-            self._weight = Crossing(self._search(self._second, leaving, entering))
+            weight = Crossing(self._search(second, leaving, entering))
+        self._weights = TakeOver(weight)
+
+    def _add_to_blend(self, name: str) -> None:
+        """Starts a motion where it resembles the body most, beside those of the blend."""
+        assert self._blend is not None
+        track, motion = self._idle_track(), self.motions[name]
+        track.cue(name, self._best_anchor(name, self._before, self.posture))
+        track.step(0.0, self._tempo)
+        # Beside the motion that leads: those that are blended already keep step as they did.
+        self._rounds.append(self._rounds[0] * rounds_beside(self._played[0].motion, motion))
+        self._played.append(track)
+        self._blend.add(track.posture)
+
+    def _idle_track(self) -> Track:
+        return next(track for track in self._tracks if track not in self._played)
+
+    def _leave_blend(self, track: Track) -> None:
+        """Leaves one track playing alone."""
+        self._played, self._rounds = [track], [1.0]
+        self._blend, self._switching = None, False
 
     def _fade_to_first(self, *motions: Motion) -> None:
         """Fades from what is shown to the motion of the first track, which has just been cued."""
-        tempo = self._tempo if self.here.loop else 0.0
-        self._first.step(0.0, tempo)
-        self._first.step(self._dt, tempo)
-        self._begin_fade(self._first, *motions)
+        tempo, first = self._tempo if self.here.loop else 0.0, self._played[0]
+        first.step(0.0, tempo)
+        first.step(self._dt, tempo)
+        self._begin_fade(first, *motions)
 
     def _fade_instead(self) -> None:
         """Replaces a join that has become too fast by a fade from here to its target."""
         self._corrections += 1
         track = self._leading
-        if self._blend is not None:
-            self._first, self._second = self._second, self._first
-            self._blend = None
-        elif track.morphing:
+        if self._blend is None and track.morphing:
             track.cue(track.motion.name, self._best_anchor(track.motion.name, self.posture, self._shown))
             track.step(0.0, self._tempo)
             track.step(self._dt, self._tempo)
-        self._switching = False
+        self._leave_blend(track)
         self._begin_fade(track, track.motion)
 
     def _begin_fade(self, track: Track, *motions: Motion) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -54,6 +55,8 @@ class RecordedDeck(Paced):
         self._root, self._heading = fields["root_position"], np.unwrap(fields["heading"][:, 0])
         self._turn = fields["root_rotation"]
         self._robot_root = fields.get("robot_root") if same_robot else None
+        # Recordings before version 5 do not say what was blended.
+        self._blend = (fields["blend"], fields["blend_weight"]) if "blend" in fields else None
         self._last = recording.ticks - 1
         self._place = 0.0  # in ticks of the recording
 
@@ -170,19 +173,26 @@ class RecordedDeck(Paced):
         self.lock("beat")
 
     @property
-    def blend(self) -> None:
-        """Always None: nothing is blended."""
-        return
+    def blend(self) -> tuple[tuple[str, float], ...]:
+        """The motions that were blended in here, each with its weight then."""
+        if self._blend is None:
+            return ()
+        numbers, weights = (values[int(self._place)].tolist() for values in self._blend)
+        return tuple(
+            (self.motions[int(number)], weight) for number, weight in zip(numbers, weights, strict=True) if number >= 0
+        )
 
     @property
     def fell_back(self) -> str:
         """Always empty: nothing is blended."""
         return ""
 
-    def blend_in(self, first: str, second: str, weight: float) -> CommandedSwitch:
+    def blend_in(
+        self, first: str, second: str, weight: float, also: Sequence[tuple[str, float]] = ()
+    ) -> CommandedSwitch:
         """Refuses.
 
         Raises:
             MotiondeckError: always.
         """
-        return self.switch(f"{first} + {second}")
+        return self.switch(" + ".join((first, second, *(name for name, _ in also))))

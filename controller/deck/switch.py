@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from controller.wire.messages import described
+
 
 @dataclass(slots=True)
 class CommandedSwitch:
@@ -17,7 +19,7 @@ class CommandedSwitch:
         after: the one-shot that is finished first, or "".
         via: the motions on the way.
         overtaken: whether another command came before it had settled.
-        blend: the motion that is blended in once `to` is playing, and its weight.
+        blend: the motions that are blended in once `to` is playing, each with its weight.
         fell_back: why the blend was given up and what is played instead, or "".
     """
 
@@ -28,10 +30,10 @@ class CommandedSwitch:
     after: str = ""
     via: tuple[str, ...] = ()
     overtaken: bool = False
-    blend: tuple[str, float] | None = None
+    blend: tuple[tuple[str, float], ...] = ()
     fell_back: str = ""
 
     @property
     def destination(self) -> str:
         """What is played when it has settled, for a person."""
-        return f"{self.to} with {self.blend[1]:.2f} of {self.blend[0]}" if self.blend is not None else self.to
+        return described(self.to, self.blend)

@@ -135,8 +135,9 @@ class MeasuredDeck:
             self.play(1)
         seconds = self.deck.time - switch.commanded_s
         self.play(_AFTER)
-        target = switch.blend[0] if switch.blend else switch.to
-        return Join(source, target, phase, *self.peaks((source, *switch.via, target)), seconds)
+        blended = [name for name, _ in switch.blend]
+        target = " + ".join(blended) or switch.to
+        return Join(source, target, phase, *self.peaks((source, *switch.via, switch.to, *blended)), seconds)
 
     def peaks(self, motions: Iterable[str], begin: int = 0) -> tuple[float, float]:
         """The largest speed and acceleration of a joint from a tick on, over the larger of these motions' own."""

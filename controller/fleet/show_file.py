@@ -156,9 +156,8 @@ def motions_of(commands: list[Message]) -> Iterator[str]:
         match command:
             case Switch(to=to) | Queue(to=to):
                 yield to
-            case Blend(first=first, second=second):
-                yield first
-                yield second
+            case Blend():
+                yield from command.motions
 
 
 def _wrong_names(show: Show) -> Iterator[str]:

@@ -436,8 +436,8 @@ class CommandDesk:
                 progress = deck.switch(to, direct=direct)
             case Queue(to=to):
                 progress = deck.enqueue(to)
-            case Blend(first=first, second=second, weight=weight):
-                progress = deck.blend_in(first, second, weight)
+            case Blend(first=first, second=second, weight=weight, also=also):
+                progress = deck.blend_in(first, second, weight, also)
             case SetTempo(factor=factor, over=over):
                 return deck.set_tempo(factor, over)
             case Jump(phase=phase):
@@ -484,4 +484,4 @@ class CommandDesk:
 
 def _destination(message: Awaited) -> str:
     """What is played when the command has settled."""
-    return f"{message.first} + {message.second}" if isinstance(message, Blend) else message.to
+    return " + ".join(message.motions) if isinstance(message, Blend) else message.to

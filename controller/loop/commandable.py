@@ -72,8 +72,8 @@ class Commandable(Protocol):
         ...
 
     @property
-    def blend(self) -> tuple[str, float] | None:
-        """The motion that is blended in, and its weight."""
+    def blend(self) -> tuple[tuple[str, float], ...]:
+        """The motions that are blended in, each with its weight."""
         ...
 
     @property
@@ -81,8 +81,8 @@ class Commandable(Protocol):
         """Why the last blend was given up and what was played instead, or ""."""
         ...
 
-    def blend_in(self, first: str, second: str, weight: float) -> Progress:
-        """Plays a blend of two motions."""
+    def blend_in(self, first: str, second: str, weight: float, also: Sequence[tuple[str, float]] = ()) -> Progress:
+        """Plays a blend of motions."""
         ...
 
     @property

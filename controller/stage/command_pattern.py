@@ -51,8 +51,8 @@ class CommandPattern:
         match message:
             case Switch(to=to) | Queue(to=to):
                 return [to]
-            case Blend(first=first, second=second):
-                return [first, second]
+            case Blend():
+                return [*message.motions]
             case _:
                 return []
 

@@ -53,6 +53,8 @@ from controller.wire.messages import (
 from motiondeck_base.near_names import did_you_mean
 
 LONGEST_NAME = 100
+MOST_BLENDED = 4
+"""No blend has more motions."""
 LONGEST_PATH = 1500
 
 
@@ -189,13 +191,44 @@ class WholeCommand:
         checked(value)
 
 
-Argument = MotionName | FilePath | Number | Flag | Choice | WholeCommand
+@dataclass(frozen=True)
+class FurtherParts:
+    """Arguments that are names of motions and numbers in turn, as many as there are; they come last."""
+
+    field: str
+    part: MotionName
+    weight: Number
+    most: int
+    optional: bool = True
+
+    @property
+    def name(self) -> str:
+        """As in the help."""
+        return f"{self.part.name} {self.weight.name} ..."
+
+    def parse(self, words: Sequence[str]) -> tuple[tuple[str, float], ...]:
+        """The names with their numbers; raises a CommandError where one has no number, or they are too many."""
+        if len(words) % 2 or len(words) > 2 * self.most:
+            raise CommandError(f"give each motion with its {self.weight.name}, at most {self.most} more of them")
+        return tuple((self.part.parse(a), self.weight.parse(b)) for a, b in zip(words[::2], words[1::2], strict=True))
+
+    def check(self, value: Sequence[tuple[str, float]]) -> None:
+        """Raises a CommandError where one of them is not allowed."""
+        if len(value) > self.most:
+            raise CommandError(f"there are {len(value)} more motions; {self.most} more are the most")
+        for name, number in value:
+            self.part.check(name)
+            self.weight.check(number)
+
+
+Argument = MotionName | FilePath | Number | Flag | Choice | WholeCommand | FurtherParts
 
 TEMPO = Number("factor", "TEMPO", -3.0, 3.0)
 TEMPO_SECONDS = Number("over", "SECONDS", 0.0, 60.0, optional=True)
 STEP_SECONDS = Number("seconds", "SECONDS", 0.0, 1.0, optional=True)
 PHASE = Number("phase", "PHASE", 0.0, 1.0)
 WEIGHT = Number("weight", "WEIGHT", -0.3, 1.3)
+PART = Number("weight", "WEIGHT", 0.0, 1.0)
 CODE = Number("code", "CODE", 0.0, 999999.0, optional=True)
 WITHIN = Number("within", "SECONDS", 0.0, 60.0)
 _CLOCK = -1e12, 1e12  # s
@@ -241,10 +274,13 @@ class DeckCommand:
             CommandError: if there are too few or too many, or one is not allowed.
         """
         required = sum(not argument.optional for argument in self.arguments)
-        if not required <= len(words) <= len(self.arguments):
+        further = self.arguments[-1] if self.arguments and isinstance(self.arguments[-1], FurtherParts) else None
+        single = [argument for argument in self.arguments if not isinstance(argument, FurtherParts)]
+        if len(words) < required or (further is None and len(words) > len(single)):
             raise CommandError(f"give it as: {self.usage}")
-        given = zip(self.arguments, words, strict=False)
-        values: dict[str, Any] = {argument.field: argument.parse(word) for argument, word in given}
+        values: dict[str, Any] = {one.field: one.parse(word) for one, word in zip(single, words, strict=False)}
+        if further is not None:
+            values[further.field] = further.parse(words[len(single) :])
         return checked(self.message(**values))
 
 
@@ -261,8 +297,13 @@ COMMANDS = (
     DeckCommand(
         "blend",
         Blend,
-        (MotionName("first", "A"), MotionName("second", "B"), WEIGHT),
-        "play a blend of two loops; WEIGHT (-0.3 to 1.3) is that of B",
+        (
+            MotionName("first", "A"),
+            MotionName("second", "B"),
+            WEIGHT,
+            FurtherParts("also", MotionName("", "C"), PART, MOST_BLENDED - 2),
+        ),
+        "play a blend of loops; WEIGHT (-0.3 to 1.3) is that of B; of three or four, each has its own, and A the rest",
     ),
     DeckCommand(
         "tempo",
@@ -394,7 +435,30 @@ def checked(message: Message) -> Message:
     """
     for argument in command_of(message).arguments:
         argument.check(getattr(message, argument.field))
+    if isinstance(message, Blend):
+        blend_weights(message.first, message.second, message.weight, message.also)
     return message
+
+
+def blend_weights(first: str, second: str, weight: float, also: Sequence[tuple[str, float]] = ()) -> dict[str, float]:
+    """The weights of the motions of a blend, the first with what the others leave.
+
+    Raises:
+        CommandError: if a motion is named twice, there are too many, or a weight is not allowed; it says what is.
+    """
+    parts = [(second, weight), *also]
+    names = [first, *(name for name, _ in parts)]
+    for name in names:
+        if names.count(name) > 1:
+            raise CommandError(f"a blend takes two motions or more, not {name} twice")
+    if len(names) > MOST_BLENDED:
+        raise CommandError(f"a blend takes at most {MOST_BLENDED} motions, not {len(names)}")
+    for _, part in parts:
+        (PART if also else WEIGHT).check(part)
+    rest = 1.0 - sum(part for _, part in parts)
+    if also and rest < -1e-9:
+        raise CommandError(f"the weights of a blend sum to at most 1, not to {1.0 - rest:g}; {first} has what is left")
+    return {first: rest if abs(rest) > 1e-9 else 0.0} | dict(parts)
 
 
 def read_message(data: bytes) -> Message:

@@ -9,6 +9,7 @@ Who subscribes gets Events, until it leaves.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Annotated, Literal, get_args
 
 import msgspec
@@ -48,18 +49,31 @@ class Queue(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="queue"
 
 
 class Blend(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="blend"):
-    """Play a blend of two loops.
+    """Play a blend of loops.
 
     Attributes:
         first: the motion that is switched to first, if it is not playing.
         second: the motion that is blended in then.
         weight: the blend weight of the second, from -0.3 to 1.3; "share" on the wire.
+        also: further motions that are blended in, each with its weight; then no weight is below 0 or above 1.
     """
 
     first: str
     second: str
     weight: float = msgspec.field(name="share")
     id: Number = 0
+    also: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def motions(self) -> tuple[str, ...]:
+        """All its motions, the first first."""
+        return self.first, self.second, *(name for name, _ in self.also)
+
+
+def described(first: str, blend: Sequence[tuple[str, float]]) -> str:
+    """A motion and what is blended into it, for a person: "walk with 0.30 of jog and 0.20 of waltz"."""
+    parts = [f"{weight:.2f} of {name}" for name, weight in blend]
+    return f"{first} with {' and '.join(parts)}" if parts else first
 
 
 class SetTempo(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="tempo"):
@@ -448,7 +462,7 @@ class State(msgspec.Struct, frozen=True, tag="state"):
         id: that of the command.
         queue: the motions that are played next.
         mode: whether the joints follow the motion, stand at home, are held, or are held by the emergency stop.
-        blend: the motion that is blended in, and its weight.
+        blend: the motions that are blended in, each with its weight.
         fell_back: why the last blend was given up and what was played instead.
         seen: the motion that is recognized, and the confidence, while that is switched on.
         inputs: the present values of the inputs that motions have besides the phase.
@@ -465,7 +479,7 @@ class State(msgspec.Struct, frozen=True, tag="state"):
     id: Number
     queue: list[str] = []
     mode: Mode = "playing"
-    blend: tuple[str, float] | None = None
+    blend: tuple[tuple[str, float], ...] = ()
     fell_back: str = ""
     seen: tuple[str, float] | None = None
     phase: float | None = None

@@ -24,10 +24,10 @@ from controller.rotations import Array
 from controller.wire.telemetry import named
 from motiondeck_base.errors import FileFormatError
 
-VERSION = 4
-READABLE = (1, 2, 3, 4)
+VERSION = 5
+READABLE = (1, 2, 3, 4, 5)
 """Version 1 lacks `robot_root`, `seen` and `confidence`; up to 2 the tempo is called `speed`, and `phase` lacks;
-up to 3 what it is locked to lacks."""
+up to 3 what it is locked to lacks; up to 4 what is blended lacks."""
 COMMANDS = (
     *("switch", "queue", "tempo", "pause", "resume", "home", "estop", "reset", "stop", "blend", "jump"),
     *("input", "beat", "lock", "unlock"),

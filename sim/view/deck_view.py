@@ -34,7 +34,7 @@ from sim.view.rig.servo_tables import looks_through
 from sim.view.scene import Follower, Scene
 from sim.view.timeline import Timeline
 from sim.view.web.private_page import PrivatePage
-from sim.view.web.state_line import number_in
+from sim.view.web.state_line import RunState, number_in
 
 HEALTH_PER_SECOND = 4.0
 BESIDE = 0.75  # of the robot's height: so far aside a follower, or the human, is drawn
@@ -136,7 +136,7 @@ class DeckView:
     def show(self, latest: dict[str, Array], now: float) -> None:
         """Draws a published state at a time, s; or, while someone looks back, what was shown then."""
         playing = self._motions[int(latest["playing"][0])] if "playing" in latest else ""
-        self._timeline.keep(latest, playing, now)
+        self._timeline.keep(latest, RunState.of(latest, self._motions).shown, now)
         if self._page.get_clients():  # drawing for nobody costs as much
             self._draw(self._timeline.seen(latest), latest, playing, min(now - self._last_picture, LONGEST_STEP))
         self._last_picture = now

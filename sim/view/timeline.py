@@ -37,11 +37,11 @@ class Timeline:
         self._now = 0.0
         self._drawn = -DRAWN_EVERY
 
-    def keep(self, state: Mapping[str, Array], playing: str, now: float) -> None:
-        """Keeps a published state at a time, s."""
+    def keep(self, state: Mapping[str, Array], shown: str, now: float) -> None:
+        """Keeps a published state at a time, s, and the name of what is shown in it."""
         self._now = now
-        if not self._runs or self._runs[-1][1] != playing:
-            self._runs.append((now, playing))
+        if not self._runs or self._runs[-1][1] != shown:
+            self._runs.append((now, shown))
         if not self._times or now - self._times[-1] >= PICTURE_EVERY:
             self._times.append(now)
             self._pictures.append(state)

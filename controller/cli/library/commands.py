@@ -179,7 +179,7 @@ def sheet(
     robot: Annotated[str, typer.Option("--robot", metavar="ROBOT", help="The robot that is drawn.")] = "mannequin",
     blends: Annotated[
         list[str] | None,
-        typer.Option("--blend", metavar="'A B WEIGHT'", help="Draw this blend instead of the motions; repeatable."),
+        typer.Option("--blend", metavar="'A B WEIGHT ...'", help="Draw this blend instead of the motions; repeatable."),
     ] = None,
 ) -> None:
     """Draw a contact sheet: one row per motion, eight moments each, as the network plays it.

@@ -39,10 +39,10 @@ SHEET_SECONDS = {"loop": 1.0, "once": 0.6}
 def draw_sheet(library: str, robot: str, out: Path, blends: Sequence[Blend] = ()) -> None:
     """One row a motion, MOMENTS pictures each, spread over one period of a loop or the moving part of a single act.
 
-    With blends, one row each of them instead, over one period of the longer of its motions.
+    With blends, one row each of them instead, over one period of the longest of its motions.
 
     Raises:
-        MotiondeckError: if there is no such motion, or two cannot be blended.
+        MotiondeckError: if there is no such motion, or some cannot be blended.
     """
     from sim.physics.playback import KinematicPlayback
     from sim.pictures.video import contact_sheet
@@ -63,11 +63,12 @@ def draw_sheet(library: str, robot: str, out: Path, blends: Sequence[Blend] = ()
 
     for blend in blends:
         deck = _blended(loaded, body, blend)
-        label = f"{blend.first} + {blend.weight:g} {blend.second}"
+        parts = [f"{weight:g} {name}" for name, weight in ((blend.second, blend.weight), *blend.also)]
+        label = " + ".join((blend.first, *parts))
         draw(
             f"{label}: {deck.fell_back}" if deck.fell_back else label,
             deck,
-            max(lasts[blend.first], lasts[blend.second]),
+            max(lasts[name] for name in blend.motions),
         )
     for motion in () if blends else loaded.info.motions:
         # A third of what a single act was learned from is the pose that it holds in the end.
@@ -82,7 +83,7 @@ def _blended(library: MotionLibrary, body: Robot, blend: Blend) -> Deck:
     if blend.first not in library.network.motions:
         raise UnknownNameError.among("motion", blend.first, library.network.motions)
     deck = Deck(library, body.retarget, blend.first)
-    switch = deck.blend_in(blend.first, blend.second, blend.weight)
+    switch = deck.blend_in(blend.first, blend.second, blend.weight, blend.also)
     while switch.settled_s is None and not deck.fell_back:
         deck.update(1.0 / STEPS_A_SECOND)
     return deck

@@ -14,12 +14,14 @@ from controller.cli.session.child_process import free_port
 from controller.cli.session.recognition.watch import NUMBERS, Watch
 from controller.cli.session.robots.rig_output import RigOutput
 from controller.cli.session.robots.robot_on_deck import RobotOnDeck, Simulation
+from controller.cli.session.tick_recorder import set_blend
 from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
 from controller.mocap.posture import Pose
 from controller.mocap.skeleton import Skeleton
 from controller.networks.base import Activation
 from controller.rotations import Array
+from controller.wire.command_table import MOST_BLENDED
 from controller.wire.messages import LockState, lock_numbers
 from controller.wire.run_folder import REASON_FILE, write_shared
 from controller.wire.run_recording import MODES
@@ -50,8 +52,6 @@ _NUMBERS = (
     "mode",
     "playing",
     "settled",
-    "blend",
-    "blend_weight",
     "rate_hz",
     "lateness_p50_us",
     "lateness_p999_us",
@@ -120,8 +120,8 @@ class Showable(Protocol):
         ...
 
     @property
-    def blend(self) -> tuple[str, float] | None:
-        """The motion that is blended in, and its present weight."""
+    def blend(self) -> Sequence[tuple[str, float]]:
+        """The motions that are blended in, each with its present weight."""
         ...
 
     @property
@@ -242,6 +242,7 @@ class Page:
         }
         numbers = {"qpos": robot.model.nq, "root_xy": 2} | dict.fromkeys(_NUMBERS + (NUMBERS if watch else ()), 1)
         numbers |= {"way": MOST_SHOWN, "queue": MOST_SHOWN}
+        numbers |= dict.fromkeys(("blend", "blend_weight"), MOST_BLENDED - 1)
         numbers |= {f"qpos {index}": one.model.nq for index, one in enumerate(shown[1:])}
         if library is not None and (deck.activation is not None or deck.phase is not None):
             description["library"] = str(library.resolve())
@@ -293,6 +294,7 @@ class Page:
         fields["tempo"][0] = deck.commanded_tempo
         fields["phase"][0] = deck.phase if deck.phase is not None else math.nan
         fields["playing"][0] = deck.motions.index(deck.playing)
+        set_blend(fields, deck.blend, deck.motions)
         fields["paused"][0] = deck.paused
         fields["settled"][0] = deck.settled
         lock = deck.lock_state
@@ -312,9 +314,6 @@ class Page:
         fields["restarts"][0] = deck.restarts
         fields["kept_apart"][0] = sum(guard.kept_apart.total() for guard in self._guards)
         if health:
-            other, weight = deck.blend or ("", 0.0)
-            fields["blend"][0] = deck.motions.index(other) if other else -1
-            fields["blend_weight"][0] = weight
             _set_names(fields["way"], deck.way, deck.motions)
             _set_names(fields["queue"], deck.queue, deck.motions)
             lateness = state.lateness.percentiles()

@@ -8,11 +8,12 @@ from __future__ import annotations
 import shutil
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Protocol, TextIO
 
 from controller.loop.stop_requests import StopRequest
+from controller.wire.messages import described
 
 PERIOD = 0.25  # s
 _MODES = {"home": "at home", "held": "held", "emergency stop": "EMERGENCY STOP"}
@@ -24,6 +25,11 @@ class Playing(Protocol):
     @property
     def playing(self) -> str:
         """The motion."""
+        ...
+
+    @property
+    def blend(self) -> Sequence[tuple[str, float]]:
+        """The motions that are blended into it, each with its weight."""
         ...
 
     @property
@@ -47,7 +53,7 @@ def words_of(deck: Playing, stop: StopRequest, seconds: float | None) -> str:
         return f"approaching the first pose of {deck.playing}"
     going = "" if deck.settled else " (on its way)"
     until = f" of {seconds:.0f} s" if seconds is not None else " s, Ctrl-C ends it"
-    return f"{deck.playing}{going}  {deck.time:.0f}{until}"
+    return f"{described(deck.playing, deck.blend)}{going}  {deck.time:.0f}{until}"
 
 
 @contextmanager

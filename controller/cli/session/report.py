@@ -108,7 +108,7 @@ def run_report(
             "settled_s": switch.settled_s,
             "after": switch.after,
             "via": list(switch.via),
-            **({"blend": list(switch.blend)} if switch.blend is not None else {}),
+            **({"blend": [list(part) for part in switch.blend]} if switch.blend else {}),
             **({"fell_back": switch.fell_back} if switch.fell_back else {}),
         }
         for switch in switches

@@ -114,8 +114,8 @@ def _named(message: Message) -> tuple[str, ...]:
     match message:
         case Switch(to=to) | Queue(to=to):
             return (to,)
-        case Blend(first=first, second=second):
-            return first, second
+        case Blend():
+            return message.motions
     return ()
 
 

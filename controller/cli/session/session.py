@@ -403,6 +403,7 @@ class Session:
             self._stop,
             self._measured(),
             simulation.stage.placed,
+            deck.blend,
             time_s=deck.time,
             motion=deck.motions.index(deck.playing),
             tempo=deck.tempo,

@@ -31,6 +31,7 @@ from controller.wire.messages import (
     State,
     Subscribe,
     Switch,
+    described,
 )
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.near_names import did_you_mean
@@ -128,10 +129,10 @@ def describe(reply: Reply) -> str:
             mode = "FALLEN; " if reply.fallen else ""
             mode += "" if reply.mode == "playing" else f"{reply.mode}; "
             queue = f"; next: {', '.join(reply.queue)}" if reply.queue else ""
-            blend = f" with {reply.blend[1]:.2f} of {reply.blend[0]}" if reply.blend else ""
             seen = f"; it looks like {reply.seen[0]} (confidence {reply.seen[1]:.2f})" if reply.seen else ""
             seen += f"; {reply.fell_back}" if reply.fell_back else ""
-            return f"{mode}{doing} {reply.motion}{blend}, {how}{queue}{seen}; motions: {', '.join(reply.motions)}"
+            doing += f" {described(reply.motion, reply.blend)}"
+            return f"{mode}{doing}, {how}{queue}{seen}; motions: {', '.join(reply.motions)}"
 
 
 class _Interrupted(Exception):

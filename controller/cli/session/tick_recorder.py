@@ -16,6 +16,7 @@ from controller.cli.session.child_process import child_process
 from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
 from controller.rotations import Array
+from controller.wire.command_table import MOST_BLENDED
 from controller.wire.messages import (
     AlignTicks,
     AtTime,
@@ -110,7 +111,7 @@ class TickRecorder:
             case SetTempo(factor=factor):
                 argument = factor
             case Blend(weight=weight):
-                argument = weight
+                argument = weight  # of the second; what is blended then is recorded with every tick
             case GiveBeat(ago=ago):
                 argument = ago
             case Jump(phase=phase) | LockPhase(phase=phase):
@@ -124,7 +125,13 @@ class TickRecorder:
         fields["argument"][0] = argument
 
     def record(
-        self, state: LoopState, stop: StopRequest, measured: Array | None, placed: Array, **numbers: float
+        self,
+        state: LoopState,
+        stop: StopRequest,
+        measured: Array | None,
+        placed: Array,
+        blend: Sequence[tuple[str, float]] = (),
+        **numbers: float,
     ) -> None:
         """Hands one tick over.
 
@@ -133,6 +140,7 @@ class TickRecorder:
             stop: knows in which mode it is.
             measured: joint positions (J,), rad, if any.
             placed: where the robot's root was meant to be, position and quaternion, shape (7,), m.
+            blend: the motions that are blended into the one that plays, each with its weight.
             numbers: motion (its index), tempo, phase (NaN if there is none), switching and time_s; those of
                 `lock_numbers`; seen (an index too) and confidence.
         """
@@ -143,6 +151,7 @@ class TickRecorder:
         fields["heading"][0] = state.pose.heading
         fields["root_rotation"][:] = state.pose.rotation[0]
         fields["robot_root"][:] = placed
+        set_blend(fields, blend, self._motions)
         self._writer.publish(
             tick=state.tick,
             clock_s=1e-9 * state.began_ns,
@@ -157,6 +166,14 @@ class TickRecorder:
     def _forget(self) -> None:
         fields = self._writer.fields
         fields["command"][0], fields["argument"][0], fields["refused"][0] = 0.0, math.nan, 0.0
+
+
+def set_blend(fields: Mapping[str, Array], blend: Sequence[tuple[str, float]], motions: Sequence[str]) -> None:
+    """Writes the numbers and weights of blended motions into the fields `blend` and `blend_weight`; -1 is none."""
+    numbers, weights = fields["blend"], fields["blend_weight"]
+    numbers[:], weights[:] = -1.0, 0.0
+    for place, (name, weight) in enumerate(blend):
+        numbers[place], weights[place] = motions.index(name), weight
 
 
 @contextmanager
@@ -179,6 +196,7 @@ def recording(out: Path, description: Mapping[str, Any], joints: int, rate: floa
     except OSError as error:
         raise FileFormatError.unwritable(out, error) from None
     fields = dict.fromkeys(_NUMBERS, 1) | {"targets": joints, "measured": joints}
+    fields |= dict.fromkeys(("blend", "blend_weight"), MOST_BLENDED - 1)
     fields |= {"root_position": 3, "heading": 1, "root_rotation": 4, "robot_root": 7}
     with run_folder() as folder:
         state = folder / "ticks"

@@ -1,7 +1,7 @@
-"""Checks a blend of two motions while it plays: it may stand still, or a bone that points opposite ways may turn over.
+"""Checks a blend of motions while it plays: it may stand still, or a bone that points opposite ways may turn over.
 
 The criteria are those of `benchmarks/deck/blends.py`: within half a second no joint moves a tenth as far as in the
-motion that moves less; or a joint moves two and a half times as fast as it ever does in either motion.
+motion that moves least; or a joint moves two and a half times as fast as it ever does in any of them.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ class BlendCheck:
     """Checks one blend.
 
     Args:
-        first, second: the two motions.
+        motions: that are blended.
     """
 
-    def __init__(self, first: Motion, second: Motion) -> None:
-        self._least = STILL * min(float(np.ptp(motion.places, axis=0).max()) for motion in (first, second))
-        self._fastest = TURNS_OVER * max(float(np.abs(motion.velocities).max()) for motion in (first, second))
+    def __init__(self, *motions: Motion) -> None:
+        self._least = STILL * min(float(np.ptp(motion.places, axis=0).max()) for motion in motions)
+        self._fastest = TURNS_OVER * max(float(np.abs(motion.velocities).max()) for motion in motions)
         self._last: Array | None = None
         self._begin_window()
 

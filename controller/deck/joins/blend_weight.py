@@ -1,12 +1,31 @@
-"""The blend weight of the second of two motions over time: along a quintic, or as a switching module gives it."""
+"""The weights of blended motions over time: along a quintic, or as a switching module gives them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
 from controller.deck.joins.fade_search import FadeSearch
 from controller.networks.centralized.centralized import Passage
 from controller.quintic import rise
+
+
+class Weights(Protocol):
+    """The weights of motions that run side by side; they change until they have reached their goals."""
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """The present weights, which sum to 1."""
+        ...
+
+    @property
+    def changing(self) -> bool:
+        """Whether they are still on their way."""
+        ...
+
+    def advance(self, dt: float) -> tuple[float, ...]:
+        """The weights dt seconds later."""
+        ...
 
 
 class Weight(Protocol):
@@ -42,7 +61,8 @@ class Ramp:
     @property
     def value(self) -> float:
         """The present weight."""
-        return self._start + (self._goal - self._start) * rise(min(1.0, self._elapsed / self._seconds))
+        share = rise(min(1.0, self._elapsed / self._seconds))
+        return (1.0 - share) * self._start + share * self._goal
 
     @property
     def changing(self) -> bool:
@@ -53,6 +73,58 @@ class Ramp:
         """The weight dt seconds later."""
         self._elapsed += dt
         return self.value
+
+
+class Ramps:
+    """Weights that rise or fall smoothly, all within the same seconds.
+
+    Args:
+        start, goal: the weights at both ends, as many; each sums to 1.
+        seconds: how long it takes.
+    """
+
+    def __init__(self, start: Sequence[float], goal: Sequence[float], seconds: float) -> None:
+        self._ramps = [Ramp(*ends, seconds) for ends in zip(start, goal, strict=True)]
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """The present weights."""
+        return tuple(ramp.value for ramp in self._ramps)
+
+    @property
+    def changing(self) -> bool:
+        """Whether they are still on their way."""
+        return self._ramps[0].changing
+
+    def advance(self, dt: float) -> tuple[float, ...]:
+        """The weights dt seconds later."""
+        return tuple(ramp.advance(dt) for ramp in self._ramps)
+
+
+class TakeOver:
+    """The weights of two motions of which the second takes over.
+
+    Args:
+        weight: of the second.
+    """
+
+    def __init__(self, weight: Weight) -> None:
+        self._weight = weight
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """The present weights."""
+        return 1.0 - self._weight.value, self._weight.value
+
+    @property
+    def changing(self) -> bool:
+        """Whether they are still on their way."""
+        return self._weight.changing
+
+    def advance(self, dt: float) -> tuple[float, ...]:
+        """The weights dt seconds later."""
+        self._weight.advance(dt)
+        return self.values
 
 
 class Crossing:

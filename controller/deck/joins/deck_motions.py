@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,18 +55,27 @@ class Motion:
         return self.course.at(at / self.spacing, rate, loop=self.loop)
 
 
-def tempos_in_step(first: Motion, second: Motion, weight: float) -> tuple[float, float]:
-    """The tempos at which two loops of a blend stay in step, with the weight of the second.
+def rounds_beside(first: Motion, other: Motion) -> float:
+    """How often a loop goes round in each round of another, the first, when both stay in step.
 
     The shorter goes round a whole number of times in each round of the longer, as often as suits its own tempo best.
-    The common round of both takes T_a^(1 - w) T_b^w, as in a morph inside the network (`networks.reservoirs`).
     """
-    rounds = max(1, round(max(first.seconds, second.seconds) / min(first.seconds, second.seconds)))
-    lasts = (first.seconds, rounds * second.seconds)
-    if first.seconds < second.seconds:
-        lasts = (rounds * first.seconds, second.seconds)
-    common = lasts[0] ** (1.0 - weight) * lasts[1] ** weight
-    return lasts[0] / common, lasts[1] / common
+    if first.seconds < other.seconds:
+        return 1.0 / round(other.seconds / first.seconds)
+    return float(round(first.seconds / other.seconds))
+
+
+def tempos_in_step(lasts: Sequence[float], weights: Sequence[float]) -> tuple[float, ...]:
+    """The tempos at which the loops of a blend stay in step.
+
+    Their common round takes the product of T_i^w_i, as in a morph inside the network (`networks.reservoirs`).
+
+    Args:
+        lasts: how long each takes at its own tempo for as many rounds as it makes in a common one, s.
+        weights: which sum to 1.
+    """
+    common = math.prod(own**weight for own, weight in zip(lasts, weights, strict=True))
+    return tuple(own / common for own in lasts)
 
 
 @once_a_library

@@ -6,7 +6,7 @@
 - cut: the new motion starts at once with a jump; the safety envelope catches up.
 
 By default networks with a switching module of their own morph, and all others inertialise. While another switch is
-under way or two motions are blended, every switch inertialises.
+under way or motions are blended, every switch inertialises.
 """
 
 from __future__ import annotations

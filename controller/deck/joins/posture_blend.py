@@ -1,25 +1,31 @@
-"""Blends two motions that run side by side bone by bone, along the rotation that leads from one to the other.
+"""Blends motions that run side by side, bone by bone: each bone shows the weighted mean of its rotations.
 
-With P and Q the rotations of a bone in the two motions and w the weight of the second, the blend shows
+A rotation is a point q of the sphere of unit quaternions, and so is -q: the two sides of one rotation, which differ by
+a whole turn. Of each motion's bone the side is kept by continuity, so that no bone passes through zero or changes sides
+when two motions are half a turn apart. With weights w_i the blend shows the mean m of the points on these sides,
 
-    exp(w log(Q P*)) P,
+    sum_i w_i log_m(q_i) = 0,
 
-where the rotation vector log(Q P*) is followed from tick to tick past half a turn, so that no bone ever passes through
-zero or changes sides. P and Q are seen from a heading that follows that of the hips smoothly: while a body stands on
-its hands the heading of the hips flies round, but the body does not.
+found from the normalised sum of w_i q_i by m <- exp_m(sum_i w_i log_m(q_i)) (Buss and Fillmore 2001). It does not
+depend on the order of the motions, and one of weight 0 has no part in it. Of two motions the first such step is exact:
+m lies on the arc from one to the other, as far along it as the weight says.
 
-A bone that is a whole turn ahead has to be taken the short way round some time. That turns it by 2 pi w at once, which
-then runs out smoothly (`TurnsLeft`). Near w = 0 and 1 that is little or nothing, so there the short way is taken from
-half a turn on.
+All motions are seen from a heading that follows that of the hips smoothly: while a body stands on its hands the heading
+of the hips flies round, but the body does not.
+
+A bone that is a whole turn ahead of the others has to change sides some time. That turns the mean by up to 2 pi w at
+once, which then runs out smoothly (`TurnsLeft`). Where w is near 0 or 1 that is little or nothing, so there the side is
+changed from half a turn on.
 
 Where bone directions alone are known, the twist of a bone follows a rule (`mocap.orientation`) and may jump while the
-bone itself does not. Then the last D = Q P* is kept, turned the shortest way so that it still leads from the direction
-of the one bone to that of the other.
+bone itself does not. Then its last rotation is kept, turned the shortest way to where the bone points now.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import cos
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +35,7 @@ from controller.quintic import run_out
 from controller.rotations import (
     Array,
     conjugate,
+    dot,
     from_rotation_vector,
     multiply,
     nearest_rotation_vector,
@@ -42,14 +49,20 @@ from controller.rotations import between as shortest_turn
 HEADING_RATE = 4.0
 """How quickly the smooth heading follows that of the hips, 1/s (a critically damped filter of second order)."""
 
-HALF_TURN, LONGER = np.pi, 1.2 * np.pi
-"""A rotation vector is taken the short way round beyond HALF_TURN + LONGER min(w, 1 - w), rad."""
+LONGER = 1.2 * np.pi
+"""A bone changes sides when it is pi + LONGER min(w, 1 - w) rad ahead of the mean of the others."""
 
 LEAST_SECONDS = 0.2
 """The shortest time in which a turn runs out, s; half a turn takes a second, others its root of their share of that."""
 
 TWIST_JUMP = 1.0
-"""A relative rotation that changes by more than this (rad) in a tick is a jump of a bone's twist."""
+"""A rotation that changes by more than this (rad) in a tick is a jump of a bone's twist."""
+
+MEAN_STEPS = 3
+"""Of the mean of more than two motions (`benchmarks many_blends` has what is left to the mean itself)."""
+
+_HALF_TURN = np.pi - 1e-6  # rad; of a turn of that angle it is chance which way is the short one
+_LITTLE = 1e-12
 
 
 @dataclass(slots=True)
@@ -110,79 +123,154 @@ class TurnsLeft:
 
 
 class PostureBlend:
-    """Two motions, each a posture per tick, that begin with the same heading.
+    """Motions that are blended, each a posture per tick; at first there is one.
 
     Args:
-        first, second: their present postures.
+        first: its present posture.
         rest_direction: the directions of the bones in the rest pose, shape (B, 3), where their twist follows a rule.
     """
 
-    def __init__(self, first: Posture, second: Posture, rest_direction: Array | None = None) -> None:
+    def __init__(self, first: Posture, rest_direction: Array | None = None) -> None:
         self._rest_direction = rest_direction
-        self._headings = SmoothHeading(float(first.turn_rate)), SmoothHeading(float(second.turn_rate))
-        self._turn = to_rotation_vector(multiply(second.rotation, conjugate(first.rotation)))
-        self._offset = self._weight = 0.0
-        self._left = TurnsLeft(len(self._turn))
+        self._headings = [SmoothHeading(float(first.turn_rate))]
+        self._points = first.rotation[None].copy()  # of each motion and bone, on its side
+        self._weights = np.ones(1)
+        self._mean = first.rotation
+        self._offset = 0.0
+        self._left = TurnsLeft(len(first.rotation))
 
     @property
     def settling(self) -> bool:
-        """Whether a bone is still on its way from the long way round to the short one."""
+        """Whether a bone is still on its way from one side to the other."""
         return self._left.lasts
 
-    def advance(self, first: Posture, second: Posture, weight: float, dt: float) -> Posture:
-        """The blend dt seconds later, with the weight of the second motion in it.
+    def add(self, posture: Posture) -> None:
+        """Adds a motion, the last from now on, with a weight of 0 so far; its heading is that of the blend."""
+        points = posture.rotation
+        self._headings.append(SmoothHeading(float(posture.turn_rate)))
+        points = np.where(dot(points, self._mean)[:, None] < 0.0, -points, points)
+        self._points = np.concatenate([self._points, points[None]])
+        self._weights = np.append(self._weights, 0.0)
 
-        At a weight of 0 and 1 it is the posture of one of them, unchanged, unless it is `settling`.
+    def keep(self, motions: Sequence[int]) -> None:
+        """Keeps these motions, in this order, and drops the others, whose weight is 0."""
+        self._headings = [self._headings[motion] for motion in motions]
+        self._points, self._weights = self._points[[*motions]], self._weights[[*motions]]
+
+    def advance(self, postures: Sequence[Posture], weights: Sequence[float], dt: float) -> Posture:
+        """The blend dt seconds later, with the weights of the motions in it, which sum to 1.
+
+        Where one of them is 1 it is the posture of that motion, unchanged, unless it is `settling`.
         """
-        for heading, posture in zip(self._headings, (first, second), strict=True):
+        share, before, was = np.array(weights), self._points, self._weights
+        self._points, self._weights = np.empty_like(before), share
+        offset = rate = height = 0.0
+        velocity = np.zeros(3)
+        for motion, (heading, posture) in enumerate(zip(self._headings, postures, strict=True)):
+            weight = weights[motion]
             heading.advance(float(posture.turn_rate), dt)
-        a, b = self._headings
-        (p, p_velocity), (q, q_velocity) = a.seen(first), b.seen(second)
-        self._turn = self._shortened(self._followed(p, q), weight, dt)
-        self._weight = weight
-        shown = multiply(from_rotation_vector(weight * self._turn), p)
+            seen, its_velocity = heading.seen(posture)
+            self._points[motion] = self._followed(seen, before[motion])
+            offset, rate = offset + weight * heading.offset, rate + weight * heading.rate
+            height, velocity = height + weight * float(posture.height), velocity + weight * its_velocity
+        left = self._left.now if self._left.lasts else None
+        self._left.advance(dt)
+        sides = self._change_sides(np.abs(share))
+        shown = self._mean = weighted_mean(self._points, share)
+        if sides is not None:
+            self._make_up(sides, (before, self._points), (was, share), left, dt)
         if self._left.lasts:
             shown = multiply(from_rotation_vector(self._left.now), shown)
         # Seen from a heading again that is the hips' own when one motion is left.
-        offset = (1.0 - weight) * a.offset + weight * b.offset
-        turn_rate = (1.0 - weight) * a.rate + weight * b.rate + (offset - self._offset) / max(dt, 1e-9)
+        turn_rate = rate + (offset - self._offset) / max(dt, 1e-9)
         self._offset = offset
         forth = yaw(-offset)
-        velocity = rotate(forth, (1.0 - weight) * p_velocity + weight * q_velocity)
-        return replace(
-            first,
-            height=(1.0 - weight) * first.height + weight * second.height,
-            velocity=velocity[:2],
-            turn_rate=np.array(turn_rate),
-            rotation=multiply(forth, shown),
-        )
+        return Posture(np.array(height), rotate(forth, velocity)[:2], np.array(turn_rate), multiply(forth, shown))
 
-    def _followed(self, p: Array, q: Array) -> Array:
-        """The rotation vectors from p to q, shapes (1 + B, 4), nearest to the last ones, shape (1 + B, 3)."""
-        relative, last = multiply(q, conjugate(p)), from_rotation_vector(self._turn)
+    def _followed(self, seen: Array, last: Array) -> Array:
+        """The points of one motion, shape (1 + B, 4), on the sides of its last ones."""
+        points = np.where(_product(seen, last) < 0.0, -seen, seen)
         if self._rest_direction is not None:
-            jump = to_rotation_vector(multiply(relative, conjugate(last)))[1:]
-            jumped = np.flatnonzero(np.square(jump).sum(-1) > TWIST_JUMP**2)
-            if len(jumped):
+            jumps = _product(points, last)[1:, 0] < cos(0.5 * TWIST_JUMP)
+            if True in jumps:
+                jumped = np.flatnonzero(jumps)
                 rest, bones = self._rest_direction[jumped], jumped + 1
-                reached = rotate(multiply(last[bones], p[bones]), rest)
-                relative[bones] = multiply(shortest_turn(reached, rotate(q[bones], rest)), last[bones])
-        return nearest_rotation_vector(to_rotation_vector(relative), self._turn)
+                turn = shortest_turn(rotate(last[bones], rest), rotate(points[bones], rest))
+                points[bones] = multiply(turn, last[bones])
+        return points
 
-    def _shortened(self, turn: Array, weight: float, dt: float) -> Array:
-        """The rotation vectors, too long ones taken the short way round; what that turns a bone by runs out."""
+    def _change_sides(self, weight: Array) -> Array | None:
+        """Has motions that are too far ahead of the others change sides, for each bone one after the other.
+
+        Args:
+            weight: of each motion, >= 0, shape (M,).
+
+        Returns:
+            -1 for each motion and bone that has changed and has a weight, 1 for all others, shape (M, 1 + B); None if
+            there is no such one.
+        """
+        points, idle = self._points, weight == 0.0
+        least = -np.sin(0.5 * LONGER * np.abs(weight - np.rint(weight)))[:, None]
+        sides: Array | None = None
+        for _ in range(len(points)):
+            parts = weight[:, None, None] * points
+            others = parts.sum(0) - parts
+            length = np.sqrt(_product(others, others)[..., 0])
+            beyond = least * length - _product(points, others)[..., 0]
+            if not (beyond > _LITTLE).any():
+                break
+            # Of two motions both are as far ahead of the other: the one with less weight changes.
+            first = (beyond / np.maximum(length, _LITTLE) - _LITTLE * weight[:, None] - 9.0 * idle[:, None]).argmax(0)
+            changes = (beyond > _LITTLE) & (idle[:, None] | (np.arange(len(points))[:, None] == first))
+            points[changes] *= -1.0
+            if changes[~idle].any():
+                sides = np.ones(changes.shape) if sides is None else sides
+                sides[changes & ~idle[:, None]] *= -1.0
+        return sides
+
+    def _make_up(
+        self, sides: Array, points: tuple[Array, Array], weights: tuple[Array, Array], left: Array | None, dt: float
+    ) -> None:
+        """Begins the turns that lead from the mean on the new sides to what would be shown on those before.
+
+        Args:
+            sides: as `_change_sides` returns them.
+            points: a tick ago on the old sides, and now on the new ones, each of shape (M, 1 + B, 4).
+            weights: a tick ago and now, shape (M,).
+            left: what was left of earlier turns a tick ago, shape (1 + B, 3), rad; None for nothing.
+            dt: s.
+        """
+        bones = np.flatnonzero((sides < 0.0).any(0))
+        change = sides[:, bones, None]
+        was, now = points[0][:, bones], points[1][:, bones]
+        shown_before = weighted_mean(was, weights[0])
+        if left is not None:
+            shown_before = multiply(from_rotation_vector(left[bones]), shown_before)
+        shown = multiply(from_rotation_vector(self._left.now[bones]), weighted_mean(change * now, weights[1]))
+        before = to_rotation_vector(multiply(shown_before, conjugate(weighted_mean(change * was, weights[0]))))
+        turn = to_rotation_vector(multiply(shown, conjugate(self._mean[bones])))
+        # Half a turn runs out against the way on which the bone turns, which is slower than along with it.
         angle = np.linalg.norm(turn, axis=-1)
-        long = np.flatnonzero(angle > HALF_TURN + LONGER * abs(weight - round(weight)))
-        before = self._left.now[long] if len(long) else turn[long]
-        self._left.advance(dt)
-        if len(long):
-            was = _one_turn(before, 2.0 * np.pi * self._weight * normalise(self._turn[long]))
-            left = _one_turn(self._left.now[long], 2.0 * np.pi * weight * normalise(turn[long]))
-            self._left.begin(long, left, (left - nearest_rotation_vector(was, left)) / max(dt, 1e-9))
-            turn[long] *= 1.0 - 2.0 * np.pi / angle[long, None]
-        return turn
+        along = dot(turn, to_rotation_vector(multiply(shown, conjugate(shown_before)))) < 0.0
+        around = np.flatnonzero(along & (angle > _HALF_TURN))
+        turn[around] *= 1.0 - 2.0 * np.pi / angle[around, None]
+        self._left.begin(bones, turn, (turn - nearest_rotation_vector(before, turn)) / max(dt, 1e-9))
 
 
-def _one_turn(last: Array, first: Array) -> Array:
-    """The rotation vectors, the short way round, of turning by some first and then by others, shape (n, 3)."""
-    return to_rotation_vector(multiply(from_rotation_vector(last), from_rotation_vector(first)))
+def weighted_mean(points: Array, weights: Array) -> Array:
+    """The mean of unit quaternions (M, ..., 4) on the sides that are given, with weights (M,) that sum to 1."""
+    share = weights.reshape(-1, *[1] * (points.ndim - 1))
+    mean = normalise((share * points).sum(0))
+    for _ in range(MEAN_STEPS if len(points) > 2 else 1):
+        cosine = _product(points, mean)
+        across = points - cosine * mean
+        sine = np.sqrt(_product(across, across))
+        step = (share * np.arctan2(sine, cosine) / np.maximum(sine, _LITTLE) * across).sum(0)
+        angle = np.sqrt(_product(step, step))
+        mean = normalise(np.cos(angle) * mean + np.sin(angle) / np.maximum(angle, _LITTLE) * step)
+    return mean
+
+
+def _product(a: Array, b: Array) -> Array:
+    """The scalar products along the last axis, shape (..., 1), with fewer calls than `rotations.dot`."""
+    return np.matmul(a[..., None, :], b[..., None])[..., 0]

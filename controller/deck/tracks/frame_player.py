@@ -38,18 +38,19 @@ class FramePlayer:
     Args:
         network: the network that is played.
         rate: the frames per second of its training.
+        beside: another player of the same library, if there is one: what was found out for it is not found out again.
 
     Attributes:
         pace: how many frames are played in the time of one, because of an input.
     """
 
-    def __init__(self, network: FrameNetwork, rate: float) -> None:
+    def __init__(self, network: FrameNetwork, rate: float, beside: FramePlayer | None = None) -> None:
         self.network = network
         self.rate = rate
         self.pace = 1.0
         self.motions = network.motions
         # Found once, before the loop: some networks compute all of a motion's anchors at every question.
-        self._anchors = {motion: network.anchors(motion) for motion in network.motions}
+        self._anchors = beside._anchors if beside else {one: network.anchors(one) for one in network.motions}
         self._center = network if isinstance(network, PhaseNetwork) else None
         self._driven = network if isinstance(network, InputNetwork) and network.inputs else None
         self._frames = np.zeros((4, network.channels))

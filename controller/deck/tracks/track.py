@@ -24,6 +24,7 @@ class Track:
     Args:
         library: the motions.
         motions: the same as the deck sees them.
+        beside: another track of the library, if there is one: what was found out for it is not found out again.
 
     Attributes:
         at: how far into the motion it is, s; a loop counts on, round after round.
@@ -31,14 +32,15 @@ class Track:
         posture_before, posture: of the last two steps.
     """
 
-    def __init__(self, library: MotionLibrary, motions: Mapping[str, Motion]) -> None:
+    def __init__(self, library: MotionLibrary, motions: Mapping[str, Motion], beside: Track | None = None) -> None:
         self._encoding, self._motions = library.encoding, motions
         core = library.network.twin()
         self._neurons = core if isinstance(core, NeuronNetwork) else None
         self._guard = _guard(core, library) if isinstance(core, Network) else None
         self.guarded = self._guard is not None
         self._mixture = None if isinstance(core, PhaseNetwork) else Mixture(self._guard or core, core)
-        self._player = FramePlayer(self._mixture or core, library.info.rate)
+        others = beside._player if beside is not None else None
+        self._player = FramePlayer(self._mixture or core, library.info.rate, others)
         self._faded_restarts = 0
         self.at = 0.0
         self._round = (0.0, 0.0)  # where it has ended or gone round, backwards and forwards, s

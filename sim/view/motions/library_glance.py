@@ -26,7 +26,8 @@ class LibraryGlance:
 
     Attributes:
         pictures: SVG by motion; none for joints that were taught to a rig.
-        blends: by motion, the loops that it can be blended with, the nearest in name order, at most MOST.
+        blends: by motion, the loops that it can be blended with, at most MOST; those that resemble each other stand
+            side by side.
     """
 
     def __init__(self, file: Path) -> None:
@@ -64,5 +65,15 @@ def blends_of(library: MotionLibrary) -> dict[str, list[str]]:
     routes = Routes.of(library)
     loops = [motion.name for motion in library.info.motions if motion.plays == "loop"]
     return {
-        one: [other for other in loops if other != one and not routes.by_way_of(one, other)][:MOST] for one in loops
+        one: _side_by_side(one, [other for other in loops if other != one and not routes.by_way_of(one, other)], routes)
+        for one in loops
     }
+
+
+def _side_by_side(one: str, others: list[str], routes: Routes) -> list[str]:
+    """At most MOST of the others: next to a motion, at first next to `one`, stands the one with the shortest leap."""
+    found, left = [one], others[:MOST]
+    while left:
+        found.append(min(left, key=routes.leaps[found[-1]].__getitem__))
+        left.remove(found[-1])
+    return found[1:]

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import viser
 
 from controller.rotations import Array
@@ -67,7 +69,7 @@ class MotionControls:
         if time.monotonic() - self._touched > HAND_ON:
             phase = round(number_in(state, "phase", 0.0), 2) if self._has_phase else None
             others = self._glance.blends.get(now.playing, []) if self._glance is not None else []
-            blend = [now.blend[0], round(now.blend[1], 2)] if now.blend is not None else None
+            blend = [[name, round(weight, 2)] for name, weight in now.blend]
             weights = [WEIGHT.lowest, WEIGHT.highest]
             pad = {"playing": now.playing, "others": others, "blend": blend, "weights": weights}
             self._dial.show({"phase": phase, **pad, "enabled": enabled})
@@ -97,6 +99,8 @@ class MotionControls:
             case {"phase": float(phase) | int(phase)}:
                 self._touched = 0.0
                 self._send(Jump(phase=min(max(float(phase), 0.0), 1.0)))
-            case {"blend": [str(other), float(weight) | int(weight)]} if other in self._motions and self._state.playing:
-                self._touched = time.monotonic()
-                self._send(Blend(self._state.playing, other, float(weight)))
+            case {"blend": [*parts]} if parts and self._state.playing:
+                with suppress(msgspec.ValidationError):  # whatever else a browser may say
+                    (other, weight), *also = msgspec.convert(parts, list[tuple[str, float]])
+                    self._touched = time.monotonic()
+                    self._send(Blend(self._state.playing, other, weight, also=tuple(also)))

@@ -27,7 +27,7 @@ class RunState:
         playing: the motion that is played now.
         way: the motions that the switch under way has still to begin.
         queue: the motions that are played after that.
-        blend: the motion that is blended in, and its weight.
+        blend: the motions that are blended in, each with its weight.
         settled: whether no switch is under way.
         fallen: whether the simulated robot lies on the floor.
         approaching: whether the joints are on their slow way to the motion.
@@ -39,7 +39,7 @@ class RunState:
     playing: str = ""
     way: tuple[str, ...] = ()
     queue: tuple[str, ...] = ()
-    blend: tuple[str, float] | None = None
+    blend: tuple[tuple[str, float], ...] = ()
     settled: bool = True
     fallen: bool = False
     approaching: bool = False
@@ -53,6 +53,7 @@ class RunState:
             return tuple(motions[int(n)] for n in numbers if np.isfinite(n) and 0 <= n < len(motions))
 
         blended = names("blend")
+        weights = state.get("blend_weight", np.empty(0)).tolist()
         motion = next(iter(names("motion")), "")
         return cls(
             mode=MODES[int(number_in(state, "mode", 0.0))],
@@ -61,11 +62,16 @@ class RunState:
             playing=next(iter(names("playing")), motion),
             way=names("way"),
             queue=names("queue"),
-            blend=(blended[0], number_in(state, "blend_weight", 0.0)) if blended else None,
+            blend=tuple(zip(blended, weights, strict=False)),
             settled=bool(number_in(state, "settled", 1.0)),
             fallen=bool(number_in(state, "fallen", 0.0)),
             approaching=bool(number_in(state, "approaching", 0.0)),
         )
+
+    @property
+    def shown(self) -> str:
+        """What is shown now, in few words: a motion, or all of a blend, as in "walk + jog"."""
+        return " + ".join((self.playing, *(name for name, _ in self.blend)))
 
 
 def number_in(state: Mapping[str, Array], field: str, default: float) -> float:
@@ -98,7 +104,7 @@ def state_line(state: RunState) -> StateLine:
     if state.mode == "emergency stop":
         return StateLine("EMERGENCY STOP", "every joint is held", "Reset releases it", RED)
     if state.fallen:
-        return StateLine("FALLEN", f"playing {state.playing}", upcoming or "End run, and start it again", RED)
+        return StateLine("FALLEN", f"playing {state.shown}", upcoming or "End run, and start it again", RED)
     if state.mode == "held":
         return StateLine("HELD", "nothing moves", "choose a motion, or Home", AMBER)
     if state.mode == "home":
@@ -106,12 +112,12 @@ def state_line(state: RunState) -> StateLine:
     if state.approaching:
         return StateLine("ON ITS WAY", f"slowly to {state.playing}", upcoming, VIOLET)
     if state.paused:
-        return StateLine("PAUSED", state.playing, upcoming, AMBER)
+        return StateLine("PAUSED", state.shown, upcoming, AMBER)
     if state.way:
         return StateLine("ON ITS WAY", " → ".join((state.playing, *state.way)), upcoming, VIOLET)
-    if state.blend is not None:
-        other, weight = state.blend
-        return StateLine("BLEND", f"{state.playing} + {100.0 * weight:.0f} % {other}", upcoming, BLUE)
+    if state.blend:
+        parts = [f"{100.0 * weight:.0f} % {name}" for name, weight in state.blend]
+        return StateLine("BLEND", " + ".join((state.playing, *parts)), upcoming, BLUE)
     if not state.settled:
         return StateLine("ON ITS WAY", f"to {state.motion}", upcoming, VIOLET)
     return StateLine("PLAYING", state.playing, upcoming, GREEN)
@@ -129,8 +135,8 @@ def button_labels(state: RunState, motions: Sequence[str]) -> list[str]:
         parts[name] = f"queued {place}"
     if not state.settled:
         parts[state.motion] = "next"
-    if state.blend is not None:
-        parts[state.blend[0]] = f"{100.0 * state.blend[1]:.0f} %"
+    for name, weight in state.blend:
+        parts[name] = f"{100.0 * weight:.0f} %"
     if state.mode == "playing":
         parts[state.playing] = "paused" if state.paused else "playing"
     return [f"{motion} · {parts[motion]}" if motion in parts else motion for motion in motions]

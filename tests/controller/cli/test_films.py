@@ -45,7 +45,7 @@ def test_a_blend_and_a_tempo_are_filmed(filmed, tmp_path):
     timeline = [Timed(0.0, Blend("walk", "jog", 0.2)), Timed(0.1, SetTempo(0.9))]
     report, deck = filmed(timeline, 0.8, tmp_path / "blend.gif")
     assert report == {"frames": 16, "fell_back": ""}
-    assert deck.blend == ("jog", 0.2)
+    assert deck.blend == (("jog", 0.2),)
     assert deck.tempo == pytest.approx(0.9)
 
 
@@ -89,8 +89,9 @@ def test_motions_that_failed_are_named_when_a_library_plays(library, capsys):
 def test_a_sheet_has_one_row_a_blend(monkeypatch, tmp_path):
     drawn = []
     monkeypatch.setattr("sim.pictures.video.contact_sheet", lambda model, rows, out: drawn.extend(rows))
-    blends = [Blend("walk", "jog", 0.3), Blend("jog", "walk", 0.0)]
+    blends = [Blend("walk", "jog", 0.3), Blend("jog", "walk", 0.0), Blend("walk", "jog", 0.3, also=(("waltz", 0.2),))]
     library_pictures.draw_sheet("thesis15", "mannequin", tmp_path / "sheet.png", blends)
-    assert [(label, len(moments)) for label, moments in drawn] == [("walk + 0.3 jog", 8), ("jog + 0 walk", 8)]
+    labels = ["walk + 0.3 jog", "jog + 0 walk", "walk + 0.3 jog + 0.2 waltz"]
+    assert [(label, len(moments)) for label, moments in drawn] == [(label, 8) for label in labels]
     with pytest.raises(MotiondeckError, match="wolk"):
         library_pictures.draw_sheet("thesis15", "mannequin", tmp_path / "sheet.png", [Blend("wolk", "jog", 0.3)])

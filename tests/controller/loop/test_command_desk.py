@@ -41,7 +41,8 @@ class Deck:
     def __init__(self):
         self.time, self.events, self.paused, self.motion = 1.5, deque(), False, "walk"
         self.motions, self.tempo, self.settled, self.queue, self.inputs = ["walk"], 1.0, True, [], {}
-        self.blend = self.phase = self.lock_state = None
+        self.phase = self.lock_state = None
+        self.blend = ()
         self.fell_back = ""
 
     def pause(self):

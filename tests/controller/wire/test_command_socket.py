@@ -68,7 +68,7 @@ class TinyDeck:
     motions: tuple[str, ...] = ("walk", "jog", "waltz")
     motion: str = "walk"
     tempo: float = 1.0
-    blend: tuple[str, float] | None = None
+    blend: tuple[tuple[str, float], ...] = ()
     fell_back: str = ""
     paused: bool = False
     time: float = 0.0
@@ -400,7 +400,7 @@ def test_a_tempo_out_of_range_is_refused_and_says_the_range(stage, factor):
     ("data", "said"),
     [
         (b" ", "not a command"),
-        (b'{"type":"dance"}', "switch MOTION [direct], queue MOTION, blend A B WEIGHT"),
+        (b'{"type":"dance"}', "switch MOTION [direct], queue MOTION, blend A B WEIGHT [C WEIGHT ...]"),
         (b'{"type":"switch"}', "to"),
         (b'{"type":"switch","to":""}', "1 to 100 characters"),
         (b'{"type":"switch","to":"' + b"a" * 101 + b'"}', "1 to 100 characters"),

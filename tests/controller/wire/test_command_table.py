@@ -16,6 +16,7 @@ from controller.wire.command_table import (
     Choice,
     FilePath,
     Flag,
+    FurtherParts,
     MotionName,
     Number,
     WholeCommand,
@@ -23,7 +24,7 @@ from controller.wire.command_table import (
     parse_command,
     read_message,
 )
-from controller.wire.messages import CommandError, EmergencyStop, Message, Pause, Reset, encode
+from controller.wire.messages import Blend, CommandError, EmergencyStop, Message, Pause, Reset, encode
 
 NAMES = st.text("abc-1", min_size=1, max_size=100).filter(lambda name: name not in BY_WORD)
 
@@ -57,16 +58,43 @@ def typed(argument):
 def test_every_command_in_its_ranges_is_read_alike_typed_and_from_the_wire(data):
     command = data.draw(st.sampled_from(COMMANDS))
     count = data.draw(st.integers(sum(not a.optional for a in command.arguments), len(command.arguments)))
-    words = [data.draw(typed(argument)) for argument in command.arguments[:count]]
+    words = [data.draw(typed(one)) for one in command.arguments[:count] if not isinstance(one, FurtherParts)]
+    if command.word == "blend":
+        names = data.draw(st.lists(NAMES, min_size=2, max_size=4, unique=True))
+        parts = [data.draw(st.floats(0.0, 1.0 / 3.0).map(repr)) for _ in names[1:]]
+        words = [names[0], *(word for part in zip(names[1:], parts, strict=True) for word in part)]
     message = parse_command([command.word, *words])
     assert command_of(message) is command
     assert read_message(encode(message)) == message
 
 
+@pytest.mark.parametrize(
+    ("typed", "why"),
+    [
+        ("blend a b 0.5 a 0.2", "two motions or more, not a twice"),
+        ("blend a b 0.5 c", "give each motion with its WEIGHT, at most 2 more"),
+        ("blend a b 0.1 c 0.1 d 0.1 e 0.1", "at most 2 more of them"),
+        ("blend a b 0.6 c 0.6", "sum to at most 1, not to 1.2; a has what is left"),
+        ("blend a b 1.2 c 0.1", "WEIGHT must be a number from 0 to 1, not 1.2"),
+        ("blend a b 0.5 c -0.1", "WEIGHT must be a number from 0 to 1, not -0.1"),
+    ],
+)
+def test_what_is_no_blend_is_refused_and_says_what_is(typed, why):
+    with pytest.raises(CommandError, match=re.escape(why)):
+        parse_command(typed.split())
+
+
+def test_a_blend_of_several_is_typed_as_motions_with_their_weights():
+    message = parse_command(["blend", "walk", "slow-walk", "0.3", "jog", "0.2"])
+    assert message == Blend("walk", "slow-walk", 0.3, also=(("jog", 0.2),))
+    assert message.motions == ("walk", "slow-walk", "jog")
+    assert read_message(b'{"type":"blend","first":"a","second":"b","share":0.4}') == Blend("a", "b", 0.4)
+
+
 def required(command):
     """Values for the arguments that a command must have."""
     examples = {
-        MotionName: lambda a: "a",
+        MotionName: lambda a: a.name,
         Number: lambda a: a.lowest,
         Choice: lambda a: a.words[0],
         WholeCommand: lambda a: Pause(),

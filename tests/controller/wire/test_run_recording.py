@@ -110,15 +110,16 @@ def test_what_cannot_be_opened_is_said(tmp_path):
 
 
 def test_another_version_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("controller.wire.run_recording.VERSION", 5)
+    monkeypatch.setattr("controller.wire.run_recording.VERSION", 6)
     write(tmp_path / "r", [1])
     monkeypatch.undo()
-    with pytest.raises(FileFormatError, match="version 5; this Motiondeck reads versions 1 to 4"):
+    with pytest.raises(FileFormatError, match="version 6; this Motiondeck reads versions 1 to 5"):
         load_recording(tmp_path / "r")
 
 
-def test_version_1_is_still_read(tmp_path, monkeypatch):
-    monkeypatch.setattr("controller.wire.run_recording.VERSION", 1)
+@pytest.mark.parametrize("version", [1, 2, 3, 4])
+def test_older_versions_are_still_read(tmp_path, monkeypatch, version):
+    monkeypatch.setattr("controller.wire.run_recording.VERSION", version)
     write(tmp_path / "r", [1])
     monkeypatch.undo()
     assert load_recording(tmp_path / "r").ticks == 1

@@ -17,7 +17,7 @@ from waiting import free_port, until
 MOTIONS = ["walk", "jog", "crawl", "standup", "waltz"]
 
 
-def state(mode="playing", playing="walk", motion="", way=(), queue=(), blend=None, **others):
+def state(mode="playing", playing="walk", motion="", way=(), queue=(), blend=(), **others):
     def places(names):
         return np.array([MOTIONS.index(name) for name in names] + [-1] * (8 - len(names)), dtype=float)
 
@@ -29,8 +29,8 @@ def state(mode="playing", playing="walk", motion="", way=(), queue=(), blend=Non
         **others,
     }
     numbers |= {"playing": MOTIONS.index(playing), "motion": MOTIONS.index(motion or playing)}
-    numbers |= {"blend": -1.0 if blend is None else MOTIONS.index(blend), "blend_weight": 0.4}
     arrays = {name: np.array([float(value)]) for name, value in numbers.items()}
+    arrays |= {"blend": places(blend)[:3], "blend_weight": np.array([0.4, 0.25, 0.0])}
     return arrays | {"way": places(way), "queue": places(queue)}
 
 
@@ -43,7 +43,8 @@ SITUATIONS = [
         ["ON ITS WAY", "crawl → standup → waltz"],
     ),
     (state(motion="jog", way=["jog"], queue=["waltz"], settled=0.0), ["ON ITS WAY", "walk → jog", "next: waltz"]),
-    (state(blend="jog"), ["BLEND", "walk + 40 % jog"]),
+    (state(blend=["jog"]), ["BLEND", "walk + 40 % jog"]),
+    (state(blend=["jog", "waltz"]), ["BLEND", "walk + 40 % jog + 25 % waltz"]),
     (state(paused=1.0), ["PAUSED", "walk"]),
     (state(paused=1.0, queue=["jog"]), ["PAUSED", "walk", "next: jog"]),
     (state(fallen=1.0), ["FALLEN", "playing walk", "End run, and start it again"]),

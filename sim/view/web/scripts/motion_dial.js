@@ -1,7 +1,8 @@
 // A ring for the phase, and in it a pad for blends: what plays is in the middle, what it can be blended with around it.
-// state: {phase: 0..1 or null, playing, others: [name], blend: [name, weight] or null, weights: [least, most], enabled}
-// sends {phase} and {blend: [name, weight]}. A press takes the nearest motion, and pulling changes its weight alone: 1 is
-// where its name stands, farther out is more; through the middle, on the other side, is less than none.
+// state: {phase: 0..1 or null, playing, others: [name], blend: [[name, weight]], weights: [least, most], enabled}
+// sends {phase} and, when the point is let go, {blend: [[name, weight]]}. Between the middle and two neighbours the point
+// is the mean of the three with their weights. Outside, on the line through a name, its weight rises above 1; with Shift
+// the point stays on the line of the nearest name, and through the middle, on the other side, its weight is below 0.
 motiondeck.part("motion-dial", (element, state, send) => {
   const space = "http://www.w3.org/2000/svg";
   const RING = 92, PAD = 74, ONE = 52;
@@ -47,59 +48,100 @@ motiondeck.part("motion-dial", (element, state, send) => {
   }
 
   const pad = shape("pad", "circle", { r: PAD, class: "pad" });
-  const angle = (index) => (2 * Math.PI * index) / state.others.length;
-  drawing.querySelectorAll("text").forEach((text) => text.remove());
-  state.others.forEach((name, index) => {
-    const [x, y] = at(angle(index), ONE);
-    shape(`to ${name}`, "text", { x: x.toFixed(1), y: (y + 3).toFixed(1), class: "other" }, name);
-  });
-  shape("here", "text", { x: 0, y: 4, class: "here" }, state.others.length ? state.playing : "");
   const [least, most] = state.weights;
-  const index = state.blend ? state.others.indexOf(state.blend[0]) : -1;
+  const places = Math.max(3, state.others.length); // with fewer, two neighbours would be opposite each other
+  const angle = (index) => (2 * Math.PI * index) / places;
+  const rounded = (weight) => Math.round(weight * 20) / 20;
+  if (pad.playing !== state.playing) pad.pulled = null; // what is around has changed under the hand
+  pad.playing = state.playing;
   shape("whole", "circle", { r: ONE, class: "whole" });
   const puck = shape("puck", "circle", { r: 6, class: "puck" });
-  const slider = { role: "slider", tabindex: 0, "aria-label": "blend weight", "aria-valuemin": least, "aria-valuemax": most };
-  for (const [name, value] of Object.entries(slider)) pad.setAttribute(name, value);
-  const show = (taken, weight) => {
-    const [x, y] = taken < 0 ? [0, 14] : at(angle(taken), ONE * weight);
+  pad.dataset.empty = String(!state.others.length);
+
+  const show = (parts) => {
+    drawing.querySelectorAll("text").forEach((text) => text.remove());
+    const percent = (weight) => ` ${Math.round(100 * weight)} %`;
+    const weights = new Map(parts);
+    state.others.forEach((name, index) => {
+      const [x, y] = at(angle(index), ONE);
+      const text = name + (weights.has(name) ? percent(weights.get(name)) : "");
+      shape(`to ${name}`, "text", { x: x.toFixed(1), y: (y + 3).toFixed(1), class: weights.has(name) ? "other part" : "other" }, text);
+    });
+    const rest = parts.reduce((left, [, weight]) => left - weight, 1);
+    const here = state.playing + (parts.length ? percent(rest) : "");
+    shape("here", "text", { x: 0, y: 4, class: "here" }, state.others.length ? here : "");
+    const known = parts.map(([name, weight]) => [state.others.indexOf(name), weight]).filter(([index]) => index >= 0);
+    const [x, y] = known
+      .map(([index, weight]) => at(angle(index), ONE * weight))
+      .reduce(([ax, ay], [bx, by]) => [ax + bx, ay + by], known.length ? [0, 0] : [0, 14]);
     puck.setAttribute("cx", x.toFixed(1));
     puck.setAttribute("cy", y.toFixed(1));
-    pad.dataset.taken = String(taken);
-    pad.setAttribute("aria-valuenow", weight);
+    const slider = { role: "slider", tabindex: 0, "aria-label": "blend weight", "aria-valuemin": least, "aria-valuemax": most };
+    slider["aria-valuenow"] = parts.length ? parts[0][1] : 0;
+    slider["aria-valuetext"] = parts.map(([name, weight]) => name + percent(weight)).join(", ");
+    for (const [name, value] of Object.entries(slider)) pad.setAttribute(name, value);
   };
-  show(index, index < 0 ? 0 : state.blend[1]);
-  pad.dataset.empty = String(!state.others.length);
-  const blend = (taken, wanted) => {
-    const weight = Math.round(Math.min(most, Math.max(least, wanted)) * 20) / 20;
-    show(taken, weight);
-    send({ blend: [state.others[taken], weight] });
+  show(pad.pulled ?? state.blend);
+
+  // How far a point is along the line through a name; 1 is where the name stands.
+  const along = (index, [px, py]) => {
+    const [x, y] = at(angle(index), 1);
+    return (px * x + py * y) / ONE;
   };
-  const nearest = ([px, py]) => {
-    const [x, y] = [Number(puck.getAttribute("cx")), Number(puck.getAttribute("cy"))];
-    const taken = Number(pad.dataset.taken);
-    // Below 0 the puck is on the side of other motions.
-    if (taken >= 0 && Math.hypot(px - x, py - y) < 12) return taken;
-    const turn = (Math.atan2(px, -py) / (2 * Math.PI) + 1) % 1;
-    return Math.round(turn * state.others.length) % state.others.length;
+  const onLine = (index, point) => [[state.others[index], rounded(Math.min(most, Math.max(least, along(index, point))))]];
+  const nearest = (point) => {
+    const indices = state.others.map((_, index) => index);
+    return indices.reduce((best, index) => (along(index, point) > along(best, point) ? index : best), 0);
   };
-  const pull = (taken, [px, py]) => {
-    const [x, y] = at(angle(taken), 1);
-    blend(taken, (px * x + py * y) / ONE);
+  const within = (point) => {
+    const turn = (Math.atan2(point[0], -point[1]) / (2 * Math.PI) + 1) % 1;
+    const first = Math.floor(turn * places) % places;
+    const second = (first + 1) % places;
+    if (first >= state.others.length || second >= state.others.length) {
+      const index = nearest(point);
+      return along(index, point) > 0 ? onLine(index, point) : [[state.others[index], 0]];
+    }
+    // The point is a first + b second, which both are ONE from the middle.
+    const sine = Math.sin(angle(1));
+    const away = Math.hypot(...point) / ONE;
+    const past = 2 * Math.PI * turn - angle(first);
+    let [a, b] = [(away * Math.sin(angle(1) - past)) / sine, (away * Math.sin(past)) / sine];
+    if (Math.min(a, b) < 0.1 * (a + b)) return onLine(a > b ? first : second, point);
+    const beyond = Math.max(1, a + b);
+    [a, b] = [rounded(a / beyond), rounded(b / beyond)];
+    if (a + b > 1) a = rounded(1 - b);
+    const parts = [[state.others[first], a], [state.others[second], b]].filter(([, weight]) => weight > 0);
+    return parts.length ? parts : [[state.others[first], 0]];
   };
-  let last = 0;
+  const pull = (event) => {
+    if (!event.shiftKey) pad.line = null;
+    else if (pad.line === null) pad.line = nearest(point(event));
+    pad.pulled = pad.line === null ? within(point(event)) : onLine(pad.line, point(event));
+    show(pad.pulled);
+  };
   pad.onpointerdown = (event) => {
     if (!state.others.length || !state.enabled) return;
     pad.setPointerCapture(event.pointerId);
-    pull(nearest(point(event)), point(event));
+    pad.line = null;
+    pull(event);
   };
-  pad.onpointermove = (event) => {
-    if (!pad.hasPointerCapture(event.pointerId) || performance.now() - last < 120) return;
-    last = performance.now();
-    pull(Number(pad.dataset.taken), point(event));
+  pad.onpointermove = (event) => pad.pulled && pad.hasPointerCapture(event.pointerId) && pull(event);
+  pad.onpointerup = () => {
+    if (pad.pulled) send({ blend: pad.pulled });
+    pad.pulled = null;
+  };
+  pad.onpointercancel = () => {
+    pad.pulled = null;
+    show(state.blend);
   };
   pad.onkeydown = (event) => {
     const step = { ArrowRight: 0.05, ArrowUp: 0.05, ArrowLeft: -0.05, ArrowDown: -0.05 }[event.key];
     if (!step || !state.others.length || !state.enabled) return;
-    blend(Math.max(0, Number(pad.dataset.taken)), Number(pad.getAttribute("aria-valuenow")) + step);
+    const [[name, weight], ...further] = state.blend.length ? state.blend : [[state.others[0], 0]];
+    const rest = further.reduce((left, [, part]) => left - part, 1);
+    const [low, high] = further.length ? [0, rest] : [least, most];
+    state.blend = [[name, rounded(Math.min(high, Math.max(low, weight + step)))], ...further];
+    show(state.blend);
+    send({ blend: state.blend });
   };
 });

@@ -21,6 +21,7 @@ class Playing:
     playing: str = "walk"
     settled: bool = True
     time: float = 12.3
+    blend: tuple[tuple[str, float], ...] = ()
 
 
 @pytest.mark.parametrize(
@@ -28,6 +29,12 @@ class Playing:
     [
         (Playing(), StopRequest(), 20.0, "walk  12 of 20 s"),
         (Playing(), StopRequest(), None, "walk  12 s, Ctrl-C ends it"),
+        (
+            Playing(blend=(("jog", 0.3), ("waltz", 0.2))),
+            StopRequest(),
+            20.0,
+            "walk with 0.30 of jog and 0.20 of waltz  12 of 20 s",
+        ),
         (Playing(settled=False), StopRequest(), 20.0, "walk (on its way)  12 of 20 s"),
         (Playing(time=0.005), StopRequest(), None, "approaching the first pose of walk"),
         (Playing(), StopRequest(mode="emergency stop"), None, "EMERGENCY STOP: walk, Ctrl-C ends it"),

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -25,6 +26,9 @@ from sim.robots.robot import load_robot
 
 TIMELINE = """
 motion = "march"
+[[commands]]
+at = 0.1
+say = "blend march wave 0.1"
 [[commands]]
 at = 0.3
 say = "queue wave"
@@ -104,9 +108,13 @@ def test_every_tick_is_recorded_with_its_commands(run, folder):
     assert recording.complete
     assert fields["tick"][:, 0].tolist() == list(range(run["ticks"]))
     given = [COMMANDS[int(n) - 1] for n in fields["command"][:, 0] if n]
-    assert given == ["queue", "tempo", "estop", "switch", "reset", "resume"]
+    assert given == ["blend", "queue", "tempo", "estop", "switch", "reset", "resume"]
     assert run["refused"] == [{"at": 1.9, "reason": "the emergency stop is on; release it with: reset"}]
     assert [MODES[int(m)] for m in np.unique(fields["mode"])] == ["playing", "held", "emergency stop"]
+    blended = fields["blend"][:, 0] >= 0.0
+    assert blended.any()
+    assert np.unique(fields["blend"][blended], axis=0).tolist() == [[1.0, -1.0, -1.0]]  # wave
+    assert fields["blend_weight"][:, 0].max() == pytest.approx(0.1)
     halted = fields["targets"][fields["mode"][:, 0] == MODES.index("emergency stop")]
     assert np.array_equal(halted[-1], halted[-5])
     assert np.isfinite(fields["measured"][5:]).all()
@@ -120,6 +128,17 @@ def test_a_recording_is_replayed(run, folder):
     report = json.loads(printed(replay))
     assert report["reason"] == "played to the end"
     assert sum(report["limited"].values()) < 0.25 * report["ticks"]  # of 24 targets a tick
+
+
+def test_a_replay_says_what_was_blended(servo_run):
+    names = tuple(servo_run.description["motions"])
+    assert RecordedDeck(servo_run).blend == ()
+    blend, weights = np.full((servo_run.ticks, 3), -1.0), np.zeros((servo_run.ticks, 3))
+    blend[:, :2], weights[:, :2] = [names.index("jog"), names.index("waltz")], [0.3, 0.2]
+    blended = replace(servo_run, fields=servo_run.fields | {"blend": blend, "blend_weight": weights})
+    assert RecordedDeck(blended).blend == (("jog", 0.3), ("waltz", 0.2))
+    older = {name: values for name, values in servo_run.fields.items() if not name.startswith("blend")}
+    assert RecordedDeck(replace(servo_run, fields=older)).blend == ()
 
 
 @pytest.fixture(scope="module")
@@ -168,7 +187,7 @@ def test_a_recording_is_plotted(run, folder):
     done = motiondeck("plot", folder / "show.rec", "--out", folder / "show.png")
     assert done.returncode == 0, done.stderr
     assert (folder / "show.png").read_bytes()[:4] == b"\x89PNG"
-    assert "6 commands" in done.stdout
+    assert "7 commands" in done.stdout
     figures = json.loads(motiondeck("plot", folder / "show.rec", "--json").stdout)
     assert (figures["ticks"], figures["lost_ticks"], figures["refused"]) == (run["ticks"], 0, 1)
 

@@ -92,7 +92,7 @@ def test_words_become_messages(line, message):
         ("switch", "switch: give it as: switch MOTION [direct]"),
         ("switch walk jog", "'jog' is not understood here; leave it out or give: direct"),
         ("queue", "queue: give it as: queue MOTION"),
-        ("blend walk jog", "blend: give it as: blend A B WEIGHT"),
+        ("blend walk jog", "blend: give it as: blend A B WEIGHT [C WEIGHT ...]"),
         ("blend walk jog much", "WEIGHT must be a number from -0.3 to 1.3, not 'much'"),
         ("blend walk jog 1.4", "WEIGHT must be a number from -0.3 to 1.3, not 1.4"),
         ("tempo", "tempo: give it as: tempo TEMPO [SECONDS]"),

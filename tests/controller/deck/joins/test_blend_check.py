@@ -62,7 +62,7 @@ def test_bones_that_point_opposite_ways_do_not_turn_over(shipped):
     """Mixed as directions this blend turned over within a second."""
     deck, record = blended(shipped)
     assert record.fell_back == ""
-    assert deck.blend == ("box1", 0.5)
+    assert deck.blend == (("box1", 0.5),)
 
 
 def test_a_blend_that_turns_over_falls_back_to_the_nearer_motion_and_reports_it(shipped, monkeypatch):
@@ -71,5 +71,5 @@ def test_a_blend_that_turns_over_falls_back_to_the_nearer_motion_and_reports_it(
     deck, record = blended(shipped)
     assert record.fell_back.endswith("of box1 turns over, fell back to exa-stride")
     assert deck.fell_back == record.fell_back
-    assert (deck.playing, deck.blend, deck.settled) == ("exa-stride", None, True)
+    assert (deck.playing, deck.blend, deck.settled) == ("exa-stride", (), True)
     assert record.overtaken == (record.settled_s is None)

@@ -72,11 +72,11 @@ def test_a_weight_beyond_one_exaggerates_the_second_motion(cmu86):
     run = MeasuredDeck(cmu86, "walk", 0.25, direct=False)
     join = run.until_settled(run.deck.blend_in("walk", "stroll", 1.3), "walk", 0.25)
     assert join.passes, join
-    assert run.deck.blend == ("stroll", pytest.approx(1.3))
+    assert run.deck.blend == (("stroll", pytest.approx(1.3)),)
     record = run.deck.blend_in("stroll", "walk", -0.1)
     run.play(100)
     assert record.settled_s is not None
-    assert run.deck.blend == ("stroll", pytest.approx(1.1))
+    assert run.deck.blend == (("stroll", pytest.approx(1.1)),)
     assert run.deck.fell_back == ""
 
 

@@ -1,7 +1,5 @@
 """Motions on the page: pictures, the queue, blends and the phase, in a browser; and what is found out of a library."""
 
-import time
-
 import numpy as np
 import pytest
 
@@ -34,6 +32,7 @@ def test_loops_blend_with_loops_that_lie_near(thesis15):
     blends = blends_of(thesis15)
     assert "jog" in blends["walk"]
     assert "crawl" not in blends["walk"]  # it is reached by way of others
+    assert {blends["walk"][-1], *blends["walk"][:2]} == {"jog", "slow-walk", "exa-stride"}  # side by side on the pad
     assert all(len(others) <= MOST and name not in others for name, others in blends.items())
 
 
@@ -78,31 +77,39 @@ def test_grid_queue_ring_and_pad_send_commands(browser):
         ring = tab.get_by_role("slider", name="phase")
         assert ring.get_attribute("aria-valuenow") == "0.4"
         sends(lambda: (ring.focus(), tab.keyboard.press("ArrowRight")), Jump(0.41))
-        # Up is the first of the two, jog, whose name stands where its weight is 1; pulled down, through the middle, it
-        # is less than none, and not waltz, which lies there.
+        # Up is the first of the two, jog, whose name stands where its weight is 1; waltz stands at 120 degrees from it.
         pad = tab.get_by_role("slider", name="blend weight")
         box = pad.bounding_box()
 
-        def at(share):
-            return box["x"] + 0.5 * box["width"], box["y"] + share * box["height"]
+        def at(jog, waltz):
+            """Where jog and waltz have these weights."""
+            one = box["width"] * 52 / 148
+            right, up = np.sin(2 * np.pi / 3) * waltz, jog + np.cos(2 * np.pi / 3) * waltz
+            return box["x"] + 0.5 * box["width"] + one * right, box["y"] + 0.5 * box["height"] - one * up
 
-        def blended():
-            (blend,) = until(lambda: sent[-1:], "the blend")
-            assert isinstance(blend, Blend)
-            assert (blend.first, blend.second) == ("walk", "jog")
-            return blend.weight
+        def pulled(*stations):
+            tab.mouse.move(*at(*stations[0]))
+            tab.mouse.down()
+            for station in stations[1:]:
+                tab.mouse.move(*at(*station))
+            tab.mouse.up()
 
-        sent.clear()
-        tab.mouse.move(*at(0.33))
-        tab.mouse.down()
-        assert 0.4 < blended() < 0.6
-        for share, weight in ((0.04, 1.3), (0.9, -0.3)):
-            time.sleep(0.15)
-            tab.mouse.move(*at(share))
-            until(lambda wanted=weight: blended() == wanted, f"a weight of {weight}")
-        tab.mouse.up()
-        assert pad.get_attribute("aria-valuenow") == "-0.3"
-        sends(lambda: (pad.focus(), tab.keyboard.press("ArrowUp")), Blend("walk", "jog", -0.25))
+        sends(lambda: pulled((0.5, 0.0)), Blend("walk", "jog", 0.5))
+        # However far it goes, a pull is one command: that of where it is let go.
+        sends(lambda: pulled((0.5, 0.0), (0.2, 0.7), (0.3, 0.4)), Blend("walk", "jog", 0.3, also=(("waltz", 0.4),)))
+        assert pad.get_attribute("aria-valuetext") == "jog 30 %, waltz 40 %"
+        sends(lambda: pulled((0.9, 0.9)), Blend("walk", "jog", 0.5, also=(("waltz", 0.5),)))  # without walk
+        sends(lambda: pulled((1.0, 0.0), (1.4, 0.0)), Blend("walk", "jog", 1.3))
+        sends(lambda: pulled((0.0, 1.2)), Blend("walk", "waltz", 1.2))
+        sends(lambda: pulled((-0.45, -0.5)), Blend("walk", "jog", 0.0))  # nothing stands there
+        tab.keyboard.down("Shift")
+        sends(lambda: pulled((0.5, 0.0), (-0.5, 0.0)), Blend("walk", "jog", -0.3))
+        tab.keyboard.up("Shift")
+        controls._touched = 0.0
+        blend = (("jog", 0.4), ("waltz", 0.3))
+        controls.show(RunState(motion="walk", playing="walk", blend=blend), {"phase": np.array([0.4])})
+        tab.get_by_text("waltz 30 %").wait_for()
+        sends(lambda: (pad.focus(), tab.keyboard.press("ArrowUp")), Blend("walk", "jog", 0.45, also=(("waltz", 0.3),)))
     finally:
         tab.close()
         page.stop()

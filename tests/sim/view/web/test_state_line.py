@@ -21,8 +21,9 @@ MOTIONS = ["walk", "jog", "crawl", "standup", "waltz"]
             "",
         ),
         ({"way": ("jog",), "motion": "jog", "queue": ("waltz",)}, "ON ITS WAY", "walk → jog", "next: waltz"),
-        ({"blend": ("jog", 0.4)}, "BLEND", "walk + 40 % jog", ""),
-        ({"blend": ("jog", 0.4), "settled": False}, "BLEND", "walk + 40 % jog", ""),
+        ({"blend": (("jog", 0.4),)}, "BLEND", "walk + 40 % jog", ""),
+        ({"blend": (("jog", 0.4), ("waltz", 0.25))}, "BLEND", "walk + 40 % jog + 25 % waltz", ""),
+        ({"blend": (("jog", 0.4),), "settled": False}, "BLEND", "walk + 40 % jog", ""),
         ({"approaching": True}, "ON ITS WAY", "slowly to walk", ""),
         ({"paused": True}, "PAUSED", "walk", ""),
         ({"paused": True, "way": ("jog",)}, "PAUSED", "walk", ""),
@@ -62,10 +63,11 @@ def test_the_shared_state_is_read():
         "settled": 0.0,
     }
     state = RunState.of({name: np.atleast_1d(value) for name, value in shared.items()}, MOTIONS)
-    assert state == RunState("playing", False, "waltz", "crawl", ("standup", "waltz"), ("jog",), None, False)
-    shared |= {"blend": 1.0, "blend_weight": 0.25, "mode": MODES.index("home")}
+    assert state == RunState("playing", False, "waltz", "crawl", ("standup", "waltz"), ("jog",), (), False)
+    shared |= {"blend": [1.0, 4.0, -1.0], "blend_weight": [0.25, 0.5, 0.0], "mode": MODES.index("home")}
     state = RunState.of({name: np.atleast_1d(value) for name, value in shared.items()}, MOTIONS)
-    assert state.blend == ("jog", 0.25)
+    assert state.blend == (("jog", 0.25), ("waltz", 0.5))
+    assert state.shown == "crawl + jog + waltz"
     assert state.mode == "home"
 
 
@@ -74,7 +76,7 @@ def test_what_has_not_been_published_yet_is_read_as_playing():
 
 
 def test_what_the_deck_has_not_written_yet_is_not_a_motion_on_the_way(tmp_path):
-    fields = {"motion": 1, "playing": 1, "way": 8, "queue": 8, "blend": 1, "blend_weight": 1}
+    fields = {"motion": 1, "playing": 1, "way": 8, "queue": 8, "blend": 3, "blend_weight": 3}
     writer = StateWriter.create(tmp_path / "state", {}, fields)
     writer.publish(motion=1.0, playing=1.0)
     shared = StateReader.open(tmp_path / "state").read()
@@ -88,7 +90,7 @@ def test_buttons_say_what_part_their_motion_has():
     assert button_labels(playing, MOTIONS) == labels
     under_way = RunState(motion="waltz", playing="crawl", way=("standup", "waltz"), settled=False)
     assert button_labels(under_way, MOTIONS) == ["walk", "jog", "crawl · playing", "standup", "waltz · next"]
-    blend = RunState(motion="walk", playing="walk", blend=("jog", 0.4))
-    assert button_labels(blend, MOTIONS)[:2] == ["walk · playing", "jog · 40 %"]
+    blend = RunState(motion="walk", playing="walk", blend=(("jog", 0.4), ("waltz", 0.1)))
+    assert button_labels(blend, MOTIONS) == ["walk · playing", "jog · 40 %", "crawl", "standup", "waltz · 10 %"]
     stopped = RunState(mode="emergency stop", motion="walk", playing="walk")
     assert button_labels(stopped, MOTIONS) == MOTIONS
