@@ -128,6 +128,7 @@ def test_the_source_distribution_holds_what_the_pages_show(packed):
     assert absent(shown, packed) == set()
 
 
+@pytest.mark.thorough
 def test_the_source_distribution_holds_each_path_that_the_readme_mentions(packed):
     words = re.findall(
         r"[\w.\-/]+", "\n".join(re.findall(r"`+[^`]+`+", (ROOT / "README.md").read_text(encoding="utf-8")))

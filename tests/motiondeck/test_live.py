@@ -51,6 +51,7 @@ def test_ten_lines_play_switch_on_a_condition_and_end(library, tmp_path):
     deck.close()
 
 
+@pytest.mark.thorough
 def test_several_threads_command_one_deck(library):
     with motiondeck.play(library, "march", physics=False, rate=100.0) as deck:
         told, waited = [], []

@@ -87,6 +87,7 @@ def test_page_recording_and_emulated_rig_work_beside_foreign_packages(command, c
     assert load_recording(crowded / "show.rec").complete
 
 
+@pytest.mark.thorough
 def test_a_foreign_package_on_the_path_is_named(command, crowded):
     done = subprocess.run(
         [command, "play"], env=environment(PYTHONPATH=str(crowded)), capture_output=True, text=True, check=False

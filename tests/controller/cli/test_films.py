@@ -86,6 +86,7 @@ def test_motions_that_failed_are_named_when_a_library_plays(library, capsys):
     assert capsys.readouterr().err == ""
 
 
+@pytest.mark.thorough
 def test_a_sheet_has_one_row_a_blend(monkeypatch, tmp_path):
     drawn = []
     monkeypatch.setattr("sim.pictures.video.contact_sheet", lambda model, rows, out: drawn.extend(rows))

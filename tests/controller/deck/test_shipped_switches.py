@@ -60,6 +60,7 @@ def test_twenty_switches_in_one_run(library, own_peaks):
     assert all(switch.settled_s - switch.commanded_s <= 1.7 for switch in deck.switches)
 
 
+@pytest.mark.thorough
 def test_out_of_a_cartwheel_too(library, own_peaks):
     """A body upside down: bones are half a turn away from where they are to go, and the hips' heading flies round."""
     allowed = 2.0 * max(own_peaks["cartwheel"], own_peaks["standup"])

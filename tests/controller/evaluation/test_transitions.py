@@ -8,6 +8,8 @@ from controller.evaluation.tables import crossing_table
 from controller.evaluation.transitions import METHODS, RAMP, all_crossings
 from controller.training.training_set import TrainingSet
 
+pytestmark = pytest.mark.thorough
+
 LOOPS = {name: name != "bow" for name in synthetic.MOTIONS}
 
 
@@ -17,7 +19,6 @@ def crossings():
     return all_crossings(synthetic.small_library(), syllabus)
 
 
-@pytest.mark.thorough
 def test_every_ordered_pair_is_crossed_in_every_way(crossings):
     names = list(synthetic.MOTIONS)
     pairs = [(c.source, c.target) for c in crossings if c.method == "deck"]

@@ -1,6 +1,7 @@
 """The estimate of a remote clock, against simulated networks and clocks that are known."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -78,6 +79,7 @@ def test_another_clock_is_taken_after_three_answers():
     assert abs(estimate.offset(now) - 70.0) < 0.01
 
 
+@pytest.mark.thorough
 def test_a_few_good_answers_among_many_that_waited_on_one_way_are_enough():
     """One in 60 waits nowhere; the others wait mostly on their way there, as on a machine that is busy."""
     errors = []

@@ -170,6 +170,7 @@ def test_a_deck_that_joins_late_joins_in_step(theatre):
     assert "late joins" in theatre.told
 
 
+@pytest.mark.thorough
 def test_it_is_told_who_is_missing_and_who_is_left_out(theatre, monkeypatch):
     monkeypatch.setattr("controller.fleet.conductor.TOLD_AFTER", 0.05)
     left = theatre.deck("left")

@@ -76,6 +76,7 @@ def test_weights_of_low_rank_come_back_bit_by_bit_from_a_smaller_file(library, s
     assert (tmp_path / "small.safetensors").stat().st_size < (tmp_path / "full.safetensors").stat().st_size
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("spoilt", "change", "says"),
     [

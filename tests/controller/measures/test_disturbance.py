@@ -182,6 +182,7 @@ def test_runs_that_fail_together_count_less():
     assert grouped([], []) == (0.0, 1.0)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("network", ["driven", "driven_echo"])
 @pytest.mark.parametrize("kind", ["robustness", "stability"])
 def test_a_disturbed_phase_network_finds_back_to_its_phase(network, kind, request):

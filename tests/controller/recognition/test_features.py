@@ -123,6 +123,7 @@ def test_a_recognizer_of_acclaim_joints_reads_other_bodies_by_the_canonical_ones
         assert np.array_equal(features(one, recipe), by_name)
 
 
+@pytest.mark.thorough
 def test_recordings_of_several_kinds_share_the_canonical_joints(recorded):
     one, other = recorded
     assert common_joints([one, one]) == one.skeleton.bones

@@ -196,12 +196,14 @@ def follow(measure, seconds=4.0, rate=100.0):
     return first
 
 
+@pytest.mark.thorough
 @given(st.floats(0.0, 0.2), st.floats(0.0, 0.05))
 def test_a_joint_that_comes_late_and_trembles_follows(delay, noise):
     rng = np.random.default_rng(0)
     assert follow(lambda t: np.array([np.sin(2 * max(t - delay, 0.0)), 0.1]) + noise * rng.normal()) == [None, None]
 
 
+@pytest.mark.thorough
 @given(st.floats(-1.0, 1.0))
 def test_a_jammed_joint_is_found_wherever_it_sticks(where):
     first = follow(lambda t: np.array([np.sin(2 * t) if t < 1.0 else where, 0.1]))

@@ -12,6 +12,8 @@ from benchmarks.recognition.unknown import unknown_auc
 from command_line import invoked
 from controller.recognition.labelled_recordings import read_dataset
 
+pytestmark = pytest.mark.thorough
+
 
 @pytest.fixture(scope="module")
 def hdm05(mocap_data):
@@ -21,19 +23,16 @@ def hdm05(mocap_data):
     return read_dataset(folder)
 
 
-@pytest.mark.thorough
 def test_people_never_seen_are_recognized(hdm05):
     assert measure("ours", ours, hdm05, "actor-out", [1]).accuracy >= 0.99
     assert measure("ours", ours, hdm05, "one-actor", [1]).accuracy >= 0.96
 
 
-@pytest.mark.thorough
 def test_the_proposal_to_the_letter_is_not_good_enough(hdm05):
     proposed, _ = contenders()["proposal, 50 neurons"]
     assert measure("proposal", proposed, hdm05, "actor-out", [1]).accuracy < 0.5
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("protocol", ["actor-out", "one-actor"])
 def test_a_committee_tells_unknown_motions(hdm05, protocol):
     in_committee = doubters(hdm05, 1, [(GROUPS, A_JOINT)])[-1]

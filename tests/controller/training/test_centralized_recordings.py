@@ -57,6 +57,7 @@ def test_joints_are_where_they_were_taught_to_be(generator, loops, encoding):
         assert generator[name].largest_weight < 1000
 
 
+@pytest.mark.thorough
 def test_ten_minutes_stay_within_the_range_of_training(generator, loops, encoding):
     for name, frames in loops.items():
         taught = joint_features(encoding, frames)

@@ -22,6 +22,8 @@ from controller.training.recipe import gesture_recipe
 from controller.training.training_set import TrainingSet, prepare
 from motiondeck_base.errors import FileFormatError, MotiondeckError
 
+pytestmark = pytest.mark.thorough
+
 JOINTS = ("pan", "tilt")
 RATE = 100.0
 
@@ -57,7 +59,6 @@ def library(tmp_path_factory):
     return load_library(folder / "gestures.safetensors")
 
 
-@pytest.mark.thorough
 def test_every_motion_passes_its_self_test_and_survives_the_file(library):
     assert library.info.encoding == library.encoding.name == "joint angles"
     assert [motion.name for motion in library.info.motions if motion.passed] == ["wave", "nod", "reach"]

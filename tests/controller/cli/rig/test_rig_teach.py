@@ -68,6 +68,7 @@ def port(rig, tmp_path):
     process.wait()
 
 
+@pytest.mark.thorough
 def test_sigterm_ends_a_run_on_the_rig_without_torque_and_with_its_report(rig, port, tmp_path, monkeypatch):
     clip = tmp_path / "sway.clip"
     sway = 0.4 * np.sin(np.linspace(0.0, 12 * np.pi, 1500))

@@ -21,6 +21,8 @@ from controller.wire.messages import Accepted, Event, GetStatus, Subscribe
 from motiondeck_base.shipped import find_rig
 from web_pages import coarse, drop
 
+pytestmark = pytest.mark.thorough
+
 
 def free_port():
     """A port that nobody listens on; two runs of these tests side by side must not command each other's deck."""
@@ -139,7 +141,6 @@ def test_nobody_can_publish_the_page(page):
     assert page.get_by_role("button", name="Share").count() == 0
 
 
-@pytest.mark.thorough
 def test_a_dropped_recording_is_played_within_a_minute(page, emulator):
     """The deck starts again with its rig and on its ports; the page comes back by itself."""
     _, rig = emulator
@@ -157,7 +158,6 @@ def test_a_dropped_recording_is_played_within_a_minute(page, emulator):
     page.get_by_role("tab", name="Rig").click()
 
 
-@pytest.mark.thorough
 def test_a_servo_that_is_pulled_is_told_within_two_seconds_and_red(page, emulator):
     """Two seconds until the deck says so; how long this browser takes to show anything depends on the machine."""
     servos, _ = emulator

@@ -11,6 +11,7 @@ from controller.training import learn
 from sim.view.learning.learning_process import LearnRequest
 
 
+@pytest.mark.thorough
 def test_a_body_is_fitted_to_markers_once_and_it_is_said_that_it_takes_a_while(tmp_path, mocap_data, monkeypatch):
     said, read, examine = [], [], learn.examine
     monkeypatch.setattr(page_learning, "tell", said.append)

@@ -120,6 +120,7 @@ def test_every_tick_is_recorded_with_its_commands(run, folder):
     assert np.isfinite(fields["measured"][5:]).all()
 
 
+@pytest.mark.thorough
 def test_a_recording_is_replayed(run, folder):
     replay = started(
         *("replay", folder / "show.rec", "--library", folder / "small.safetensors", "--headless", "--kinematic"),

@@ -7,6 +7,7 @@ from controller.library.motion_library import load_library
 from motiondeck_base.shipped import find_library
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("motion", ["walk", "jog", "waltz"])
 def test_the_peaks_of_a_motion_are_those_of_its_joints_in_the_world(motion):
     """Seen as a clip is laid out, which is written apart from the deck: a joint of a walk goes along with the walk."""

@@ -148,6 +148,7 @@ def test_a_motion_without_weight_is_dropped_unnoticed(seed, dropped):
     assert np.linalg.norm(np.diff(turns, n=2, axis=0), axis=-1)[90:110].max() < 0.01
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("motions", [2, 3, 4])
 @pytest.mark.parametrize("seed", range(3))
 def test_however_bones_turn_none_jumps(motions, seed):

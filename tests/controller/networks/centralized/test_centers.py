@@ -154,6 +154,7 @@ def test_without_damping_it_stays_on_another_orbit(spring):
     assert abs(float(undamped.energy[0]) - 0.5) > 0.1
 
 
+@pytest.mark.thorough
 @settings(max_examples=30)
 @given(st.sampled_from(SPRINGS), st.floats(0.001, 2.0), st.floats(3.0, 200.0))
 def test_no_step_is_so_long_that_it_blows_up(spring, dt, control):

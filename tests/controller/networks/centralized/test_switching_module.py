@@ -36,6 +36,7 @@ def test_lemma_1(motions, beta, slope, kappa):
         assert abs(leading.imag) < 1e-9
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("motions", "low", "high"), [(3, 0.862, 1.126), (5, 0.928, 1.072), (15, 0.978, 1.022)])
 def test_the_window_of_xi_is_where_the_states_are(motions, low, high):
     design = design_module(motions)

@@ -9,6 +9,8 @@ from controller.training.centralized.motion_training import train_centralized
 from controller.training.centralized.satellite_learning import RIDGE_SHARE, learn, ridge_readout, slow_and_fast
 from motiondeck_base.errors import MotiondeckError
 
+pytestmark = pytest.mark.thorough
+
 TIME = np.arange(240) / 120.0
 
 
@@ -32,7 +34,6 @@ def network_of(request):
     return learned(body_like(), request.param), request.param
 
 
-@pytest.mark.thorough
 def test_it_takes_no_more_numbers_than_asked_for_and_says_more_with_them_than_full_weights(network_of):
     target = body_like()
     network, parameters = network_of
@@ -86,7 +87,6 @@ def test_what_cannot_be_learned_is_refused():
         learn_low_rank(np.ones((2, 2)), np.arange(2.0), [np.array([1.0])], satellites=5)
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize(("name", "loop"), [("march", True), ("bow", False)])
 def test_a_motion_of_low_rank_comes_back_in_fewer_numbers(name, loop):
     frames = synthetic.MOTIONS[name]()

@@ -9,6 +9,7 @@ from recordings import MARKER_RATE as RATE
 from recordings import markers
 
 
+@pytest.mark.thorough
 def test_a_gap_is_filled_from_what_the_others_do():
     whole = markers()
     holes = whole.copy()

@@ -22,6 +22,8 @@ from sim.view.web.private_page import PrivatePage
 from waiting import free_port, until
 from web_pages import coarse, drop
 
+pytestmark = pytest.mark.thorough
+
 LEARNS = [sys.executable, "-P", "-m", "controller.cli.session.page_learning"]
 
 
@@ -95,7 +97,6 @@ def rig(loose, angles, seconds=0.0):
     }
 
 
-@pytest.mark.thorough
 def test_the_rig_is_recorded_by_hand_and_the_part_that_was_chosen_is_played(learning):
     tab, hands, asked = learning.tab, learning.hands, learning.asked
     tab.get_by_role("button", name="Record the rig by hand").click()

@@ -152,6 +152,7 @@ def test_the_subject_may_stand_before_any_sign(subject):
     np.testing.assert_array_equal(named.joints(), plain.joints())
 
 
+@pytest.mark.thorough
 def test_people_are_fitted_to_within_their_skin(mocap_data):
     """CMU's run, of which the ASF skeleton of the same take is known: its legs, within what two fits of one differ."""
     fit = fit_markers(read_c3d(mocap_data / "c3d" / "02_03_runjog.c3d"), "run")
