@@ -9,6 +9,7 @@ import numpy as np
 
 from controller.mocap.canonical.clip_edits import jumps, span, spikes
 from controller.mocap.clip import Clip
+from motiondeck_base.counted import counted
 
 
 def breaks(clip: Clip, first: int = 0, end: int | None = None) -> tuple[list[int], list[str]]:
@@ -37,4 +38,4 @@ def breaks(clip: Clip, first: int = 0, end: int | None = None) -> tuple[list[int
 def _times(frames: Sequence[int], rate: float) -> str:
     """When something happens, the first time in s; frames side by side are one time."""
     more = sum(later > frame + 2 for frame, later in pairwise(frames))
-    return f"at {frames[0] / rate:.2f} s" + (f" and {more} more time{'s' if more > 1 else ''}" if more else "")
+    return f"at {frames[0] / rate:.2f} s" + (f" and {counted(more, 'more time')}" if more else "")

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from controller.rotations import Array
+from sim.models.gravity import GRAVITY
 from sim.models.walk_settings import WalkSettings
-from sim.physics.walking.capture_point import GRAVITY
 from sim.physics.walking.footfalls import Swing
 from sim.physics.walking.steps import Step, pressure_course, swing_path
 

@@ -16,9 +16,9 @@ import numpy as np
 
 from motiondeck_base.errors import MotiondeckError
 from sim.models.feet import Foot
+from sim.models.gravity import GRAVITY
 from sim.models.kinematic_tree import path_to
 from sim.models.servo_motor import strength
-from sim.physics.walking.capture_point import GRAVITY
 from sim.physics.walking.whole_body import WholeBody
 from sim.robots.robot import Robot
 

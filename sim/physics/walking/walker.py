@@ -38,7 +38,8 @@ from controller.rotations import (
 )
 from motiondeck_base.errors import MotiondeckError
 from sim.models.feet import Foot
-from sim.physics.walking.capture_point import GRAVITY, follow, pendulum_rate, planned_capture_point, run_away
+from sim.models.gravity import GRAVITY
+from sim.physics.walking.capture_point import follow, pendulum_rate, planned_capture_point, run_away
 from sim.physics.walking.gait import Gait
 from sim.physics.walking.preview import AHEAD, Preview, Travel
 from sim.physics.walking.senses import Estimate, ExactState, Sensors
