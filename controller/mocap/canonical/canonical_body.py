@@ -9,8 +9,8 @@ any number of bones, missing fingers and toes, and other names make no differenc
 Each bone of the carried clip points where the recorded landmarks lie, in every frame; its length is the median of their
 distance. Its twist is that of the recorded bone that it ends with, counted from the recording's rest pose.
 
-Landmarks that a file lacks (hands, feet) are put where the rest pose of the
-carrying bone would have them, and named by `lacking`.
+Landmarks that a file lacks (hands, feet) are put where the rest pose of the carrying bone would have them, those of a
+whole arm where it hangs, and named by `lacking`.
 """
 
 from __future__ import annotations
@@ -31,8 +31,9 @@ from motiondeck_base.files import listed
 
 CANONICAL_BONES = JAEGER_BONES
 NO_LENGTH = 1e-6  # m
-# Lengths of what a file lacks, over its thigh and shank (Winter 2009, fig. 4.1): foot, hand, head, shoulder.
-_ASSUMED = {"foo": 0.30, "han": 0.20, "head": 0.35, "sho": 0.26}
+# Lengths of what a file lacks, over its thigh and shank (Winter 2009, fig. 4.1).
+_ASSUMED = {"foo": 0.30, "neck": 0.58, "head": 0.35, "sho": 0.26, "elb": 0.38, "wri": 0.30, "han": 0.20}
+_HANGS = (0.0, 0.17, -0.985)  # where a left arm points of which the file has nothing
 
 
 @dataclass(frozen=True)
@@ -254,6 +255,8 @@ def _landmark_places(
             place[:, at] = joints[:, marks.joint[bone]]
         else:
             share = _ASSUMED.get(bone, _ASSUMED.get(bone[1:], 0.5))
+            if bone[1:] in ("elb", "wri", "han") and bone[0] + "elb" not in marks.joint:
+                rest = (_HANGS[0], _HANGS[1] if bone[0] == "l" else -_HANGS[1], _HANGS[2])
             carrier = turned[:, 1 + parent]
             start = place[:, 0] if bone == "neck" else place[:, 1 + parent]  # the waist halves the way to the neck
             place[:, at] = start + rotate(carrier, np.array(rest) * share * leg)

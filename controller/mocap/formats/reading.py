@@ -13,8 +13,10 @@ from controller.mocap.formats.bvh import read_bvh
 from controller.mocap.formats.gltf import read_gltf
 from controller.mocap.formats.jaeger_patterns import read_pattern
 from controller.mocap.formats.markers.c3d import read_c3d
-from controller.mocap.formats.markers.joint_points import body_of_points, joint_points
-from controller.mocap.formats.markers.marker_fit import Fit, fit_markers
+from controller.mocap.formats.markers.joint_points import joint_points
+from controller.mocap.formats.markers.jointed_body import jointed_body
+from controller.mocap.formats.markers.marker_fit import Fit, fit_markers, wears_full_set
+from controller.mocap.formats.markers.skin_markers import joints_under_skin
 from controller.mocap.formats.markers.tracks import Markers
 from controller.mocap.formats.markers.trc import read_trc
 from controller.mocap.formats.mvnx import read_mvnx
@@ -100,9 +102,12 @@ def recordings_below(folder: Path) -> list[Path]:
 
 
 def _of_markers(markers: Markers, name: str) -> FittedClip:
-    """A body fitted to markers on its skin, or drawn through points in its joints."""
-    if joint_points(markers):
-        return FittedClip(body_of_points(markers, name), None)
+    """A body fitted to a full set of markers on its skin, or drawn through its joints."""
+    joints = joint_points(markers)
+    if not joints and not wears_full_set(markers):
+        joints = joints_under_skin(markers)
+    if joints:
+        return FittedClip(jointed_body(joints, markers, name), None)
     fit = fit_markers(markers, name)
     return FittedClip(fit.clip, fit)
 

@@ -131,8 +131,34 @@ def fit_markers(markers: Markers, name: str) -> Fit:
     return Fit(clip, tuple(names), np.where(weight == 1.0, off, np.nan))
 
 
+def wears_full_set(markers: Markers) -> bool:
+    """Whether every marker is there, and was seen, that the fit cannot do without."""
+    found, _ = _people(markers)
+    return all(marker in found for marker in NEEDED)
+
+
 def _named(markers: Markers) -> dict[str, Array]:
     """The tracks (T, 3) of the known markers; of several people in a file, the one with most of them."""
+    found, unseen = _people(markers)
+    missing = [marker for marker in NEEDED if marker not in found]
+    unnamed = [marker for marker in missing if marker not in unseen]
+    if unnamed:
+        raise FileFormatError(
+            f"{markers.source}: no marker is called {listed(unnamed)} (there are: {listed(markers.labels)}). "
+            "A skeleton can be fitted to Vicon's full-body markers, labelled as CMU or Plug-in Gait does, to any set "
+            "with markers on pelvis, knees and ankles under usual names (LASI, LPSI, LKNE, LANK), and to points in the "
+            "joints (LHip, LKnee, LAnkle and so on). --rename OLD=NEW gives a marker another name."
+        )
+    if missing:
+        raise FileFormatError(
+            f"{markers.source}: never seen in this recording: {listed(missing)}. "
+            "The skeleton cannot be fitted without: take another recording, or a part in which they are seen."
+        )
+    return found
+
+
+def _people(markers: Markers) -> tuple[dict[str, Array], set[str]]:
+    """The tracks of the person with most of the known markers, and the markers that were never seen."""
     people: dict[str, dict[str, Array]] = {}
     unseen: set[str] = set()
     for index, label in enumerate(markers.labels):
@@ -146,21 +172,7 @@ def _named(markers: Markers) -> dict[str, Array]:
         for known in ("LBWT", "RBWT") if marker == "SACR" else (marker,):
             if known in BONE_OF:
                 people.setdefault(person, {}).setdefault(known, track)
-    found = max(people.values(), key=len, default={})
-    missing = [marker for marker in NEEDED if marker not in found]
-    unnamed = [marker for marker in missing if marker not in unseen]
-    if unnamed:
-        raise FileFormatError(
-            f"{markers.source}: no marker is called {listed(unnamed)} (there are: {listed(markers.labels)}). "
-            "A skeleton can be fitted to Vicon's full-body markers, labelled as CMU or Plug-in Gait does, and to "
-            "points in the joints (LHip, LKnee, LAnkle, LShoulder, LElbow, LWrist and so on)."
-        )
-    if missing:
-        raise FileFormatError(
-            f"{markers.source}: never seen in this recording: {listed(missing)}. "
-            "The skeleton cannot be fitted without: take another recording, or a part in which they are seen."
-        )
-    return found
+    return max(people.values(), key=len, default={}), unseen
 
 
 def _upright(markers: Markers, seen: dict[str, Array]) -> dict[str, Array]:
