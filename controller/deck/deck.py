@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Sequence
-from itertools import combinations
 
 from controller.deck.inputs import Inputs
 from controller.deck.interfaces import Retargeter
@@ -48,6 +47,7 @@ class Deck(Lockable):
 
     Attributes:
         motions: the names of all motions.
+        direct: as given.
         time: s since the start, summed over updates.
         switches: the latest REMEMBERED_SWITCHES commanded switches.
         events: what has happened, at most REMEMBERED_EVENTS; whoever tells it takes it out.
@@ -68,8 +68,9 @@ class Deck(Lockable):
         self._check(motion)
         self._retarget = retarget
         self._show = Performance(library, motion, joining, phase)
-        self._routes = Routes.of(library)
-        self._direct = direct
+        routes = Routes.of(library)
+        self._routes = routes.direct if direct else routes
+        self.direct = direct
         self._current: CommandedSwitch | None = None  # the switch that is under way
         self._fading: CommandedSwitch | None = None  # the switch whose fade is under way
         self._blending: CommandedSwitch | None = None  # the switch whose blend weight is changing
@@ -168,7 +169,7 @@ class Deck(Lockable):
             UnknownNameError: if there is no such motion; it names the nearest.
         """
         self._check(to)
-        direct = direct or self._direct
+        direct = direct or self.direct
         loop = self._show.motions[to].loop
         current = self._current
         if current is not None and (current.to, current.blend) == (to, ()) and loop and not (direct and self._ahead):
@@ -197,16 +198,13 @@ class Deck(Lockable):
         """
         for name in (first, second, *(name for name, _ in also)):
             self._check(name)
-            if not self._show.motions[name].loop:
-                raise MotiondeckError(f"{name} is a one-shot; only loops can be blended")
         weights = blend_weights(first, second, weight, also)
-        for one, other in combinations(weights, 2):
-            if not self._direct and (via := self._between(one, other, both_ways=one != first)):
-                raise MotiondeckError(f"{one} and {other} are too far apart to be blended: {via} lies between them")
+        if why := self._routes.why_not_blended([*weights]):
+            raise MotiondeckError(why)
         if self.blend and self.playing in weights:
             first = self.playing
         blend = tuple((name, part) for name, part in weights.items() if name != first)
-        return self._command(CommandedSwitch(first, self.time, blend=blend), self._direct)
+        return self._command(CommandedSwitch(first, self.time, blend=blend), self.direct)
 
     def enqueue(self, to: str) -> CommandedSwitch:
         """Plays a motion after what is played and queued.
@@ -362,18 +360,13 @@ class Deck(Lockable):
         if not switch.blend or not present & wanted or len(present | wanted) > MOST_BLENDED:
             return False
         new = [(one, other) for one in wanted - present for other in (present | wanted) - {one}]
-        return self._direct or not any(self._between(*pair, both_ways=True) for pair in new)
-
-    def _between(self, one: str, other: str, *, both_ways: bool) -> str:
-        """The first motion that lies between two others, on the way to the second or, if asked, on either; or ""."""
-        ways = [(one, other), (other, one)] if both_ways else [(one, other)]
-        return next((via[0] for way in ways if (via := self._routes.by_way_of(*way))), "")
+        return not any(self._routes.between_blended(*pair) for pair in new)
 
     def _next_is_due(self) -> bool:
         """Whether the next motion begins in this tick."""
         over = self._show.ended
         if self._current is None and self._queued and over:
-            self._start(self._queued.popleft(), self._direct)
+            self._start(self._queued.popleft(), self.direct)
         return bool(self._ahead) and (over or not self._waits)
 
     def _blend(self, switch: CommandedSwitch) -> None:

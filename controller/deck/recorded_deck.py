@@ -30,6 +30,7 @@ class RecordedDeck(Paced):
         over: whether the end is reached; the last targets are held there.
         switches, events: always empty.
         restarts: always 0; no network is playing.
+        direct: always False; nothing is switched to.
         phase_at: always None; it has no phase.
 
     Raises:
@@ -47,6 +48,7 @@ class RecordedDeck(Paced):
         self.events: deque[Event] = deque()
         self.settled = True
         self.restarts = 0
+        self.direct = False
         self.phase_at: float | None = None
         self.time = 0.0
         super().__init__()

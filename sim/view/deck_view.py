@@ -95,6 +95,7 @@ class DeckView:
             has_forces=self._forces is not None,
             has_target=self._target is not None,
             library=Path(file) if (file := description.get("library_file")) else None,
+            direct=bool(description.get("direct")),
             recognizable=description.get("recognizable", ()),
         )
         library = description.get("library")

@@ -70,7 +70,8 @@ class Panel:
 
     With `has_phase` motions can be played backwards and sent to a phase; with `has_network` one can look inside it. A
     body in physics can be pushed; a good push is `push_ns`, N s, and 0 means that there is none. With `has_forces` the
-    forces of the floor on it are known, with `has_target` the pose that its servos are to reach.
+    forces of the floor on it are known, with `has_target` the pose that its servos are to reach. A `direct` deck
+    switches and blends without motions in between.
     """
 
     def __init__(
@@ -88,6 +89,7 @@ class Panel:
         has_forces: bool = False,
         has_target: bool = False,
         library: Path | None = None,
+        direct: bool = False,
         recognizable: Sequence[str] = (),
     ) -> None:
         self._page, self._commands = page, commands
@@ -120,7 +122,9 @@ class Panel:
             "Step", icon=viser.Icon.PLAYER_SKIP_FORWARD, color="gray", visible=False, hint=STEPS + " Key: S."
         )
         self._step.on_click(lambda _: self.send(StepOn(seconds=STEP)))
-        self._controls_of_motions = MotionControls(self.parts, motions, library, has_phase=has_phase, send=self.send)
+        self._controls_of_motions = MotionControls(
+            self.parts, motions, library, has_phase=has_phase, direct=direct, send=self.send
+        )
         self._tempo = gui.add_slider(
             "tempo", min=TEMPO.lowest if has_phase else 0.0, max=TEMPO.highest, step=0.05, initial_value=1.0
         )

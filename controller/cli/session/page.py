@@ -73,6 +73,7 @@ class Showable(Protocol):
     """What the page shows of a deck."""
 
     time: float
+    direct: bool
 
     @property
     def commanded_tempo(self) -> float:
@@ -234,6 +235,7 @@ class Page:
             "followers": [str(model) for model in models[1:]],
             "rest": rest.tolist(),
             "motions": list(deck.motions),
+            "direct": deck.direct,
             "has_phase": deck.phase is not None,
             "joints": list(robot.joints),
             "robot": robot.name,

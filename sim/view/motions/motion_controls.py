@@ -14,11 +14,12 @@ import viser
 from controller.rotations import Array
 from controller.wire.command_table import BY_WORD, WEIGHT
 from controller.wire.messages import Blend, Jump, Message, Queue, Switch
-from sim.view.motions.library_glance import LibraryGlance
+from sim.view.motions.library_glance import LibraryGlance, Partners
 from sim.view.web.parts import PageParts
 from sim.view.web.state_line import RunState, button_labels, number_in
 
 SEARCHED = 12  # motions from which on one can be searched for
+NONE = Partners()
 HAND_ON = 1.0  # s that a hand on the ring or pad is believed before the deck's own value
 
 
@@ -30,6 +31,7 @@ class MotionControls:
         motions: of the library.
         library: its file; without one there are neither pictures nor blends.
         has_phase: whether the motions can be sent to a phase.
+        direct: whether the deck plays no motions in between.
         send: sends a command.
     """
 
@@ -40,12 +42,13 @@ class MotionControls:
         library: Path | None,
         *,
         has_phase: bool,
+        direct: bool = False,
         send: Callable[[Message], None],
     ) -> None:
         self._motions, self._has_phase, self._send = motions, has_phase, send
         self._state = RunState()
         self._touched = 0.0
-        self._glance = LibraryGlance(library) if library is not None else None
+        self._glance = LibraryGlance(library, direct=direct) if library is not None else None
         self._grid = parts.add("motion-grid", "motions", {"motions": motions, "searched": SEARCHED}, self._pressed)
         self._pictures = parts.add("motion-pictures", "motion-pictures")
         self._dial = parts.add("motion-dial", "motion-dial", heard=self._turned)
@@ -68,10 +71,10 @@ class MotionControls:
             self._pictures.show({"grid": "motions", "pictures": self._glance.pictures})
         if time.monotonic() - self._touched > HAND_ON:
             phase = round(number_in(state, "phase", 0.0), 2) if self._has_phase else None
-            others = self._glance.blends.get(now.playing, []) if self._glance is not None else []
+            partners = self._glance.blends.get(now.playing, NONE) if self._glance is not None else NONE
             blend = [[name, round(weight, 2)] for name, weight in now.blend]
             weights = [WEIGHT.lowest, WEIGHT.highest]
-            pad = {"playing": now.playing, "others": others, "blend": blend, "weights": weights}
+            pad = {"playing": now.playing, **msgspec.to_builtins(partners), "blend": blend, "weights": weights}
             self._dial.show({"phase": phase, **pad, "enabled": enabled})
 
     def end(self) -> None:

@@ -13,7 +13,7 @@ from controller.rotations import Array
 from sim.view.rig.servo_look import COLOURS, ServoLook
 from sim.view.web.private_page import PrivatePage
 
-RADIUS = 0.055  # in heights of the robot
+RADIUS = 0.08  # in heights of the robot; a knee's servos and brackets hide a smaller one
 OPACITY = 0.55
 
 

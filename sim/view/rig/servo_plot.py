@@ -13,6 +13,7 @@ from sim.view.web.private_page import PrivatePage
 
 SECONDS = 60.0
 SAMPLES = 300  # drawn, over that time
+STEP, LEAST = 5.0, 10.0  # degrees: the axis ends at multiples of the first, and shows at least so many
 EVERY = 1.0  # s from one picture of it to the next
 
 
@@ -22,7 +23,7 @@ class ServoPlot:
     def __init__(self, page: PrivatePage) -> None:
         """Adds the plot where the page's widgets are being added."""
         self._kept: deque[tuple[float, Array, Array]] = deque()
-        self._drawn = (-1, -EVERY)
+        self._drawn, self._range = (-1, -EVERY), whole_range(np.empty(0))
         self._plot = page.gui.add_uplot(
             (np.array([-SECONDS, 0.0]), np.full(2, np.nan), np.full(2, np.nan)),
             (
@@ -30,8 +31,9 @@ class ServoPlot:
                 uplot.Series(label="target, °", stroke="#1c7ed6", width=2),
                 uplot.Series(label="measured, °", stroke="#212529", width=1),
             ),
-            scales={"x": uplot.Scale(time=False, range=(-SECONDS, 0.0)), "y": uplot.Scale(auto=True)},
-            axes=(uplot.Axis(), uplot.Axis(size=38)),
+            scales=scales(self._range),
+            axes=(uplot.Axis(), uplot.Axis(size=44)),
+            legend=uplot.Legend(live=False),
             height=120,
         )
 
@@ -52,4 +54,23 @@ class ServoPlot:
         self._drawn = servo, now
         times, goals, positions = zip(*self._kept, strict=True)
         rows = np.degrees([[goal[servo] for goal in goals], [position[servo] for position in positions]])
+        if (degrees := whole_range(rows)) != self._range:
+            self._range = degrees
+            self._plot.scales = scales(degrees)
         self._plot.data = (np.array(times) - now, rows[0], rows[1])
+
+
+def whole_range(angles: Array) -> tuple[float, float]:
+    """The least and most of the axis on which angles are drawn, degrees; NaN are left out."""
+    known = angles[np.isfinite(angles)]
+    if not len(known):
+        return -0.5 * LEAST, 0.5 * LEAST
+    least, most = STEP * np.floor(known.min() / STEP), STEP * np.ceil(known.max() / STEP)
+    wanting = max(LEAST - (most - least), 0.0)
+    least -= STEP * np.floor(0.5 * wanting / STEP)
+    return float(least), float(max(most, least + LEAST))
+
+
+def scales(degrees: tuple[float, float]) -> dict[str, uplot.Scale]:
+    """The axes: the last minute, and from the least to the most degrees."""
+    return {"x": uplot.Scale(time=False, range=(-SECONDS, 0.0)), "y": uplot.Scale(range=degrees)}

@@ -88,7 +88,7 @@ def _doing(deck: DeckRow) -> tuple[str, str]:
     """What a deck does, in a word or two, and the colour of that."""
     health = deck.health
     if not deck.here:
-        return "GONE", RED
+        return ("GONE", RED) if deck.losses else ("not here yet", AMBER)
     if health is None:
         return "says nothing yet", AMBER
     if health.mode == "emergency stop":

@@ -24,7 +24,9 @@ div:has(> #{STATE_LINE}) + div button {{ min-height: 2.6em; font-size: 1.05em; f
 div[style*="max-height: 60%"], div[style*="max-height: 60%"] div[style="width: 20em;"] {{ width: 100vw !important; }}
 div[style="width: 20em;"] div:has(#{STATE_LINE}):not(:has(> #{STATE_LINE})) {{ display: contents !important; }}
 div[style*="pointer-events: none"] #{STATE_LINE} {{ height: auto; }}
-div[style*="pointer-events: none"] #{STATE_LINE}::before {{
+div[style*="pointer-events: none"]:has(#{STATE_LINE}) {{ opacity: 1 !important; }}
+div[style*="pointer-events: none"] div:has(> #{STATE_LINE}) ~ div {{ opacity: .5; }}
+div[style*="pointer-events: none"] #{STATE_LINE}:not([data-word="ENDED"])::before {{
   content: "NO CONNECTION"; display: block; margin: -8px -12px 4px; padding: 2px 12px; background: black;
   font-weight: 800; font-size: 17px; }}
 div:has(> #{STATE_LINE}) + div + div {{ margin-right: calc(66.7% + 1px) !important; }}

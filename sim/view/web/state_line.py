@@ -95,7 +95,8 @@ class StateLine:
         played = f'<div style="font-size:{size}px;font-weight:600">{html.escape(self.played) or "&nbsp;"}</div>'
         upcoming = f'<div style="font-size:12px;opacity:.85">{html.escape(self.upcoming) or "&nbsp;"}</div>'
         word = f'<div style="font-size:26px;font-weight:800">{html.escape(self.word)}</div>'
-        return f'<div id="{STATE_LINE}" style="background:{self.colour}">{word}{played}{upcoming}</div>'
+        about = f'data-word="{html.escape(self.word)}" style="background:{self.colour}"'
+        return f'<div id="{STATE_LINE}" {about}>{word}{played}{upcoming}</div>'
 
 
 def state_line(state: RunState) -> StateLine:

@@ -52,6 +52,22 @@ def test_a_far_motion_is_reached_by_what_leads_there(start, goal, way):
     assert Routes.between(BODY).by_way_of(start, goal) == way
 
 
+@pytest.mark.parametrize(
+    ("motions", "why"),
+    [
+        (["stand", "crouch"], ""),
+        (["stand", "get-up"], "get-up is a one-shot"),
+        (["stand", "crouch", "lie"], "stand and lie are too far apart to be blended: lie-down lies between"),
+        (["crouch", "stand", "lie"], "crouch and lie"),
+    ],
+)
+def test_what_cannot_play_side_by_side_is_not_blended(motions, why):
+    routes = Routes.between(BODY)
+    assert routes.why_not_blended(motions).startswith(why)
+    assert bool(routes.why_not_blended(motions)) == bool(why)
+    assert bool(routes.direct.why_not_blended(motions)) == ("one-shot" in why)
+
+
 def test_loops_are_never_gone_by():
     loops = repertoire(*(motion(str(h), h, h, loop=True) for h in (0.1, 0.5, 0.9)))
     assert Routes.between(loops).by_way_of("0.1", "0.9") == ()

@@ -1,5 +1,6 @@
 // A ring for the phase, and in it a pad for blends: what plays is in the middle, what it can be blended with around it.
-// state: {phase: 0..1 or null, playing, others: [name], blend: [[name, weight]], weights: [least, most], enabled}
+// state: {phase: 0..1 or null, playing, others: [name], apart: [why each and the next cannot be blended, or ""],
+//   refused: {name: why}, never: why nothing can be, or "", blend: [[name, weight]], weights: [least, most], enabled}
 // sends {phase} and, when the point is let go, {blend: [[name, weight]]}. Between the middle and two neighbours the point
 // is the mean of the three with their weights. Outside, on the line through a name, its weight rises above 1; with Shift
 // the point stays on the line of the nearest name, and through the middle, on the other side, its weight is below 0.
@@ -54,6 +55,18 @@ motiondeck.part("motion-dial", (element, state, send) => {
   const rounded = (weight) => Math.round(weight * 20) / 20;
   if (pad.playing !== state.playing) pad.pulled = null; // what is around has changed under the hand
   pad.playing = state.playing;
+  // Where the deck would refuse three at once: between two neighbours that are too far from each other.
+  drawing.querySelectorAll(".apart").forEach((wedge) => wedge.remove());
+  state.apart.forEach((why, index) => {
+    if (!why || (index + 1 === state.others.length && places > state.others.length)) return;
+    const [[x, y], [u, v]] = [at(angle(index + 0.1), PAD), at(angle(index + 0.9), PAD)];
+    const wedge = shape(`apart ${index}`, "path", { d: `M0 0L${x} ${y}A${PAD} ${PAD} 0 0 1 ${u} ${v}Z`, class: "apart" });
+    const title = document.createElementNS(space, "title");
+    title.textContent = why;
+    wedge.append(title);
+    wedge.onpointerdown = (event) => pad.onpointerdown(event);
+    pad.after(wedge); // below the names and the point
+  });
   shape("whole", "circle", { r: ONE, class: "whole" });
   const puck = shape("puck", "circle", { r: 6, class: "puck" });
   pad.dataset.empty = String(!state.others.length);
@@ -83,6 +96,21 @@ motiondeck.part("motion-dial", (element, state, send) => {
   };
   show(pad.pulled ?? state.blend);
 
+  // What has no place on the pad, and why; opened for those who cannot point at it.
+  const refused = Object.entries(state.refused);
+  const why = state.never || refused.map(([, reason]) => reason).join("\n");
+  const note = motiondeck.child(element, "refused", "details", "refused");
+  if (note.why !== why) {
+    note.why = why;
+    note.hidden = !why;
+    note.title = why;
+    const short = document.createElement("summary");
+    short.textContent = state.never || `no blend with ${refused.map(([name]) => name).join(", ")}`;
+    const reasons = document.createElement("div");
+    reasons.textContent = why;
+    note.replaceChildren(short, reasons);
+  }
+
   // How far a point is along the line through a name; 1 is where the name stands.
   const along = (index, [px, py]) => {
     const [x, y] = at(angle(index), 1);
@@ -101,6 +129,7 @@ motiondeck.part("motion-dial", (element, state, send) => {
       const index = nearest(point);
       return along(index, point) > 0 ? onLine(index, point) : [[state.others[index], 0]];
     }
+    if (state.apart[first]) return onLine(along(first, point) > along(second, point) ? first : second, point);
     // The point is a first + b second, which both are ONE from the middle.
     const sine = Math.sin(angle(1));
     const away = Math.hypot(...point) / ONE;

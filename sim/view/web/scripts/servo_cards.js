@@ -3,8 +3,9 @@
 motiondeck.part("servo-cards", (element, state, send) => {
   const about = JSON.parse(element.dataset.fixed).servos;
   const { child, write } = motiondeck;
-  const unit = (value, digits, name) => (value === null ? "–" : `${value.toFixed(digits)}${name}`);
-  const degrees = (angle) => ((angle * 180) / Math.PI).toFixed(0);
+  const fixed = (value, digits) => value.toFixed(digits).replace(/^-(?=[0.]*$)/, ""); // no -0
+  const unit = (value, digits, name) => (value === null ? "–" : fixed(value, digits) + name);
+  const degrees = (angle) => fixed((angle * 180) / Math.PI, 0);
   state.servos.forEach(([goal, position, current, temperature, voltage, torque, level, words], index) => {
     const { joint, id, model, lower, upper, hottest } = about[index];
     const card = child(element, joint, "button", "");

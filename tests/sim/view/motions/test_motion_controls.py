@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from controller.deck.routes import Routes
 from controller.library.motion_library import load_library
 from controller.wire.messages import Blend, Jump, Queue, Switch
 from motiondeck_base.shipped import find_library
-from sim.view.motions.library_glance import MOST, blends_of, pictures_of
+from sim.view.motions.library_glance import MOST, Partners, blends_of, pictures_of
 from sim.view.motions.motion_controls import MotionControls
 from sim.view.web.parts import PageParts
 from sim.view.web.private_page import PrivatePage
@@ -29,18 +30,38 @@ def test_every_motion_has_a_picture_of_its_own(thesis15):
 
 
 def test_loops_blend_with_loops_that_lie_near(thesis15):
-    blends = blends_of(thesis15)
-    assert "jog" in blends["walk"]
-    assert "crawl" not in blends["walk"]  # it is reached by way of others
-    assert {blends["walk"][-1], *blends["walk"][:2]} == {"jog", "slow-walk", "exa-stride"}  # side by side on the pad
-    assert all(len(others) <= MOST and name not in others for name, others in blends.items())
+    walk = blends_of(thesis15.network.motions, Routes.of(thesis15))["walk"]
+    assert {walk.others[-1], *walk.others[:2]} >= {"slow-walk", "jog"}  # side by side on the pad
+    assert walk.apart == [""] * len(walk.others)
+    assert {*walk.refused} == {"crawl", "sitting"}  # they are reached by way of others
+    assert "getdown lies between" in walk.refused["crawl"]
+
+
+def test_a_deck_without_motions_in_between_blends_all_loops(thesis15):
+    blends = blends_of(thesis15.network.motions, Routes.of(thesis15).direct)
+    assert blends["walk"].refused == {}
+    assert len(blends["walk"].others) == MOST
+    assert "one-shot" in blends["standup"].never
+
+
+def test_neighbours_on_the_pad_that_are_too_far_apart_are_known():
+    motions = ("stand", "crouch", "reach", "rise")
+    leaps = {name: dict.fromkeys(motions, 0.1) for name in motions}
+    leaps["crouch"]["reach"] = leaps["reach"]["crouch"] = 1.0
+    stand = blends_of(motions, Routes(leaps, frozenset({"rise"})))["stand"]
+    assert stand.others == ["crouch", "reach"]
+    assert [why.split(":")[1] for why in stand.apart] == [" rise lies between them"] * 2
 
 
 class Known:
     """What is known of a library, at once."""
 
     pictures = {name: f'<svg id="picture-{name}"></svg>' for name in MOTIONS}  # noqa: RUF012
-    blends = {"walk": ["jog", "waltz"]}  # noqa: RUF012
+    blends = {  # noqa: RUF012
+        "walk": Partners(["jog", "waltz"], ["", ""], {"more-1": "more-1 lies down"}),
+        "waltz": Partners(["jog", "walk"], ["jog and walk are too far apart"] * 2),
+        "jog": Partners(never="jog is a one-shot"),
+    }
 
 
 def test_grid_queue_ring_and_pad_send_commands(browser):
@@ -79,10 +100,10 @@ def test_grid_queue_ring_and_pad_send_commands(browser):
         sends(lambda: (ring.focus(), tab.keyboard.press("ArrowRight")), Jump(0.41))
         # Up is the first of the two, jog, whose name stands where its weight is 1; waltz stands at 120 degrees from it.
         pad = tab.get_by_role("slider", name="blend weight")
-        box = pad.bounding_box()
 
         def at(jog, waltz):
             """Where jog and waltz have these weights."""
+            box = pad.bounding_box()
             one = box["width"] * 52 / 148
             right, up = np.sin(2 * np.pi / 3) * waltz, jog + np.cos(2 * np.pi / 3) * waltz
             return box["x"] + 0.5 * box["width"] + one * right, box["y"] + 0.5 * box["height"] - one * up
@@ -102,6 +123,10 @@ def test_grid_queue_ring_and_pad_send_commands(browser):
         sends(lambda: pulled((1.0, 0.0), (1.4, 0.0)), Blend("walk", "jog", 1.3))
         sends(lambda: pulled((0.0, 1.2)), Blend("walk", "waltz", 1.2))
         sends(lambda: pulled((-0.45, -0.5)), Blend("walk", "jog", 0.0))  # nothing stands there
+        refused = tab.get_by_text("no blend with more-1")
+        assert refused.locator("..").get_attribute("title") == "more-1 lies down"
+        refused.click()
+        tab.get_by_text("more-1 lies down").wait_for()
         tab.keyboard.down("Shift")
         sends(lambda: pulled((0.5, 0.0), (-0.5, 0.0)), Blend("walk", "jog", -0.3))
         tab.keyboard.up("Shift")
@@ -110,6 +135,15 @@ def test_grid_queue_ring_and_pad_send_commands(browser):
         controls.show(RunState(motion="walk", playing="walk", blend=blend), {"phase": np.array([0.4])})
         tab.get_by_text("waltz 30 %").wait_for()
         sends(lambda: (pad.focus(), tab.keyboard.press("ArrowUp")), Blend("walk", "jog", 0.45, also=(("waltz", 0.3),)))
+
+        # Where three at once would be refused, the point stays on the line of the nearer name.
+        controls._touched = 0.0
+        controls.show(RunState(motion="waltz", playing="waltz"), {"phase": np.array([0.4])})
+        assert tab.locator(".apart").text_content() == "jog and walk are too far apart"
+        sends(lambda: pulled((0.5, 0.4)), Blend("waltz", "jog", 0.3))
+        controls._touched = 0.0
+        controls.show(RunState(motion="jog", playing="jog"), {"phase": np.array([0.4])})
+        tab.get_by_role("group").get_by_text("jog is a one-shot").first.wait_for()
     finally:
         tab.close()
         page.stop()

@@ -76,6 +76,7 @@ def test_the_line_says_what_is_and_what_comes(state, said):
         (deck(switching=True, motion="jog"), ["to jog"]),
         (deck(mode="emergency stop"), ["EMERGENCY STOP"]),
         (deck(heard_ago=3.2), ["SILENT for 3 s"]),
+        (deck(here=False, silent=True), ["not here yet"]),
         (deck(here=False, silent=True, losses=2), ["GONE", "gone so far: 2"]),
         (deck(problem="cue 3 came <late>"), ["last problem: cue 3 came <late>"]),
     ],
