@@ -49,7 +49,7 @@ class DrawnModel:
             position, orientation = (of_all[part] for of_all in self._placed)
             # The same solids, flattened, are their own shadow: there is no shadow map for a slow computer to filter.
             looks = (
-                ("robot", batch.mesh, _linear(np.minimum(batch.colour, BRIGHTEST)), 1.0, 0.0, 1.0),
+                ("robot", batch.mesh, linear(np.minimum(batch.colour, BRIGHTEST)), 1.0, 0.0, 1.0),
                 ("shadow", batch.shadow, SHADOW, 1e-3, 0.002 * height, 0.5),
             )
             solid, shadow = (
@@ -104,6 +104,6 @@ class DrawnModel:
                 handle.visible = visible
 
 
-def _linear(colour: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def linear(colour: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Screen colours (sRGB) as linear ones, which the page expects for copies."""
     return np.round(255.0 * (colour / 255.0) ** 2.2).astype(np.uint8)

@@ -8,8 +8,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import mujoco
+import numpy as np
+import viser
+from numpy.typing import NDArray
 
 from controller.rotations import Array
+from sim.view.body.drawn_model import linear
+from sim.view.body.solids import sphere
 from sim.view.rig.servo_look import COLOURS, ServoLook
 from sim.view.web.private_page import PrivatePage
 
@@ -19,6 +24,8 @@ OPACITY = 0.55
 
 class JointGlow:
     """Balls about the joints of a robot that have something the matter.
+
+    They are copies of one mesh, as the robot's own shapes are, so that a browser moves them in the same picture.
 
     Args:
         page: where they are drawn.
@@ -31,34 +38,46 @@ class JointGlow:
         self._page, self._radius = page, RADIUS * height
         ids = {model.joint(index).name: index for index in range(model.njnt)}
         self._joints = [ids.get(name) for name in joints]
-        self._balls = {}
-        self._shown: dict[int, str] = {}
+        self._shown: dict[int, str] = {}  # the level of each joint of the model that glows
+        self._balls: viser.BatchedMeshHandle | None = None
 
     def mark(self, looks: Sequence[ServoLook], data: mujoco.MjData, centre: Array) -> None:
         """Lets those joints glow whose servos are not well, where `show` would have them."""
-        wanted = {place: look.level for place, look in enumerate(looks) if look.level != "ok"}
+        wanted = {
+            joint: look.level
+            for joint, look in zip(self._joints, looks, strict=False)
+            if joint is not None and look.level != "ok"
+        }
         if wanted == self._shown:
             return
-        for place in self._shown.keys() - wanted.keys():
-            self._balls.pop(place).remove()
-        for place, level in wanted.items():
-            if self._joints[place] is not None and self._shown.get(place) != level:
-                self._balls[place] = self._page.scene.add_icosphere(
-                    f"/glow/{place}",
-                    radius=self._radius,
-                    color=COLOURS[level],
-                    opacity=OPACITY,
-                    position=self._place(place, data, centre),
-                    cast_shadow=False,
-                    receive_shadow=False,
-                )
-        self._shown = {place: level for place, level in wanted.items() if place in self._balls}
+        self._shown = wanted
+        if self._balls is not None:
+            self._balls.remove()
+            self._balls = None
+        if wanted:
+            self._balls = self._page.scene.add_batched_meshes_simple(
+                "/glow",
+                *sphere(10, 18),
+                batched_wxyzs=self._turns(),
+                batched_positions=self._places(data, centre),
+                batched_scales=np.full(len(wanted), self._radius, dtype=np.float32),
+                batched_colors=linear(np.array([COLOURS[level] for level in wanted.values()], dtype=np.uint8)),
+                flat_shading=False,
+                lod="off",
+                cast_shadow=False,
+                receive_shadow=False,
+                opacity=OPACITY,
+            )
 
     def show(self, data: mujoco.MjData, centre: Array) -> None:
         """Brings the balls to their joints, as seen by someone at the centre (2,), m."""
-        for place, ball in self._balls.items():
-            ball.position = self._place(place, data, centre)
+        if self._balls is not None:
+            self._page.move_copies(self._balls, self._places(data, centre), self._turns())
 
-    def _place(self, servo: int, data: mujoco.MjData, centre: Array) -> tuple[float, float, float]:
-        x, y, z = data.xanchor[self._joints[servo]]
-        return x - centre[0], y - centre[1], z
+    def _places(self, data: mujoco.MjData, centre: Array) -> NDArray[np.float32]:
+        places = data.xanchor[[*self._shown]].astype(np.float32)
+        places[:, :2] -= centre
+        return places
+
+    def _turns(self) -> NDArray[np.float32]:
+        return np.tile(np.array([1.0, 0.0, 0.0, 0.0], dtype=np.float32), (len(self._shown), 1))

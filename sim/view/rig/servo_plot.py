@@ -35,6 +35,7 @@ class ServoPlot:
             axes=(uplot.Axis(), uplot.Axis(size=44)),
             legend=uplot.Legend(live=False),
             height=120,
+            padding=(10, 8, 0, 0),  # above, at the right, ...: room for half of a number
         )
 
     def remember(self, state: Mapping[str, Array], now: float) -> None:
