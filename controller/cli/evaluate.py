@@ -21,7 +21,7 @@ MEASURES = ("accuracy", "robustness", "stability", "transitions")
 
 def evaluate(
     subject: Annotated[str, typer.Argument(metavar="LIBRARY|RECIPE", help="A library, or a recipe (.toml).")],
-    measure: Annotated[str, typer.Argument(metavar="|".join(MEASURES), help="What to measure.")],
+    measure: Annotated[str, typer.Argument(metavar="MEASURE", help="accuracy, robustness, stability or transitions.")],
     data: Annotated[Path, typer.Option("--data", metavar="DIR", help="The folder with the recordings.")],
     seeds: Annotated[
         int, typer.Option("--seeds", metavar="N", min=1, max=1000, help="Number of networks to train from a recipe.")

@@ -34,7 +34,7 @@ _WELCOME = """Plays learned human motions live on simulated humanoids and servo 
 
 Three things to try:
 
-  motiondeck play                a humanoid on a page, with a button per motion
+  motiondeck play                a humanoid, with a button for each motion
   motiondeck learn walk.bvh      learn a recording of your own, to play it
   motiondeck play --robot servo20 --rig emulated
                                  the same on twenty emulated servos

@@ -21,7 +21,9 @@ SLOWEST = 0.1
 
 
 def preflight(
-    library: Annotated[str, typer.Argument(help="A library file, or a shipped one by its name.")] = "thesis15",
+    library: Annotated[
+        str, typer.Argument(metavar="LIBRARY", help="A library file, or a shipped one by its name.")
+    ] = "thesis15",
     robot: Annotated[
         str, typer.Option("--robot", metavar="ROBOT", help="A robot file, or: mannequin, servo20.")
     ] = "servo20",

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable
 from typing import Any
 
 import typer
+
+WIDTH = 78  # of the narrowest terminal that it is made for, without its margins
+_ON = " \\"
 
 
 def set_help_texts(app: typer.Typer) -> None:
@@ -20,7 +24,10 @@ def set_help_texts(app: typer.Typer) -> None:
 
 
 def help_text(command: Callable[..., Any]) -> str:
-    """A docstring with each paragraph on one line; indented lines, such as examples, stay as they are."""
+    """A docstring with each paragraph on one line; indented lines are commands, and long ones are continued.
+
+    A shell reads a continued command as one line, so it can be pasted.
+    """
     return "\n\n".join(map(_joined, inspect.cleandoc(command.__doc__ or "").split("\n\n")))
 
 
@@ -30,5 +37,17 @@ def _joined(paragraph: str) -> str:
         if lines and not line.startswith(" ") and not lines[-1].startswith(" "):
             lines[-1] += " " + line
         else:
-            lines.append(line)
+            lines.extend(_continued(line) if line.startswith(" ") else [line])
     return "\n".join(lines)
+
+
+def _continued(command: str) -> list[str]:
+    """The lines of a command, parted before options and NAME=VALUE; all but the last end in a backslash."""
+    lines = [""]
+    for part in re.split(r"(?= --)|(?= [^ ]+=)", command):
+        if not lines[-1] or len(lines[-1] + part) <= WIDTH - len(_ON):
+            lines[-1] += part
+        else:
+            lines[-1] += _ON
+            lines.append(4 * " " + command[: len(command) - len(command.lstrip())] + part.lstrip())
+    return lines

@@ -89,7 +89,9 @@ def show(
 @app.command("add")
 def add(
     library: LibraryArgument,
-    clip: Annotated[Path, typer.Argument(help="The recording to learn, of any format, skeleton and rate.")],
+    clip: Annotated[
+        Path, typer.Argument(metavar="RECORDING", help="The recording to learn, of any format, skeleton and rate.")
+    ],
     name: Annotated[
         str, typer.Option("--name", metavar="NAME", help="Name of the motion; default: the recording's.")
     ] = "",

@@ -47,7 +47,9 @@ def similar(
 
     A distance of 0.1 is about 10 % faster, slower, wider or narrower (distances are differences of logarithms).
 
-    Example:  motiondeck library similar cmu86 recordings/35_02.amc --weight arms=0
+    [bold]Example[/]
+
+      motiondeck library similar cmu86 recordings/35_02.amc --weight arms=0
     """
     from controller.library.motion_index import MotionIndex, load_index
     from controller.library.motion_signature import part_weights, signature
@@ -223,7 +225,9 @@ def restyle(
     stay and centers turn as in OTHER, so tempo and rhythm change. The network may be driven outside its training, so
     the distance of joints from their places in MOTION is printed.
 
-    Example:  motiondeck library restyle cmu86 walk --like run --out styled.safetensors
+    [bold]Example[/]
+
+      motiondeck library restyle cmu86 walk --like run --out styled.safetensors
     """
     from controller.library.motion_library import load_library, save_library
     from controller.library.restyling import in_the_style, restyled

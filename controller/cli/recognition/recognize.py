@@ -119,7 +119,9 @@ def run(
 ) -> None:
     """Name the motion of each recording, with its margin over the next best and whether it is known at all.
 
-    Example:  motiondeck recognize run hdm05.safetensors squat.amc --skeleton HDM_bd.asf
+    [bold]Example[/]
+
+      motiondeck recognize run hdm05.safetensors squat.amc --skeleton HDM_bd.asf
     """
     from controller.mocap.formats.reading import read_clip, recordings_below
     from controller.recognition.recognizer_file import load_recognizer

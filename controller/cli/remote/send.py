@@ -49,7 +49,11 @@ def send(
 
     `motiondeck send help` explains the commands, which are those of the prompt of `play`. MOTION alone switches to it.
 
-    Examples:  motiondeck send switch waltz      motiondeck send tempo 0.5      motiondeck send status --json
+    [bold]Examples[/]
+
+      motiondeck send switch waltz
+      motiondeck send tempo 0.5
+      motiondeck send status --json
     """
     import msgspec
 
@@ -115,7 +119,11 @@ def events(
 
     With --heartbeat the deck comes to a standstill when this program ends or the network between them fails.
 
-    Examples:  motiondeck events      motiondeck events --json      motiondeck events --heartbeat 1 --host robot ...
+    [bold]Examples[/]
+
+      motiondeck events
+      motiondeck events --json
+      motiondeck events --heartbeat 1 --host robot ...
     """
     import msgspec
 

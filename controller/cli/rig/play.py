@@ -25,7 +25,9 @@ def play(
         str,
         typer.Argument(metavar="CLIP | LIBRARY", help="A taught clip, a library file, or a shipped library's name."),
     ],
-    motion: Annotated[str | None, typer.Argument(help="The motion to play first, if a library is played.")] = None,
+    motion: Annotated[
+        str | None, typer.Argument(metavar="MOTION", help="The motion to play first, if a library is played.")
+    ] = None,
     port: PortOption = None,
     robot: Annotated[
         str | None,

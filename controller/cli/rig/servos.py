@@ -77,7 +77,9 @@ def setup(
     The permanent name of an adapter (/dev/serial/by-id/...) has its serial number, and stays the same when the system
     calls it ttyUSB1 the next time.
 
-    Example:  motiondeck rig setup /dev/ttyUSB0 --id 7 --baud 4000000 --rig my-rig.toml
+    [bold]Example[/]
+
+      motiondeck rig setup /dev/ttyUSB0 --id 7 --baud 4000000 --rig my-rig.toml
     """
     from hardware.bus.port import lasting_name
     from hardware.bus.servo_bus import Bus
@@ -116,7 +118,9 @@ def import_calibration(
     reversed: its angle grows as LeRobot's does. Angle 0 is in the middle of the range. LeRobot's homing offsets and
     drive modes are still in the servos: `motiondeck rig doctor RIG --fix` sets them as the rig file needs them.
 
-    Example:  motiondeck rig import koch_follower.json --port /dev/ttyUSB0 --out arm.toml
+    [bold]Example[/]
+
+      motiondeck rig import koch_follower.json --port /dev/ttyUSB0 --out arm.toml
     """
     from hardware.bus.port import lasting_name
     from hardware.tools.lerobot import imported, read_calibration

@@ -200,7 +200,9 @@ def tune_walk(
     Longer and longer steps are tried until it falls; the kept ones stay 15 % below that. `play --root free --walk`
     uses them.
 
-    Example:  motiondeck robot tune-walk my-robot.toml --motion walk --motion waltz
+    [bold]Example[/]
+
+      motiondeck robot tune-walk my-robot.toml --motion walk --motion waltz
     """
     from controller.cli.robot.tune_walk import tune, words
     from controller.cli.session.setup import check_seconds

@@ -57,7 +57,10 @@ def conduct(
     Or type `go` at hold points, `stop` for that emergency stop, `status`, or a deck or group and a command.
     Decks on this machine are found by themselves. Needs the extra `fleet`: pip install "motiondeck\\[fleet]".
 
-    Examples:  motiondeck conduct gala.toml      motiondeck conduct gala.toml --stop
+    [bold]Examples[/]
+
+      motiondeck conduct gala.toml
+      motiondeck conduct gala.toml --stop
     """
     from controller.cli.show.show_page import show_page
     from controller.fleet.conductor import Conductor

@@ -23,7 +23,9 @@ def certificates(
     Copy each member's folder to its machine. FOLDER/authority.key can make more members: keep it to yourself.
     Called again, members are added and all certificates renewed.
 
-    Example:  motiondeck fleet certificates gala conductor=192.168.1.20 left=192.168.1.21 right=192.168.1.22:7450
+    [bold]Example[/]
+
+      motiondeck fleet certificates gala conductor=192.168.1.20 left=192.168.1.21 right=192.168.1.22:7450
     """
     from controller.fleet.certificates import YEARS, make_certificates
     from motiondeck_base.errors import MotiondeckError

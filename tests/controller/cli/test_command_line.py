@@ -215,6 +215,19 @@ def test_help_is_wrapped_where_the_terminal_ends(monkeypatch):
         assert len(" Opens a page" + first.rstrip()) + len(second.split()[0]) + 1 > columns - 2
 
 
+def test_examples_fit_the_terminal_and_can_be_pasted(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    for command in ("play", "send", "evaluate", "fit"):
+        _, _, examples = motiondeck(command, "--help").stdout.partition("Examples")
+        lines = [line.strip() for line in examples.partition("╭")[0].splitlines() if line.strip()]
+        pasted = "\n".join(lines).replace(" \\\n", " ").splitlines()
+        assert all(line.startswith(f"motiondeck {command}") for line in pasted), lines
+    assert (
+        "\n  motiondeck play                a humanoid, with a button for each motion"
+        in motiondeck().stdout.replace("\n ", "\n")
+    )
+
+
 def test_the_version_is_that_of_the_package():
     assert motiondeck("--version").stdout == f"motiondeck {version('motiondeck')}\n"
 

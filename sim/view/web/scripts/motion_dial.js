@@ -30,6 +30,7 @@ motiondeck.part("motion-dial", (element, state, send) => {
     return [x, y];
   };
 
+  drawing.classList.toggle("off", !state.enabled);
   const ring = shape("ring", "circle", { r: RING, class: "ring" });
   if (state.phase === null) ring.style.display = "none";
   else {
@@ -39,12 +40,13 @@ motiondeck.part("motion-dial", (element, state, send) => {
     for (const [name, value] of Object.entries(names)) ring.setAttribute(name, value);
     ring.setAttribute("aria-valuenow", state.phase);
     ring.onpointerdown = (event) => {
+      if (!state.enabled) return;
       const [px, py] = point(event);
       send({ phase: ((Math.atan2(px, -py) / (2 * Math.PI)) % 1 + 1) % 1 });
     };
     ring.onkeydown = (event) => {
       const step = { ArrowRight: 0.01, ArrowUp: 0.01, ArrowLeft: -0.01, ArrowDown: -0.01 }[event.key];
-      if (step) send({ phase: Math.round(1000 * ((state.phase + step + 1) % 1)) / 1000 });
+      if (step && state.enabled) send({ phase: Math.round(1000 * ((state.phase + step + 1) % 1)) / 1000 });
     };
   }
 
