@@ -105,6 +105,7 @@ def full_humanoid(
     shoulder="pitch roll yaw",
     wrist="yaw pitch roll",
     neck="yaw pitch",
+    eyes=False,
     fingers=True,
     lying=False,
     rods=False,
@@ -120,6 +121,7 @@ def full_humanoid(
 
     Args:
         waist, hip, ankle, shoulder, wrist, neck: hinges of each joint, of "yaw", "pitch" and "roll".
+        eyes: whether the head has two that turn.
         fingers: whether each hand has two, with two hinges each.
         lying: whether the model is written with y up and z ahead instead of z up and x ahead.
         hung: whether the free root is the trunk, and pelvis and legs hang from the waist.
@@ -188,7 +190,12 @@ def full_humanoid(
         return f'<body name="{side}_mount" pos="{v(0, y, 0.35)}" euler="{turn}">{held}</body>'
 
     limbs = leg("left", 0.1) + leg("right", -0.1)
-    head = chain("neck", neck, (0, 0, 0.42), f'<geom size="0.08" pos="{v(0, 0, 0.1)}"/>')
+    looks = "".join(
+        f'<body name="{side}_eye" pos="{v(0.07, y, 0.12)}">{hinge(f"{side}_looks", "yaw")}{capsule(0, 0.01)}</body>'
+        for side, y in (("left", 0.03), ("right", -0.03))
+        if eyes
+    )
+    head = chain("neck", neck, (0, 0, 0.42), f'<geom size="0.08" pos="{v(0, 0, 0.1)}"/>{looks}')
     trunk = (
         f'<geom type="box" size="{v(0.08, 0.14, 0.15)}" pos="{v(0, 0, 0.2)}"/>'
         + head

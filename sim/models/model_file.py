@@ -70,6 +70,7 @@ def read_model(path: Path, packages: Mapping[str, Path] | None = None, feet: Seq
         read_solids(spec, Path(spec.meshdir))
         _mend_inertias(spec)
         _free_root(path, spec)
+        _name_all(spec)
         model = _compiled(spec)
         if not len(Surface.of(model).body):
             raise FileFormatError(
@@ -149,6 +150,19 @@ def _clear_stage(spec: mujoco.MjSpec) -> None:
         spec.delete(thing)
 
 
+def _name_all(spec: mujoco.MjSpec) -> None:
+    """Names bodies and joints that have no name by their place in the file: robot files speak of them by name."""
+    for kind, things in (("body", spec.bodies[1:]), ("joint", spec.joints)):
+        taken = {thing.name for thing in things}
+        for number, thing in enumerate(things, 1):
+            if not thing.name:
+                name = f"{kind}_{number}"
+                while name in taken:
+                    name += "_"
+                thing.name = name
+                taken.add(name)
+
+
 def _compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
     """The model of a spec; the mass of a mesh that encloses nothing is taken from its surface."""
     while True:
@@ -223,7 +237,7 @@ def _clear_rails(spec: mujoco.MjSpec, root: mujoco.MjsBody) -> None:
 
 def _move_origin(spec: mujoco.MjSpec, root: mujoco.MjsBody) -> None:
     """Moves the origin of a root body to where the limbs part, its pelvis: some files have it on the floor."""
-    model = spec.compile()
+    model = _compiled(spec)
     movers = [path_to(model, int(body)) for body in set(model.jnt_bodyid[model.jnt_type != mujoco.mjtJoint.mjJNT_FREE])]
     if not movers:
         return
@@ -261,9 +275,6 @@ def _servos(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel, feet: Sequen
     old, stance = [*spec.actuators], stances(model, feet)
     for joint in played:
         name = model.joint(int(joint)).name
-        if not name:
-            body = model.body(int(model.jnt_bodyid[joint])).name
-            raise FileFormatError(f"{path}: a joint of body '{body}' has no name; give it one")
         servo = spec.add_actuator(trntype=mujoco.mjtTrn.mjTRN_JOINT, target=name)
         force, gains = _own_servo(model, int(joint), driven.get(int(joint)))
         if gains is None:

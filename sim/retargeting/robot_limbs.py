@@ -311,9 +311,11 @@ class RobotLimbs:
         return FileFormatError(f"{self._path}: parts: there is no hinge joint at body '{name}'; name the body it moves")
 
     def _tip(self, body: int, start: Array) -> Array:
-        """The end of a limb without a hand: the point of its surface farthest from the joint."""
-        mine = self.surface.part(np.array(below(self._model, body)))
-        points = mine.positions(self._data)
+        """The end of a limb without a hand: the point of its surface, or else the body, farthest from its joint."""
+        mine = below(self._model, body)
+        points = self.surface.part(np.array(mine)).positions(self._data)
+        if not len(points):
+            points = self._data.xpos[mine[1:]]
         if not len(points):
             raise FileFormatError(
                 f"{self._path}: parts: body '{self._model.body(body).name}' has no solids that tell where it ends; "

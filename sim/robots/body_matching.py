@@ -46,6 +46,7 @@ PARALLEL = 0.5  # the least cosine between the axes of twins, one of them seen i
 TOES_SHARE, FINGERS_SHARE = 0.15, 0.3
 # Of the robot's height: what starts so close to the middle is no arm yet but a clavicle, and a head is as close.
 CLAVICLE_SHARE, HEAD_SHARE = 0.03, 0.06
+EYES = 0.5  # what moves above the neck and is smaller than this share of the head is an eye
 
 # A wheel touches the floor so nearly, in parts of its radius, and is round but for such a share of it.
 ROLLS, ROUND = 0.2, 0.15
@@ -227,6 +228,8 @@ class _Matcher:
         far = CLAVICLE_SHARE * self.tall
         found = {side: end for side, end in found.items() if (across[end] if side == "l" else -across[end]) >= far}
         chest = self._chest([*found.values()], left) if found else self.root
+        if chest in found.values():
+            return {}  # a trunk that ends at its waist
         # Of the fingers of a hand, one at the end of the most joints.
         arms = {
             side: max(
@@ -259,7 +262,20 @@ class _Matcher:
         middle = [
             e for e, at in high.items() if abs(at @ left) < HEAD_SHARE * self.tall and at[2] + centre[2] > shoulders
         ]
-        return max(middle, key=lambda e: float(high[e][2])) if middle else None
+        if not middle:
+            return None
+        path = path_to(self.model, max(middle, key=lambda e: float(high[e][2])))
+        above = [body for body in path[path.index(chest) + 1 :] if hinges_at(self.model, body)]
+        size = {body: self._size(body) for body in above}
+        return next(body for body in reversed(above) if size[body] >= EYES * max(size.values()))
+
+    def _size(self, body: int) -> float:
+        """The diagonal of the box around a body and what is fixed to it, m."""
+        mine = np.isin(self.surface.body, self._fixed_to(body))
+        if not mine.any():
+            return 0.0
+        points, radius = self.points[mine], self.surface.radius[mine, None]
+        return float(np.linalg.norm((points + radius).max(axis=0) - (points - radius).min(axis=0)))
 
     def _ahead(self, legs: list[int], pelvis: int) -> Array:
         """The horizontal direction across the line between the legs that is ahead."""
@@ -429,7 +445,4 @@ class _Matcher:
         return sum(end in below(self.model, body) for end in self.ends)
 
     def _name(self, body: int) -> str:
-        name = self.model.body(int(body)).name
-        if not name:
-            raise FileFormatError(f"{self.path}: a body that the motion needs has no name; give each body one")
-        return name
+        return str(self.model.body(int(body)).name)

@@ -166,6 +166,17 @@ def test_a_urdf_without_collision_shapes_stands_on_its_visual_ones(tmp_path):
     assert with_visuals(read_model(path)).ngeom >= model.ngeom
 
 
+def test_a_mesh_that_encloses_next_to_nothing_is_read(tmp_path):
+    (tmp_path / "speck.obj").write_text(
+        "v 0 0 0\nv 1e-5 0 0\nv 0 1e-5 0\nv 0 0 1e-5\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+    )
+    path = tmp_path / "small.xml"
+    speck = '<geom type="mesh" mesh="speck"/>'
+    text = humanoid().replace("<worldbody>", '<asset><mesh file="speck.obj"/></asset><worldbody>')
+    path.write_text(text.replace('<geom size="0.02"/>', f'<geom size="0.02"/>{speck}'))
+    assert read_model(path).compile().nmesh == 1
+
+
 def test_inertias_that_can_be_stay(tmp_path):
     path = tmp_path / "legs.urdf"
     path.write_text(urdf())

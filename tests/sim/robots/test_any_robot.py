@@ -98,6 +98,19 @@ def test_a_sampled_robot_lets_joints_go_as_fast_as_they_may(tmp_path):
     assert step.max() == pytest.approx(1.0)
 
 
+def test_legs_without_solids_below_the_knee_end_at_their_ankles(tmp_path):
+    text = humanoid()
+    for solid in (
+        'type="capsule" fromto="0 0 0 0 0 -0.2" size="0.025"',
+        'type="box" pos="0.04 0 -0.02" size="0.07 0.03 0.01"',
+    ):
+        assert text.count(solid) == 2
+        text = text.replace(f"<geom {solid}/>", MASS)
+    found = calibrated(model_file(tmp_path, text, "bare.xml"))
+    assert found.sound
+    assert found.segments[1].length == pytest.approx([0.2, 0.2], abs=1e-3)
+
+
 def test_signs_and_zeros_of_the_angle_solver_are_found(tmp_path):
     found = calibrated(model_file(tmp_path, humanoid()))
     signs = {name: angle.sign for name, angle in found.angles.items()}
@@ -300,7 +313,7 @@ def test_servos_that_have_no_gains_are_given_some(tmp_path):
         (
             '<mujoco><worldbody><body name="base"><geom size="1"/><body><joint/><geom size="1"/></body></body>'
             "</worldbody></mujoco>",
-            "no name",
+            "legs",
         ),
         (humanoid(servos=["left_knee"]).replace(LEG.format(s="right", x=0, y=-0.06, sign=-1), ""), "legs"),
     ],

@@ -108,6 +108,31 @@ def test_the_one_arm_of_a_robot_is_found(tmp_path, build):
     assert found.parts["chest"] == ("base" if "waist" in build else "waist_pitch")
 
 
+def test_the_head_is_what_carries_the_eyes(tmp_path):
+    found, _ = matched(tmp_path, full_humanoid(eyes=True))
+    assert found.parts["head"] == "neck_pitch"
+
+
+def test_a_trunk_on_a_waist_is_no_arm(tmp_path):
+    text = full_humanoid(arms=(), neck="", waist="yaw roll")
+    found, _ = matched(
+        tmp_path, text.replace('<geom size="0.08" pos="0 0 0.1"/>', '<geom size="0.08" pos="0 0.1 0.1"/>')
+    )
+    assert found.parts["l_foot"] == "left_ankle_roll"
+    assert not any("arm" in part for part in found.parts)
+
+
+def test_bodies_and_joints_without_a_name_get_one(tmp_path):
+    text = full_humanoid(fingers=False)
+    expected, _ = matched(tmp_path, text)
+    text = text.replace('body name="left_shin"', "body").replace('joint name="left_ankle_roll_joint"', "joint")
+    text = text.replace('<position name="left_ankle_roll_joint" joint="left_ankle_roll_joint" kp="50"/>', "")
+    found, model = matched(tmp_path, text.replace("</worldbody>", '<body name="body_4" mocap="true"/></worldbody>'))
+    assert found.parts["l_shank"] in {model.body(k).name for k in range(1, model.nbody)} - {""}
+    assert {part for part in expected.parts if expected.parts[part] != found.parts[part]} == {"l_shank"}
+    assert all(model.joint(k).name for k in range(model.njnt))
+
+
 TOES = (
     '<body name="{s}_toes" pos="0.11 0 -0.02"><joint name="{s}_toe" axis="0 1 0"/>'
     '<geom type="box" pos="0.02 0 0" size="0.02 0.03 0.01"/></body>'
