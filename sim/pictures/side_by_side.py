@@ -48,6 +48,7 @@ class SideBySide:
             if texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX:
                 other.delete(texture)
         self._apart = np.array([0.0, -APART * self.scale * skeleton.leg_length])
+        other.option = spec.option  # nothing moves by physics here, and MuJoCo would warn of each difference
         spec.attach(other, prefix=PREFIX, frame=spec.worldbody.add_frame())
         self.model = spec.compile()
         self._qpos = np.zeros(self.model.nq)

@@ -19,8 +19,9 @@ from sim.robots.reachable import ReachableLimb
 from sim.robots.robot import Robot
 
 Cause = Literal["out of reach", "held back", "carried wrongly"]
-# A limb is as good as the best within reach if it is this close to it, degrees. So often it is looked at, Hz.
-CLOSE, RATE = 5.0, 30.0
+# A limb is as good as the best within reach if it is this close to it, degrees, or misses it by this share of what is
+# out of reach anyway. So often it is looked at, Hz.
+CLOSE, SHARE, RATE = 5.0, 0.25, 30.0
 FULL = 0.99  # of the speed that a joint may have
 
 
@@ -83,7 +84,8 @@ def limb_causes(
 def _does_worse(there: Array, goals: Array, least: Array, often: bool, far: NDArray[np.bool_]) -> bool:
     """Whether limbs (F, s, 3) are further off than the least (F,) they could be: often, or in frames `far` (F,)."""
     missing = _as_a_whole(there, goals) - least
-    return bool((often and missing.mean() > CLOSE) or (missing[far] > CLOSE).any())
+    passes = np.maximum(CLOSE, SHARE * least)
+    return bool((often and missing.mean() > passes.mean()) or (missing > passes)[far].any())
 
 
 def _on_its_way(wanted: Array, joints: NDArray[np.int64], robot: Robot, rate: float) -> NDArray[np.bool_]:

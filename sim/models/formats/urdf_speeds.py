@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from math import inf
 from pathlib import Path
 from xml.parsers import expat
 
 from motiondeck_base.errors import FileFormatError
 
+# No servo turns a limb faster, rad/s: a file that says more, such as 100 for all joints, says nothing.
+FASTEST = 50.0
+
 
 def urdf_speeds(path: Path) -> dict[str, float]:
-    """The speed limit of each joint of a URDF that has one, rad/s; nothing for another file.
+    """The speed limit of each joint of a URDF that has one that can be, rad/s; nothing for another file.
 
     Raises:
         FileFormatError: if the file declares a document type, whose entities could grow without end.
@@ -27,7 +29,7 @@ def urdf_speeds(path: Path) -> dict[str, float]:
             joint = attributes.get("name", "")
         elif tag == "limit" and joint and is_urdf:
             speed = _number(attributes.get("velocity", ""))
-            if 0.0 < speed < inf:
+            if 0.0 < speed <= FASTEST:
                 speeds[joint] = speed
 
     def end(tag: str) -> None:

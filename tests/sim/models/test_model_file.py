@@ -86,6 +86,14 @@ def test_a_urdf_is_drawn_by_its_visual_shapes_and_moves_by_the_others(tmp_path):
     assert with_visuals(saved).ngeom == plain.ngeom
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_robot_with_options_of_its_own_is_shown_beside_the_human(tmp_path):
+    (tmp_path / "small.xml").write_text(humanoid().replace("<worldbody>", '<option ls_iterations="5"/><worldbody>', 1))
+    (tmp_path / "small.toml").write_text(calibrated(tmp_path / "small.xml").to_toml(tmp_path))
+    beside = SideBySide(human(), find_robot("mannequin"), tmp_path / "small.toml", 1.0 / 60.0)
+    assert beside.model.nq > len(SERVOS)
+
+
 def test_a_package_is_found_above_the_file(tmp_path):
     path, _ = with_meshes(tmp_path)
     model = read_model(path).compile()

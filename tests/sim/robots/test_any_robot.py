@@ -325,11 +325,13 @@ def test_models_that_are_no_humanoids_are_named_with_the_reason(tmp_path, text, 
 
 def test_a_urdf_says_how_fast_its_joints_may_turn(tmp_path):
     text = urdf().replace('velocity="4"', 'velocity="nan"', 1).replace('velocity="4"', 'velocity="6.5"', 1)
+    text = text.replace('velocity="4"', 'velocity="100"', 1)
     path = robot_file(tmp_path, text, "legs.urdf")
     robot = load_robot(path, human())
     speeds = dict(zip(robot.joints, robot.limits.velocity.tolist(), strict=True))
     assert speeds["l_hip"] == 10.0  # none that could be used: the guess
     assert speeds["l_knee"] == 6.5
+    assert speeds["l_ankle"] == 10.0  # faster than any servo
     assert speeds["r_ankle"] == 4.0
 
 

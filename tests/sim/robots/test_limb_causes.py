@@ -102,6 +102,10 @@ def test_a_limb_is_out_of_reach_held_back_or_carried_wrongly(tmp_path):
     (cannot,) = limb_causes(robot, directions, halfway, halfway, limbs, 30.0)
     assert cannot.cause == "out of reach"
     assert cannot.best["l_shank"][0] > 30.0
+    # Next to so much, a little more is no mistake of the retargeter.
+    for more, cause in ((0.25, "out of reach"), (0.9, "carried wrongly")):
+        halfway[:, SERVOS.index("left_knee")] = more
+        assert limb_causes(robot, directions, halfway, halfway, limbs, 30.0)[0].cause == cause
 
 
 def test_an_arm_of_three_joints_shares_what_it_cannot_reach(tmp_path):
