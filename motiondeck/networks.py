@@ -42,6 +42,7 @@ from controller.networks.centralized.switching_module import (
     design_module,
     excite,
 )
+from controller.networks.reservoirs.completion import Completion, LiveCompletion
 from controller.networks.reservoirs.conceptor import ConceptorNetwork
 from controller.networks.reservoirs.conceptor_algebra import (
     adapt_aperture,
@@ -74,6 +75,7 @@ from controller.training.own_signals import (
     load_signals,
     run_free,
 )
+from controller.training.reservoirs.completion_training import CompletionRecipe, learn_completion
 from controller.training.reservoirs.conceptor_training import ConceptorRecipe
 from controller.training.reservoirs.echo_state_training import EchoStateRecipe
 from controller.training.reservoirs.phase_conceptor_training import PhaseRecipe
@@ -87,6 +89,8 @@ __all__ = [
     "CentralizedMotion",
     "CentralizedRecipe",
     "Command",
+    "Completion",
+    "CompletionRecipe",
     "ConceptorNetwork",
     "ConceptorRecipe",
     "Duffing",
@@ -98,6 +102,7 @@ __all__ = [
     "Generator",
     "HarmonicCenters",
     "HarmonicSatellites",
+    "LiveCompletion",
     "LoadedSignals",
     "LowRankWeights",
     "ModuleDesign",
@@ -135,6 +140,7 @@ __all__ = [
     "drive",
     "excite",
     "grid_places",
+    "learn_completion",
     "learn_primitive",
     "learn_response",
     "learn_signals",

@@ -1,0 +1,94 @@
+"""What is not measured from what is, and from its past: an echo-state network that a measured signal drives.
+
+    s(n) = (u(n) - m) / d
+    x(n) = (1 - a) x(n-1) + a tanh(W x(n-1) + W_in s(n) + b),      y(n) = R x(n) + r
+
+The signal u is that of some joints of a body, y is the whole of it. There is no phase: how far the motion has come is
+in x, which remembers for about dt / a what was measured. One frame of hands and head seldom tells where the feet are;
+what they did before it tells more.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller.given import time_series
+from controller.networks.reservoirs.reservoir import Reservoir, drive
+from controller.rotations import Array
+from motiondeck_base.errors import MotiondeckError
+
+
+@dataclass(frozen=True, eq=False)
+class Completion:
+    """A driven reservoir with a readout of the whole.
+
+    Attributes:
+        reservoir: N neurons with C inputs.
+        mean, deviation: m and d of the measured signal, shape (C,), in its unit.
+        readout: (R, r), shape (D, N + 1).
+        rate: at which it was learned, Hz.
+        settling: frames in which the first measurement is held, so that the start of the reservoir is forgotten.
+    """
+
+    reservoir: Reservoir
+    mean: Array
+    deviation: Array
+    readout: Array
+    rate: float
+    settling: int
+
+    def complete(self, measured: Array) -> Array:
+        """The whole of a measured signal (T, C) at `rate`, shape (T, D); row n is told from the rows up to n.
+
+        Raises:
+            MotiondeckError: if the signal is not of that shape, or a number is not finite.
+        """
+        signal = (time_series(measured, "what is measured", len(self.mean)) - self.mean) / self.deviation
+        held = np.concatenate([np.repeat(signal[:1], self.settling, axis=0), signal])
+        (states,) = drive(self.reservoir, [held])
+        return states[self.settling :] @ self.readout[:, :-1].T + self.readout[:, -1]
+
+    def follow(self, measured: Array) -> LiveCompletion:
+        """The same frame by frame, from a first measurement (C,) on.
+
+        Raises:
+            MotiondeckError: if it has another number of values, or one is not finite.
+        """
+        return LiveCompletion(self, measured)
+
+
+class LiveCompletion:
+    """A completion while measurements come in.
+
+    Attributes:
+        state: x, shape (N,).
+    """
+
+    def __init__(self, completion: Completion, measured: Array) -> None:
+        first = np.asarray(measured, dtype=float)
+        if first.shape != completion.mean.shape or not np.isfinite(first).all():
+            raise MotiondeckError(
+                f"a first measurement of shape {first.shape}; {len(completion.mean)} finite values are needed"
+            )
+        self.completion = completion
+        self.state = np.zeros(len(completion.reservoir))
+        self._last = first
+        for _ in range(completion.settling):
+            self._advance()
+
+    def step(self, measured: Array) -> Array:
+        """The whole at the next frame, shape (D,); a value (C,) that is not finite keeps its last one."""
+        given = np.asarray(measured, dtype=float)
+        if given.shape != self._last.shape:
+            raise MotiondeckError(f"a measurement of shape {given.shape}; {len(self._last)} values are needed")
+        self._last = np.where(np.isfinite(given), given, self._last)
+        self._advance()
+        return self.completion.readout[:, :-1] @ self.state + self.completion.readout[:, -1]
+
+    def _advance(self) -> None:
+        own, part = self.completion, self.completion.reservoir
+        signal = (self._last - own.mean) / own.deviation
+        heard = np.tanh(part.weights @ self.state + part.input_weights @ signal + part.bias)
+        self.state = (1.0 - part.leak) * self.state + part.leak * heard
