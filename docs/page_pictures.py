@@ -66,7 +66,7 @@ def behind(program: str | None, work: Path) -> Path:
     if program is None:
         sys.exit("no Chromium or Google Chrome was found; install one of them")
     script = work / "browser"
-    script.write_text(f'#!/bin/sh\nexec nice -n 19 {program} "$@"\n')
+    script.write_text(f'#!/bin/sh\nexec nice -n 5 {program} "$@"\n')
     script.chmod(0o700)
     return script
 

@@ -37,7 +37,7 @@ from sim.view.web.private_page import PrivatePage
 from sim.view.web.state_line import RunState, number_in
 
 HEALTH_PER_SECOND = 4.0
-BESIDE = 0.75  # of the robot's height: so far aside a follower, or the human, is drawn
+BESIDE = 0.6  # of the robot's height: so far aside a follower, or the human, is drawn
 LONGEST_STEP = 0.1  # s that pass for the camera between two pictures, however late the second is
 SIDE_WIDTH = 340  # pixels
 

@@ -10,7 +10,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from controller.rotations import Array
+from controller.rotations import Array, conjugate, multiply
 from sim.models.scenery import body_height
 from sim.view.body.drawn_model import DrawnModel
 from sim.view.web.private_page import PrivatePage
@@ -27,9 +27,11 @@ CAMERAS = {
     "side": ((0.0, -2.15, 0.60), 0.46),
     "top": ((0.0, -0.01, 2.60), 0.0),
 }
+USUAL = "three"
 # On a page narrower than this share of its height, a phone's, the panel covers the lower half: there the camera stands
 # farther away by this factor and lower by so many heights, which puts the robot into the upper half.
 PHONE, PHONE_DISTANCE, PHONE_LOWER = 0.8, 2.0, 0.85
+LIES = 0.5  # of what points forward: as little is horizontal of it, at most, when the body lies
 TELEPORT = 3.0  # m: too far to have been walked between two pictures
 
 
@@ -79,22 +81,28 @@ class Scene:
         for parity, colour in enumerate(FLOOR):
             scene.add_mesh_simple(f"/floor/{parity}", *_tiles(self._cell, parity), color=colour, flat_shading=True)
         self.robot = DrawnModel(page, model, height)
-        page.initial_camera.position, page.initial_camera.look_at = self._camera("three")
+        self._rest = self.data.xquat[1].copy()
+        page.initial_camera.position, page.initial_camera.look_at = self._camera(USUAL)
         page.initial_camera.fov = np.radians(42.0)
 
         @page.on_client_connect
         def _(client: viser.ClientHandle) -> None:
             if client.camera.aspect < PHONE:
-                self.look_from(client, "three")
+                self.look_from(client, USUAL)
 
-    def _camera(self, way: str) -> tuple[Array, Array]:
-        """Where a camera stands and what it looks at, m."""
-        place, aim = CAMERAS[way]
-        return self.height * np.array(place), np.array([0.0, 0.0, self.height * aim])
+    def _camera(self, way: str, heading: float = 0.0) -> tuple[Array, Array]:
+        """Where a camera stands and what it looks at, m, for a robot that faces a heading, rad."""
+        (x, y, z), aim = CAMERAS[way]
+        cosine, sine = np.cos(heading), np.sin(heading)
+        place = np.array([cosine * x - sine * y, sine * x + cosine * y, z])
+        return self.height * place, np.array([0.0, 0.0, self.height * aim])
 
     def look_from(self, client: viser.ClientHandle, way: str) -> None:
-        """Has one browser look from one of CAMERAS."""
-        place, aim = self._camera(way)
+        """Has one browser look from one of CAMERAS: the usual one, or as the robot faces now.
+
+        What is drawn beside the robot stands where the usual one sees it.
+        """
+        place, aim = self._camera(way, facing(self.data.xquat[1], self._rest) if way != USUAL else 0.0)
         if client.camera.aspect < PHONE:
             down = np.array([0.0, 0.0, PHONE_LOWER * self.height]) if way != "top" else np.zeros(3)
             place, aim = aim + PHONE_DISTANCE * (place - aim) - down, aim - down
@@ -112,6 +120,18 @@ class Scene:
             self.robot.show(qpos, centre)
             # Moving the floor back by less than two squares looks like walking on.
             self._floor.position = (*(-np.mod(centre, 2.0 * self._cell)), 0.0)
+
+
+def facing(turned: Array, rest: Array) -> float:
+    """The heading of a body, rad, of its rotation (4,) and that in which it faces along x (4,).
+
+    It is that of what points forward at rest; of a body that lies, that of what points up then: its head.
+    """
+    axes = np.empty(9)
+    mujoco.mju_quat2Mat(axes, multiply(turned, conjugate(rest)))
+    forward, _, up = axes.reshape(3, 3).T
+    x, y, _ = forward if np.hypot(*forward[:2]) > LIES else up
+    return float(np.arctan2(y, x))
 
 
 def _tiles(cell: float, parity: int) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:

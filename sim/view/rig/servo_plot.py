@@ -14,6 +14,7 @@ from sim.view.web.private_page import PrivatePage
 SECONDS = 60.0
 SAMPLES = 300  # drawn, over that time
 STEP, LEAST = 5.0, 10.0  # degrees: the axis ends at multiples of the first, and shows at least so many
+MARGIN = 0.1  # of that, above and below
 EVERY = 1.0  # s from one picture of it to the next
 
 
@@ -32,10 +33,9 @@ class ServoPlot:
                 uplot.Series(label="measured, °", stroke="#212529", width=1),
             ),
             scales=scales(self._range),
-            axes=(uplot.Axis(), uplot.Axis(size=44)),
+            axes=(uplot.Axis(), uplot.Axis(size=44, space=20)),
             legend=uplot.Legend(live=False),
             height=120,
-            padding=(10, 8, 0, 0),  # above, at the right, ...: room for half of a number
         )
 
     def remember(self, state: Mapping[str, Array], now: float) -> None:
@@ -73,5 +73,8 @@ def whole_range(angles: Array) -> tuple[float, float]:
 
 
 def scales(degrees: tuple[float, float]) -> dict[str, uplot.Scale]:
-    """The axes: the last minute, and from the least to the most degrees."""
-    return {"x": uplot.Scale(time=False, range=(-SECONDS, 0.0)), "y": uplot.Scale(range=degrees)}
+    """The axes: the last minute, and from the least to the most degrees, with room for the numbers there."""
+    least, most = degrees
+    room = MARGIN * (most - least)
+    y = uplot.Scale(range=(least - room, most + room))
+    return {"x": uplot.Scale(time=False, range=(-SECONDS, 0.0)), "y": y}

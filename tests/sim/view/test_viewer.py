@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from controller.rotations import multiply
 from controller.wire.command_socket import CommandServer
 from controller.wire.messages import (
     Accepted,
@@ -31,7 +32,7 @@ from controller.wire.messages import (
 from controller.wire.run_recording import MODES
 from controller.wire.telemetry import StateWriter
 from sim.models.mannequin.mannequin import build_mannequin
-from sim.view.scene import Follower
+from sim.view.scene import Follower, facing
 from sim.view.viewer import main
 from simulated_bodies import human
 from waiting import free_port, until
@@ -335,3 +336,13 @@ def test_the_view_goes_along_with_a_walk_and_leaves_out_its_sway():
     assert max(np.abs(sideways[300:])) < 0.09
     jump = np.array([50.0, 0.0])
     assert np.array_equal(follower.follow(jump, 0.02), jump)
+
+
+@pytest.mark.parametrize(
+    ("axis", "angle", "heading"),
+    [((0, 0, 1), 0.0, 0.0), ((0, 0, 1), 2.0, 2.0), ((0, 1, 0), np.pi / 2, 0.0), ((0, 1, 0), 0.5, 0.0)],
+)
+def test_the_camera_knows_where_a_body_faces(axis, angle, heading):
+    turned = np.array([np.cos(angle / 2), *(np.sin(angle / 2) * np.array(axis))])
+    rest = np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])  # of a model that stands along y
+    assert facing(multiply(turned, rest), rest) == pytest.approx(heading, abs=1e-9)
