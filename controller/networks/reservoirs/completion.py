@@ -67,11 +67,9 @@ class LiveCompletion:
     """
 
     def __init__(self, completion: Completion, measured: Array) -> None:
-        first = np.asarray(measured, dtype=float)
-        if first.shape != completion.mean.shape or not np.isfinite(first).all():
-            raise MotiondeckError(
-                f"a first measurement of shape {first.shape}; {len(completion.mean)} finite values are needed"
-            )
+        first = _values(measured, len(completion.mean))
+        if not np.isfinite(first).all():
+            raise MotiondeckError("the first measurement has values that are not finite; begin with one that is whole")
         self.completion = completion
         self.state = np.zeros(len(completion.reservoir))
         self._last = first
@@ -79,10 +77,12 @@ class LiveCompletion:
             self._advance()
 
     def step(self, measured: Array) -> Array:
-        """The whole at the next frame, shape (D,); a value (C,) that is not finite keeps its last one."""
-        given = np.asarray(measured, dtype=float)
-        if given.shape != self._last.shape:
-            raise MotiondeckError(f"a measurement of shape {given.shape}; {len(self._last)} values are needed")
+        """The whole at the next frame, shape (D,); a value of (C,) that is not finite keeps its last one.
+
+        Raises:
+            MotiondeckError: if it has another number of values.
+        """
+        given = _values(measured, len(self._last))
         self._last = np.where(np.isfinite(given), given, self._last)
         self._advance()
         return self.completion.readout[:, :-1] @ self.state + self.completion.readout[:, -1]
@@ -92,3 +92,14 @@ class LiveCompletion:
         signal = (self._last - own.mean) / own.deviation
         heard = np.tanh(part.weights @ self.state + part.input_weights @ signal + part.bias)
         self.state = (1.0 - part.leak) * self.state + part.leak * heard
+
+
+def _values(measured: Array, count: int) -> Array:
+    """A measurement as so many numbers."""
+    try:
+        values = np.asarray(measured, dtype=float)
+    except (TypeError, ValueError):
+        raise MotiondeckError(f"a measurement is {count} numbers, not {measured!r}") from None
+    if values.shape != (count,):
+        raise MotiondeckError(f"a measurement of shape {values.shape}; {count} values are needed")
+    return values

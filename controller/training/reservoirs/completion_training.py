@@ -67,7 +67,10 @@ def learn_completion(
     number_within(recipe.memory_seconds, "memory_seconds", 0.0, 1e6)
     given: list[Array] = []
     wanted: list[Array] = []
-    for index, (part, whole) in enumerate(examples):
+    for index, example in enumerate(examples):
+        if not isinstance(example, (tuple, list)) or len(example) != 2:  # what pyright sees, a user's script does not
+            raise MotiondeckError(f"recording {index}: give a pair, what is measured (T, C) and the whole (T, D)")
+        part, whole = example
         given.append(time_series(part, f"what is measured in recording {index}", given[0].shape[1] if given else None))
         wanted.append(time_series(whole, f"recording {index}", wanted[0].shape[1] if wanted else None))
         if len(given[-1]) != len(wanted[-1]):

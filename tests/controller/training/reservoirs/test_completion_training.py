@@ -59,6 +59,7 @@ def test_units_do_not_matter(completion: Completion) -> None:
         ([], "no recordings"),
         ([(np.zeros((5, 1)), np.zeros((4, 2)))], "recording 0: 5 measured and 4 whole frames"),
         ([swing(1.0, 1.0), (np.zeros((5, 2)), np.zeros((5, 2)))], "what is measured in recording 1"),
+        ([np.zeros((5, 2))], "recording 0: give a pair"),
         ([(np.full((5, 1), np.nan), np.zeros((5, 2)))], "what is measured in recording 0"),
     ],
 )
@@ -67,9 +68,20 @@ def test_what_does_not_fit_is_refused_by_name(examples: list[tuple[np.ndarray, n
         learn_completion(examples, RATE, recipe=SMALL)
 
 
-def test_measurements_of_another_size_are_refused(completion: Completion) -> None:
-    with pytest.raises(MotiondeckError, match="1 finite values are needed"):
-        completion.follow(np.zeros(2))
+@pytest.mark.parametrize(
+    ("first", "says"),
+    [
+        (np.zeros(2), "of shape .2,.; 1 values are needed"),
+        (np.array([np.nan]), "begin with one that is whole"),
+        (["a"], "a measurement is 1 numbers"),
+    ],
+)
+def test_a_measurement_that_does_not_fit_is_refused(completion: Completion, first: np.ndarray, says: str) -> None:
+    with pytest.raises(MotiondeckError, match=says):
+        completion.follow(first)
+
+
+def test_later_measurements_of_another_size_are_refused(completion: Completion) -> None:
     with pytest.raises(MotiondeckError, match="1 values are needed"):
         completion.follow(np.zeros(1)).step(np.zeros(2))
     with pytest.raises(MotiondeckError, match="what is measured"):
