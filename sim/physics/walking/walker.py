@@ -12,6 +12,8 @@ of pressure p to the centre of mass:
 
     tau = W J_c,z - J_p^T f,      f = W ((c_p - p) omega^2 / g, 1)                                               (7)
 
+What turns the body over too quickly is played softer (`momentum`).
+
 All is planned on a plane where feet never slip: the robot is seen from the feet that stand, so that nothing needs to
 know where in the world it is.
 """
@@ -41,6 +43,7 @@ from sim.models.feet import Foot
 from sim.models.gravity import GRAVITY
 from sim.physics.walking.capture_point import follow, pendulum_rate, planned_capture_point, run_away
 from sim.physics.walking.gait import Gait
+from sim.physics.walking.momentum import Momentum
 from sim.physics.walking.preview import AHEAD, Preview, Travel
 from sim.physics.walking.senses import Estimate, ExactState, Sensors
 from sim.physics.walking.steps import highest, swing_path
@@ -168,6 +171,7 @@ class Walker:
         mujoco.mj_kinematics(model, plan)
         mujoco.mj_comPos(model, plan)
         self._omega = pendulum_rate(float(plan.subtree_com[self._root, 2]))
+        self._momentum = Momentum(model, self._dt, AHEAD, self._omega, 0.5 * self._length)
 
     def adjust(self, data: mujoco.MjData, goal: Array, heading: float) -> None:
         """Puts where the joints are to go into a goal (nq,) of the played motion, given the robot and the heading."""
@@ -183,13 +187,14 @@ class Walker:
         capture, tilt = self._measure(seen, soles, yaws)
         times, knots = gait.course(self._now)
         planned = planned_capture_point(times, knots, self._now, omega)
-        wanted, effect = planned[:2], float(planned[2])
+        wanted, effect = planned[:2] + _turning(self._astray) @ self._momentum.shift, float(planned[2])
         wanted = wanted + effect * gait.catch(self._now, capture - wanted, effect)
         gait.recover(self._now, capture - wanted, capture)
         off = float(np.hypot(*(capture - wanted))) / (LOST * self._height)
         self.falling, self.worst = off > 1.0, max(self.worst, off)
         self._centre = follow(self._centre, wanted, self._dt, omega)
         wanted_posture = self.preview.goal.copy()
+        self._momentum.soften(wanted_posture)
         high, before = self.preview.height - self._lower, self._high
         self._high = wanted_posture[2] = high
         rise = CLIMBS * self._height * self._dt + max(high - before, 0.0)
@@ -202,6 +207,7 @@ class Walker:
         self.travel.add(data.qpos[:2])
 
     def _look_ahead(self, goal: Array, heading: float) -> None:
+        self._momentum.add(goal)
         self._motion.qpos[:] = goal
         mujoco.mj_kinematics(self._model, self._motion)
         self.preview.add(goal, heading, *self._stance(self._motion))

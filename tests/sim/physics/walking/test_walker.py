@@ -12,6 +12,7 @@ from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library
 from sim.physics.physics_model import feet_of, physics_model
 from sim.physics.playback import PhysicsPlayback
+from sim.physics.walking.preview import AHEAD
 from sim.physics.walking.senses import Sensors
 from sim.physics.walking.walker import Walker
 from sim.robots.robot import load_robot
@@ -148,6 +149,24 @@ def test_a_tilted_trunk_does_not_turn_the_sole_that_lands():
         raised.append(np.ptp([seen.xpos[model.body(foot.body).id][2] for foot in feet]) > 0.01)
     assert sum(raised) > 30
     assert np.mean(np.array(off_level)[raised]) < 3.0
+
+
+def test_arms_that_would_throw_the_robot_over_swing_less():
+    robot = load_robot(ROBOTS / "servo20.toml", human())
+    model = physics_model(robot, "free")
+    walker, data, goal = Walker(robot, model, feet_of(robot), DT), mujoco.MjData(model), model.qpos0.copy()
+    arms = [model.joint(f"{side}_shoulder_pitch").qposadr[0] for side in "lr"]
+    robot.layout.place(robot.rest, goal)
+    data.qpos[:] = goal
+    walker.start(data)
+    lag, swung = round(AHEAD / DT), []
+    swings = 1.2 * np.sin(8.0 * np.pi * DT * np.arange(lag + 100))
+    for angle in swings:
+        goal[arms] = angle
+        played = goal.copy()
+        walker.adjust(data, played, 0.0)
+        swung.append(played[arms[0]])
+    assert np.abs(swung[lag + 50 :]).max() < 0.6 * np.abs(swings).max()
 
 
 def test_a_fall_is_seen_coming():

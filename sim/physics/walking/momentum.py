@@ -1,0 +1,119 @@
+"""Momentum: how much the played motion turns the body over, and what of it the body plays softer.
+
+A body of weight W on a centre of pressure p, whose angular momentum L about its centre of mass changes, falls like one
+that stands on p + s,
+
+    s = (L_y', -L_x') / W,        xi' = omega (xi - p - s)                                                      (10)
+
+So by (2) the planned capture point moves by
+
+    omega / W (mean of (L_y, -L_x) over the future, weighted by e^(-omega (t' - t)), less (L_y, -L_x) now)         (11)
+
+An s that is longer than the sole throws the body over, whatever is planned. Punches of a person do so, carried to the
+longer arms and the quick joints of a large robot. Where the mean of |s| around a time gets near half the length of the
+sole, the body plays the mean of the motion just before and after. It is not later for that: it knows what comes.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from controller.rotations import Array
+from sim.models.gravity import GRAVITY
+
+# Root mean square of |s| at which a motion begins to be softened, and is softened as far as it goes, in half soles.
+LIGHT, HEAVY = 0.5, 1.0
+# It is taken over so much before and after, and L' over so much, s.
+AROUND, RATE = 0.3, 0.05
+# A softened posture is the mean of the motion over so much before and after, s, weighted by a triangle.
+SOFT = 0.2
+# How far the planned capture point moves at most, in half soles.
+MOST = 0.4
+
+
+class Momentum:
+    """Follows a motion that is given ahead of the body that plays it.
+
+    Attributes:
+        softened: how far the posture now goes to the mean of the motion around it, 0 to 1.
+    """
+
+    softened: float = 0.0
+
+    def __init__(self, model: mujoco.MjModel, dt: float, ahead: float, omega: float, sole: float) -> None:
+        """Takes what will move; before the first tick it stood still.
+
+        Args:
+            model: with a free root.
+            dt: from tick to tick, s.
+            ahead: how long before the body the motion is given, s.
+            omega: of the capture point, 1/s.
+            sole: half its length, m.
+        """
+        self._model, self._dt, self._omega, self._sole = model, dt, omega, sole
+        self._root = int(model.jnt_bodyid[0])
+        self._weight = float(model.body_subtreemass[self._root]) * GRAVITY
+        self._data, self._before = mujoco.MjData(model), np.empty(0)
+        self._past, soft, future = round(AROUND / dt), round(SOFT / dt), round(ahead / dt) + 1
+        ticks = self._past + future
+        # Row `_past` of each is now, the last one is the newest.
+        self._velocity, self._spin, self._offset = np.zeros((ticks, model.nv)), np.zeros((ticks, 2)), np.zeros(ticks)
+        self._near = slice(0, 2 * self._past + 1)
+        self._near_weight = _triangle(self._past)
+        mean = np.zeros(ticks)
+        mean[self._past - soft : self._past + soft + 1] = _triangle(soft)
+        # From now to the mean, by the velocities on the way to each tick.
+        after = np.cumsum(mean[::-1])[::-1]
+        self._to_mean = np.where(np.arange(ticks) > self._past, after, after - 1.0)
+        self._to_mean[: self._past - soft + 1] = 0.0
+        now = np.zeros(ticks)
+        now[self._past] = 1.0
+        later = np.where(np.arange(ticks) >= self._past, np.exp(-omega * dt * (np.arange(ticks) - self._past)), 0.0)
+        softer = np.convolve(later, _triangle(soft), mode="same")
+        self._moves = later / later.sum() - now, softer / softer.sum() - mean
+
+    def add(self, goal: Array) -> None:
+        """Takes the next tick of the motion, a posture (nq,)."""
+        model, data, dt = self._model, self._data, self._dt
+        if not len(self._before):
+            self._before = goal.copy()
+        mujoco.mj_differentiatePos(model, data.qvel, dt, self._before, goal)
+        self._before[:] = data.qpos[:] = goal
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_comVel(model, data)
+        mujoco.mj_subtreeVel(model, data)
+        for rows in (self._velocity, self._spin, self._offset):
+            rows[:-1] = rows[1:]
+        x, y, _ = data.subtree_angmom[self._root]
+        self._velocity[-1], self._spin[-1] = data.qvel, (y, -x)
+        turned = self._spin[-1] - self._spin[-1 - round(RATE / dt)]
+        self._offset[-1] = float(turned @ turned) / (RATE * self._weight) ** 2
+        offset = float(np.sqrt(self._near_weight @ self._offset[self._near])) / self._sole
+        self.softened = min(max((offset - LIGHT) / (HEAVY - LIGHT), 0.0), 1.0)
+
+    def soften(self, posture: Array) -> None:
+        """Moves the posture (nq,) that the motion has now to the mean around it, as far as it has to be."""
+        if self.softened > 0.0:
+            way = self.softened * (self._to_mean @ self._velocity)
+            mujoco.mj_integratePos(self._model, posture, way, self._dt)
+
+    @property
+    def shift(self) -> Array:
+        """How far the planned capture point is moved, (2,), m: (11) of a motion that is softened, else nothing."""
+        share = self.softened
+        if share == 0.0:
+            return np.zeros(2)
+        as_played, softer = self._moves
+        shift = share * self._omega / self._weight * (((1.0 - share) * as_played + share * softer) @ self._spin)
+        return shift * min(1.0, MOST * self._sole / max(float(np.hypot(*shift)), 1e-9))
+
+
+def _triangle(half: int) -> Array:
+    """Weights of 2 half + 1 ticks that sum to 1, the most in the middle."""
+    weights = np.bartlett(2 * half + 3)[1:-1]
+    return weights / weights.sum()
