@@ -40,7 +40,7 @@ WEIGHT = {"leg": 2.5, "thigh": 2.0, "arm": 2.0, "upper_arm": 2.0, "forearm": 2.0
 WEIGHT |= {"foot_up": 2.5, "foot_ahead": 0.4}
 TIPTOE = 0.2
 # Of feet that stand: how far they are apart along the floor, how much higher one is, and, besides, where toes point.
-APART, HIGHER, TURNED = 10.0, 3.0, 3.0
+APART, HIGHER, TURNED = 5.0, 3.0, 3.0
 # The plane in which an arm bends, times the sine of the human's bend: a straight arm has none.
 WEIGHT |= {PLANE: 4.0}
 WEIGHT |= {"upper_arm_start": 2.0, "thigh_start": 2.0}
