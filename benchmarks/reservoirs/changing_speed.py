@@ -1,4 +1,4 @@
-"""Does the pose at a known phase depend on what the speed was before? Jogs that start from a stand, and clips.
+"""Does a pose at a known phase depend on the speed before? Jogs from a stand.
 
 Each of HDM05's jogs in a circle speeds up from standing to 2 m/s and then turns. Three times a third of them is held
 back, one or two of each person; the others are learned frame by frame from their phase (that of the ankles), speed and

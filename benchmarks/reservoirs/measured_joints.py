@@ -1,4 +1,4 @@
-"""The whole body from measured hands and head: a network with memory, one without, and clips.
+"""The body from measured hands and head: with memory, without, by clips.
 
 Three times a third of the recordings of a motion is held back, one or two of each person, and the others are learned;
 with --people all recordings of each person in turn are held back.
