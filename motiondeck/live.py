@@ -16,36 +16,34 @@ import msgspec
 
 from controller.cli.session.live_deck import Ended, Failed, LiveNews, Ready, with_right_types
 from controller.wire.command_socket import CommandClient, SocketError
-from controller.wire.command_table import checked
-from controller.wire.messages import (
-    Accepted,
+from controller.wire.messages.command_table import checked
+from controller.wire.messages.commands import (
     Blend,
     CommandError,
+    DeckCommand,
     EmergencyStop,
     GetStatus,
     GiveBeat,
     Home,
     Jump,
     LockPhase,
-    LockState,
-    Message,
     Pause,
     Push,
     Queue,
-    Refused,
     Reset,
     Resume,
     SetInput,
     SetTempo,
-    Settled,
     StepOn,
     Stop,
     Subscribe,
     Switch,
     Unlock,
 )
-from controller.wire.messages import Event as DeckEvent
-from controller.wire.messages import State as DeckStatus
+from controller.wire.messages.events import Event as DeckEvent
+from controller.wire.messages.lock_state import LockState
+from controller.wire.messages.replies import Accepted, Refused, Settled
+from controller.wire.messages.replies import State as DeckStatus
 from motiondeck_base.errors import MotiondeckError
 
 __all__ = ["CommandedMotion", "DeckEvent", "DeckStatus", "LiveDeck", "LockState"]
@@ -323,7 +321,7 @@ class LiveDeck:
             self._clients.own = CommandClient(self.command_port)
         return self._clients.own
 
-    def _commanded(self, motion: str, message: Message) -> CommandedMotion:
+    def _commanded(self, motion: str, message: DeckCommand) -> CommandedMotion:
         reply, client = self._request(message), self._client
         assert isinstance(reply, Accepted), "what is not refused is accepted"
 
@@ -337,7 +335,7 @@ class LiveDeck:
 
         return CommandedMotion(motion, reply.after, tuple(reply.via), wait)
 
-    def _request(self, message: Message) -> Accepted | DeckStatus:
+    def _request(self, message: DeckCommand) -> Accepted | DeckStatus:
         """Sends a command and takes its answer.
 
         Raises:

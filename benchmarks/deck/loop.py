@@ -50,7 +50,7 @@ from controller.loop.clock import Clock, Ticker  # noqa: E402
 from controller.loop.gc_and_blas import undisturbed  # noqa: E402
 from controller.loop.histogram import DurationHistogram  # noqa: E402
 from controller.loop.permissions import handed_back, request_core, request_realtime  # noqa: E402
-from controller.wire.messages import Switch  # noqa: E402
+from controller.wire.messages.commands import Switch  # noqa: E402
 from motiondeck_base.shipped import find_library, find_rig, find_robot  # noqa: E402
 
 BESIDE = ("none", "view", "hog")

@@ -36,7 +36,8 @@ from controller.deck.interfaces import JointLimits
 from controller.library.motion_library import load_library
 from controller.rotations import Array
 from controller.wire.command_socket import CommandClient
-from controller.wire.messages import GetStatus, GiveBeat, Jump, LockPhase, Message, State, Stop, Switch, Unlock
+from controller.wire.messages.commands import DeckCommand, GetStatus, GiveBeat, Jump, LockPhase, Stop, Switch, Unlock
+from controller.wire.messages.replies import State
 from controller.wire.run_recording import RunRecording, load_recording
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_library, find_robot
@@ -102,9 +103,9 @@ def own_kb(process: int) -> float | None:
     return None
 
 
-def any_command(rng: np.random.Generator, motions: tuple[str, ...]) -> Message:
+def any_command(rng: np.random.Generator, motions: tuple[str, ...]) -> DeckCommand:
     """A command of any kind; a third of them are those that only decks with a phase know."""
-    kinds: tuple[Message, ...] = (
+    kinds: tuple[DeckCommand, ...] = (
         Jump(phase=float(rng.uniform())),
         GiveBeat(ago=float(rng.uniform(0.0, 0.1))),
         LockPhase("beat", phase=float(rng.uniform()), steps=int(rng.integers(1, 4))),

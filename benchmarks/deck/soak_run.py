@@ -31,12 +31,12 @@ from controller.mocap.posture import Pose
 from controller.rotations import Array
 from controller.wire.command_socket import CommandServer
 from controller.wire.local_transport import command_folder
-from controller.wire.messages import (
+from controller.wire.messages.commands import (
     Blend,
+    DeckCommand,
     EmergencyStop,
     GetStatus,
     Home,
-    Message,
     Pause,
     Queue,
     Reset,
@@ -44,8 +44,8 @@ from controller.wire.messages import (
     SetTempo,
     Switch,
     encode,
-    read_reply,
 )
+from controller.wire.messages.replies import read_reply
 
 COMMAND_EVERY_S = 0.5
 FAULT_SHARE = 0.01
@@ -243,23 +243,23 @@ def soak(
     )
 
 
-_NONSENSE = (b" ", b"nonsense", b"[" * 2000, b"x" * 3000, b'{"type":"switch","to":"nothing"}', encode(GetStatus(7)))
+_NONSENSE = (b" ", b"nonsense", b"[" * 2000, b"x" * 3000, b'{"type":"switch","to":"nothing"}', encode(GetStatus(id=7)))
 
 
-def random_command(rng: np.random.Generator, motions: tuple[str, ...], number: int) -> Message:
+def random_command(rng: np.random.Generator, motions: tuple[str, ...], number: int) -> DeckCommand:
     """Some command; after an emergency stop the next ones release it soon."""
     motion = str(rng.choice(motions))
-    kinds: list[Message] = [
-        *[Switch(motion, number)] * 5,
-        Switch(motion, number, direct=True),
-        *[Queue(motion, number)] * 2,
-        *[Blend(motion, str(rng.choice(motions)), float(rng.uniform()), number)] * 2,
-        SetTempo(float(rng.uniform(0.1, 3.0)), number),
-        Pause(number),
-        *[Resume(number)] * 3,
-        Home(number),
-        EmergencyStop(number),
-        *[Reset(number)] * 3,
+    kinds: list[DeckCommand] = [
+        *[Switch(motion, id=number)] * 5,
+        Switch(motion, id=number, direct=True),
+        *[Queue(motion, id=number)] * 2,
+        *[Blend(motion, str(rng.choice(motions)), float(rng.uniform()), id=number)] * 2,
+        SetTempo(float(rng.uniform(0.1, 3.0)), id=number),
+        Pause(id=number),
+        *[Resume(id=number)] * 3,
+        Home(id=number),
+        EmergencyStop(id=number),
+        *[Reset(id=number)] * 3,
     ]
     return kinds[int(rng.integers(len(kinds)))]
 

@@ -14,7 +14,7 @@ import typer
 
 from controller.cli.common.options import PAGE_PORT, CameraOption, FpsOption, RootOption, SizeOption, SolverOption
 from controller.wire.command_socket import DEFAULT_PORT
-from controller.wire.messages import Switch
+from controller.wire.messages.commands import Switch
 
 if TYPE_CHECKING:
     from controller.cli.session.script import Timed

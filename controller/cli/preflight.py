@@ -67,7 +67,7 @@ def preflight(
     from controller.cli.preflight_run import PreflightRun, loaded
     from controller.cli.preflight_words import print_motion, print_summary, print_switch
     from controller.jobs import Jobs
-    from controller.wire.command_table import TEMPO
+    from controller.wire.messages.arguments import TEMPO
     from motiondeck_base.errors import MotiondeckError
     from sim.physics.physics_model import check_root
     from sim.physics.played_motions import count_switches, switches_by_way_of

@@ -22,8 +22,9 @@ from controller.library.motion_library import MotionLibrary
 from controller.mocap.posture import Pose, Posture
 from controller.networks.base import Activation
 from controller.rotations import Array
-from controller.wire.command_table import MOST_BLENDED, PHASE, TEMPO, blend_weights
-from controller.wire.messages import Event, EventKind, described
+from controller.wire.messages.arguments import PHASE, TEMPO
+from controller.wire.messages.blends import MOST_BLENDED, blend_weights, described
+from controller.wire.messages.events import Event, EventKind
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 __all__ = ["MOST_QUEUED", "REMEMBERED_SWITCHES", "CommandedSwitch", "Deck"]

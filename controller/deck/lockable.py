@@ -12,8 +12,8 @@ from controller.deck.locks.other_deck import Leader, OtherDeck
 from controller.deck.locks.phase_lock import PhaseLock
 from controller.deck.tempo import TEMPO_RATE, Paced
 from controller.rotations import Array
-from controller.wire.command_table import AGO, LOCK_PHASE, STEPS
-from controller.wire.messages import LockSource, LockState
+from controller.wire.messages.arguments import AGO, LOCK_PHASE, STEPS
+from controller.wire.messages.lock_state import LockSource, LockState
 from motiondeck_base.errors import MotiondeckError
 
 

@@ -30,7 +30,7 @@ from controller.networks.base import Activation
 from controller.networks.centralized.centralized_frames import CentralizedNetwork
 from controller.networks.reservoirs.morph import ReservoirNetwork
 from controller.rotations import Array
-from controller.wire.command_table import MOST_BLENDED
+from controller.wire.messages.blends import MOST_BLENDED
 
 # A difference in joint velocity counts as much as the distance it covers in this time (8 frames at 120 Hz), s.
 VELOCITY_REACH = 8.0 / 120.0

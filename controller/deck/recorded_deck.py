@@ -12,7 +12,8 @@ from controller.deck.switch import CommandedSwitch
 from controller.deck.tempo import Paced
 from controller.mocap.posture import Pose
 from controller.rotations import Array, normalise
-from controller.wire.messages import Event, LockSource
+from controller.wire.messages.events import Event
+from controller.wire.messages.lock_state import LockSource
 from controller.wire.run_recording import RunRecording
 from motiondeck_base.errors import MotiondeckError
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from controller.wire.messages import described
+from controller.wire.messages.blends import described
 
 
 @dataclass(slots=True)

@@ -16,7 +16,7 @@ from controller.fleet.membership import CONDUCTOR
 from controller.fleet.messages import About, CommonRound, DeckHealth, EmergencyStopAll, Time, TimedCue, encode, read
 from controller.fleet.show_file import ALL, Condition, Show, ShowCue, motions_of, show_command, wrong_motions
 from controller.fleet.standing import Standing
-from controller.wire.messages import CommandError, Message
+from controller.wire.messages.commands import CommandError, DeckCommand
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 GRID = 0.02
@@ -295,7 +295,13 @@ class Conductor:
         return None
 
     def _send(
-        self, name: str, at: float, to: list[str], decks: list[str], say: list[Message], step: CommonRound | None = None
+        self,
+        name: str,
+        at: float,
+        to: list[str],
+        decks: list[str],
+        say: list[DeckCommand],
+        step: CommonRound | None = None,
     ) -> None:
         self._number += 1
         cue = TimedCue(self._run, self._number, name, at, decks, say, step)

@@ -32,27 +32,25 @@ from controller.fleet.messages import (
     read,
 )
 from controller.wire.command_socket import CommandClient, CommandServer
-from controller.wire.messages import (
+from controller.wire.messages.commands import (
     AlignTicks,
     AtTime,
     Blend,
     EmergencyStop,
-    Event,
     GetPhase,
     GetStatus,
     Heartbeat,
     LockPhase,
     Pause,
-    PhaseNow,
     Queue,
-    Refused,
     Resume,
     SetTempo,
-    State,
     Subscribe,
     Switch,
     Unlock,
 )
+from controller.wire.messages.events import Event
+from controller.wire.messages.replies import PhaseNow, Refused, State
 
 ASKS_EVERY = 0.25
 """So often, on average, the conductor is asked for its time and the deck for its state, s; at first more often."""

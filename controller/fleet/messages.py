@@ -14,14 +14,14 @@ from typing import Literal, TypeVar
 
 import msgspec
 
-from controller.wire.command_table import checked
-from controller.wire.messages import (
+from controller.wire.messages.command_table import checked
+from controller.wire.messages.commands import (
+    AnyCommand,
     Blend,
     CommandError,
+    DeckCommand,
     Home,
     Jump,
-    Message,
-    Mode,
     Pause,
     Push,
     Queue,
@@ -32,6 +32,7 @@ from controller.wire.messages import (
     Switch,
     Unlock,
 )
+from controller.wire.messages.replies import Mode
 
 CUE_COMMANDS = (Switch, Queue, Blend, SetTempo, SetInput, Jump, Unlock, Pause, Resume, Home, Push, Stop)
 """What a show may command: nothing that releases an emergency stop, switches torque or loads files."""
@@ -109,7 +110,7 @@ class TimedCue(msgspec.Struct, frozen=True):
     name: str
     at: float
     decks: list[str]
-    say: list[Message]
+    say: list[AnyCommand]
     step: CommonRound | None = None
 
 
@@ -170,7 +171,7 @@ def read(data: bytes, kind: type[T]) -> T | None:
         return None
 
 
-def is_allowed(command: Message) -> bool:
+def is_allowed(command: DeckCommand) -> bool:
     """Whether a show may give a command, and its arguments are in their ranges."""
     try:
         checked(command)

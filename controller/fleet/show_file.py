@@ -28,8 +28,8 @@ import msgspec
 
 from controller.fleet.membership import check_name
 from controller.fleet.messages import CUE_COMMANDS, Lost
-from controller.wire.command_table import command_of, parse_command
-from controller.wire.messages import Blend, CommandError, Message, Queue, Switch
+from controller.wire.messages.command_table import parse_command, row_of
+from controller.wire.messages.commands import Blend, CommandError, DeckCommand, Queue, Switch
 from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
 from motiondeck_base.toml_file import read_toml
 
@@ -71,7 +71,7 @@ class ShowCue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return [self.to] if isinstance(self.to, str) else self.to
 
     @property
-    def commands(self) -> list[Message]:
+    def commands(self) -> list[DeckCommand]:
         """What is said.
 
         Raises:
@@ -109,7 +109,7 @@ class Show(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return list(dict.fromkeys(found))
 
 
-def show_command(line: str) -> Message:
+def show_command(line: str) -> DeckCommand:
     """The command in a line of a show.
 
     Raises:
@@ -118,7 +118,7 @@ def show_command(line: str) -> Message:
     message = parse_command(line.split())
     if not isinstance(message, CUE_COMMANDS):
         words = ", ".join(sorted(str(kind.__struct_config__.tag) for kind in CUE_COMMANDS))
-        raise CommandError(f"'{command_of(message).word}' is not for a show, which may say: {words}")
+        raise CommandError(f"'{row_of(message).word}' is not for a show, which may say: {words}")
     return message
 
 
@@ -150,7 +150,7 @@ def wrong_motions(show: Show, decks: Mapping[str, Mapping[str, float]]) -> Itera
                     yield f"{_place(number, cue)}: {name}: {UnknownNameError.among('motion', motion, motions)}"
 
 
-def motions_of(commands: list[Message]) -> Iterator[str]:
+def motions_of(commands: list[DeckCommand]) -> Iterator[str]:
     """The motions that commands name."""
     for command in commands:
         match command:

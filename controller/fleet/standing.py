@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from controller.fleet.messages import CommonRound, TimedCue
-from controller.wire.messages import Blend, Home, Jump, Message, Pause, Push, Resume, Stop, Switch
+from controller.wire.messages.commands import Blend, DeckCommand, Home, Jump, Pause, Push, Resume, Stop, Switch
 
 
 class Standing:
@@ -16,7 +16,7 @@ class Standing:
 
     def __init__(self) -> None:
         self.number, self.at = 0, 0.0
-        self._commands: list[Message] = []
+        self._commands: list[DeckCommand] = []
         self._step: CommonRound | None = None
 
     def take(self, cue: TimedCue) -> None:

@@ -16,32 +16,24 @@ import msgspec
 from controller.loop.commandable import Commandable, Progress
 from controller.loop.stop_requests import EmergencyStopError, StopRequest
 from controller.wire.command_socket import Address, CommandServer
-from controller.wire.command_table import command_of
-from controller.wire.messages import (
-    Accepted,
+from controller.wire.messages.command_table import row_of
+from controller.wire.messages.commands import (
     AlignTicks,
     AtTime,
     Blend,
+    DeckCommand,
     EmergencyStop,
-    Event,
-    EventKind,
     GetPhase,
     GetStatus,
     GiveBeat,
     Heartbeat,
     Home,
     Jump,
-    Last,
     LoadLibrary,
     LockPhase,
-    Message,
-    Mode,
-    PhaseNow,
     Push,
     Queue,
     ReadRegisters,
-    Refused,
-    Reply,
     Reset,
     RestartServo,
     Resume,
@@ -49,9 +41,7 @@ from controller.wire.messages import (
     ServoTorque,
     SetInput,
     SetTempo,
-    Settled,
     Side,
-    State,
     StepOn,
     Stop,
     Subscribe,
@@ -59,13 +49,15 @@ from controller.wire.messages import (
     Unlock,
     WriteRegister,
 )
+from controller.wire.messages.events import Event, EventKind
+from controller.wire.messages.replies import Accepted, Mode, PhaseNow, Refused, Reply, SecondReply, Settled, State
 from motiondeck_base.errors import MotiondeckError
 
 
 class Look(Protocol):
     """A look at servos that is under way."""
 
-    def answer(self) -> Last | None:
+    def answer(self) -> SecondReply | None:
         """What came of it, or None as long as nothing has."""
         ...
 
@@ -167,7 +159,7 @@ class CommandDesk:
         self,
         deck: Commandable,
         servers: Sequence[CommandServer],
-        note: Callable[[Message, Reply], None] | None = None,
+        note: Callable[[DeckCommand, Reply], None] | None = None,
         seen: Callable[[], tuple[str, float] | None] | None = None,
         now: Callable[[], float] = time.monotonic,
         servos: RigServos | None = None,
@@ -226,7 +218,9 @@ class CommandDesk:
         """Tells all subscribers that something has happened."""
         self._send(Event(kind, text, motion, self._deck.time))
 
-    def carry_out(self, message: Message, stop: StopRequest, *, remote: bool = False) -> tuple[Reply, Progress | None]:
+    def carry_out(
+        self, message: DeckCommand, stop: StopRequest, *, remote: bool = False
+    ) -> tuple[Reply, Progress | None]:
         """Carries out one command; its reply, and for a switch its progress."""
         self._look = None
         reply, progress = self._do(message, stop, remote)
@@ -279,7 +273,7 @@ class CommandDesk:
             else:
                 server.reply(sender, msgspec.structs.replace(answer, id=number))
 
-    def _listen(self, message: Message, server: CommandServer, sender: Address) -> None:
+    def _listen(self, message: DeckCommand, server: CommandServer, sender: Address) -> None:
         """Notes that a client was heard from, and what it wants to be told or not to be missed for."""
         listener = self._listeners.get(sender)
         if listener is None:
@@ -337,11 +331,11 @@ class CommandDesk:
                 f"reset {self._code:.0f}"
             )
 
-    def _do(self, message: Message, stop: StopRequest, remote: bool) -> tuple[Reply, Progress | None]:
+    def _do(self, message: DeckCommand, stop: StopRequest, remote: bool) -> tuple[Reply, Progress | None]:
         deck = self._deck
         progress: Progress | None = None
         try:
-            if stop.mode not in command_of(message).modes:
+            if stop.mode not in row_of(message).modes:
                 stop.check_released()
             match message:
                 case GetStatus():
@@ -428,7 +422,7 @@ class CommandDesk:
             raise MotiondeckError("no servos are driven here; play with --rig")
         return self._servos
 
-    def _play(self, message: Message, stop: StopRequest) -> Progress | None:
+    def _play(self, message: DeckCommand, stop: StopRequest) -> Progress | None:
         """Carries out a command of the deck alone; a command for a motion also lets the joints follow it again."""
         deck = self._deck
         match message:
@@ -459,7 +453,7 @@ class CommandDesk:
             deck.resume()
         return progress
 
-    def _state(self, message: Message, stop: StopRequest) -> State:
+    def _state(self, message: DeckCommand, stop: StopRequest) -> State:
         deck = self._deck
         return State(
             motion=deck.motion,

@@ -6,7 +6,8 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Protocol
 
-from controller.wire.messages import Event, LockSource, LockState
+from controller.wire.messages.events import Event
+from controller.wire.messages.lock_state import LockSource, LockState
 
 
 class Progress(Protocol):

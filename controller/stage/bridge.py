@@ -13,9 +13,11 @@ import msgspec
 from controller.stage.osc import OscOutput
 from controller.stage.signals import Input, Signal, Tell
 from controller.wire.command_socket import CommandClient
-from controller.wire.command_table import AGO
 from controller.wire.local_transport import PeerGoneError, SocketError
-from controller.wire.messages import EmergencyStop, Event, GetStatus, GiveBeat, Message, Reply, State, Subscribe
+from controller.wire.messages.arguments import AGO
+from controller.wire.messages.commands import DeckCommand, EmergencyStop, GetStatus, GiveBeat, Subscribe
+from controller.wire.messages.events import Event
+from controller.wire.messages.replies import Reply, State
 
 STATE_EVERY = 0.1
 """So often the deck is asked for its state, s."""
@@ -25,7 +27,7 @@ _LOOK = 0.01  # s between looks at what the deck says
 _MOST_WAITING = 256  # signals that are due later
 _MOST_AT_ONCE = 32  # signals given before replies are read; a deck takes bursts of 40
 
-Answered = Callable[[str, Message, Reply], None]
+Answered = Callable[[str, DeckCommand, Reply], None]
 """Is told what a command came from, the command, and a reply to it."""
 
 
@@ -111,7 +113,7 @@ class Bridge:
         if len(self._asked) > _MOST_WAITING:
             del self._asked[next(iter(self._asked))]  # its reply was lost
 
-    def _post(self, message: Message) -> int | None:
+    def _post(self, message: DeckCommand) -> int | None:
         """Sends a message; None, and what waits is left out, where the deck is held up.
 
         Raises:

@@ -6,8 +6,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from controller.wire.command_table import BY_WORD, parse_command
-from controller.wire.messages import Blend, CommandError, Message, Queue, Switch
+from controller.wire.messages.command_table import BY_WORD, parse_command
+from controller.wire.messages.commands import Blend, CommandError, DeckCommand, Queue, Switch
 
 _PLACE = re.compile(r"\$([1-9])")
 
@@ -56,7 +56,7 @@ class CommandPattern:
             case _:
                 return []
 
-    def command(self, arguments: Sequence[object] = ()) -> Message | None:
+    def command(self, arguments: Sequence[object] = ()) -> DeckCommand | None:
         """The command that a signal with these arguments gives.
 
         A complete command is given by a button that is pressed; the only argument 0 or false says that it was released.

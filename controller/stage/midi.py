@@ -11,7 +11,7 @@ from controller.stage.midi_port import MidiPort
 from controller.stage.signals import Signal
 from controller.stage.stage_file import MidiMap
 from controller.stage.timecode import TimecodeReader
-from controller.wire.messages import GiveBeat
+from controller.wire.messages.commands import GiveBeat
 
 _FULL_FRAME = (0x7F, 0x01, 0x01)  # universal real time, timecode, full message; the second byte is a device
 

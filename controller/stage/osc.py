@@ -16,7 +16,9 @@ from typing import TYPE_CHECKING
 
 from controller.stage.command_pattern import CommandPattern
 from controller.stage.signals import Signal, Tell
-from controller.wire.messages import CommandError, Event, State
+from controller.wire.messages.commands import CommandError
+from controller.wire.messages.events import Event
+from controller.wire.messages.replies import State
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.socket_owners import owners_of_datagrams
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
-from controller.wire.messages import Message
+from controller.wire.messages.commands import DeckCommand
 
 Tell = Callable[[str], None]
 """Says something to the person who runs the program."""
@@ -24,7 +24,7 @@ class Signal:
 
     due: float
     source: str
-    command: Message
+    command: DeckCommand
 
 
 class Input(Protocol):

@@ -11,7 +11,7 @@ import msgspec
 
 from controller.stage.command_pattern import CommandPattern
 from controller.stage.timecode import Timecode
-from controller.wire.messages import CommandError
+from controller.wire.messages.commands import CommandError
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.toml_file import read_toml
 

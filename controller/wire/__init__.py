@@ -1,1 +1,1 @@
-"""What passes between processes: typed messages, the command socket, telemetry, recordings of runs."""
+"""What passes between processes: messages, the command socket, telemetry, recordings of runs."""

@@ -15,20 +15,10 @@ from dataclasses import dataclass
 
 import msgspec
 
-from controller.wire.command_table import read_message
 from controller.wire.local_transport import DEFAULT_PORT, LocalConnection, LocalListener, PeerGoneError, SocketError
-from controller.wire.messages import (
-    MOST_BYTES,
-    CommandError,
-    EmergencyStop,
-    Last,
-    Message,
-    Number,
-    Refused,
-    Reply,
-    encode,
-    read_reply,
-)
+from controller.wire.messages.command_table import read_command
+from controller.wire.messages.commands import MOST_BYTES, CommandError, DeckCommand, EmergencyStop, Natural, encode
+from controller.wire.messages.replies import Refused, Reply, SecondReply, read_reply
 from controller.wire.network_transport import NetworkConnection, NetworkListener
 
 __all__ = ["DEFAULT_PORT", "Address", "CommandClient", "CommandServer", "SocketError", "Traffic"]
@@ -88,7 +78,7 @@ class CommandServer:
             return counts
         return Traffic(counts.commands, counts.malformed + listener.unsigned, counts.flooded, listener.replayed)
 
-    def poll(self, limit: int = 64) -> Iterator[tuple[Message, Address]]:
+    def poll(self, limit: int = 64) -> Iterator[tuple[DeckCommand, Address]]:
         """The commands among the next `limit` datagrams, each with its sender; an emergency stop comes first.
 
         Of one sender a few are taken at a time, and some more stand in line for the next polls.
@@ -120,10 +110,10 @@ class CommandServer:
         self._traffic.flooded += 1
         self._refuse(data, sender, "too many commands at once")
 
-    def _read(self, data: bytes, sender: Address) -> Message | None:
+    def _read(self, data: bytes, sender: Address) -> DeckCommand | None:
         """The command in a datagram; None if it has none, which the sender is told."""
         try:
-            message = read_message(data)
+            message = read_command(data)
         except CommandError as error:
             self._traffic.malformed += 1
             self._refuse(data, sender, str(error))
@@ -185,9 +175,9 @@ class CommandClient:
             LocalConnection(port, patience) if host is None or token is None else NetworkConnection(port, host, token)
         )
         self._numbers = itertools.count(1)
-        self._settled: dict[int, Last] = {}
+        self._settled: dict[int, SecondReply] = {}
 
-    def post(self, message: Message) -> int:
+    def post(self, message: DeckCommand) -> int:
         """Sends a command without waiting for a reply; returns the number that its replies will carry.
 
         Raises:
@@ -197,7 +187,7 @@ class CommandClient:
         self._connection.send(encode(msgspec.structs.replace(message, id=number)))
         return number
 
-    def request(self, message: Message, timeout_s: float = 1.0) -> Reply:
+    def request(self, message: DeckCommand, timeout_s: float = 1.0) -> Reply:
         """Sends a command and waits for its first reply.
 
         Raises:
@@ -211,7 +201,7 @@ class CommandClient:
             self._remember(reply)
         raise PeerGoneError("the deck does not reply: it has ended, or is held up")
 
-    def wait_settled(self, number: int, timeout_s: float = 10.0) -> Last | None:
+    def wait_settled(self, number: int, timeout_s: float = 10.0) -> SecondReply | None:
         """Waits for the second reply to the command with this number; None if there is none in time.
 
         Raises:
@@ -227,7 +217,7 @@ class CommandClient:
 
     def _remember(self, reply: Reply) -> None:
         """Keeps a second reply until `wait_settled` asks; of many that nobody asks for, the latest."""
-        if isinstance(reply, Last):
+        if isinstance(reply, SecondReply):
             self._settled[reply.id] = reply
             if len(self._settled) > _REMEMBERED:
                 del self._settled[next(iter(self._settled))]
@@ -255,7 +245,7 @@ class CommandClient:
 
 
 class _Numbered(msgspec.Struct):
-    id: Number = 0
+    id: Natural = 0
 
 
 _numbered = msgspec.json.Decoder(_Numbered)
@@ -264,7 +254,7 @@ _numbered = msgspec.json.Decoder(_Numbered)
 def _is_stop(data: bytes) -> bool:
     """Whether a datagram is an emergency stop."""
     try:
-        return b'"estop"' in data and isinstance(read_message(data), EmergencyStop)
+        return b'"estop"' in data and isinstance(read_command(data), EmergencyStop)
     except CommandError:
         return False
 

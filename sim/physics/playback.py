@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from controller.mocap.posture import Pose
 from controller.rotations import Array, conjugate, rotate
-from controller.wire.messages import Side
+from controller.wire.messages.commands import Side
 from motiondeck_base.errors import MotiondeckError
 from sim.models.surface import LowestPoint
 from sim.physics.balance import Balance

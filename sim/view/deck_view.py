@@ -15,7 +15,7 @@ import viser
 
 from controller.rotations import Array
 from controller.wire.command_socket import CommandClient
-from controller.wire.messages import Event
+from controller.wire.messages.events import Event
 from motiondeck_base.errors import FileFormatError
 from sim.models.formats.urdf_visuals import with_visuals
 from sim.view.body.body_push import BodyPush

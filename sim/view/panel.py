@@ -13,20 +13,16 @@ import viser
 
 from controller.rotations import Array
 from controller.wire.command_socket import CommandClient
-from controller.wire.command_table import BY_WORD, TEMPO
-from controller.wire.messages import (
-    LOCK_SOURCES,
-    LOCK_STAGES,
+from controller.wire.messages.arguments import TEMPO
+from controller.wire.messages.command_table import BY_WORD
+from controller.wire.messages.commands import (
     SIDES,
+    DeckCommand,
     EmergencyStop,
-    Event,
     GiveBeat,
     Home,
-    LockState,
-    Message,
     Pause,
     Push,
-    Refused,
     Reset,
     Resume,
     SetTempo,
@@ -36,6 +32,9 @@ from controller.wire.messages import (
     Switch,
     Unlock,
 )
+from controller.wire.messages.events import Event
+from controller.wire.messages.lock_state import LOCK_SOURCES, LOCK_STAGES, LockState
+from controller.wire.messages.replies import Refused
 from motiondeck_base.errors import MotiondeckError
 from sim.view.ghost import WAYS
 from sim.view.motions.motion_controls import MotionControls
@@ -289,7 +288,7 @@ class Panel:
         title: str,
         text: str,
         yes: str,
-        then: Message | Callable[[], None],
+        then: DeckCommand | Callable[[], None],
         *,
         no: str = "Cancel",
     ) -> None:
@@ -328,7 +327,7 @@ class Panel:
             self._moved = time.monotonic()
             self.send(SetTempo(factor=float(self._tempo.value)))
 
-    def send(self, message: Message) -> None:
+    def send(self, message: DeckCommand) -> None:
         """Sends a command and shows a refusal on the page; page callbacks come from many threads, the socket is one."""
         try:
             with self._lock:

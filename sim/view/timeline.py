@@ -11,7 +11,7 @@ from typing import Any
 import viser
 
 from controller.rotations import Array
-from controller.wire.messages import Event
+from controller.wire.messages.events import Event
 from sim.view.web.parts import PageParts
 
 SECONDS = 180.0

@@ -20,7 +20,8 @@ os.environ.setdefault("MUJOCO_GL", "disable")
 import numpy as np
 
 from controller.wire.command_socket import CommandClient
-from controller.wire.messages import Event, Subscribe
+from controller.wire.messages.commands import Subscribe
+from controller.wire.messages.events import Event
 from controller.wire.run_folder import REASON_FILE
 from controller.wire.telemetry import StateReader, named
 from motiondeck_base.errors import MotiondeckError

@@ -192,8 +192,8 @@ def sheet(
       motiondeck library sheet thesis15 --blend "walk jog 0.5" --blend "walk waltz 0.5" --out blends.png
     """
     from controller.cli.pictures.library_pictures import draw_sheet
-    from controller.wire.command_table import parse_command
-    from controller.wire.messages import Blend
+    from controller.wire.messages.command_table import parse_command
+    from controller.wire.messages.commands import Blend
 
     parsed = (parse_command(["blend", *text.split()]) for text in blends or ())
     draw_sheet(library, robot, out, [blend for blend in parsed if isinstance(blend, Blend)])

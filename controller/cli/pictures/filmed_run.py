@@ -10,7 +10,7 @@ from controller.cli.pictures.library_pictures import FilmLook, Staging, film
 from controller.cli.session.script import Timed
 from controller.deck.deck import Deck
 from controller.library.motion_library import MotionLibrary
-from controller.wire.messages import Blend, Jump, Pause, Queue, Resume, SetTempo, Switch
+from controller.wire.messages.commands import Blend, Jump, Pause, Queue, Resume, SetTempo, Switch
 from motiondeck_base.errors import MotiondeckError
 
 SHORTEST, AFTER_LAST = 6.0, 4.0  # s: a film without a given length, and what it shows after the last command

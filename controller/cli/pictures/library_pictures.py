@@ -18,7 +18,8 @@ from controller.library.motion_library import MotionLibrary, load_library
 from controller.loop.command_desk import CommandDesk
 from controller.loop.stop_requests import StopRequest
 from controller.rotations import Array
-from controller.wire.messages import Blend, Refused
+from controller.wire.messages.commands import Blend
+from controller.wire.messages.replies import Refused
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from motiondeck_base.shipped import find_library, find_robot
 

@@ -11,22 +11,22 @@ import typer
 
 from controller.cli.remote.gamepad_device import Button, EventDevice, Stick, events, open_gamepad
 from controller.wire.command_socket import DEFAULT_PORT, CommandClient
-from controller.wire.command_table import TEMPO, command_of
-from controller.wire.messages import (
+from controller.wire.messages.arguments import TEMPO
+from controller.wire.messages.command_table import row_of
+from controller.wire.messages.commands import (
+    DeckCommand,
     EmergencyStop,
     GetStatus,
     GiveBeat,
     Home,
-    Message,
     Pause,
-    Refused,
     Reset,
     Resume,
     SetTempo,
-    State,
     Stop,
     Switch,
 )
+from controller.wire.messages.replies import Refused, State
 from motiondeck_base.errors import MotiondeckError
 
 SLOWEST = 0.1
@@ -51,7 +51,7 @@ class Pad:
         self._paused = False
         self._tempo = 1.0
 
-    def command(self, event: Button | Stick) -> Message | None:
+    def command(self, event: Button | Stick) -> DeckCommand | None:
         """The command of an event, or None where it has none."""
         match event:
             case Stick(y):
@@ -75,12 +75,12 @@ class Pad:
             case Button.START:
                 return Stop()
 
-    def _switch(self, step: int) -> Message:
+    def _switch(self, step: int) -> DeckCommand:
         self._place = (self._place + step) % len(self._motions)
         self._paused = False
         return Switch(self._motions[self._place])
 
-    def _set_tempo(self, tempo: float) -> Message | None:
+    def _set_tempo(self, tempo: float) -> DeckCommand | None:
         if abs(tempo - self._tempo) < 0.5 * STEP:
             return None
         self._tempo = tempo
@@ -131,9 +131,9 @@ def _print_lock(client: CommandClient) -> None:
         print(state.lock, flush=True)
 
 
-def _typed(message: Message) -> str:
+def _typed(message: DeckCommand) -> str:
     """A command as a person would type it."""
-    word = command_of(message).word
+    word = row_of(message).word
     return f"{word} {message.to}" if isinstance(message, Switch) else word
 
 

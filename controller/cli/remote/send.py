@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from controller.wire.command_socket import DEFAULT_PORT
-from controller.wire.command_table import COMMANDS
+from controller.wire.messages.command_table import COMMANDS
 
 if TYPE_CHECKING:
     from controller.wire.command_socket import CommandClient
@@ -58,18 +58,9 @@ def send(
     import msgspec
 
     from controller.cli.session.terminal import describe, help_on
-    from controller.wire.command_table import parse_command
-    from controller.wire.messages import (
-        Accepted,
-        Blend,
-        Queue,
-        ReadRegisters,
-        Refused,
-        ScanPorts,
-        Settled,
-        Switch,
-        WriteRegister,
-    )
+    from controller.wire.messages.command_table import parse_command
+    from controller.wire.messages.commands import Blend, Queue, ReadRegisters, ScanPorts, Switch, WriteRegister
+    from controller.wire.messages.replies import Accepted, Refused, Settled
     from motiondeck_base.errors import MotiondeckError
 
     if words[0] == "help":
@@ -128,8 +119,10 @@ def events(
     import msgspec
 
     from controller.cli.session.terminal import describe
-    from controller.wire.command_table import checked
-    from controller.wire.messages import Event, Heartbeat, Refused, Subscribe
+    from controller.wire.messages.command_table import checked
+    from controller.wire.messages.commands import Heartbeat, Subscribe
+    from controller.wire.messages.events import Event
+    from controller.wire.messages.replies import Refused
     from motiondeck_base.errors import MotiondeckError
 
     every = min(_AGAIN, heartbeat / 4.0) if heartbeat else _AGAIN

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from controller.stage.signals import Input
     from controller.stage.stage_file import StageMap
     from controller.wire.command_socket import CommandClient
-    from controller.wire.messages import Message, Reply
+    from controller.wire.messages.commands import DeckCommand
+    from controller.wire.messages.replies import Reply
 
 _STARTING = 5.0  # s that a deck may take from opening its socket to its first tick
 
@@ -57,7 +58,7 @@ def stage(
     from controller.stage.midi_port import MidiGoneError
     from controller.stage.osc import OscOutput
     from controller.stage.stage_file import read_stage
-    from controller.wire.messages import Pause
+    from controller.wire.messages.commands import Pause
     from motiondeck_base.errors import MotiondeckError
     from motiondeck_base.shipped import find_stage
 
@@ -89,7 +90,8 @@ def stage(
 def _check_motions(mapped: StageMap, path: Path, client: CommandClient) -> None:
     """Raises a FileFormatError where commands name motions that the deck does not have."""
     from controller.cli.session.terminal import describe
-    from controller.wire.messages import GetStatus, State
+    from controller.wire.messages.commands import GetStatus
+    from controller.wire.messages.replies import State
     from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
 
     state = client.request(GetStatus(), _STARTING)
@@ -138,12 +140,13 @@ def _summary(mapped: StageMap) -> str:
     return ", ".join(parts)
 
 
-def _print_reply(source: str, command: Message, reply: Reply) -> None:
+def _print_reply(source: str, command: DeckCommand, reply: Reply) -> None:
     """Prints a command and its reply; of those that come again and again only what is refused."""
     from controller.cli.session.terminal import describe
-    from controller.wire.command_table import command_of
-    from controller.wire.messages import GiveBeat, Refused, SetInput, SetTempo
+    from controller.wire.messages.command_table import row_of
+    from controller.wire.messages.commands import GiveBeat, SetInput, SetTempo
+    from controller.wire.messages.replies import Refused
 
     if isinstance(reply, Refused) or not isinstance(command, GiveBeat | SetTempo | SetInput):
-        line = f"{source}: {command_of(command).word}: {describe(reply)}"
+        line = f"{source}: {row_of(command).word}: {describe(reply)}"
         print(printable(line).replace("\n", r"\n"), flush=True)

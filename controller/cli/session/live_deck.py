@@ -16,7 +16,7 @@ from typing import Any, TypeVar, get_args, get_type_hints
 
 import msgspec
 
-from controller.wire.messages import CommandError
+from controller.wire.messages.commands import CommandError
 from motiondeck_base.errors import MotiondeckError
 
 T = TypeVar("T")

@@ -21,8 +21,8 @@ from controller.mocap.posture import Pose
 from controller.mocap.skeleton import Skeleton
 from controller.networks.base import Activation
 from controller.rotations import Array
-from controller.wire.command_table import MOST_BLENDED
-from controller.wire.messages import LockState, lock_numbers
+from controller.wire.messages.blends import MOST_BLENDED
+from controller.wire.messages.lock_state import LockState, lock_numbers
 from controller.wire.run_folder import REASON_FILE, write_shared
 from controller.wire.run_recording import MODES
 from controller.wire.telemetry import StateWriter

@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from typing import Protocol, TextIO
 
 from controller.loop.stop_requests import StopRequest
-from controller.wire.messages import described
+from controller.wire.messages.blends import described
 
 PERIOD = 0.25  # s
 _MODES = {"home": "at home", "held": "held", "emergency stop": "EMERGENCY STOP"}

@@ -16,8 +16,8 @@ from pathlib import Path
 
 import msgspec
 
-from controller.wire.command_table import parse_command
-from controller.wire.messages import Blend, CommandError, Message, Queue, Switch
+from controller.wire.messages.command_table import parse_command
+from controller.wire.messages.commands import Blend, CommandError, DeckCommand, Queue, Switch
 from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
 from motiondeck_base.toml_file import read_toml
 
@@ -35,7 +35,7 @@ class Timed:
     """A command and when it is given, s after the start."""
 
     at: float
-    message: Message
+    message: DeckCommand
 
 
 class _Line(msgspec.Struct, forbid_unknown_fields=True):
@@ -109,7 +109,7 @@ def parse_script(text: str, motions: Iterable[str]) -> tuple[list[Cue], float | 
     return cues, at if at > cues[-1].at else None
 
 
-def _named(message: Message) -> tuple[str, ...]:
+def _named(message: DeckCommand) -> tuple[str, ...]:
     """The motions that a command names."""
     match message:
         case Switch(to=to) | Queue(to=to):

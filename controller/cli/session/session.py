@@ -52,7 +52,9 @@ from controller.mocap.clip import Clip
 from controller.mocap.encodings.joint_angles import JointBody
 from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array
-from controller.wire.messages import EmergencyStop, Refused, lock_numbers
+from controller.wire.messages.commands import EmergencyStop
+from controller.wire.messages.lock_state import lock_numbers
+from controller.wire.messages.replies import Refused
 
 if TYPE_CHECKING:
     from controller.recognition.recognizer import Recognizer

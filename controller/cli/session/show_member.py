@@ -18,7 +18,7 @@ from controller.fleet.messages import About
 from controller.library.motion_library import MotionLibrary
 from controller.wire.command_socket import CommandClient, CommandServer, SocketError
 from controller.wire.leader_link import LeaderLink
-from controller.wire.messages import GetPhase
+from controller.wire.messages.commands import GetPhase
 from motiondeck_base.errors import MotiondeckError
 
 _OPENS_WITHIN = 10.0  # s

@@ -13,26 +13,11 @@ import threading
 from collections.abc import Callable, Iterable, Sequence
 
 from controller.wire.command_socket import DEFAULT_PORT, CommandClient, SocketError
-from controller.wire.command_table import BY_WORD, COMMANDS, parse_command
-from controller.wire.messages import (
-    Accepted,
-    Blend,
-    CommandError,
-    Event,
-    GetStatus,
-    GiveBeat,
-    Message,
-    OnPorts,
-    PhaseNow,
-    Refused,
-    Registers,
-    Reply,
-    Settled,
-    State,
-    Subscribe,
-    Switch,
-    described,
-)
+from controller.wire.messages.blends import described
+from controller.wire.messages.command_table import BY_WORD, COMMANDS, parse_command
+from controller.wire.messages.commands import Blend, CommandError, DeckCommand, GetStatus, GiveBeat, Subscribe, Switch
+from controller.wire.messages.events import Event
+from controller.wire.messages.replies import Accepted, OnPorts, PhaseNow, Refused, Registers, Reply, Settled, State
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.near_names import did_you_mean
 
@@ -221,7 +206,7 @@ def follow(client: CommandClient, lines: Iterable[str]) -> None:
             print(describe(settled) if settled else "not settled yet", flush=True)
 
 
-def _message_in(line: str) -> Message | None:
+def _message_in(line: str) -> DeckCommand | None:
     """The message in a typed line, or None where there is nothing to send: help and mistakes are answered here."""
     words = line.split()
     if words == ["help"]:

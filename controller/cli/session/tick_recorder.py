@@ -16,28 +16,27 @@ from controller.cli.session.child_process import child_process
 from controller.loop.loop import LoopState
 from controller.loop.stop_requests import StopRequest
 from controller.rotations import Array
-from controller.wire.command_table import MOST_BLENDED
-from controller.wire.messages import (
+from controller.wire.messages.blends import MOST_BLENDED
+from controller.wire.messages.commands import (
     AlignTicks,
     AtTime,
     Blend,
+    DeckCommand,
     GetPhase,
     GetStatus,
     GiveBeat,
     Heartbeat,
     Jump,
     LockPhase,
-    Message,
     Push,
     Queue,
     ReadRegisters,
-    Refused,
-    Reply,
     SetInput,
     SetTempo,
     Subscribe,
     Switch,
 )
+from controller.wire.messages.replies import Refused, Reply
 from controller.wire.recorder import reason_file
 from controller.wire.run_folder import run_folder
 from controller.wire.run_recording import COMMANDS, MODES, check_replaceable
@@ -98,7 +97,7 @@ class TickRecorder:
             found["reason"] = reason_file(self._state).read_text()
         return found
 
-    def note(self, message: Message, reply: Reply) -> None:
+    def note(self, message: DeckCommand, reply: Reply) -> None:
         """Remembers a command and whether it was refused."""
         if isinstance(message, ASKS):
             return

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from controller.deck.locks.body_lag import PoseTable
 from controller.deck.locks.lock import LoopPlace, Steering
 from controller.rotations import Array
-from controller.wire.command_table import TEMPO
-from controller.wire.messages import LockStage, LockState
+from controller.wire.messages.arguments import TEMPO
+from controller.wire.messages.lock_state import LockStage, LockState
 
 Measured = Callable[[], Array | None]
 """The measured joint positions, shape (J,), rad, NaN for a joint that is not measured; None before there are any."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from controller.wire.messages import LockState
+from controller.wire.messages.lock_state import LockState
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,8 +7,8 @@ from typing import Literal, Protocol
 
 from controller.deck.locks.lock import LoopPlace, Steering
 from controller.deck.locks.phase_error import correction, wrapped
-from controller.wire.command_table import TEMPO
-from controller.wire.messages import LockState
+from controller.wire.messages.arguments import TEMPO
+from controller.wire.messages.lock_state import LockState
 
 LOCKED_WITHIN, LOST_BEYOND = 0.02, 0.05
 """Locked is who has been within the first for HELD seconds, and remains so up to the second, s."""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from controller.rotations import Array
-from controller.wire.messages import Message, Push
+from controller.wire.messages.commands import DeckCommand, Push
 from sim.view.body.drawn_model import DrawnModel
 
 COLOUR = (201, 42, 42)
@@ -44,7 +44,7 @@ class BodyPush:
         send: sends a command.
     """
 
-    def __init__(self, drawn: DrawnModel, height: float, usual: float, send: Callable[[Message], None]) -> None:
+    def __init__(self, drawn: DrawnModel, height: float, usual: float, send: Callable[[DeckCommand], None]) -> None:
         self._height, self._usual, self._send = height, usual, send
         self._pressed: dict[int, Array] = {}  # where the mouse of each browser was pressed, m
         for solid in drawn.solids:

@@ -12,7 +12,7 @@ import numpy as np
 import viser
 
 from controller.rotations import Array
-from controller.wire.messages import Message, Pause, ServoTorque
+from controller.wire.messages.commands import DeckCommand, Pause, ServoTorque
 from sim.view.learning.learning_process import HAND, HandRecording
 from sim.view.web.parts import Ask, PageParts
 from sim.view.web.private_page import PrivatePage
@@ -50,7 +50,7 @@ class HandRecorder:
         rig: Mapping[str, Any],
         folder: Path,
         ask: Ask,
-        send: Callable[[Message], None],
+        send: Callable[[DeckCommand], None],
         take: Callable[[Path], None],
     ) -> None:
         self._joints: Sequence[str] = [str(servo["joint"]) for servo in rig["servos"]]

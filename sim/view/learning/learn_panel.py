@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import viser
 
-from controller.wire.messages import LoadLibrary
+from controller.wire.messages.commands import LoadLibrary
 from sim.view.learning.learning_process import Learned, LearningStep, LearnRequest, News, NotLearned, Seen, work
 from sim.view.web.parts import Ask, PageParts
 from sim.view.web.private_page import PrivatePage

@@ -12,8 +12,9 @@ import msgspec
 import viser
 
 from controller.rotations import Array
-from controller.wire.command_table import BY_WORD, WEIGHT
-from controller.wire.messages import Blend, Jump, Message, Queue, Switch
+from controller.wire.messages.arguments import WEIGHT
+from controller.wire.messages.command_table import BY_WORD
+from controller.wire.messages.commands import Blend, DeckCommand, Jump, Queue, Switch
 from sim.view.motions.library_glance import LibraryGlance, Partners
 from sim.view.web.parts import PageParts
 from sim.view.web.state_line import RunState, button_labels, number_in
@@ -43,7 +44,7 @@ class MotionControls:
         *,
         has_phase: bool,
         direct: bool = False,
-        send: Callable[[Message], None],
+        send: Callable[[DeckCommand], None],
     ) -> None:
         self._motions, self._has_phase, self._send = motions, has_phase, send
         self._state = RunState()

@@ -9,7 +9,7 @@ import numpy as np
 import viser
 
 from controller.rotations import Array
-from controller.wire.messages import RestartServo, ServoTorque
+from controller.wire.messages.commands import RestartServo, ServoTorque
 from sim.view.rig.servo_look import ServoLook, ServoLooks
 from sim.view.rig.servo_plot import ServoPlot
 from sim.view.rig.servo_tables import Look, ServoTables

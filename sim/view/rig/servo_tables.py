@@ -10,12 +10,13 @@ import viser
 from viser._gui_handles import GuiModalHandle
 
 from controller.wire.command_socket import CommandClient
-from controller.wire.messages import Message, OnPorts, ReadRegisters, Refused, Registers, ScanPorts, WriteRegister
+from controller.wire.messages.commands import DeckCommand, ReadRegisters, ScanPorts, WriteRegister
+from controller.wire.messages.replies import OnPorts, Refused, Registers
 from motiondeck_base.errors import MotiondeckError
 from sim.view.web.parts import Ask
 from sim.view.web.private_page import PrivatePage
 
-Look = Callable[[Message], Registers | OnPorts | None]
+Look = Callable[[DeckCommand], Registers | OnPorts | None]
 """Asks the deck and waits for what it finds; None where that was refused, which is shown."""
 
 FIRST_WITHIN, LAST_WITHIN = 2.0, 20.0  # s
@@ -31,7 +32,7 @@ def looks_through(client: CommandClient, refuse: Callable[[str], None]) -> Look:
     """Looks by way of a client of its own, so that no other command of the page has to wait meanwhile."""
     lock = Lock()
 
-    def look(message: Message) -> Registers | OnPorts | None:
+    def look(message: DeckCommand) -> Registers | OnPorts | None:
         try:
             with lock:
                 reply = client.request(message, FIRST_WITHIN)

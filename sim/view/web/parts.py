@@ -14,10 +14,10 @@ from typing import Any
 
 import viser
 
-from controller.wire.messages import Message
+from controller.wire.messages.commands import DeckCommand
 from sim.view.web.private_page import PrivatePage
 
-Ask = Callable[[viser.GuiEvent, str, str, str, Message | Callable[[], None]], None]
+Ask = Callable[[viser.GuiEvent, str, str, str, DeckCommand | Callable[[], None]], None]
 """Asks the one who clicked (event, title, text, yes), and then sends a message or does something else."""
 
 SCRIPTS = Path(__file__).parent / "scripts"

@@ -10,7 +10,7 @@ from controller.cli.play import name_failing, play
 from controller.cli.session.script import Timed
 from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
-from controller.wire.messages import Blend, SetTempo
+from controller.wire.messages.commands import Blend, SetTempo
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import shipped_configs
 

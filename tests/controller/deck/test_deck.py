@@ -7,7 +7,7 @@ import synthetic
 from controller.deck.deck import MOST_QUEUED, Deck
 from controller.deck.joins.joining import JOININGS
 from controller.library.motion_library import load_library
-from controller.wire.command_table import TEMPO
+from controller.wire.messages.arguments import TEMPO
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 from motiondeck_base.shipped import shipped_configs
 

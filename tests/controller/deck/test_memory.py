@@ -10,7 +10,7 @@ import synthetic
 from controller.deck.deck import REMEMBERED_SWITCHES, Deck
 from controller.loop.command_desk import CommandDesk
 from controller.loop.stop_requests import StopRequest
-from controller.wire.messages import Switch
+from controller.wire.messages.commands import Switch
 
 
 def test_commands_leave_nothing_behind_once_the_record_is_full():

@@ -3,7 +3,7 @@
 import pytest
 
 from controller.deck.tempo import Tempo
-from controller.wire.messages import CommandError
+from controller.wire.messages.commands import CommandError
 from motiondeck_base.errors import MotiondeckError
 
 

@@ -6,7 +6,7 @@ from controller.fleet.cue_list import CueList, cue_named
 from controller.fleet.messages import CommonRound, TimedCue
 from controller.fleet.show_file import ShowCue
 from controller.fleet.standing import Standing
-from controller.wire.command_table import parse_command
+from controller.wire.messages.command_table import parse_command
 from motiondeck_base.errors import UnknownNameError
 
 LEAD = 0.5

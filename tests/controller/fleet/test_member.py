@@ -8,7 +8,8 @@ import pytest
 from controller.fleet.member import ASKS_EVERY, Member
 from controller.fleet.messages import About, CommonRound, Time, TimedCue, encode
 from controller.wire.command_socket import CommandClient, CommandServer
-from controller.wire.messages import AtTime, GetPhase, LockPhase, PhaseNow, SetTempo, Switch, Unlock
+from controller.wire.messages.commands import AtTime, GetPhase, LockPhase, SetTempo, Switch, Unlock
+from controller.wire.messages.replies import PhaseNow
 
 AHEAD = 500.0  # s by which the conductor's clock is ahead
 

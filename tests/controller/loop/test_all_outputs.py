@@ -13,8 +13,7 @@ from controller.loop.ensemble import Ensemble, RobotOutput, all_limits
 from controller.loop.loop import run
 from controller.loop.output_channel import Channel
 from controller.loop.safety.safety_envelope import SafetyEnvelope
-from controller.wire.messages import (
-    Accepted,
+from controller.wire.messages.commands import (
     Blend,
     EmergencyStop,
     GetPhase,
@@ -24,17 +23,15 @@ from controller.wire.messages import (
     Jump,
     LockPhase,
     Pause,
-    PhaseNow,
     Queue,
-    Refused,
     Reset,
     Resume,
     SetTempo,
-    State,
     Stop,
     Switch,
     Unlock,
 )
+from controller.wire.messages.replies import Accepted, PhaseNow, Refused, State
 
 RATE = 100.0
 LIBRARY = synthetic.small_phase_library()

@@ -8,21 +8,17 @@ import pytest
 from controller.cli.session.session import RunSettings, Session
 from controller.loop.command_desk import CommandDesk
 from controller.loop.stop_requests import StopRequest
-from controller.wire.command_table import COMMANDS
-from controller.wire.messages import (
-    Accepted,
+from controller.wire.messages.command_table import COMMANDS
+from controller.wire.messages.commands import (
     AlignTicks,
     AtTime,
     EmergencyStop,
-    Event,
     GetStatus,
     Heartbeat,
     LoadLibrary,
     Pause,
     Push,
     ReadRegisters,
-    Refused,
-    Registers,
     Reset,
     RestartServo,
     Resume,
@@ -32,6 +28,8 @@ from controller.wire.messages import (
     Switch,
     WriteRegister,
 )
+from controller.wire.messages.events import Event
+from controller.wire.messages.replies import Accepted, Refused, Registers
 from controller.wire.run_recording import COMMANDS as RECORDED
 
 
@@ -273,9 +271,9 @@ def test_a_look_at_servos_is_answered_twice_to_who_asked(desk):
     assert "play with --rig" in desk.ask(ReadRegisters("knee")).reason
     servos = LookedAt()
     desk = Desk(servos=servos)
-    assert desk.ask(ReadRegisters("knee", 7), "one") == Accepted(7)
-    assert desk.ask(WriteRegister("knee", "led", 1, 9), "other") == Accepted(9)
-    assert desk.ask(Pause(11), "third") == Accepted(11)
+    assert desk.ask(ReadRegisters("knee", id=7), "one") == Accepted(7)
+    assert desk.ask(WriteRegister("knee", "led", 1, id=9), "other") == Accepted(9)
+    assert desk.ask(Pause(id=11), "third") == Accepted(11)
     assert servos.done == [("knee", None), ("knee", ("led", 1))]
     servos.found = Registers("knee", "XM430-W350", [])
     desk.tick()
@@ -288,7 +286,7 @@ def test_a_look_at_servos_is_answered_twice_to_who_asked(desk):
 
 def test_a_look_that_comes_to_nothing_is_refused_after_a_while():
     desk = Desk(servos=LookedAt())
-    desk.ask(ReadRegisters("knee", 7))
+    desk.ask(ReadRegisters("knee", id=7))
     desk.tick(14.0)
     assert not desk.server.replies
     desk.tick(2.0)

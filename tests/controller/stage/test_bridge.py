@@ -24,7 +24,8 @@ from controller.stage.stage_file import MidiMap
 from controller.stage.timecode import Timecode
 from controller.wire.command_socket import CommandClient, CommandServer
 from controller.wire.local_transport import PeerGoneError, SocketError
-from controller.wire.messages import Accepted, GiveBeat, Refused
+from controller.wire.messages.commands import GiveBeat
+from controller.wire.messages.replies import Accepted, Refused
 
 mido = pytest.importorskip("mido")
 udp_client = pytest.importorskip("pythonosc.udp_client")

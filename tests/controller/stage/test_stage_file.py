@@ -3,7 +3,7 @@ import pytest
 from controller.stage.command_pattern import CommandPattern
 from controller.stage.stage_file import read_stage
 from controller.stage.timecode import Timecode
-from controller.wire.messages import Blend, CommandError, LockPhase, SetTempo, Switch
+from controller.wire.messages.commands import Blend, CommandError, LockPhase, SetTempo, Switch
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.shipped import find_stage, shipped_configs
 

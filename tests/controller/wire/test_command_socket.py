@@ -17,11 +17,11 @@ from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest
 from controller.mocap.posture import Pose
 from controller.wire.command_socket import CommandClient, CommandServer, SocketError
-from controller.wire.command_table import parse_command, read_message
 from controller.wire.local_transport import command_folder
-from controller.wire.messages import (
-    Accepted,
+from controller.wire.messages.command_table import parse_command, read_command
+from controller.wire.messages.commands import (
     CommandError,
+    DeckCommand,
     EmergencyStop,
     GetPhase,
     GetStatus,
@@ -29,25 +29,19 @@ from controller.wire.messages import (
     Home,
     Jump,
     LockPhase,
-    LockState,
-    Message,
     Pause,
-    PhaseNow,
     Queue,
-    Refused,
-    Reply,
     Reset,
     Resume,
     SetInput,
     SetTempo,
-    Settled,
-    State,
     Stop,
     Switch,
     Unlock,
     encode,
-    read_reply,
 )
+from controller.wire.messages.lock_state import LockState
+from controller.wire.messages.replies import Accepted, PhaseNow, Refused, Reply, Settled, State, read_reply
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
 
@@ -433,7 +427,7 @@ def test_a_refusal_carries_the_number_of_what_it_refuses(stage):
             st.binary(min_size=1, max_size=200),
             st.builds(
                 lambda message, place, byte: message[:place] + bytes([byte]) + message[place + 1 :],
-                st.sampled_from([encode(Switch("jog", 3)), encode(SetTempo(1.5, 2**40)), encode(GetStatus())]),
+                st.sampled_from([encode(Switch("jog", id=3)), encode(SetTempo(1.5, id=2**40)), encode(GetStatus())]),
                 st.integers(0, 40),
                 st.integers(0, 255),
             ),
@@ -457,7 +451,7 @@ def test_whatever_bytes_arrive_nothing_raises_and_the_next_command_works(datagra
 
 @given(st.binary(max_size=300))
 def test_reading_bytes_gives_a_message_or_a_command_error(data):
-    for read, kinds in ((read_message, Message), (read_reply, Reply)):
+    for read, kinds in ((read_command, DeckCommand), (read_reply, Reply)):
         try:
             assert isinstance(read(data), kinds)
         except CommandError:
@@ -467,10 +461,10 @@ def test_reading_bytes_gives_a_message_or_a_command_error(data):
 @given(st.text(min_size=1, max_size=100), st.integers(0, 2**53 - 1))
 def test_messages_survive_the_wire(name, number):
     try:
-        data = encode(Switch(name, number))
+        data = encode(Switch(name, id=number))
     except UnicodeEncodeError:
         return
-    assert read_message(data) == Switch(name, number)
+    assert read_command(data) == Switch(name, id=number)
 
 
 def test_a_flood_from_one_client_leaves_room_for_another(stage):
@@ -507,7 +501,7 @@ def test_one_poll_takes_a_bounded_number(stage):
 
 def test_a_flood_does_not_cost_the_loop_a_tick(stage):
     limits = JointLimits(*(np.array([x]) for x in (-1.0, 1.0, 1.0, 10.0, 100.0)))
-    data = [encode(GetStatus(3)), b"nonsense", b"{" * 5000]
+    data = [encode(GetStatus(id=3)), b"nonsense", b"{" * 5000]
     clock = VirtualClock(200.0)
     with closing(raw_socket(stage.server.port)) as flooder:
 

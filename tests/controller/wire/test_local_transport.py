@@ -11,7 +11,7 @@ import pytest
 
 from controller.wire.command_socket import CommandClient, CommandServer, SocketError
 from controller.wire.local_transport import command_folder
-from controller.wire.messages import GetStatus, Pause
+from controller.wire.messages.commands import GetStatus, Pause
 
 
 @pytest.fixture

@@ -9,7 +9,8 @@ import pytest
 from controller.wire import network_transport
 from controller.wire.authentication import sign
 from controller.wire.command_socket import CommandClient, CommandServer, SocketError
-from controller.wire.messages import Accepted, EmergencyStop, GetStatus, Reset, Switch
+from controller.wire.messages.commands import EmergencyStop, GetStatus, Reset, Switch
+from controller.wire.messages.replies import Accepted
 
 TOKEN = b"0123456789abcdef"
 HERE = "127.0.0.1"
@@ -89,7 +90,7 @@ def client(server):
 def test_who_has_the_token_is_heard_and_answered_under_seal(server, client):
     number = client.post(Switch("walk"))
     ((message, sender),) = arrived(server)
-    assert message == Switch("walk", number)
+    assert message == Switch("walk", id=number)
     server.reply(sender, Accepted(number))
     assert client.receive(1.0) == Accepted(number)
 
@@ -153,7 +154,7 @@ def test_a_client_that_the_deck_forgot_is_heard_and_its_old_commands_are_not(ser
         pass
     number = clients[0].post(GetStatus())
     ((message, _),) = arrived(server)
-    assert message == GetStatus(number)
+    assert message == GetStatus(id=number)
     for client in clients:
         client.close()
 
@@ -167,7 +168,7 @@ def test_after_a_new_start_of_the_deck_a_client_goes_on(server, client):
     assert arrived(server) == []
     assert client.receive(0.05) is None  # it was told to begin anew, and has sent the command again
     ((message, sender),) = arrived(server)
-    assert message == Switch("walk", number)
+    assert message == Switch("walk", id=number)
     server.reply(sender, Accepted(number))
     assert client.receive(1.0) == Accepted(number)
 

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from controller.wire.command_socket import CommandClient, CommandServer
-from controller.wire.messages import Accepted, EmergencyStop, Event, Push, StepOn, Switch
+from controller.wire.messages.commands import EmergencyStop, Push, StepOn, Switch
+from controller.wire.messages.events import Event
+from controller.wire.messages.replies import Accepted
 from controller.wire.run_recording import MODES
 from sim.view.panel import Panel
 from sim.view.web.private_page import PrivatePage

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from controller.wire.messages import Event
+from controller.wire.messages.events import Event
 from sim.view.timeline import SECONDS, Timeline
 
 

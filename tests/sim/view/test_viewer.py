@@ -14,21 +14,20 @@ from PIL import Image
 
 from controller.rotations import multiply
 from controller.wire.command_socket import CommandServer
-from controller.wire.messages import (
-    Accepted,
+from controller.wire.messages.commands import (
     EmergencyStop,
-    Event,
     GiveBeat,
     Jump,
     Pause,
     Push,
-    Refused,
     Reset,
     SetTempo,
     Stop,
     Subscribe,
     Switch,
 )
+from controller.wire.messages.events import Event
+from controller.wire.messages.replies import Accepted, Refused
 from controller.wire.run_recording import MODES
 from controller.wire.telemetry import StateWriter
 from sim.models.mannequin.mannequin import build_mannequin

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from controller.wire.messages import OnPorts, Refused, Registers, ServoOnPort, ServoRegister
+from controller.wire.messages.replies import OnPorts, Refused, Registers, ServoOnPort, ServoRegister
 
 if TYPE_CHECKING:
     from hardware.rig.driving.register_reading import RegisterReading

@@ -15,8 +15,7 @@ from controller.cli.remote import gamepad_device
 from controller.cli.remote.gamepad import Pad, drive, gamepad, tempo_of
 from controller.cli.remote.gamepad_device import Button, Stick, deflection, events, open_gamepad
 from controller.wire.command_socket import CommandClient, CommandServer
-from controller.wire.messages import (
-    Accepted,
+from controller.wire.messages.commands import (
     EmergencyStop,
     GetStatus,
     Home,
@@ -24,10 +23,10 @@ from controller.wire.messages import (
     Reset,
     Resume,
     SetTempo,
-    State,
     Stop,
     Switch,
 )
+from controller.wire.messages.replies import Accepted, State
 from motiondeck_base.errors import MotiondeckError
 
 pytestmark = pytest.mark.smoke

@@ -11,7 +11,9 @@ import pytest
 from command_line import motiondeck
 from controller.cli.remote.stage import _print_reply
 from controller.wire.command_socket import CommandServer
-from controller.wire.messages import Accepted, Event, GetStatus, Pause, Refused, State, Subscribe, Switch
+from controller.wire.messages.commands import GetStatus, Pause, Subscribe, Switch
+from controller.wire.messages.events import Event
+from controller.wire.messages.replies import Accepted, Refused, State
 
 mido = pytest.importorskip("mido")
 udp_client = pytest.importorskip("pythonosc.udp_client")

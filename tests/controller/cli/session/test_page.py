@@ -17,7 +17,9 @@ from playwright.sync_api import Error
 from bodies import waving
 from controller.mocap.formats.writing import bvh_text
 from controller.wire.command_socket import CommandClient
-from controller.wire.messages import Accepted, Event, GetStatus, Subscribe
+from controller.wire.messages.commands import GetStatus, Subscribe
+from controller.wire.messages.events import Event
+from controller.wire.messages.replies import Accepted
 from motiondeck_base.shipped import find_rig
 from web_pages import coarse, drop
 

@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller.cli.session.script import Cue, Timed, parse_script, read_timeline
-from controller.wire.messages import EmergencyStop, SetTempo, Switch
+from controller.wire.messages.commands import EmergencyStop, SetTempo, Switch
 from motiondeck_base.errors import MotiondeckError
 
 MOTIONS = ("walk", "jog", "stool-standup")

@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 
 from controller.cli.session.terminal import describe, help_on, listen_to
 from controller.wire.command_socket import CommandClient, CommandServer
-from controller.wire.command_table import COMMANDS, parse_command
-from controller.wire.messages import (
-    Accepted,
+from controller.wire.messages.command_table import COMMANDS, parse_command
+from controller.wire.messages.commands import (
     Blend,
     CommandError,
     EmergencyStop,
@@ -26,17 +25,15 @@ from controller.wire.messages import (
     LockPhase,
     Pause,
     Queue,
-    Refused,
     Reset,
     Resume,
     SetTempo,
-    Settled,
-    State,
     Stop,
     Subscribe,
     Switch,
     Unlock,
 )
+from controller.wire.messages.replies import Accepted, Refused, Settled, State
 
 
 def test_help_teaches_every_command_and_its_examples_are_commands():

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controller.wire.messages import Push
+from controller.wire.messages.commands import Push
 from sim.view.body.body_push import BodyPush, pushed
 from waiting import until
 

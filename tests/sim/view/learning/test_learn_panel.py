@@ -12,7 +12,7 @@ from playwright.sync_api import Page
 from bodies import waving
 from controller.library.motion_library import load_library
 from controller.mocap.formats.writing import bvh_text
-from controller.wire.messages import LoadLibrary, Pause, ServoTorque
+from controller.wire.messages.commands import LoadLibrary, Pause, ServoTorque
 from motiondeck_base.shipped import find_library
 from sim.view.learning.hand_recorder import HandRecorder
 from sim.view.learning.learn_panel import LearnPanel

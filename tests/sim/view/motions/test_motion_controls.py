@@ -5,7 +5,7 @@ import pytest
 
 from controller.deck.routes import Routes
 from controller.library.motion_library import load_library
-from controller.wire.messages import Blend, Jump, Queue, Switch
+from controller.wire.messages.commands import Blend, Jump, Queue, Switch
 from motiondeck_base.shipped import find_library
 from sim.view.motions.library_glance import MOST, Partners, blends_of, pictures_of
 from sim.view.motions.motion_controls import MotionControls

@@ -3,16 +3,8 @@
 import numpy as np
 import pytest
 
-from controller.wire.messages import (
-    OnPorts,
-    ReadRegisters,
-    Registers,
-    ScanPorts,
-    ServoOnPort,
-    ServoRegister,
-    ServoTorque,
-    WriteRegister,
-)
+from controller.wire.messages.commands import ReadRegisters, ScanPorts, ServoTorque, WriteRegister
+from controller.wire.messages.replies import OnPorts, Registers, ServoOnPort, ServoRegister
 from sim.view.rig.rig_panel import RigPanel
 from sim.view.rig.servo_look import ServoLook, ServoLooks
 from sim.view.web.parts import PageParts

@@ -18,7 +18,7 @@ from controller.recognition.experts import STRETCHED_LEAK, STRETCHES, ExpertReci
 from controller.recognition.features import FeatureRecipe
 from controller.recognition.recognizer import train_recognizer
 from controller.recognition.recognizer_file import load_recognizer, save_recognizer
-from controller.wire.messages import SetTempo, Switch
+from controller.wire.messages.commands import SetTempo, Switch
 from motiondeck_base.errors import MotiondeckError
 from motiondeck_base.shipped import find_robot
 

@@ -1,7 +1,6 @@
 """The command table: complete, and the same limits for typed commands and for those on the wire."""
 
 import re
-from typing import get_args
 
 import msgspec
 import pytest
@@ -10,27 +9,15 @@ from hypothesis import strategies as st
 
 from controller.cli.session.terminal import HELP
 from controller.wire import run_recording
-from controller.wire.command_table import (
-    BY_WORD,
-    COMMANDS,
-    Choice,
-    FilePath,
-    Flag,
-    FurtherParts,
-    MotionName,
-    Number,
-    WholeCommand,
-    command_of,
-    parse_command,
-    read_message,
-)
-from controller.wire.messages import Blend, CommandError, EmergencyStop, Message, Pause, Reset, encode
+from controller.wire.messages.arguments import Choice, Flag, FurtherParts, Number, Text
+from controller.wire.messages.command_table import BY_WORD, COMMANDS, WholeCommand, parse_command, read_command, row_of
+from controller.wire.messages.commands import Blend, CommandError, DeckCommand, EmergencyStop, Pause, Reset, encode
 
 NAMES = st.text("abc-1", min_size=1, max_size=100).filter(lambda name: name not in BY_WORD)
 
 
 def test_every_message_has_one_row_and_its_tag_is_the_word():
-    assert {command.message for command in COMMANDS} == set(get_args(Message))
+    assert {command.message for command in COMMANDS} == set(DeckCommand.__subclasses__())
     assert all(command.message.__struct_config__.tag == command.word for command in COMMANDS)
     assert set(run_recording.COMMANDS) <= set(BY_WORD)
 
@@ -41,7 +28,7 @@ def test_the_help_has_a_line_for_each_command():
 
 
 def typed(argument):
-    if isinstance(argument, MotionName | FilePath):
+    if isinstance(argument, Text):
         return NAMES
     if isinstance(argument, Flag):
         return st.just(argument.name)
@@ -64,8 +51,8 @@ def test_every_command_in_its_ranges_is_read_alike_typed_and_from_the_wire(data)
         parts = [data.draw(st.floats(0.0, 1.0 / 3.0).map(repr)) for _ in names[1:]]
         words = [names[0], *(word for part in zip(names[1:], parts, strict=True) for word in part)]
     message = parse_command([command.word, *words])
-    assert command_of(message) is command
-    assert read_message(encode(message)) == message
+    assert row_of(message) is command
+    assert read_command(encode(message)) == message
 
 
 @pytest.mark.parametrize(
@@ -88,13 +75,13 @@ def test_a_blend_of_several_is_typed_as_motions_with_their_weights():
     message = parse_command(["blend", "walk", "slow-walk", "0.3", "jog", "0.2"])
     assert message == Blend("walk", "slow-walk", 0.3, also=(("jog", 0.2),))
     assert message.motions == ("walk", "slow-walk", "jog")
-    assert read_message(b'{"type":"blend","first":"a","second":"b","share":0.4}') == Blend("a", "b", 0.4)
+    assert read_command(b'{"type":"blend","first":"a","second":"b","share":0.4}') == Blend("a", "b", 0.4)
 
 
 def required(command):
     """Values for the arguments that a command must have."""
     examples = {
-        MotionName: lambda a: a.name,
+        Text: lambda a: a.name,
         Number: lambda a: a.lowest,
         Choice: lambda a: a.words[0],
         WholeCommand: lambda a: Pause(),
@@ -117,7 +104,7 @@ def test_a_number_out_of_range_is_refused_typed_and_on_the_wire(argument, data):
     with pytest.raises(CommandError, match=f"{argument.name} must be a (whole )?number from {lowest} to"):
         argument.check(value)
     with pytest.raises(CommandError):  # JSON has no NaN: there it is not a number at all
-        read_message(encode(message))
+        read_command(encode(message))
 
 
 def test_the_blend_weight_keeps_its_name_on_the_wire():
@@ -125,9 +112,9 @@ def test_the_blend_weight_keeps_its_name_on_the_wire():
 
 
 def test_the_emergency_stop_is_always_allowed_and_its_reset_only_while_it_is_on():
-    assert "emergency stop" in command_of(EmergencyStop()).modes
-    assert "playing" in command_of(EmergencyStop()).modes
-    assert command_of(Reset()).modes == {"emergency stop"}
+    assert "emergency stop" in row_of(EmergencyStop()).modes
+    assert "playing" in row_of(EmergencyStop()).modes
+    assert row_of(Reset()).modes == {"emergency stop"}
     moving = [c.word for c in COMMANDS if "emergency stop" not in c.modes]
     plays = ["switch", "queue", "blend", "tempo", "input", "jump", "beat", "lock", "unlock"]
     assert moving == [*plays, "pause", "step", "resume", "home", "at", "restart", "scan", "load"]

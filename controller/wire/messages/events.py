@@ -1,0 +1,57 @@
+"""Events: what happens on a deck, told to everybody who subscribed."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import msgspec
+
+from controller.wire.messages.commands import Natural
+
+EventKind = Literal[
+    "motion",
+    "via",
+    "settled",
+    "overtaken",
+    "gave up",
+    "paused",
+    "resumed",
+    "mode",
+    "recognized",
+    "fault",
+    "servo",
+    "push",
+    "fell",
+    "stands",
+    "overrun",
+    "replayed",
+    "lost",
+    "ended",
+]
+
+
+class Event(msgspec.Struct, frozen=True, tag="event"):
+    """Something that happened on a deck.
+
+    Attributes:
+        kind: "motion": another motion, or a blend, is commanded; "via": one on the way to it begins; "settled": nothing
+            is left of the one before; "overtaken": another command came first; "gave up": a blend was given up;
+            "paused", "resumed"; "mode": the joints go home, are held, are stopped in an emergency, or play again;
+            "recognized": it looks like another motion than before; "fault": of an output or the deck; "servo":
+            something was done with a servo, or one is back; "push", "fell", "stands": the simulated robot was pushed,
+            has fallen, stands again; "overrun":
+            ticks came more than a period late; "replayed": a recorded datagram was refused; "lost": a heartbeat is
+            missing, and the deck was paused; "ended": the run is over.
+        text: the same for a person.
+        motion: the motion that it is about, or "".
+        at: s since the deck's start.
+        number: rises by 1 from event to event of a deck; a gap tells of events that were lost on the way.
+        id: always 0, as no command's.
+    """
+
+    kind: EventKind
+    text: str
+    motion: str = ""
+    at: float = 0.0
+    number: Natural = 0
+    id: Natural = 0

@@ -1,0 +1,164 @@
+"""The replies of a deck.
+
+A command is answered at once by Accepted, Refused or State; a Switch, Queue or Blend that was accepted is answered once
+more when it has settled, a look at servos when they have answered.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import msgspec
+
+from controller.wire.messages.commands import CommandError, Natural
+from controller.wire.messages.events import Event
+from controller.wire.messages.lock_state import LockState
+
+Mode = Literal["playing", "home", "held", "emergency stop"]
+
+
+class Accepted(msgspec.Struct, frozen=True, tag="accepted"):
+    """The command is being carried out.
+
+    Attributes:
+        id: that of the command.
+        after: the one-shot that is finished first, or "".
+        via: the motions on the way.
+    """
+
+    id: Natural
+    after: str = ""
+    via: list[str] = []  # msgspec copies an empty default
+
+
+class Refused(msgspec.Struct, frozen=True, tag="refused"):
+    """The command was not carried out, and why; id is 0 where it could not be read."""
+
+    reason: str
+    id: Natural = 0
+
+
+class Settled(msgspec.Struct, frozen=True, tag="settled"):
+    """The switch is complete, so many seconds after it was commanded."""
+
+    to: str
+    seconds: float
+    id: Natural
+
+
+class ServoRegister(msgspec.Struct, frozen=True, array_like=True):
+    """One register: its name, address and count, what that means (or ""), and whether it can be written."""
+
+    name: str
+    address: int
+    count: int
+    meaning: str
+    writable: bool
+
+
+class Registers(msgspec.Struct, frozen=True, tag="registers"):
+    """What the registers of a servo hold."""
+
+    joint: str
+    model: str
+    registers: list[ServoRegister]
+    id: Natural = 0
+
+
+class ServoOnPort(msgspec.Struct, frozen=True, array_like=True):
+    """A servo that has answered; `joint` is "" for one that is not in the rig file."""
+
+    joint: str
+    servo: int
+    model: str
+    firmware: int
+
+
+class OnPorts(msgspec.Struct, frozen=True, tag="ports"):
+    """Who is on the ports of the rig at its baud rate.
+
+    Attributes:
+        servos: that have answered.
+        missing: the joints whose servo has not.
+    """
+
+    servos: list[ServoOnPort]
+    missing: list[str]
+    id: Natural = 0
+
+
+class PhaseNow(msgspec.Struct, frozen=True, tag="phase"):
+    """How far the motion is, and how fast it turns.
+
+    Attributes:
+        motion: the motion that is played.
+        phase: from 0 to 1; None if the network runs by itself.
+        rate: rounds a second, negative backwards; None for a one-shot, or without a phase.
+        at: when the phase was this, by the machine's steady clock, s; None if the deck does not play in real time.
+    """
+
+    motion: str
+    phase: float | None
+    rate: float | None
+    id: Natural
+    at: float | None = None
+
+
+class State(msgspec.Struct, frozen=True, tag="state"):
+    """What is played, and what can be.
+
+    Attributes:
+        motion: the motion that is played or being switched to.
+        motions: all motions of the library.
+        tempo: the present tempo; negative backwards.
+        phase: how far the motion is, from 0 to 1; None if the network runs by itself.
+        lock: what the phase is locked to, if it is.
+        paused: whether it is paused.
+        switching: whether a switch is under way.
+        id: that of the command.
+        queue: the motions that are played next.
+        mode: whether the joints follow the motion, stand at home, are held, or are held by the emergency stop.
+        blend: the motions that are blended in, each with its weight.
+        fell_back: why the last blend was given up and what was played instead.
+        seen: the motion that is recognized, and the confidence, while that is switched on.
+        inputs: the present values of the inputs that motions have besides the phase.
+        at: s of the deck, the clock of its events; it waits while the joints approach the motion.
+        fallen: whether the simulated robot has fallen and not stood again.
+        approaching: whether the joints are on their slow way to the motion.
+    """
+
+    motion: str
+    motions: list[str]
+    tempo: float
+    paused: bool
+    switching: bool
+    id: Natural
+    queue: list[str] = []
+    mode: Mode = "playing"
+    blend: tuple[tuple[str, float], ...] = ()
+    fell_back: str = ""
+    seen: tuple[str, float] | None = None
+    phase: float | None = None
+    inputs: dict[str, float] = {}
+    lock: LockState | None = None
+    at: float = 0.0
+    fallen: bool = False
+    approaching: bool = False
+
+
+Reply = Accepted | Refused | Settled | Registers | OnPorts | State | PhaseNow | Event
+SecondReply = Settled | Refused | Registers | OnPorts
+
+_replies = msgspec.json.Decoder(Reply)
+
+
+def read_reply(data: bytes) -> Reply:
+    """The reply in a datagram.
+
+    Raises:
+        CommandError: if it is not one.
+    """
+    try:
+        return _replies.decode(data)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        raise CommandError(f"the deck's reply cannot be read ({error})") from error
