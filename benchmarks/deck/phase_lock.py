@@ -22,7 +22,7 @@ from controller.deck.deck import Deck  # noqa: E402
 from controller.deck.locks.phase_error import wrapped  # noqa: E402
 from controller.deck.locks.phase_lock import LOCKED_WITHIN  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
-from controller.loop.command_desk import CommandDesk  # noqa: E402
+from controller.loop.commands.command_desk import CommandDesk  # noqa: E402
 from controller.loop.stop_requests import StopRequest  # noqa: E402
 from controller.rotations import Array  # noqa: E402
 from controller.wire.command_socket import CommandClient, CommandServer  # noqa: E402

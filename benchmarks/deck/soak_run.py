@@ -22,7 +22,7 @@ from controller.deck.deck import REMEMBERED_SWITCHES, CommandedSwitch, Deck
 from controller.deck.interfaces import JointLimits, Retargeter
 from controller.library.motion_library import MotionLibrary
 from controller.loop.clock import VirtualClock
-from controller.loop.command_desk import CommandDesk
+from controller.loop.commands.command_desk import CommandDesk
 from controller.loop.loop import LoopState, run
 from controller.loop.output_channel import Channel
 from controller.loop.safety.safety_envelope import SafetyEnvelope

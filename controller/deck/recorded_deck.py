@@ -19,7 +19,7 @@ from motiondeck_base.errors import MotiondeckError
 
 
 class RecordedDeck(Paced):
-    """Plays the targets of a recording; fits `run_phases.Player` and `command_desk.Commandable`.
+    """Plays the targets of a recording; fits `run_phases.Player` and `loop.commands.interfaces.Commandable`.
 
     Args:
         recording: with at least one tick.

@@ -15,7 +15,7 @@ import numpy as np
 from controller.cli.session.script import Timed
 from controller.deck.deck import Deck
 from controller.library.motion_library import MotionLibrary, load_library
-from controller.loop.command_desk import CommandDesk
+from controller.loop.commands.command_desk import CommandDesk
 from controller.loop.stop_requests import StopRequest
 from controller.rotations import Array
 from controller.wire.messages.commands import Blend
@@ -202,7 +202,7 @@ def _shots(
         while done < ticks:
             while waiting and waiting[0].at <= deck.time:
                 timed = waiting.popleft()
-                reply, _ = desk.carry_out(timed.message, StopRequest())
+                reply = desk.carry_out(timed.message, StopRequest())
                 if isinstance(reply, Refused):
                     raise MotiondeckError(f"the command at {timed.at:g} s was refused: {reply.reason}")
             targets, pose = deck.update(dt)

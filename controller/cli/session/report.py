@@ -13,7 +13,7 @@ import numpy as np
 from controller.cli.session.recognition.recognition_watch import summary_lines
 from controller.deck.switch import CommandedSwitch
 from controller.loop.clock import Clock
-from controller.loop.command_desk import CommandDesk
+from controller.loop.commands.command_desk import CommandDesk
 from controller.loop.loop import LoopReport
 from controller.loop.output_channel import Channel
 from controller.loop.permissions import Permission

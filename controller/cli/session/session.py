@@ -33,8 +33,8 @@ from controller.deck.recorded_deck import RecordedDeck
 from controller.deck.switch import CommandedSwitch
 from controller.library.motion_library import MotionLibrary
 from controller.loop.clock import Clock, Ticker
-from controller.loop.command_desk import CommandDesk
-from controller.loop.commandable import Commandable
+from controller.loop.commands.command_desk import CommandDesk
+from controller.loop.commands.interfaces import Commandable
 from controller.loop.ensemble import all_limits, together
 from controller.loop.loop import LoopState, run
 from controller.loop.permissions import (
@@ -348,7 +348,7 @@ class Session:
         """What comes in over the socket, and the timeline's commands when their time has come."""
         while self._timeline and self._timeline[0].at <= self._deck.time:
             timed = self._timeline.pop(0)
-            reply, _ = self._desk.carry_out(timed.message, stop)
+            reply = self._desk.carry_out(timed.message, stop)
             if isinstance(reply, Refused):
                 self._refused.append({"at": timed.at, "reason": reply.reason})
         if isinstance(self._deck, RecordedDeck) and self._deck.over:

@@ -8,7 +8,7 @@ import numpy as np
 
 import synthetic
 from controller.deck.deck import REMEMBERED_SWITCHES, Deck
-from controller.loop.command_desk import CommandDesk
+from controller.loop.commands.command_desk import CommandDesk
 from controller.loop.stop_requests import StopRequest
 from controller.wire.messages.commands import Switch
 

@@ -16,7 +16,7 @@ from controller.fleet.membership import on_this_machine
 from controller.fleet.messages import About, EmergencyStopAll, encode
 from controller.fleet.show_file import Show, ShowCue
 from controller.fleet.show_state import show_state
-from controller.loop.command_desk import CommandDesk
+from controller.loop.commands.command_desk import CommandDesk
 from controller.loop.stop_requests import StopRequest
 from controller.wire.command_socket import CommandClient, CommandServer
 from controller.wire.leader_link import LeaderLink

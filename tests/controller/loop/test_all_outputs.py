@@ -8,7 +8,7 @@ import synthetic
 from controller.deck.deck import Deck
 from controller.deck.interfaces import JointLimits
 from controller.loop.clock import VirtualClock
-from controller.loop.command_desk import CommandDesk
+from controller.loop.commands.command_desk import CommandDesk
 from controller.loop.ensemble import Ensemble, RobotOutput, all_limits
 from controller.loop.loop import run
 from controller.loop.output_channel import Channel
@@ -97,7 +97,7 @@ def played(timeline):
         nonlocal tick
         while waiting and waiting[0][0] <= tick:
             _, message = waiting.pop(0)
-            answers.append((tick, message, desk.carry_out(message, stop)[0]))
+            answers.append((tick, message, desk.carry_out(message, stop)))
         tick += 1
         if tick > 280:
             stop.ask("enough")

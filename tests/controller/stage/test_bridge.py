@@ -13,7 +13,7 @@ import pytest
 import synthetic
 from controller.deck.deck import Deck
 from controller.deck.locks.phase_error import wrapped
-from controller.loop.command_desk import CommandDesk
+from controller.loop.commands.command_desk import CommandDesk
 from controller.loop.stop_requests import StopRequest
 from controller.stage.bridge import Bridge
 from controller.stage.command_pattern import CommandPattern

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from controller.deck.interfaces import JointLimits
 from controller.loop.clock import VirtualClock
-from controller.loop.command_desk import CommandDesk
+from controller.loop.commands.command_desk import CommandDesk
 from controller.loop.loop import run
 from controller.loop.safety.safety_envelope import SafetyEnvelope
 from controller.loop.stop_requests import StopRequest

@@ -1,4 +1,4 @@
-"""Looks at servos, as replies to the commands that asked for them; fit `controller.loop.command_desk.Look`."""
+"""Looks at servos, as replies to the commands that asked for them; fit `controller.loop.commands.interfaces.Look`."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 from controller.cli.session.robots.rig_output import open_rig
 from controller.deck.interfaces import JointLimits, Output, Retargeter
 from controller.library.motion_library import MotionLibrary
-from controller.loop.command_desk import Pushable
+from controller.loop.commands.interfaces import Pushable
 from controller.loop.ensemble import RobotOutput
 from controller.loop.output_channel import Channel
 from controller.rotations import Array

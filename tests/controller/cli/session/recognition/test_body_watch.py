@@ -13,7 +13,7 @@ from controller.cli.session.script import Timed
 from controller.cli.session.session import RunSettings, Session
 from controller.deck.deck import Deck
 from controller.loop.clock import VirtualClock
-from controller.loop.command_desk import CommandDesk
+from controller.loop.commands.command_desk import CommandDesk
 from controller.recognition.experts import STRETCHED_LEAK, STRETCHES, ExpertRecipe
 from controller.recognition.features import FeatureRecipe
 from controller.recognition.recognizer import train_recognizer

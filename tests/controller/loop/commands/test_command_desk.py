@@ -6,7 +6,7 @@ from collections import deque
 import pytest
 
 from controller.cli.session.session import RunSettings, Session
-from controller.loop.command_desk import CommandDesk
+from controller.loop.commands.command_desk import CommandDesk
 from controller.loop.stop_requests import StopRequest
 from controller.wire.messages.command_table import COMMANDS
 from controller.wire.messages.commands import (

@@ -1,0 +1,1 @@
+"""Commands of clients, carried out on a run in its loop."""

@@ -1,0 +1,124 @@
+"""The command desk: takes the commands of sockets, replies, and tells who wants to know what happens."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+from controller.loop.commands.client import Client
+from controller.loop.commands.commanded_run import CommandedRun, Outcome
+from controller.loop.commands.interfaces import Commandable, Pushable, RealTime, RigServos
+from controller.loop.commands.listeners import Listeners
+from controller.loop.commands.second_replies import SecondReplies
+from controller.loop.commands.timed_commands import TimedCommands
+from controller.loop.stop_requests import StopRequest
+from controller.wire.command_socket import CommandServer
+from controller.wire.messages.commands import AtTime, DeckCommand
+from controller.wire.messages.events import EventKind
+from controller.wire.messages.replies import Accepted, Mode, Refused, Reply
+
+
+class CommandDesk:
+    """Carries out the commands that have arrived, once a tick; it never waits, and no client can make it raise.
+
+    Args:
+        deck: the deck that is commanded.
+        servers: the sockets that commands arrive at.
+        note: called with each command and its reply.
+        seen: the motion that is recognized and the confidence, or None.
+        now: a steady clock, s.
+        servos: of the rig, if there is one.
+        body: what is simulated, if it can be pushed.
+        restarts: whether the run can be started again with another library.
+        ticks: the clock of the loop, in real time.
+    """
+
+    def __init__(
+        self,
+        deck: Commandable,
+        servers: Sequence[CommandServer],
+        note: Callable[[DeckCommand, Reply], None] | None = None,
+        seen: Callable[[], tuple[str, float] | None] | None = None,
+        now: Callable[[], float] = time.monotonic,
+        servos: RigServos | None = None,
+        body: Pushable | None = None,
+        restarts: bool = False,
+        ticks: RealTime | None = None,
+    ) -> None:
+        self._deck, self._body = deck, body
+        self._servers, self._note = servers, note
+        self._listeners = Listeners(deck, now)
+        self._timed = TimedCommands(ticks)
+        self._second = SecondReplies(now)
+        self._run = CommandedRun(deck, self._timed, self.tell, seen, servos, body, restarts, ticks)
+        self._told: tuple[Mode, bool] = ("playing", deck.paused)
+        self._fallen = False
+
+    def __call__(self, stop: StopRequest) -> None:
+        """Carries out new commands, and tells what has happened since the last call."""
+        for server in self._servers:
+            for message, sender in server.poll():
+                client = Client(server, sender)
+                self._listeners.hear(message, client)
+                outcome = self._carry_out(message, stop, client, remote=server.remote)
+                if isinstance(message, AtTime) and isinstance(outcome.reply, Accepted):
+                    self._timed.add(client, message)
+                client.reply(outcome.reply)
+        if self._timed.waiting:
+            self._carry_out_timed(stop)
+        if self._second.switches:
+            self._second.tell_switches()
+        if self._second.looks:
+            self._second.tell_looks()
+        if self._listeners.known:
+            self._listeners.miss()
+        events = self._deck.events
+        while events:
+            self._listeners.send(events.popleft())
+        if self._body is not None and self._body.fallen != self._fallen:
+            self._tell_fall(self._body.fallen)
+        if (stop.mode, self._deck.paused) != self._told:
+            self._tell_mode(stop.mode, self._deck.paused)
+
+    def tell(self, kind: EventKind, text: str, motion: str = "") -> None:
+        """Tells all subscribers that something has happened."""
+        self._listeners.tell(kind, text, motion)
+
+    def carry_out(self, message: DeckCommand, stop: StopRequest) -> Reply:
+        """Carries out one command of the run itself; its reply."""
+        return self._carry_out(message, stop).reply
+
+    def _carry_out(
+        self, message: DeckCommand, stop: StopRequest, client: Client | None = None, *, remote: bool = False
+    ) -> Outcome:
+        """Carries out one command; its client is replied to once more if there is more to say."""
+        outcome = self._run.carry_out(message, stop, remote=remote)
+        if self._note is not None:
+            self._note(message, outcome.reply)
+        if client is not None and outcome.look is not None:
+            self._second.await_look(client, message, outcome.look)
+        if client is not None and outcome.progress is not None:
+            self._second.await_switch(client, message, outcome.progress)
+        return outcome
+
+    def _carry_out_timed(self, stop: StopRequest) -> None:
+        if stop.emergency:
+            self._timed.waiting.clear()
+        for client, message in self._timed.take_due():
+            outcome = self._carry_out(message, stop, client)
+            if isinstance(outcome.reply, Refused):
+                client.reply(outcome.reply)
+
+    def _tell_fall(self, fallen: bool) -> None:
+        self._fallen = fallen
+        self.tell(
+            *(("fell", "the robot has fallen") if fallen else ("stands", "the robot stands again")), self._deck.motion
+        )
+
+    def _tell_mode(self, mode: Mode, paused: bool) -> None:
+        mode_before, paused_before = self._told
+        self._told = mode, paused
+        if mode != mode_before:
+            self.tell("mode", mode)
+        if paused != paused_before:
+            self.tell("paused" if paused else "resumed", "paused" if paused else "plays on", self._deck.motion)

@@ -1,0 +1,241 @@
+"""The run that is commanded: carries out one command on its deck, its servos, its body or its end."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from controller.loop.commands.interfaces import Commandable, Look, Progress, Pushable, RealTime, RigServos
+from controller.loop.commands.timed_commands import TimedCommands
+from controller.loop.stop_requests import EmergencyStopError, StopRequest
+from controller.wire.messages.command_table import row_of
+from controller.wire.messages.commands import (
+    AlignTicks,
+    AtTime,
+    Blend,
+    DeckCommand,
+    EmergencyStop,
+    GetPhase,
+    GetStatus,
+    GiveBeat,
+    Heartbeat,
+    Home,
+    Jump,
+    LoadLibrary,
+    LockPhase,
+    Push,
+    Queue,
+    ReadRegisters,
+    Reset,
+    RestartServo,
+    Resume,
+    ScanPorts,
+    ServoTorque,
+    SetInput,
+    SetTempo,
+    StepOn,
+    Stop,
+    Subscribe,
+    Switch,
+    Unlock,
+    WriteRegister,
+)
+from controller.wire.messages.events import EventKind
+from controller.wire.messages.replies import Accepted, PhaseNow, Refused, Reply, State
+from motiondeck_base.errors import MotiondeckError
+
+
+class Outcome(NamedTuple):
+    """What a command has led to: its reply; of a switch its progress; of a look at servos that look."""
+
+    reply: Reply
+    progress: Progress | None = None
+    look: Look | None = None
+
+
+class CommandedRun:
+    """A run whose deck, servos, body and end are commanded; no command waits or raises.
+
+    Args:
+        deck: the deck that is commanded.
+        timed: the commands whose time is still to come.
+        tell: tells the listeners that something has happened.
+        seen: the motion that is recognized and the confidence, or None.
+        servos: of the rig, if there is one.
+        body: what is simulated, if it can be pushed.
+        restarts: whether the run can be started again with another library.
+        ticks: the clock of the loop, in real time.
+    """
+
+    def __init__(
+        self,
+        deck: Commandable,
+        timed: TimedCommands,
+        tell: Callable[[EventKind, str, str], None],
+        seen: Callable[[], tuple[str, float] | None] | None,
+        servos: RigServos | None,
+        body: Pushable | None,
+        restarts: bool,
+        ticks: RealTime | None,
+    ) -> None:
+        self._deck, self._servos, self._body, self._ticks = deck, servos, body, ticks
+        self._timed, self._tell, self._seen, self._restarts = timed, tell, seen, restarts
+        self._code = 0.0  # that confirms the reset of the present emergency stop from another machine
+
+    def carry_out(self, message: DeckCommand, stop: StopRequest, *, remote: bool) -> Outcome:
+        """Carries out one command, of another machine if it is `remote`."""
+        try:
+            if stop.mode not in row_of(message).modes:
+                stop.check_released()
+            return self._carry_out(message, stop, remote)
+        except MotiondeckError as error:
+            return Outcome(Refused(str(error), message.id))
+
+    def _carry_out(self, message: DeckCommand, stop: StopRequest, remote: bool) -> Outcome:
+        deck, done = self._deck, Outcome(Accepted(message.id))
+        match message:
+            case GetStatus():
+                return Outcome(self._state(message, stop))
+            case GetPhase():
+                return Outcome(PhaseNow(deck.motion, deck.phase, deck.phase_rate, message.id, deck.phase_at))
+            case ReadRegisters(joint=joint):
+                return done._replace(look=self._rig.registers(joint))
+            case WriteRegister(joint=joint, register=register, count=count):
+                return done._replace(look=self._rig.registers(joint, (register, count)))
+            case ScanPorts():
+                return done._replace(look=self._rig.scan())
+            case Switch() | Queue() | Blend():
+                progress = self._play(message, stop)
+                return Outcome(Accepted(message.id, progress.after, list(progress.via)), progress)
+            case Heartbeat() | Subscribe():
+                pass
+            case AlignTicks(here=here, there=there):
+                if self._ticks is None or remote:
+                    raise MotiondeckError("ticks are aligned by programs of this machine, on a deck in real time")
+                self._ticks.align(round(1e9 * here), round(1e9 * there))
+            case AtTime():
+                self._timed.check(message, remote=remote)
+            case EmergencyStop():
+                stop.emergency_stop()
+                deck.pause()
+            case Reset():
+                if remote:
+                    self._check_code(message, stop)
+                stop.reset()
+                self._code = 0.0
+            case Stop():
+                stop.ask("stopped on command")
+            case Home():
+                stop.go_home()
+                deck.pause()
+            case Resume():
+                stop.play()
+                deck.resume()
+            case ServoTorque(joint=joint, to=to):
+                if to == "on":
+                    stop.check_released()
+                self._rig.switch(joint, on=to == "on")
+            case RestartServo(joint=joint):
+                self._rig.restart(joint)
+            case LoadLibrary():
+                self._load(message, stop, remote)
+            case Push():
+                self._push(message)
+            case _:
+                self._steer(message)
+        return done
+
+    def _play(self, message: Switch | Queue | Blend, stop: StopRequest) -> Progress:
+        """Plays another motion, which lets the joints follow the deck again."""
+        match message:
+            case Switch(to=to, direct=direct):
+                progress = self._deck.switch(to, direct=direct)
+            case Queue(to=to):
+                progress = self._deck.enqueue(to)
+            case Blend(first=first, second=second, weight=weight, also=also):
+                progress = self._deck.blend_in(first, second, weight, also)
+        if stop.mode != "playing":
+            stop.play()
+            self._deck.resume()
+        return progress
+
+    def _steer(self, message: DeckCommand) -> None:
+        """Changes how the motion is played."""
+        deck = self._deck
+        match message:
+            case SetTempo(factor=factor, over=over):
+                deck.set_tempo(factor, over)
+            case Jump(phase=phase):
+                deck.jump(phase)
+            case SetInput(name=name, value=value):
+                deck.set_input(name, value)
+            case GiveBeat(ago=ago):
+                deck.beat(ago)
+            case LockPhase(source=source, phase=phase, steps=steps):
+                deck.lock(source, phase, steps)
+            case Unlock():
+                deck.unlock()
+            case StepOn(seconds=seconds):
+                deck.step_on(seconds)
+            case _:
+                deck.pause()
+
+    def _check_code(self, message: Reset, stop: StopRequest) -> None:
+        """Refuses a reset from another machine that does not repeat the code of this emergency stop."""
+        if not stop.emergency:
+            return
+        if not self._code or message.code != self._code:
+            self._code = float(random.randrange(1000, 10000))
+            raise EmergencyStopError(
+                f"a reset from another machine has to be confirmed: see that nobody is near, then give "
+                f"reset {self._code:.0f}"
+            )
+
+    def _load(self, message: LoadLibrary, stop: StopRequest, remote: bool) -> None:
+        """Asks for a controlled end, after which another library is started."""
+        if remote:
+            raise MotiondeckError("a library is loaded from this machine only")
+        if not self._restarts:
+            raise MotiondeckError("this deck takes no other library: start it with motiondeck play, with a page")
+        if not Path(message.library).is_file():
+            raise MotiondeckError(f"{message.library}: there is no such file; give the whole path")
+        stop.ask(f"starts again with {message.to} of {Path(message.library).name}")
+        stop.then = message.library, message.to
+
+    def _push(self, push: Push) -> None:
+        if self._body is None:
+            raise MotiondeckError("nothing can be pushed here: play with a robot in simulated physics")
+        given = self._body.push_from(push.side, push.impulse, push.towards)
+        where = f"from the {push.side}" if push.towards is None else f"towards {math.degrees(push.towards):.0f}°"
+        self._tell("push", f"pushed {where} with {given:.3g} N s", self._deck.motion)
+
+    @property
+    def _rig(self) -> RigServos:
+        if self._servos is None:
+            raise MotiondeckError("no servos are driven here; play with --rig")
+        return self._servos
+
+    def _state(self, message: DeckCommand, stop: StopRequest) -> State:
+        deck = self._deck
+        return State(
+            motion=deck.motion,
+            motions=list(deck.motions),
+            tempo=deck.tempo,
+            paused=deck.paused,
+            switching=not deck.settled,
+            id=message.id,
+            queue=deck.queue,
+            mode=stop.mode,
+            blend=deck.blend,
+            fell_back=deck.fell_back,
+            seen=self._seen() if self._seen is not None else None,
+            phase=deck.phase,
+            inputs=deck.inputs,
+            lock=deck.lock_state,
+            at=deck.time,
+            fallen=self._body is not None and self._body.fallen,
+            approaching=stop.approaching,
+        )
