@@ -5,292 +5,26 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import ExitStack
-from enum import StrEnum
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from controller.cli.common.options import PAGE_PORT, CameraOption, FpsOption, RootOption, SizeOption, SolverOption
-from controller.wire.command_socket import DEFAULT_PORT
+from controller.cli.common.options_class import takes
+from controller.cli.play_options import OnMismatch, PlayOptions
 from controller.wire.messages.commands import Switch
 
 if TYPE_CHECKING:
+    from controller.cli.session.child_process import PageProcess
     from controller.cli.session.script import Timed
-    from controller.cli.session.session import WiredStop
+    from controller.cli.session.session import RunSettings, Session, WiredStop
     from controller.library.motion_library import MotionLibrary
     from controller.recognition.recognizer import Recognizer
 
 
-class OnMismatch(StrEnum):
-    """What happens when the joints do not do what was commanded."""
-
-    WARN = "warn"
-    STOP = "stop"
-
-
-def play(
-    context: typer.Context,
-    motion: Annotated[
-        str | None,
-        typer.Argument(metavar="MOTION", help="The motion to play first; default: `walk`, or the library's first."),
-    ] = None,
-    library: Annotated[
-        str, typer.Option("--library", metavar="LIBRARY", help="A library file, or a shipped one by its name.")
-    ] = "thesis15",
-    robot: Annotated[
-        str, typer.Option("--robot", metavar="ROBOT", help="A robot file, or: mannequin, servo20.")
-    ] = "mannequin",
-    solver: SolverOption = None,
-    rig: Annotated[
-        str | None,
-        typer.Option(
-            "--rig",
-            rich_help_panel="Servos",
-            metavar="RIG",
-            help="Stream to servos: a rig file, or 'emulated' for emulated servos of the robot.",
-        ),
-    ] = None,
-    script: Annotated[
-        str | None,
-        typer.Option(
-            "--script", metavar="SCRIPT", help='What to play when: "walk 4, jog 4, walk", or a timeline file.'
-        ),
-    ] = None,
-    seconds: Annotated[
-        float | None,
-        typer.Option(
-            "--seconds",
-            metavar="SECONDS",
-            help="Stop after so many seconds of the motion; approach and end come on top.",
-        ),
-    ] = None,
-    headless: Annotated[bool, typer.Option("--headless", help="No page and no terminal.")] = False,
-    video: Annotated[
-        Path | None,
-        typer.Option(
-            "--video", rich_help_panel="Film", metavar="FILE", help="Film it (.mp4 or .gif) instead of playing it live."
-        ),
-    ] = None,
-    size: SizeOption = None,
-    fps: FpsOption = None,
-    camera: CameraOption = "follow",
-    ghost: Annotated[
-        bool,
-        typer.Option(
-            "--ghost",
-            rich_help_panel="Film",
-            help="In a film: draw the target pose too, translucent.",
-        ),
-    ] = False,
-    footprints: Annotated[
-        bool, typer.Option("--footprints", rich_help_panel="Film", help="In a film: draw where the feet stood.")
-    ] = False,
-    direct: Annotated[
-        bool,
-        typer.Option(
-            "--direct", rich_help_panel="Switching", help="Switch at once and directly, never by way of other motions."
-        ),
-    ] = False,
-    record: Annotated[
-        Path | None,
-        typer.Option(
-            "--record",
-            rich_help_panel="Real-time loop",
-            metavar="FILE",
-            help="Record every tick, for `replay` and `plot`.",
-        ),
-    ] = None,
-    rate: Annotated[
-        float,
-        typer.Option("--rate", rich_help_panel="Real-time loop", metavar="HZ", help="Ticks of the loop a second."),
-    ] = 200.0,
-    lower_rate: Annotated[
-        bool,
-        typer.Option(
-            "--lower-rate",
-            rich_help_panel="Real-time loop",
-            help="If the network is too large for --rate, play at a rate that it holds.",
-        ),
-    ] = False,
-    kinematic: Annotated[
-        bool,
-        typer.Option(
-            "--kinematic",
-            rich_help_panel="Simulation",
-            help="Show the targets themselves, without simulated servos and masses.",
-        ),
-    ] = False,
-    root: RootOption = "gantry",
-    balance: Annotated[
-        bool,
-        typer.Option(
-            "--balance",
-            rich_help_panel="Simulation",
-            help="Keep a free robot's feet in place and its centre of mass above them.",
-        ),
-    ] = False,
-    walk: Annotated[
-        bool,
-        typer.Option(
-            "--walk",
-            rich_help_panel="Simulation",
-            help="Let a free robot walk where the motion goes, 1.2 s behind it.",
-        ),
-    ] = False,
-    realtime: Annotated[
-        bool,
-        typer.Option(
-            "--realtime",
-            rich_help_panel="Real-time loop",
-            help="Ask for real-time scheduling and locked memory, and print what was granted.",
-        ),
-    ] = False,
-    core: Annotated[
-        int | None,
-        typer.Option(
-            "--core",
-            rich_help_panel="Real-time loop",
-            metavar="N",
-            help="Run the loop on this core of the CPU, all other processes on the others.",
-        ),
-    ] = None,
-    overruns: Annotated[
-        Literal["skip", "catch-up"],
-        typer.Option(
-            "--overruns",
-            rich_help_panel="Real-time loop",
-            help="After a tick that took too long: skip the missed ticks, or catch up.",
-        ),
-    ] = "skip",
-    follow: Annotated[
-        str | None,
-        typer.Option(
-            "--follow", rich_help_panel="Servos", metavar="ROBOT", help="A second robot that mirrors the first."
-        ),
-    ] = None,
-    follow_rig: Annotated[
-        str | None,
-        typer.Option(
-            "--follow-rig", rich_help_panel="Servos", metavar="RIG", help="Its servos: a rig file, or 'emulated'."
-        ),
-    ] = None,
-    page_port: Annotated[
-        int,
-        typer.Option(
-            "--port",
-            rich_help_panel="Commands from elsewhere",
-            metavar="PORT",
-            help="The page's port on 127.0.0.1; 0 for any free one.",
-        ),
-    ] = PAGE_PORT,
-    command_port: Annotated[
-        int,
-        typer.Option(
-            "--command-port",
-            rich_help_panel="Commands from elsewhere",
-            metavar="PORT",
-            help="Where `motiondeck send` reaches the deck; 0 for any free one.",
-        ),
-    ] = DEFAULT_PORT,
-    recognize: Annotated[
-        bool,
-        typer.Option(
-            "--recognize",
-            rich_help_panel="Recognition",
-            help="Recognize the motion from the measured joints, and show it.",
-        ),
-    ] = False,
-    recognizer: Annotated[
-        Path | None,
-        typer.Option(
-            "--recognizer",
-            rich_help_panel="Recognition",
-            metavar="FILE",
-            help="Recognize the played motion with a trained recognizer (`recognize train`), and show it.",
-        ),
-    ] = None,
-    on_mismatch: Annotated[
-        OnMismatch,
-        typer.Option(
-            "--on-mismatch",
-            rich_help_panel="Recognition",
-            help="With --recognize: warn or stop when the joints show another motion.",
-        ),
-    ] = OnMismatch.WARN,
-    mismatch_after: Annotated[
-        float,
-        typer.Option(
-            "--mismatch-after",
-            rich_help_panel="Recognition",
-            metavar="SECONDS",
-            help="How long the joints must show another motion before that, s.",
-        ),
-    ] = 0.5,
-    listen: Annotated[
-        str | None,
-        typer.Option(
-            "--listen",
-            rich_help_panel="Commands from elsewhere",
-            metavar="ADDRESS",
-            help="Take commands at this address of this machine too; needs --token-file.",
-        ),
-    ] = None,
-    token_file: Annotated[
-        Path | None,
-        typer.Option(
-            "--token-file",
-            rich_help_panel="Commands from elsewhere",
-            metavar="FILE",
-            help="The token; only you may read the file.",
-        ),
-    ] = None,
-    show: Annotated[
-        str | None,
-        typer.Option(
-            "--show",
-            rich_help_panel="Commands from elsewhere",
-            metavar="SHOW/DECK",
-            help="Take part in a show (`conduct`) under this name; for one on several machines: the deck's folder of "
-            "certificates.",
-        ),
-    ] = None,
-    stop_input: Annotated[
-        Path | None,
-        typer.Option(
-            "--stop-input",
-            rich_help_panel="Commands from elsewhere",
-            metavar="DEVICE",
-            help="A wired emergency stop: a serial adapter, or /dev/input/eventN.",
-        ),
-    ] = None,
-    lock_to: Annotated[
-        str | None,
-        typer.Option(
-            "--lock-to",
-            rich_help_panel="Switching",
-            metavar="SOURCE",
-            help="Lock loops to: beat (taps), body (wait while the joints are held), or another deck by its command "
-            "port.",
-        ),
-    ] = None,
-    join: Annotated[
-        Literal["inertialise", "crossfade", "morph", "cut"] | None,
-        typer.Option(
-            "--join", rich_help_panel="Switching", help="How motions are joined; default: what suits the network."
-        ),
-    ] = None,
-    check_collisions: Annotated[
-        bool,
-        typer.Option(
-            "--check-collisions",
-            rich_help_panel="Simulation",
-            help="Hold joints back where limbs of the robot would collide.",
-        ),
-    ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print a report as one JSON object in the end.")] = False,
-) -> None:
+@takes(PlayOptions)
+def play(context: typer.Context, options: PlayOptions) -> None:
     """Play learned motions live and switch them on command.
 
     Opens a page on 127.0.0.1 with the robot and a button for each motion, and a prompt here: type a motion's name (Tab
@@ -314,106 +48,128 @@ def play(
       motiondeck play --video walk.mp4 --seconds 6
       motiondeck play --robot g1.toml --video g1.mp4 --camera three --footprints --size 1280x720
     """
-    if video is None:
+    if options.video is None:
         os.environ.setdefault("MUJOCO_GL", "disable")  # nothing is drawn here, and MuJoCo starts sooner without OpenGL
     from controller.cli.session.child_process import page_process
 
     with ExitStack() as early:
         # The page takes longest to start, so it does that while all the rest is imported and loaded.
-        shown = not headless and video is None and core is None
-        page = early.enter_context(page_process(page_port, command_port)) if shown else None
-        from controller.cli.session.recognition.recognition_watch import MismatchPolicy
-        from controller.cli.session.report import summary
-        from controller.cli.session.robots.robot_on_deck import open_robots
-        from controller.cli.session.session import RunSettings, Session
-        from controller.cli.session.setup import check_seconds, checked_rate, robot_setup
-        from controller.deck.deck import Deck
+        page: PageProcess | None = None
+        if not options.headless and options.video is None and options.core is None:
+            page = early.enter_context(page_process(options.page_port, options.command_port))
+        from controller.cli.session.setup import check_seconds
         from controller.library.motion_library import load_library
-        from controller.wire.authentication import read_token
-        from motiondeck_base.errors import MotiondeckError
         from motiondeck_base.shipped import find_library
 
-        check_seconds(seconds)
-        if script is not None and motion is not None:
-            raise MotiondeckError(f"give either a motion ('{motion}') or a --script, not both")
-        if kinematic and (root != "gantry" or balance or walk):
-            raise MotiondeckError("--root, --balance and --walk are for simulated servos: leave --kinematic")
-        if walk and lock_to == "body":
-            raise MotiondeckError("with --walk the body is 1.2 s behind its targets: leave --lock-to body")
-        if show is not None and lock_to is not None:
-            raise MotiondeckError("with --show the show says what loops keep step with: leave --lock-to")
-        if recognize and recognizer is not None:
-            raise MotiondeckError("--recognize looks at the joints and --recognizer at the body: leave one")
-        if not 0.0 < mismatch_after < 1e4:
-            raise MotiondeckError(f"--mismatch-after {mismatch_after:g} s is not a length of time above 0")
-        library_file = find_library(library)
-        loaded = load_library(library_file)
-        name_failing(loaded)
-        first, timeline, length = _timeline(loaded, motion, script)
-        seconds = seconds if seconds is not None else length
-        if video is not None:
-            from controller.cli.pictures.filmed_run import film_run, refuse_live_options
-            from controller.cli.pictures.library_pictures import Staging, film_look
-
-            refuse_live_options(
-                rig=rig is not None, record=record is not None, recognize=recognize or recognizer is not None
-            )
-            film_deck = partial(Deck, loaded, motion=first, direct=direct, joining=join)
-            look = film_look(video, size, fps, camera, ghost, footprints)
-            staging = Staging(not kinematic, root, balance, walk, solver)
-            _print(*film_run(loaded, robot, film_deck, timeline, seconds, video, look, staging), as_json=as_json)
+        check_seconds(options.seconds)
+        options.check()
+        library_file = find_library(options.library)
+        library = load_library(library_file)
+        name_failing(library)
+        first, timeline, length = _timeline(library, options.motion, options.script)
+        seconds = options.seconds if options.seconds is not None else length
+        if options.video is not None:
+            _film(options, library, first, timeline, seconds, options.video)
             return
-        if rate != (rate := checked_rate(loaded, first, rate, lower=lower_rate)):
-            print(f"playing at {rate:g} Hz, which the network can hold", file=sys.stderr)
-        if follow_rig is not None and follow is None:
-            raise MotiondeckError("--follow-rig needs --follow ROBOT: whose servos are they?")
-        if listen is not None and token_file is None:
-            raise MotiondeckError(f"--listen {listen} needs --token-file FILE: anybody could move the robot otherwise")
-        held = {"root": root, "balance": balance, "walk": walk}
-        physics = {"physics": not kinematic, **held, "keep_apart": check_collisions}
-        setups = [robot_setup(robot, rig, solver=solver, **physics)]
-        if follow is not None:
-            setups.append(robot_setup(follow, follow_rig, **physics))
-        settings = RunSettings(
-            rate=rate,
-            command_port=command_port,
-            page_port=None if headless else page_port,
-            page=page,
-            progress=not as_json,
-            terminal=not (headless or as_json) and sys.stdin.isatty() and sys.stdout.isatty(),
-            seconds=seconds,
-            record=record,
-            realtime=realtime,
-            core=core,
-            catch_up=overruns == "catch-up",
-            recognizer=_recognizer(recognizer) if recognizer is not None else None,
-            mismatch=MismatchPolicy(mismatch_after, on_mismatch is OnMismatch.STOP) if recognize else None,
-            listen=listen,
-            token=read_token(token_file) if token_file is not None else None,
-            stop_input=_wired_stop(stop_input) if stop_input is not None else None,
-            lock_to=lock_to,
-            show=show,
-            robot=Path(robot).stem,
-            library=library_file,
-            restarts=not (headless or as_json),
-        )
-        with Session(
-            loaded,
-            lambda opening: open_robots(opening, setups, loaded, rate),
-            lambda retarget: Deck(loaded, retarget, first, direct=direct, joining=join),
-            settings,
-            timeline,
-        ) as session:
-            report = session.run()
-        _print(report, summary(report), as_json=as_json)
-        incomplete = not report.get("recording", {"complete": True})["complete"]
-        then = session.then
-        if incomplete or any(o["parked"] for o in report["outputs"]) or report.get("recognition", {}).get("stopped"):
-            raise typer.Exit(1)
-    if then is not None:
+        session = _play_live(options, library, library_file, first, timeline, seconds, page)
+    if session.then is not None:
         from controller.cli.session.play_again import play_again
 
-        play_again(context, *then, page_port=session.page_port, command_port=session.command_port)
+        play_again(context, *session.then, page_port=session.page_port, command_port=session.command_port)
+
+
+def _film(
+    options: PlayOptions, library: MotionLibrary, first: str, timeline: list[Timed], seconds: float | None, video: Path
+) -> None:
+    """Films the run instead of playing it live."""
+    from controller.cli.pictures.filmed_run import film_run
+    from controller.cli.pictures.library_pictures import Staging, film_look
+    from controller.deck.deck import Deck
+
+    options.check_for_film()
+    deck = partial(Deck, library, motion=first, direct=options.direct, joining=options.join)
+    look = film_look(video, options.size, options.fps, options.camera, options.ghost, options.footprints)
+    staging = Staging(not options.kinematic, options.root, options.balance, options.walk, options.solver)
+    _print(*film_run(library, options.robot, deck, timeline, seconds, video, look, staging), as_json=options.as_json)
+
+
+def _play_live(
+    options: PlayOptions,
+    library: MotionLibrary,
+    library_file: Path,
+    first: str,
+    timeline: list[Timed],
+    seconds: float | None,
+    page: PageProcess | None,
+) -> Session:
+    """Plays until the run has ended; the session, which knows how it goes on.
+
+    Raises:
+        typer.Exit: if the recording is not complete, or a rig was lost or stopped for its motion.
+    """
+    from controller.cli.session.report import summary
+    from controller.cli.session.robots.robot_on_deck import open_robots
+    from controller.cli.session.session import Session
+    from controller.cli.session.setup import checked_rate, robot_setup
+    from controller.deck.deck import Deck
+
+    rate = checked_rate(library, first, options.rate, lower=options.lower_rate)
+    if rate != options.rate:
+        print(f"playing at {rate:g} Hz, which the network can hold", file=sys.stderr)
+    options.check_for_live()
+    held = {"root": options.root, "balance": options.balance, "walk": options.walk}
+    physics = {"physics": not options.kinematic, **held, "keep_apart": options.check_collisions}
+    setups = [robot_setup(options.robot, options.rig, solver=options.solver, **physics)]
+    if options.follow is not None:
+        setups.append(robot_setup(options.follow, options.follow_rig, **physics))
+    with Session(
+        library,
+        lambda opening: open_robots(opening, setups, library, rate),
+        lambda retarget: Deck(library, retarget, first, direct=options.direct, joining=options.join),
+        _run_settings(options, rate, seconds, library_file, page),
+        timeline,
+    ) as session:
+        report = session.run()
+    _print(report, summary(report), as_json=options.as_json)
+    incomplete = not report.get("recording", {"complete": True})["complete"]
+    if incomplete or any(o["parked"] for o in report["outputs"]) or report.get("recognition", {}).get("stopped"):
+        raise typer.Exit(1)
+    return session
+
+
+def _run_settings(
+    options: PlayOptions, rate: float, seconds: float | None, library: Path, page: PageProcess | None
+) -> RunSettings:
+    """How the run goes, as the options say."""
+    from controller.cli.session.recognition.recognition_watch import MismatchPolicy
+    from controller.cli.session.session import RunSettings
+    from controller.wire.authentication import read_token
+
+    stops = options.on_mismatch is OnMismatch.STOP
+    quiet = options.headless or options.as_json
+    return RunSettings(
+        rate=rate,
+        command_port=options.command_port,
+        page_port=None if options.headless else options.page_port,
+        page=page,
+        progress=not options.as_json,
+        terminal=not quiet and sys.stdin.isatty() and sys.stdout.isatty(),
+        seconds=seconds,
+        record=options.record,
+        realtime=options.realtime,
+        core=options.core,
+        catch_up=options.overruns == "catch-up",
+        recognizer=_recognizer(options.recognizer) if options.recognizer is not None else None,
+        mismatch=MismatchPolicy(options.mismatch_after, stops) if options.recognize else None,
+        listen=options.listen,
+        token=read_token(options.token_file) if options.token_file is not None else None,
+        stop_input=_wired_stop(options.stop_input) if options.stop_input is not None else None,
+        lock_to=options.lock_to,
+        show=options.show,
+        robot=Path(options.robot).stem,
+        library=library,
+        restarts=not quiet,
+    )
 
 
 def _recognizer(file: Path) -> Recognizer:

@@ -16,20 +16,6 @@ from motiondeck_base.errors import MotiondeckError
 SHORTEST, AFTER_LAST = 6.0, 4.0  # s: a film without a given length, and what it shows after the last command
 
 
-def refuse_live_options(*, rig: bool, record: bool, recognize: bool) -> None:
-    """Refuses options that make no sense with --video.
-
-    Raises:
-        MotiondeckError: if one of them is given.
-    """
-    if rig:
-        raise MotiondeckError("a film is not made live, so nothing can be streamed to a rig: leave --rig or --video")
-    if record:
-        raise MotiondeckError("a film is not made live, so there are no ticks to record: leave --record or --video")
-    if recognize:
-        raise MotiondeckError("in a film nothing is measured to be recognized: leave the recognition or --video")
-
-
 def film_run(
     library: MotionLibrary,
     robot: str,
