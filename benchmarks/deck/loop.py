@@ -42,8 +42,9 @@ from benchmarks.deck._c_loop import CLoop  # noqa: E402
 from benchmarks.deck._machine_load import hog, stolen_ms  # noqa: E402
 from benchmarks.deck._peer_clock import PeerClock, limiters  # noqa: E402
 from controller.cli.session.robots.robot_on_deck import RobotSetup, open_robots  # noqa: E402
+from controller.cli.session.run_settings import RunSettings  # noqa: E402
 from controller.cli.session.script import Timed  # noqa: E402
-from controller.cli.session.session import RunSettings, Session  # noqa: E402
+from controller.cli.session.session import Session  # noqa: E402
 from controller.deck.deck import Deck  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402
 from controller.loop.clock import Clock, Ticker  # noqa: E402

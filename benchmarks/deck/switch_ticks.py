@@ -22,7 +22,8 @@ import numpy as np  # noqa: E402
 
 from benchmarks.deck._tick_parts import ALL, Ticks  # noqa: E402
 from controller.cli.session.robots.robot_on_deck import RobotSetup, open_robots  # noqa: E402
-from controller.cli.session.session import RunSettings, Session  # noqa: E402
+from controller.cli.session.run_settings import RunSettings  # noqa: E402
+from controller.cli.session.session import Session  # noqa: E402
 from controller.deck.deck import Deck  # noqa: E402
 from controller.deck.joins.joining import JOININGS, Joining  # noqa: E402
 from controller.library.motion_library import MotionLibrary, load_library  # noqa: E402

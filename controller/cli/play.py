@@ -17,8 +17,10 @@ from controller.wire.messages.commands import Switch
 
 if TYPE_CHECKING:
     from controller.cli.session.child_process import PageProcess
+    from controller.cli.session.run_settings import RunSettings
     from controller.cli.session.script import Timed
-    from controller.cli.session.session import RunSettings, Session, WiredStop
+    from controller.cli.session.session import Session
+    from controller.cli.session.wired_stop import WiredStop
     from controller.library.motion_library import MotionLibrary
     from controller.recognition.recognizer import Recognizer
 
@@ -142,7 +144,7 @@ def _run_settings(
 ) -> RunSettings:
     """How the run goes, as the options say."""
     from controller.cli.session.recognition.recognition_watch import MismatchPolicy
-    from controller.cli.session.session import RunSettings
+    from controller.cli.session.run_settings import RunSettings
     from controller.wire.authentication import read_token
 
     stops = options.on_mismatch is OnMismatch.STOP

@@ -56,7 +56,8 @@ def replay(
     """
     from controller.cli.session.report import summary
     from controller.cli.session.robots.robot_on_deck import open_robots
-    from controller.cli.session.session import RunSettings, Session
+    from controller.cli.session.run_settings import RunSettings
+    from controller.cli.session.session import Session
     from controller.cli.session.setup import robot_setup
     from controller.deck.recorded_deck import RecordedDeck
     from controller.library.motion_library import load_library

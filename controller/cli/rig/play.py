@@ -13,7 +13,7 @@ from controller.wire.command_socket import DEFAULT_PORT
 from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:
-    from controller.cli.session.session import RunSettings
+    from controller.cli.session.run_settings import RunSettings
     from controller.library.motion_library import MotionLibrary
     from controller.mocap.clip import Clip
     from hardware.rig.rig_file import RigConfig
@@ -60,7 +60,7 @@ def play(
       motiondeck rig play servo20 thesis15 walk --seconds 20
     """
     from controller.cli.session.report import summary
-    from controller.cli.session.session import RunSettings
+    from controller.cli.session.run_settings import RunSettings
     from controller.cli.session.setup import check_seconds, checked_rate, first_motion
     from controller.library.motion_library import load_library
     from controller.mocap.formats.reading import read_clip

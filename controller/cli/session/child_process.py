@@ -97,6 +97,31 @@ def free_port(port: int) -> int:
         return int(probe.getsockname()[1])
 
 
+class Children:
+    """The processes that a run has started: the page, the prompt, the recorder, a part in a show.
+
+    Attributes:
+        restore_tty: restores the terminal, which a killed prompt may have changed.
+    """
+
+    def __init__(self) -> None:
+        self.restore_tty: Callable[[], None] = lambda: None
+        self._running: list[tuple[str, subprocess.Popen[bytes]]] = []
+
+    def add(self, name: str, process: subprocess.Popen[bytes]) -> None:
+        """Watches one more; its name is for people."""
+        self._running.append((name, process))
+
+    def report_dead(self) -> None:
+        """Prints a line for each that has died since the last call: the deck plays on without it."""
+        for name, process in [*self._running]:
+            if process.poll() is not None:
+                self._running.remove((name, process))
+                if process.returncode != 0:
+                    self.restore_tty()
+                    print(f"motiondeck: {name} has ended; the deck plays on", file=sys.stderr)
+
+
 @contextmanager
 def kept_tty() -> Iterator[Callable[[], None]]:
     """Restores the settings of the terminal after the block, whatever a killed prompt has done to them.

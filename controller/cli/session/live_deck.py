@@ -104,7 +104,8 @@ def play_live(request: LiveRequest) -> None:
     """
     os.environ.setdefault("MUJOCO_GL", "disable")  # nothing is drawn here, and MuJoCo starts sooner without OpenGL
     from controller.cli.session.robots.robot_on_deck import open_robots
-    from controller.cli.session.session import RunSettings, Session
+    from controller.cli.session.run_settings import RunSettings
+    from controller.cli.session.session import Session
     from controller.cli.session.setup import check_seconds, checked_rate, first_motion, robot_setup
     from controller.deck.deck import Deck
     from controller.library.motion_library import load_library

@@ -3,30 +3,30 @@
 from __future__ import annotations
 
 import math
-import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
-from controller.cli.session.child_process import PageProcess, child_process, kept_tty, page_process
+from controller.cli.session.child_process import Children, child_process, kept_tty, page_process
 from controller.cli.session.openings import lock_deck, open_recorder, open_servers
 from controller.cli.session.page import HEALTH_EVERY, PICTURE_HZ, Page, Showable
 from controller.cli.session.progress_line import progress_line
 from controller.cli.session.recognition.body_watch import BodyWatch
-from controller.cli.session.recognition.recognition_watch import MismatchPolicy, RecognitionWatch
+from controller.cli.session.recognition.recognition_watch import RecognitionWatch
 from controller.cli.session.recognition.watch import Watch
 from controller.cli.session.report import RunNews, run_report
 from controller.cli.session.robots.rig_output import RigOutput
 from controller.cli.session.robots.robot_on_deck import RobotOnDeck, channels_of
+from controller.cli.session.run_settings import RunSettings
 from controller.cli.session.script import Timed
 from controller.cli.session.show_member import ShowMember, show_member
 from controller.cli.session.tick_recorder import TickRecorder
+from controller.cli.session.wired_stop import WiredStopWatch
 from controller.deck.interfaces import Retargeter
 from controller.deck.lockable import Lockable
 from controller.deck.recorded_deck import RecordedDeck
@@ -52,78 +52,8 @@ from controller.mocap.clip import Clip
 from controller.mocap.encodings.joint_angles import JointBody
 from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array
-from controller.wire.messages.commands import EmergencyStop
 from controller.wire.messages.lock_state import lock_numbers
 from controller.wire.messages.replies import Refused
-
-if TYPE_CHECKING:
-    from controller.recognition.recognizer import Recognizer
-
-
-class WiredStop(Protocol):
-    """An emergency stop that is wired."""
-
-    name: str
-    pulled: bool
-    pulls: int
-
-    def close(self) -> None:
-        """Asks it no more."""
-        ...
-
-
-@dataclass(frozen=True)
-class RunSettings:
-    """How a run goes, whatever is played on whichever robot.
-
-    Attributes:
-        rate: ticks of the loop a second, Hz.
-        command_port: where commands come in; 0 for a free port.
-        page_port: where the page is, 0 for a free port, None for no page.
-        page: its process, if that has been started already.
-        terminal: whether there is a prompt.
-        progress: whether a terminal shows a line with the motion and the time.
-        seconds: how long to play, or None until somebody stops it.
-        record: the file in which every tick is recorded, if any.
-        realtime: whether to ask for real-time scheduling.
-        core: the core that the loop is to run on, if it matters; all other processes then keep off it.
-        catch_up: whether missed ticks are made up for without waiting, or skipped.
-        mismatch: what to do when the joints look like another motion than the commanded one; None does not recognize
-            them.
-        recognizer: in its place, what recognizes the motion of the body that is played.
-        listen: the address of another interface where commands are taken, if they are sealed with the token.
-        token: who has it may command.
-        stop_input: a wired emergency stop, if there is one; the session closes it.
-        library: the file of what is played, if it is a library.
-        restarts: whether the caller starts the run again when another library is asked for.
-        lock_to: what the phase is locked to from the start: "beat", "body", the command port of another deck of
-            this machine, or None.
-        show: the show that the deck takes part in and its name there, or its folder of certificates; see
-            `controller.fleet.membership`.
-        robot: what the robot is called in that show.
-    """
-
-    rate: float
-    command_port: int = 0
-    page_port: int | None = None
-    page: PageProcess | None = None
-    terminal: bool = False
-    progress: bool = False
-    seconds: float | None = None
-    record: Path | None = None
-    realtime: bool = False
-    core: int | None = None
-    catch_up: bool = False
-    mismatch: MismatchPolicy | None = None
-    recognizer: Recognizer | None = None
-    listen: str | None = None
-    token: bytes | None = None
-    stop_input: WiredStop | None = None
-    lock_to: str | None = None
-    show: str | None = None
-    robot: str = ""
-    library: Path | None = None
-    restarts: bool = False
 
 
 class PlayableDeck(Player, Commandable, Showable, Protocol):
@@ -167,11 +97,9 @@ class Session:
         self.robots: list[RobotOnDeck] = []
         self.command_port = 0
         self.page_port: int | None = None
-        self._pulls = 0
         self._refused: list[dict[str, object]] = []
         self._permissions: list[Permission] = []
-        self._restore_tty: Callable[[], None] = lambda: None
-        self._children: list[tuple[str, subprocess.Popen[bytes]]] = []
+        self._children = Children()
         self._open = ExitStack()
         self._page: Page | None = None
 
@@ -230,6 +158,7 @@ class Session:
             restarts=settings.restarts,
             ticks=self._clock if isinstance(self._clock, Ticker) else None,
         )
+        self._wired_stop = WiredStopWatch(settings.stop_input, self._desk) if settings.stop_input is not None else None
         self._news = RunNews(self._desk, self._clock, self._channels, servers, seen)
         self._start_terminal(opening)
 
@@ -241,7 +170,7 @@ class Session:
                 return None
             page = opening.enter_context(page_process(self._settings.page_port, self._settings.command_port))
         self.page_port = page.port
-        self._children.append(("the page", page.process))
+        self._children.add("the page", page.process)
         return page.state
 
     def _open_watch(self) -> Watch | None:
@@ -258,7 +187,7 @@ class Session:
             return None
         names = self._watch.names if self._watch is not None else ()
         recorder = open_recorder(opening, file, self._first, self._source_name, self._deck.motions, names, rate)
-        self._children.append(("the recorder", recorder.process))
+        self._children.add("the recorder", recorder.process)
         return recorder
 
     def _take_part(self, opening: ExitStack) -> ShowMember | None:
@@ -269,15 +198,15 @@ class Session:
         member = opening.enter_context(
             show_member(show, self.command_port, source, self._settings.robot, self._settings.rate)
         )
-        self._children.append(("the part in the show", member.process))
+        self._children.add("the part in the show", member.process)
         return member
 
     def _start_terminal(self, opening: ExitStack) -> None:
         if not self._settings.terminal:
             return
-        self._restore_tty = opening.enter_context(kept_tty())
+        self._children.restore_tty = opening.enter_context(kept_tty())
         terminal = child_process("controller.cli.session.terminal", "--command-port", str(self.command_port))
-        self._children.append(("the prompt", opening.enter_context(terminal)))
+        self._children.add("the prompt", opening.enter_context(terminal))
 
     @property
     def _source_name(self) -> str:
@@ -356,33 +285,15 @@ class Session:
         for robot in self.robots:
             if robot.rig is not None and robot.rig.parked:
                 stop.ask(f"the rig is lost: {robot.rig.fault}")
-        if self._settings.stop_input is not None:
-            self._look_at_wired_stop(self._settings.stop_input, stop)
+        if self._wired_stop is not None:
+            self._wired_stop.look(stop)
         self._desk(stop)
         self._news.look()
-
-    def _look_at_wired_stop(self, wired: WiredStop, stop: StopRequest) -> None:
-        """Stops while the wired stop is pulled, and if it was since the last look; a reset before that is in vain."""
-        before, self._pulls = self._pulls, wired.pulls
-        if stop.emergency or not (wired.pulled or self._pulls != before):
-            return
-        self._desk.carry_out(EmergencyStop(), stop)
-        self._desk.tell("fault", f"the emergency stop at {wired.name} was pulled")
-        print(f"motiondeck: the emergency stop at {wired.name} was pulled", file=sys.stderr)
 
     def _measured(self) -> Array | None:
         """Where the joints of the first robot are, as far as it is known, rad."""
         measured = self._channels[0].measured
         return None if measured is None else measured[: len(self._first.own_joints)]
-
-    def _report_dead_children(self) -> None:
-        """Prints a line when the page, the prompt or the recorder has died: the deck plays on without them."""
-        for name, process in [*self._children]:
-            if process.poll() is not None:
-                self._children.remove((name, process))
-                if process.returncode != 0:
-                    self._restore_tty()
-                    print(f"motiondeck: {name} has ended; the deck plays on", file=sys.stderr)
 
     def _publish(self, state: LoopState) -> None:
         """Hands the state to the watch, to the recorder and, now and then, to the page."""
@@ -394,7 +305,7 @@ class Session:
             health = state.tick // self._ticks_a_picture % HEALTH_EVERY == 0
             self._page.show(state, self._stop, self._deck, health=health)
         if state.tick // self._ticks_a_picture % HEALTH_EVERY == 0:
-            self._report_dead_children()
+            self._children.report_dead()
 
     def _record(self, recorder: TickRecorder, state: LoopState) -> None:
         deck, simulation = self._deck, self._first.simulation

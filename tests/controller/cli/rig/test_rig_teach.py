@@ -14,7 +14,7 @@ import pytest
 
 from command_line import invoked
 from controller.cli.rig.play import play_clip
-from controller.cli.session.session import RunSettings
+from controller.cli.session.run_settings import RunSettings
 from controller.mocap.encodings.joint_angles import how_taught, read_taught_clip, save_taught_clip, taught_clip
 from hardware.bus.servo_bus import Bus
 from hardware.emulator.bus import EmulatedBus

@@ -7,7 +7,8 @@ import pytest
 
 import synthetic
 from controller.cli.session.robots.robot_on_deck import RobotSetup, open_robots
-from controller.cli.session.session import RunSettings, Session
+from controller.cli.session.run_settings import RunSettings
+from controller.cli.session.session import Session
 from controller.deck.deck import Deck
 from controller.loop.clock import VirtualClock
 from controller.loop.stop_requests import SIGNALS

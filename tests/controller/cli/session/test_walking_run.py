@@ -5,7 +5,8 @@ import pytest
 from command_line import motiondeck
 from controller.cli.session.report import summary
 from controller.cli.session.robots.robot_on_deck import RobotSetup, open_robots
-from controller.cli.session.session import RunSettings, Session
+from controller.cli.session.run_settings import RunSettings
+from controller.cli.session.session import Session
 from controller.deck.deck import Deck
 from controller.library.motion_library import load_library
 from controller.loop.clock import VirtualClock

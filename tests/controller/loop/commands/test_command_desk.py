@@ -5,7 +5,7 @@ from collections import deque
 
 import pytest
 
-from controller.cli.session.session import RunSettings, Session
+from controller.cli.session.wired_stop import WiredStopWatch
 from controller.loop.commands.command_desk import CommandDesk
 from controller.loop.stop_requests import StopRequest
 from controller.wire.messages.command_table import COMMANDS
@@ -205,26 +205,24 @@ class Wired:
 
 def test_a_wired_stop_stops_and_while_it_is_pulled_a_reset_is_in_vain(desk, capsys):
     wired = Wired()
-    nothing = None
-    session = Session(nothing, nothing, nothing, RunSettings(rate=100.0, stop_input=wired))
-    session._desk = desk.desk
-    session._look_at_wired_stop(wired, desk.stop)
+    watch = WiredStopWatch(wired, desk.desk)
+    watch.look(desk.stop)
     assert not desk.stop.emergency
     wired.pulled, wired.pulls = True, 1
-    session._look_at_wired_stop(wired, desk.stop)
+    watch.look(desk.stop)
     assert desk.stop.emergency
     assert "/dev/ttyUSB1 was pulled" in capsys.readouterr().err
     desk.stop.at_rest = True
     assert isinstance(desk.ask(Reset()), Accepted)
-    session._look_at_wired_stop(wired, desk.stop)
+    watch.look(desk.stop)
     assert desk.stop.emergency, "it is still pulled"
     wired.pulled = False
     desk.stop.at_rest = True
     assert isinstance(desk.ask(Reset()), Accepted)
-    session._look_at_wired_stop(wired, desk.stop)
+    watch.look(desk.stop)
     assert not desk.stop.emergency
     wired.pulls = 2  # a key that was let go again before anybody looked
-    session._look_at_wired_stop(wired, desk.stop)
+    watch.look(desk.stop)
     assert desk.stop.emergency
 
 

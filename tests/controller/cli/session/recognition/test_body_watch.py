@@ -9,8 +9,9 @@ import synthetic
 from controller.cli.session.recognition.body_watch import BodyWatch
 from controller.cli.session.report import summary
 from controller.cli.session.robots.robot_on_deck import RobotSetup, open_robots
+from controller.cli.session.run_settings import RunSettings
 from controller.cli.session.script import Timed
-from controller.cli.session.session import RunSettings, Session
+from controller.cli.session.session import Session
 from controller.deck.deck import Deck
 from controller.loop.clock import VirtualClock
 from controller.loop.commands.command_desk import CommandDesk
