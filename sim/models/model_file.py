@@ -18,7 +18,7 @@ import numpy as np
 
 from motiondeck_base.errors import FileFormatError
 from sim.models.formats.mesh_files import SHELL, read_solids
-from sim.models.formats.model_kind import check_is_model
+from sim.models.formats.model_kind import model_kind
 from sim.models.formats.urdf_text import has_collision_shapes, readable_urdf
 from sim.models.formats.urdf_visuals import MOVED_ORIGIN, note_source
 from sim.models.guessed_servo import guess_servo, stances
@@ -56,11 +56,9 @@ def read_model(path: Path, packages: Mapping[str, Path] | None = None, feet: Seq
     Raises:
         FileFormatError: if MuJoCo refuses the file, there is no body or no solid in it, or its base turns on a joint.
     """
-    check_is_model(path)
+    is_urdf = model_kind(path) == "robot"
     try:
-        spec = (
-            _read_urdf(path, packages or {}) if path.suffix.lower() == ".urdf" else mujoco.MjSpec.from_file(str(path))
-        )
+        spec = _read_urdf(path, packages or {}) if is_urdf else mujoco.MjSpec.from_file(str(path))
         _clear_stage(spec)
         spec.compiler.fusestatic = False
         spec.compiler.discardvisual = False  # a URDF's spec would drop the floor of the stage, too
@@ -69,6 +67,7 @@ def read_model(path: Path, packages: Mapping[str, Path] | None = None, feet: Seq
         spec.meshdir, spec.texturedir = str(folder / spec.meshdir), str(folder / spec.texturedir)
         read_solids(spec, Path(spec.meshdir))
         _mend_inertias(spec)
+        _mend_ranges(spec)
         _free_root(path, spec)
         _name_all(spec)
         model = _compiled(spec)
@@ -196,6 +195,13 @@ def _mend_inertias(spec: mujoco.MjSpec) -> None:
             least = np.maximum(moments, LEAST_INERTIA)
             xx, yy, zz, xy, xz, yz = ((axes * least) @ axes.T)[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].tolist()
             body.fullinertia = [xx, yy, zz, xy, xz, yz]
+
+
+def _mend_ranges(spec: mujoco.MjSpec) -> None:
+    """Takes away ranges without an end, which some files give to joints that turn round and round."""
+    for joint in spec.joints:
+        if not np.isfinite(joint.range).all():
+            joint.range, joint.limited = (0.0, 0.0), mujoco.mjtLimited.mjLIMITED_FALSE
 
 
 def _free_root(path: Path, spec: mujoco.MjSpec) -> None:

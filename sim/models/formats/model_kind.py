@@ -7,14 +7,15 @@ from pathlib import Path
 from xml.parsers import expat
 
 from motiondeck_base.errors import FileFormatError
+from sim.models.formats.xml_text import UTF16, xml_text
 
 ROOTS = ("mujoco", "robot")
 MODEL = "a robot's model is an MJCF (.xml) or a URDF (.urdf)"
 _SHOWN = 5
 
 
-def check_is_model(path: Path) -> None:
-    """Checks that a file can be the MJCF or URDF of a robot.
+def model_kind(path: Path) -> str:
+    """What the file of a robot's model is: "mujoco" for an MJCF, "robot" for a URDF, whatever its name.
 
     Raises:
         FileFormatError: if there is none, or it is of another kind; it says what was expected.
@@ -27,8 +28,7 @@ def check_is_model(path: Path) -> None:
         raise FileFormatError(f"{path}: there is no such model file; {MODEL}")
     if path.suffix.lower() == ".toml":
         raise FileFormatError(f"{path}: a TOML file; {MODEL}. A robot file names its own under `model`")
-    content = path.read_bytes()
-    tags = _tags_of(content)
+    tags = _tags_of(path)
     root = tags[0] if tags else ""
     if not root:
         raise FileFormatError(f"{path}: not XML; {MODEL}")
@@ -36,13 +36,16 @@ def check_is_model(path: Path) -> None:
         raise FileFormatError(f"{path}: an XML file of another kind (<{root}>); {MODEL}")
     if any(tag.startswith("xacro:") for tag in tags):
         raise FileFormatError(f"{path}: a URDF with xacro macros; write them out first: xacro {path.name} > robot.urdf")
+    if root == "mujoco" and path.read_bytes().startswith(UTF16):
+        raise FileFormatError(f"{path}: its text is UTF-16, which MuJoCo does not read; save it as UTF-8")
+    return root
 
 
-def _tags_of(content: bytes) -> list[str]:
+def _tags_of(path: Path) -> list[str]:
     """The names of the elements of an XML file, in its order, as far as it can be read."""
     found: list[str] = []
     parser = expat.ParserCreate()
     parser.StartElementHandler = lambda tag, _: found.append(tag)
     with suppress(expat.ExpatError):  # what is wrong further on, MuJoCo says
-        parser.Parse(content, True)
+        parser.Parse(xml_text(path), True)
     return found

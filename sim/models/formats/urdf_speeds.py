@@ -6,6 +6,7 @@ from pathlib import Path
 from xml.parsers import expat
 
 from motiondeck_base.errors import FileFormatError
+from sim.models.formats.xml_text import xml_text
 
 # No servo turns a limb faster, rad/s: a file that says more, such as 100 for all joints, says nothing.
 FASTEST = 50.0
@@ -44,8 +45,8 @@ def urdf_speeds(path: Path) -> dict[str, float]:
     parser.StartElementHandler, parser.EndElementHandler = start, end
     parser.StartDoctypeDeclHandler = doctype
     try:
-        parser.Parse(path.read_bytes(), True)
-    except (OSError, expat.ExpatError):
+        parser.Parse(xml_text(path), True)
+    except expat.ExpatError:
         return {}  # what of it can be used, and what is wrong with it, MuJoCo says
     return speeds
 

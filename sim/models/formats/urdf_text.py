@@ -1,7 +1,7 @@
 """URDF files as other tools write them: what MuJoCo does not read is written as it does.
 
-Meshes are named by package:// or from the folder of the file, numbers have commas between them, and there may be no
-<collision> shapes at all.
+Meshes are named by package://, Gazebo's model:// or from the folder of the file, numbers have commas between them, and
+there may be no <collision> shapes at all.
 """
 
 from __future__ import annotations
@@ -11,10 +11,11 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from motiondeck_base.errors import FileFormatError
+from sim.models.formats.xml_text import xml_text
 
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _NUMBERS = re.compile(r"""\b(xyz|rpy)\s*=\s*(["'])([^"']*,[^"']*)\2""")
-_URI = re.compile(r'package:/{2,3}([^/"\']+)/([^"\']*)')
+_URI = re.compile(r'(?:package|model):/{2,3}([^/"\']+)/([^"\']*)')
 _FILE = re.compile(r"""(<mesh\b[^>]*\bfilename\s*=\s*["'])(?:file://)?([^"':]+)(?=["'])""")
 
 
@@ -27,12 +28,7 @@ def readable_urdf(path: Path, packages: Mapping[str, Path], visuals: bool = Fals
     Raises:
         FileFormatError: if a package is in none of these places, or the file cannot be read as text.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileFormatError(f"{path}: it cannot be read as text ({error})") from None
-    if not re.search(r"<robot\b", text):
-        return text  # an MJCF, by another name
+    text = xml_text(path)
 
     def in_package(uri: re.Match[str]) -> str:
         name, inside = uri[1], uri[2]

@@ -8,6 +8,7 @@ import pytest
 
 from motiondeck_base.errors import FileFormatError
 from motiondeck_base.shipped import find_robot
+from sim.models.formats.urdf_speeds import urdf_speeds
 from sim.models.formats.urdf_visuals import with_visuals
 from sim.models.model_file import read_model
 from sim.models.scenery import set_stage
@@ -57,6 +58,42 @@ def test_a_file_of_another_kind_is_refused_and_says_what_was_expected(tmp_path, 
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("name", "head", "encoding"),
+    [
+        ("legs.urdf", '\n\n<?xml version="1.0"?>', "utf-8"),
+        ("legs.urdf", '<!-- exported --><?xml version="1.0"?>', "utf-8"),
+        ("legs.urdf", '<?xml version="1.0" encoding="iso-8859-1"?><!-- für é -->', "latin-1"),
+        ("legs.urdf", "<!-- für é -->", "latin-1"),
+        ("legs.urdf", '<?xml version="1.0" encoding="utf-16"?>', "utf-16"),
+        ("legs.urdf", '<?xml version="1.0" encoding="utf-8"?>', "utf-8-sig"),
+        ("legs.xml", "<!-- a URDF by another name -->", "utf-8"),
+    ],
+)
+def test_a_urdf_is_read_whatever_its_encoding_its_first_line_and_its_name(tmp_path, name, head, encoding):
+    path, package = with_meshes(tmp_path)
+    file = path.with_name(name)
+    file.write_bytes((head + path.read_text()).encode(encoding))
+    assert read_model(file, {"legs_description": package}).compile().nmesh
+    assert urdf_speeds(file) == dict.fromkeys(("l_hip", "l_knee", "l_ankle", "r_hip", "r_knee", "r_ankle"), 4.0)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_range_without_an_end_is_none(tmp_path):
+    path = tmp_path / "legs.urdf"
+    path.write_text(urdf().replace('lower="-2" upper="2"', 'lower="-inf" upper="INF"'))
+    found = calibrate(path)
+    assert len(found.unlimited) == len(found.joints) == 6
+    assert not any("rad" in doubt.words for doubt in found.doubts)
+
+
+def test_an_mjcf_in_an_encoding_that_mujoco_does_not_read_is_refused_with_a_remedy(tmp_path):
+    path = tmp_path / "small.xml"
+    path.write_bytes(humanoid().encode("utf-16"))
+    with pytest.raises(FileFormatError, match=r"small\.xml: its text is UTF-16.*save it as UTF-8"):
+        read_model(path)
+
+
 def test_a_urdf_is_drawn_by_its_visual_shapes_and_moves_by_the_others(tmp_path):
     path, _ = with_meshes(tmp_path)
     sole = '<geometry><mesh filename="package://legs_description/meshes/sole.obj"/></geometry>'
@@ -94,8 +131,9 @@ def test_a_robot_with_options_of_its_own_is_shown_beside_the_human(tmp_path):
     assert beside.model.nq > len(SERVOS)
 
 
-def test_a_package_is_found_above_the_file(tmp_path):
-    path, _ = with_meshes(tmp_path)
+@pytest.mark.parametrize("scheme", ["package", "model"])
+def test_a_package_is_found_above_the_file(tmp_path, scheme):
+    path, _ = with_meshes(tmp_path, f"{scheme}://legs_description/meshes/sole.obj")
     model = read_model(path).compile()
     assert model.nmesh == 1
     assert calibrate(path).root_height == pytest.approx(0.44, abs=0.01)
