@@ -9,7 +9,6 @@ as the joint, and none of the file's own floor, sky and lamps: the stage brings 
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -17,15 +16,14 @@ import mujoco
 import numpy as np
 
 from motiondeck_base.errors import FileFormatError
-from sim.models.formats.mesh_files import SHELL, read_solids
+from sim.models.formats.mesh_files import compiled, read_solids
 from sim.models.formats.model_kind import model_kind
 from sim.models.formats.urdf_text import has_collision_shapes, readable_urdf
-from sim.models.formats.urdf_visuals import MOVED_ORIGIN, note_source
+from sim.models.formats.urdf_visuals import note_source
+from sim.models.free_root import free_root
 from sim.models.guessed_servo import guess_servo, stances
-from sim.models.kinematic_tree import path_to
 from sim.models.surface import Surface
 
-ROOT_JOINT = "(root)"
 LAST_SHOWN_GROUP = 2
 
 # What a body weighs at least, kg, and its least moment of inertia, kg m^2, where a file has less.
@@ -38,7 +36,6 @@ _SIZES = {
     mujoco.mjtGeom.mjGEOM_CYLINDER: 2,
     mujoco.mjtGeom.mjGEOM_BOX: 3,
 }
-_NO_VOLUME = re.compile(r"mesh volume is (?:too small|negative)[^:]*: (\S+)")
 
 
 def read_model(path: Path, packages: Mapping[str, Path] | None = None, feet: Sequence[str] = ()) -> mujoco.MjSpec:
@@ -68,9 +65,9 @@ def read_model(path: Path, packages: Mapping[str, Path] | None = None, feet: Seq
         read_solids(spec, Path(spec.meshdir))
         _mend_inertias(spec)
         _mend_ranges(spec)
-        _free_root(path, spec)
+        free_root(path, spec)
         _name_all(spec)
-        model = _compiled(spec)
+        model = compiled(spec)
         if not len(Surface.of(model).body):
             raise FileFormatError(
                 f"{path}: no body of it has a solid that tells how far it reaches; give its feet and limbs geoms "
@@ -162,19 +159,6 @@ def _name_all(spec: mujoco.MjSpec) -> None:
                 taken.add(name)
 
 
-def _compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """The model of a spec; the mass of a mesh that encloses nothing is taken from its surface."""
-    while True:
-        try:
-            return spec.compile()
-        except ValueError as error:
-            named = _NO_VOLUME.search(str(error))
-            mesh = spec.mesh(named[1]) if named else None
-            if mesh is None or mesh.inertia == SHELL:
-                raise
-            mesh.inertia = SHELL
-
-
 def _mend_inertias(spec: mujoco.MjSpec) -> None:
     """Gives bodies masses and inertias that can be, where the file's own are zero or break the triangle inequality."""
     for body in spec.bodies[1:]:
@@ -202,68 +186,6 @@ def _mend_ranges(spec: mujoco.MjSpec) -> None:
     for joint in spec.joints:
         if not np.isfinite(joint.range).all():
             joint.range, joint.limited = (0.0, 0.0), mujoco.mjtLimited.mjLIMITED_FALSE
-
-
-def _free_root(path: Path, spec: mujoco.MjSpec) -> None:
-    bodies = [body for body in spec.worldbody.bodies if not body.mocap]
-    if not bodies:
-        raise FileFormatError(f"{path}: there is no body in it")
-    for body in bodies:
-        free = [joint for joint in body.joints if joint.type == mujoco.mjtJoint.mjJNT_FREE]
-        if free:
-            root, joint = body, free[0]
-            break
-    else:
-        root = max(bodies, key=lambda body: len(body.find_all("body")))
-        _clear_rails(spec, root)
-        if root.joints:
-            raise FileFormatError(
-                f"{path}: body '{root.name}' hangs from the world by joint '{root.joints[0].name}'. "
-                "Put a body without joints, or with a free joint, above it."
-            )
-        joint = root.add_freejoint()
-    joint.name = joint.name or ROOT_JOINT
-    root.name = root.name or ROOT_JOINT
-    _move_origin(spec, root)
-    for body in bodies:
-        if body is not root:
-            # A ball or a table that came along would stand in front of the free root's seven numbers.
-            spec.delete(body)
-
-
-def _clear_rails(spec: mujoco.MjSpec, root: mujoco.MjsBody) -> None:
-    """Takes away the joints by which the root slides and turns against the world, where no actuator moves them: in
-    place of a free joint some files have three, or six."""
-    slides = any(joint.type == mujoco.mjtJoint.mjJNT_SLIDE for joint in root.joints)
-    names = {joint.name for joint in root.joints}
-    if slides and not any(actuator.target in names for actuator in spec.actuators):
-        for joint in [*root.joints]:
-            spec.delete(joint)
-
-
-def _move_origin(spec: mujoco.MjSpec, root: mujoco.MjsBody) -> None:
-    """Moves the origin of a root body to where the limbs part, its pelvis: some files have it on the floor."""
-    model = _compiled(spec)
-    movers = [path_to(model, int(body)) for body in set(model.jnt_bodyid[model.jnt_type != mujoco.mjtJoint.mjJNT_FREE])]
-    if not movers:
-        return
-    shared = [bodies[0] for bodies in zip(*(path[:-1] for path in movers), strict=False) if len(set(bodies)) == 1]
-    own, pelvis = model.body(root.name).id, shared[-1] if shared else 0
-    parts = [*root.bodies, *root.geoms, *root.sites, *root.cameras, *root.lights]
-    if pelvis == own or not pelvis or any(part.frame is not None for part in parts):
-        return
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    offset = data.xmat[own].reshape(3, 3).T @ (data.xpos[pelvis] - data.xpos[own])
-    spec.add_numeric(name=MOVED_ORIGIN, size=3, data=offset)
-    for part in parts:
-        part.pos = part.pos - offset
-    if root.explicitinertial:
-        root.ipos = root.ipos - offset
-    for equality in spec.equalities:
-        if equality.type == mujoco.mjtEq.mjEQ_CONNECT and equality.name1 == root.name:
-            equality.data[:3] -= offset
-    root.pos = data.xpos[pelvis]
 
 
 def _servos(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel, feet: Sequence[str]) -> None:

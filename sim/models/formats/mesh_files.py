@@ -25,6 +25,7 @@ _THIN = 1e-3  # of the length of a flat mesh: how thick it is made
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
 _Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # turns what has y up
+_NO_VOLUME = re.compile(r"mesh volume is (?:too small|negative)[^:]*: (\S+)")
 _CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 
 
@@ -41,6 +42,19 @@ def read_solids(spec: mujoco.MjSpec, folder: Path) -> None:
     for name, read in read_meshes(spec, {mesh.name: folder / mesh.file for mesh in spec.meshes if mesh.file}).items():
         fill(spec.mesh(name), _hull(read.points))
         spec.mesh(name).file = ""
+
+
+def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """The model of a spec; the mass of a mesh that encloses nothing is taken from its surface."""
+    while True:
+        try:
+            return spec.compile()
+        except ValueError as error:
+            named = _NO_VOLUME.search(str(error))
+            mesh = spec.mesh(named[1]) if named else None
+            if mesh is None or mesh.inertia == SHELL:
+                raise
+            mesh.inertia = SHELL
 
 
 def read_meshes(spec: mujoco.MjSpec, files: Mapping[str, Path]) -> dict[str, TriangleMesh]:

@@ -259,21 +259,3 @@ def test_servos_take_over_no_defaults_of_the_file(tmp_path):
     assert not model.actuator_ctrllimited.any()
     assert not model.actuator_forcelimited.any()
     assert np.array_equal(model.actuator_gear[:, 0], np.ones(model.nu))
-
-
-def test_joints_in_place_of_a_free_one_give_way_to_it(tmp_path):
-    """Files of planar walkers, or with a slide and a hinge for each axis of the base."""
-    rails = "".join(
-        f'<joint name="base_{kind}{axis}" type="{kind}" axis="{vector}"/>'
-        for kind in ("slide", "hinge")
-        for axis, vector in zip("xyz", ("1 0 0", "0 1 0", "0 0 1"), strict=True)
-    )
-    (tmp_path / "robot.xml").write_text(humanoid(free=rails))
-    model = read_model(tmp_path / "robot.xml").compile()
-    assert model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE
-    assert model.njnt == 1 + len(SERVOS)
-    # A rail that is driven is no base that floats.
-    driven = humanoid(free=rails, extra='<actuator><motor joint="base_slidex"/></actuator>')
-    (tmp_path / "robot.xml").write_text(driven)
-    with pytest.raises(FileFormatError, match="hangs from the world by joint 'base_slidex'"):
-        read_model(tmp_path / "robot.xml")

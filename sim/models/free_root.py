@@ -1,0 +1,103 @@
+"""The free root of a robot: its file may have it fixed to the world, on rails, tied to something, or on the floor."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+
+from motiondeck_base.errors import FileFormatError
+from sim.models.formats.mesh_files import compiled
+from sim.models.formats.urdf_visuals import MOVED_ORIGIN
+from sim.models.kinematic_tree import path_to
+
+ROOT_JOINT = "(root)"
+
+_CLOSING = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
+
+
+def free_root(path: Path, spec: mujoco.MjSpec) -> None:
+    """Lets the root of a robot float, its origin in the pelvis, and takes away all other bodies and what ties it to
+    them or to the world.
+
+    Raises:
+        FileFormatError: if there is no body, or its root turns against the world on a joint.
+    """
+    bodies = [body for body in spec.worldbody.bodies if not body.mocap]
+    if not bodies:
+        raise FileFormatError(f"{path}: there is no body in it")
+    for body in bodies:
+        free = [joint for joint in body.joints if joint.type == mujoco.mjtJoint.mjJNT_FREE]
+        if free:
+            root, joint = body, free[0]
+            break
+    else:
+        root = max(bodies, key=lambda body: len(body.find_all("body")))
+        _clear_rails(spec, root)
+        if root.joints:
+            raise FileFormatError(
+                f"{path}: body '{root.name}' hangs from the world by joint '{root.joints[0].name}'. "
+                "Put a body without joints, or with a free joint, above it."
+            )
+        joint = root.add_freejoint()
+    joint.name = joint.name or ROOT_JOINT
+    root.name = root.name or ROOT_JOINT
+    _move_origin(spec, root)
+    for body in [*spec.worldbody.bodies]:
+        if body.name != root.name:
+            # A ball or a table that came along would stand in front of the free root's seven numbers; a body moved by
+            # hand (mocap) would pull at what is welded to it.
+            spec.delete(body)
+    for equality in [*spec.equalities]:
+        if equality.type in _CLOSING and "world" in _tied(spec, equality):
+            spec.delete(equality)
+
+
+def _tied(spec: mujoco.MjSpec, equality: mujoco.MjsEquality) -> list[str]:
+    """The names of the two bodies that a connect or weld constraint ties to each other."""
+    names = equality.name1, equality.name2
+    if equality.objtype == mujoco.mjtObj.mjOBJ_SITE:
+        return [spec.site(name).parent.name for name in names]
+    return [name or "world" for name in names]
+
+
+def _clear_rails(spec: mujoco.MjSpec, root: mujoco.MjsBody) -> None:
+    """Takes away the joints by which the root slides and turns against the world, where no actuator moves them: in
+    place of a free joint some files have three, or six, each of them perhaps on a body of its own without a solid."""
+    rails, body = [*root.joints], root
+    while not body.geoms and len(body.bodies) == 1:
+        body = body.bodies[0]
+        rails += body.joints
+    slides = any(joint.type == mujoco.mjtJoint.mjJNT_SLIDE for joint in rails)
+    names = {joint.name for joint in rails}
+    if slides and not any(actuator.target in names for actuator in spec.actuators):
+        for joint in rails:
+            spec.delete(joint)
+
+
+def _move_origin(spec: mujoco.MjSpec, root: mujoco.MjsBody) -> None:
+    """Moves the origin of a root body to where the limbs part, its pelvis: some files have it on the floor."""
+    model = compiled(spec)
+    movers = [path_to(model, int(body)) for body in set(model.jnt_bodyid[model.jnt_type != mujoco.mjtJoint.mjJNT_FREE])]
+    if not movers:
+        return
+    shared = [bodies[0] for bodies in zip(*(path[:-1] for path in movers), strict=False) if len(set(bodies)) == 1]
+    own, pelvis = model.body(root.name).id, shared[-1] if shared else 0
+    parts = [*root.bodies, *root.geoms, *root.sites, *root.cameras, *root.lights]
+    if pelvis == own or not pelvis or any(part.frame is not None for part in parts):
+        return
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    offset = data.xmat[own].reshape(3, 3).T @ (data.xpos[pelvis] - data.xpos[own])
+    spec.add_numeric(name=MOVED_ORIGIN, size=3, data=offset)
+    for part in parts:
+        part.pos = part.pos - offset
+    if root.explicitinertial:
+        root.ipos = root.ipos - offset
+    for equality in spec.equalities:
+        if equality.type == mujoco.mjtEq.mjEQ_CONNECT and equality.name1 == root.name:
+            equality.data[:3] -= offset
+    root.pos = data.xpos[pelvis]
