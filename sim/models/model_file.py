@@ -36,14 +36,16 @@ _SIZES = {
     mujoco.mjtGeom.mjGEOM_CYLINDER: 2,
     mujoco.mjtGeom.mjGEOM_BOX: 3,
 }
+_AT_A_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+_AT_A_DISTANCE = (int(mujoco.mjtTrn.mjTRN_TENDON), int(mujoco.mjtTrn.mjTRN_SLIDERCRANK))
 
 
 def read_model(path: Path, packages: Mapping[str, Path] | None = None, feet: Sequence[str] = ()) -> mujoco.MjSpec:
     """The robot in an MJCF or URDF file, in the void, its root free and its joints driven by position servos.
 
-    Played are the hinges that have an actuator, or all of them where the file has no actuators; a joint that an
-    equality constraint couples to another follows that one instead. Bodies whose masses or inertias cannot be are given
-    some that can; `spec.compiler.balanceinertia` then is set.
+    Played are the hinges that an actuator drives, also by way of tendons, or all of them where the file has no
+    actuators; a joint that an equality constraint couples to another follows that one instead. Bodies whose masses or
+    inertias cannot be are given some that can; `spec.compiler.balanceinertia` then is set.
 
     Args:
         path: the file.
@@ -190,23 +192,19 @@ def _mend_ranges(spec: mujoco.MjSpec) -> None:
 
 def _servos(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel, feet: Sequence[str]) -> None:
     """Replaces whatever actuators there are by one position servo a played joint."""
-    hinge = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
-    driven: dict[int, int] = {}
-    for actuator in range(model.nu):
-        joint = int(model.actuator_trnid[actuator, 0])
-        if model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_JOINT and hinge[joint]:
-            driven.setdefault(joint, actuator)
+    driven = _driven(model)
     coupled = followers(model)
-    played = [joint for joint in (driven or np.flatnonzero(hinge)) if joint not in coupled]
+    hinges = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE)
+    played = [int(joint) for joint in (driven or hinges) if joint not in coupled]
     if not played:
         raise FileFormatError(f"{path}: it has no hinge joint that could be moved{ball_joints(model)}")
     old, stance = [*spec.actuators], stances(model, feet)
     for joint in played:
-        name = model.joint(int(joint)).name
+        name = model.joint(joint).name
         servo = spec.add_actuator(trntype=mujoco.mjtTrn.mjTRN_JOINT, target=name)
-        force, gains = _own_servo(model, int(joint), driven.get(int(joint)))
+        force, gains = _own_servo(model, joint, driven.get(joint))
         if gains is None:
-            guess = guess_servo(model, int(joint), stance.get(int(joint), 0.0))
+            guess = guess_servo(model, joint, stance.get(joint, 0.0))
             gains = guess.kp, guess.kv
             turning = spec.joint(name)
             lacking = guess.rotor - float(model.dof_M0[model.jnt_dofadr[joint]])
@@ -221,7 +219,39 @@ def _servos(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel, feet: Sequen
     for actuator in old:
         spec.delete(actuator)
     for servo, joint in zip(new, played, strict=True):
-        servo.name = model.joint(int(joint)).name
+        servo.name = model.joint(joint).name
+
+
+def _driven(model: mujoco.MjModel) -> dict[int, int | None]:
+    """The hinges that actuators drive, each with its own actuator, or None where tendons or cranks drive it."""
+    hinge = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
+    driven: dict[int, int | None] = {}
+    moment = _moments(model)
+    for actuator in range(model.nu):
+        if model.actuator_trntype[actuator] in _AT_A_JOINT:
+            joint = int(model.actuator_trnid[actuator, 0])
+            if hinge[joint]:
+                driven.setdefault(joint, actuator)
+        else:
+            for joint in model.dof_jntid[moment[actuator] != 0.0].tolist():
+                if hinge[joint]:
+                    driven.setdefault(joint, None)
+    return driven
+
+
+def _moments(model: mujoco.MjModel) -> np.ndarray:
+    """How far each actuator that pulls at tendons or turns a crank drives each degree of freedom, shape (nu, nv)."""
+    moment = np.zeros((model.nu, model.nv))
+    at_a_distance = np.isin(model.actuator_trntype, _AT_A_DISTANCE)
+    if at_a_distance.any():
+        data = mujoco.MjData(model)
+        for step in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_tendon, mujoco.mj_transmission):
+            step(model, data)
+        mujoco.mju_sparse2dense(
+            moment, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
+        )
+        moment[~at_a_distance] = 0.0
+    return moment
 
 
 def _own_servo(model: mujoco.MjModel, joint: int, actuator: int | None) -> tuple[float, tuple[float, float] | None]:

@@ -25,7 +25,7 @@ from controller.rotations import Array
 from motiondeck_base.errors import FileFormatError
 from sim.models.formats.urdf_speeds import urdf_speeds
 from sim.models.joint_layout import JointLayout
-from sim.models.model_file import read_model
+from sim.models.model_file import followers, read_model
 from sim.models.robot_file import Angle
 from sim.models.surface import LowestPoint
 from sim.retargeting.human_limbs import LIMBS
@@ -33,7 +33,7 @@ from sim.retargeting.retarget import SERVO_HUMANOID_JOINTS, LimbAngles
 from sim.retargeting.robot_limbs import SIDES, RobotLimbs, limb_directions
 from sim.robots.body_matching import match
 from sim.robots.limb_directions import LimbDirections
-from sim.robots.proportions import Doubt, SegmentPair, doubts, other_units, segments_of, unlike_ranges
+from sim.robots.proportions import Doubt, SegmentPair, doubts, limp, other_units, segments_of, unlike_ranges
 from sim.robots.rest_pose import rest_pose
 
 # What a model does not say: rad/s, rad/s^2, rad/s^3. A robot half as tall moves its limbs 1.4 times as fast.
@@ -63,6 +63,7 @@ class Calibration:
         unlimited: joints whose range the model does not give.
         speeds: how fast each joint may turn of which the model says it, rad/s.
         unplayed: joints that slide or turn as a ball does: nothing moves them.
+        undriven: hinges that no actuator drives though others have one: nothing moves them either.
         open_chains: how many constraints close a chain of bodies; they hold in physics only.
         angles: the angle solver's joints, where they fit.
         missed: how far its limbs point from those of a standing human at best, rad, by limb.
@@ -82,6 +83,7 @@ class Calibration:
     unlimited: tuple[str, ...]
     speeds: dict[str, float]
     unplayed: tuple[str, ...]
+    undriven: tuple[str, ...]
     open_chains: int
     angles: dict[str, Angle]
     missed: dict[str, float]
@@ -193,6 +195,10 @@ def calibrate(path: Path, packages: Mapping[str, Path] | None = None) -> Calibra
     tall = float((points[:, 2] + radius).max() + height)
     segments = segments_of(model, found.parts, limbs, tall)
     unsure = other_units(model, tall) + [Doubt("", words, False) for words in found.doubts]
+    coupled = {model.joint(follower).name for follower in followers(model)}
+    hinges = [model.joint(j).name for j in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE).tolist()]
+    undriven = tuple(name for name in hinges if name not in layout.joints and name not in coupled)
+    unsure += limp(segments, undriven)
     directions = LimbDirections(model, found.parts, found.root_rotation)
     unsure += doubts(found.parts, segments, directions) + unlike_ranges(model, found.parts, directions.standing)
     return Calibration(
@@ -206,6 +212,7 @@ def calibrate(path: Path, packages: Mapping[str, Path] | None = None) -> Calibra
         unlimited=tuple(name for name, has in zip(layout.joints, limited, strict=True) if not has),
         speeds=speeds,
         unplayed=tuple(model.joint(j).name for j in np.flatnonzero(np.isin(model.jnt_type, _UNPLAYED)).tolist()),
+        undriven=undriven,
         open_chains=int(np.isin(model.eq_type[model.eq_active0 != 0], _CLOSING).sum()),
         angles=fitting_angles(limbs, layout.joints, rest, lower, upper),
         missed=missed,

@@ -9,6 +9,7 @@ Human Movement", 4th edition, 2009, figure 4.1).
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -20,6 +21,8 @@ from sim.retargeting.robot_limbs import RobotLimbs
 from sim.robots.limb_directions import LimbDirections
 
 HUMAN = {"thigh": 0.245, "shank": 0.246, "upper_arm": 0.186, "forearm": 0.146}
+# What bends at the near end of a segment.
+BENDS = {"shank": "knee", "forearm": "elbow"}
 # Twins may differ by this share of their length. A segment is odd outside the first range of shares of a human's, and
 # implausible outside the second.
 TWINS, ODD, IMPLAUSIBLE = 0.1, (0.6, 1.8), (0.2, 4.0)
@@ -110,11 +113,22 @@ def doubts(parts: dict[str, str], segments: list[SegmentPair], directions: LimbD
     for segment in segments:
         for side, hinge in zip("rl", segment.hinge, strict=True):
             other = by_folding.get(f"{side}_{segment.part}")
-            if segment.part in ("shank", "forearm") and other is not None and other != hinge:
-                bend = "knee" if segment.part == "shank" else "elbow"
+            if segment.part in BENDS and other is not None and other != hinge:
+                bend = BENDS[segment.part]
                 words = f"its {bend} is taken to be '{hinge}', but '{other}' folds the limb more"
                 found.append(Doubt(f"{side}_{segment.part}", words, True))
     return found
+
+
+def limp(segments: Sequence[SegmentPair], undriven: Collection[str]) -> list[Doubt]:
+    """What is said of knees and elbows that no actuator drives."""
+    return [
+        Doubt(f"{side}_{segment.part}", f"no actuator of the model drives '{hinge}', so it cannot bend", True)
+        for segment in segments
+        if segment.part in BENDS
+        for side, hinge in zip("rl", segment.hinge, strict=True)
+        if hinge in undriven
+    ]
 
 
 def other_units(model: mujoco.MjModel, height: float) -> list[Doubt]:

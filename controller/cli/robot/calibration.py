@@ -13,6 +13,7 @@ from controller.cli.common.options import check_new
 from controller.cli.common.tables import show_table
 from controller.cli.robot.check import WHY
 from controller.library.motion_library import load_library
+from motiondeck_base.counted import counted
 from motiondeck_base.files import write_file
 from motiondeck_base.shipped import find_library
 from sim.models.robot_file import read_robot_file
@@ -103,6 +104,7 @@ def report_of(found: Calibration, file: Path, trial: CalibrationTrial) -> dict[s
         "joints_without_range": list(found.unlimited),
         "joints_without_speed": [joint for joint in found.joints if joint not in found.speeds],
         "joints_not_played": list(found.unplayed),
+        "joints_not_driven": list(found.undriven),
         "inertias_balanced": found.mended,
         "open_chains": found.open_chains,
         "off_when_standing_rad": found.missed,
@@ -150,16 +152,21 @@ def print_report(found: Calibration, file: Path, trial: CalibrationTrial) -> Non
     if found.mended:
         print("some masses or inertias of the model are zero or cannot be: they are balanced (MuJoCo's balanceinertia)")
     if found.unlimited:
-        print(f"{len(found.unlimited)} joints have no range in the model: half a turn either way is a guess; edit it")
+        have = f"{counted(len(found.unlimited), 'joint')} {'has' if len(found.unlimited) == 1 else 'have'}"
+        print(f"{have} no range in the model: half a turn either way is a guess; edit it")
     unknown = len(found.joints) - len(found.speeds)
     if unknown:
-        print(f"the model does not say how fast {unknown} joints may turn: the robot file has a guess; edit it")
+        print(
+            f"the model does not say how fast {counted(unknown, 'joint')} may turn: the robot file has a guess; edit it"
+        )
     if found.unplayed:
         names = ", ".join(name or "a joint without a name" for name in found.unplayed)
         print(f"not played, because only hinges are: {names}")
+    if found.undriven:
+        print(f"not played, because no actuator of the model drives them: {', '.join(found.undriven)}")
     if found.open_chains:
         print(
-            f"{found.open_chains} constraints (connect, weld) close chains of bodies: they hold in physics "
+            f"closed chains of bodies ({counted(found.open_chains, 'connect or weld constraint')}) hold in physics "
             "(`play` without --kinematic), and are drawn open elsewhere"
         )
     print(

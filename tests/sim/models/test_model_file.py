@@ -259,3 +259,27 @@ def test_servos_take_over_no_defaults_of_the_file(tmp_path):
     assert not model.actuator_ctrllimited.any()
     assert not model.actuator_forcelimited.any()
     assert np.array_equal(model.actuator_gear[:, 0], np.ones(model.nu))
+
+
+def test_joints_that_tendons_drive_are_played(tmp_path):
+    """Two motors pull at each ankle, one in front of each side of the heel; the arms are pulled at along their way."""
+    ankles = [f"{side}_ankle{roll}" for side in ("left", "right") for roll in ("", "_roll")]
+    others = [joint for joint in SERVOS if joint not in ankles and joint != "left_elbow"]
+    tendons, motors = "", '<motor tendon="biceps"/>'
+    for side in ("left", "right"):
+        for name, sign in (("a", 1), ("b", -1)):
+            pitch, roll = f'<joint joint="{side}_ankle" coef="1"/>', f'<joint joint="{side}_ankle_roll" coef="{sign}"/>'
+            tendons += f'<fixed name="{side}_{name}">{pitch}{roll}</fixed>'
+            motors += f'<motor tendon="{side}_{name}"/>'
+    text = humanoid(servos=others)
+    for body in ("upper", "fore"):
+        at = text.index("<geom", text.index(f'<body name="left_{body}"'))
+        text = f'{text[:at]}<site name="{body}" pos="0.03 0 -0.07"/>{text[at:]}'
+    tendons += '<spatial name="biceps"><site site="upper"/><site site="fore"/></spatial>'
+    text = text.replace("<actuator>", f"<tendon>{tendons}</tendon><actuator>{motors}", 1)
+    path = tmp_path / "small.xml"
+    path.write_text(text)
+    model = read_model(path).compile()
+    assert {model.actuator(k).name for k in range(model.nu)} == set(SERVOS)
+    assert np.all(model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT)
+    assert not calibrated(path).undriven

@@ -346,6 +346,16 @@ def test_what_says_no_speed_has_none(tmp_path, text):
     assert urdf_speeds(model_file(tmp_path, text)) == {}
 
 
+def test_hinges_that_no_actuator_drives_are_named_and_a_limp_knee_is_an_error(tmp_path):
+    limp = ("left_knee", "right_ankle_roll")
+    found = calibrated(model_file(tmp_path, humanoid(servos=[name for name in SERVOS if name not in limp])))
+    assert set(found.undriven) == set(limp)
+    assert not found.sound
+    (doubt,) = [doubt for doubt in found.doubts if doubt.fatal]
+    assert doubt.part == "l_shank"
+    assert "no actuator of the model drives 'left_knee'" in doubt.words
+
+
 def test_closed_chains_are_counted(tmp_path):
     chain = '<equality><connect body1="left_sole" body2="right_sole" anchor="0 0 0" active="{}"/></equality>'
     assert calibrate(model_file(tmp_path, humanoid(extra=chain.format("true")))).open_chains == 1

@@ -10,7 +10,7 @@ from controller.mocap.clip import Clip
 from controller.mocap.formats.writing import write_clip
 from motiondeck_base.errors import MotiondeckError
 from simulated_bodies import bent_pose, human, smooth_poses
-from small_robots import full_humanoid, humanoid, urdf
+from small_robots import SERVOS, full_humanoid, humanoid, urdf
 
 
 def run(*arguments):
@@ -66,14 +66,16 @@ def test_calibrate_says_what_it_found_and_replaces_nothing_unasked(files):
 
 
 def test_calibrate_says_what_it_does_not_play(tmp_path):
-    text = humanoid().replace('<joint name="left_elbow"', '<joint name="left_elbow" type="slide"')
+    servos = [name for name in SERVOS if name != "left_ankle_roll"]
+    text = humanoid(servos=servos).replace('<joint name="left_elbow"', '<joint name="left_elbow" type="slide"')
     chain = '<equality><connect body1="left_sole" body2="right_sole" anchor="0 0 0"/></equality>'
     (tmp_path / "odd.xml").write_text(text.replace("</mujoco>", f"{chain}</mujoco>"))
     result = run("calibrate", tmp_path / "odd.xml", "--out", tmp_path / "odd.toml")
     said = result.stdout
     assert "not played, because only hinges are: left_elbow" in said
-    assert "1 constraints (connect, weld) close chains" in said
-    assert "how fast 17 joints may turn" in said
+    assert "not played, because no actuator of the model drives them: left_ankle_roll" in said
+    assert "closed chains of bodies (1 connect or weld constraint)" in said
+    assert "how fast 16 joints may turn" in said
 
 
 @pytest.mark.parametrize("solver", ["ik", "angles"])
