@@ -16,6 +16,7 @@ import mujoco
 import numpy as np
 
 from motiondeck_base.errors import FileFormatError
+from sim.models.ball_joints import hinges_for_balls, unplayed_balls
 from sim.models.formats.mesh_files import compiled, read_solids
 from sim.models.formats.model_kind import model_kind
 from sim.models.formats.urdf_text import has_collision_shapes, readable_urdf
@@ -65,6 +66,7 @@ def read_model(path: Path, packages: Mapping[str, Path] | None = None, feet: Seq
         folder = path.resolve().parent
         spec.meshdir, spec.texturedir = str(folder / spec.meshdir), str(folder / spec.texturedir)
         read_solids(spec, Path(spec.meshdir))
+        hinges_for_balls(spec)
         _mend_inertias(spec)
         _mend_ranges(spec)
         free_root(path, spec)
@@ -125,15 +127,6 @@ def followers(model: mujoco.MjModel) -> dict[int, tuple[int, np.ndarray]]:
             polynomial[0] += start
         coupled[follower] = (leader, polynomial)
     return coupled
-
-
-def ball_joints(model: mujoco.MjModel) -> str:
-    """What is said of joints that turn as a ball does, behind a refusal; nothing if there are none."""
-    balls = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_BALL).tolist()
-    if not balls:
-        return ""
-    first, more = model.joint(balls[0]).name, f" and {len(balls) - 1} more" if len(balls) > 1 else ""
-    return f". Its ball joints ('{first}'{more}) are not played: put three hinges in the place of each"
 
 
 def _clear_stage(spec: mujoco.MjSpec) -> None:
@@ -197,7 +190,7 @@ def _servos(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel, feet: Sequen
     hinges = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE)
     played = [int(joint) for joint in (driven or hinges) if joint not in coupled]
     if not played:
-        raise FileFormatError(f"{path}: it has no hinge joint that could be moved{ball_joints(model)}")
+        raise FileFormatError(f"{path}: it has no hinge joint that could be moved{unplayed_balls(model)}")
     old, stance = [*spec.actuators], stances(model, feet)
     for joint in played:
         name = model.joint(joint).name

@@ -25,9 +25,9 @@ import numpy as np
 
 from controller.rotations import Array, conjugate, from_rotation_vector, multiply, yaw
 from motiondeck_base.errors import FileFormatError
+from sim.models.ball_joints import unplayed_balls
 from sim.models.kinematic_tree import below, hinges_at, hinges_between, path_to
 from sim.models.limb_geometry import ACROSS, end_hinge, farthest, folds, sine
-from sim.models.model_file import ball_joints
 from sim.models.surface import Surface
 from sim.robots.side_names import is_left
 
@@ -437,7 +437,7 @@ class _Matcher:
         words = [f"'{self.model.body(b).name}' ({count} hinge{'s' * (count > 1)})" for b, count in limbs.items()]
         listed = ", ".join(words[:6]) + (f" and {len(words) - 6} more" if len(words) > 6 else "")
         remedy = (
-            ball_joints(self.model) or ". If it is one, write a robot file by hand and name its bodies under [parts]"
+            unplayed_balls(self.model) or ". If it is one, write a robot file by hand and name its bodies under [parts]"
         )
         return f"{self.path}: this is not a humanoid with two legs: {why}; its limbs are {listed or 'none'}{remedy}."
 

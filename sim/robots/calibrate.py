@@ -62,7 +62,7 @@ class Calibration:
         rest: their positions when it stands with hanging arms, shape (J,), rad.
         unlimited: joints whose range the model does not give.
         speeds: how fast each joint may turn of which the model says it, rad/s.
-        unplayed: joints that slide or turn as a ball does: nothing moves them.
+        unplayed: joints that slide, and ball joints that no actuator drives: nothing moves them.
         undriven: hinges that no actuator drives though others have one: nothing moves them either.
         open_chains: how many constraints close a chain of bodies; they hold in physics only.
         angles: the angle solver's joints, where they fit.
@@ -198,7 +198,7 @@ def calibrate(path: Path, packages: Mapping[str, Path] | None = None) -> Calibra
     coupled = {model.joint(follower).name for follower in followers(model)}
     hinges = [model.joint(j).name for j in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE).tolist()]
     undriven = tuple(name for name in hinges if name not in layout.joints and name not in coupled)
-    unsure += limp(segments, undriven)
+    unsure += limp(model, found.parts, segments, undriven)
     directions = LimbDirections(model, found.parts, found.root_rotation)
     unsure += doubts(found.parts, segments, directions) + unlike_ranges(model, found.parts, directions.standing)
     return Calibration(

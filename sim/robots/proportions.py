@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 
 from controller.rotations import Array
-from sim.models.kinematic_tree import hinges_between
+from sim.models.kinematic_tree import hinges_between, path_to
 from sim.retargeting.robot_limbs import RobotLimbs
 from sim.robots.limb_directions import LimbDirections
 
@@ -120,15 +120,27 @@ def doubts(parts: dict[str, str], segments: list[SegmentPair], directions: LimbD
     return found
 
 
-def limp(segments: Sequence[SegmentPair], undriven: Collection[str]) -> list[Doubt]:
-    """What is said of knees and elbows that no actuator drives."""
-    return [
+def limp(
+    model: mujoco.MjModel, parts: dict[str, str], segments: Sequence[SegmentPair], undriven: Collection[str]
+) -> list[Doubt]:
+    """What is said of knees and elbows that no actuator drives, and of limbs on ball joints that none drives."""
+    found = [
         Doubt(f"{side}_{segment.part}", f"no actuator of the model drives '{hinge}', so it cannot bend", True)
         for segment in segments
         if segment.part in BENDS
         for side, hinge in zip("rl", segment.hinge, strict=True)
         if hinge in undriven
     ]
+    balls = model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_BALL]
+    for trunk, part in (("pelvis", "shank"), ("chest", "forearm")):
+        for limb in (f"{side}_{part}" for side in "rl" if f"{side}_{part}" in parts):
+            above = path_to(model, model.body(parts[trunk]).id)
+            for body in path_to(model, model.body(parts[limb]).id):
+                if body in balls and body not in above:
+                    name = model.joint(model.body_jntadr[body]).name
+                    words = f"no actuator of the model drives the ball joint '{name}' above it: give it some"
+                    found.append(Doubt(limb, words, True))
+    return found
 
 
 def other_units(model: mujoco.MjModel, height: float) -> list[Doubt]:

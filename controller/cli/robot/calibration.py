@@ -161,7 +161,7 @@ def print_report(found: Calibration, file: Path, trial: CalibrationTrial) -> Non
         )
     if found.unplayed:
         names = ", ".join(name or "a joint without a name" for name in found.unplayed)
-        print(f"not played, because only hinges are: {names}")
+        print(f"not played, because only hinges and ball joints with actuators are: {names}")
     if found.undriven:
         print(f"not played, because no actuator of the model drives them: {', '.join(found.undriven)}")
     if found.open_chains:

@@ -220,11 +220,12 @@ def test_what_is_no_humanoid_is_refused_in_one_line_with_what_was_found(tmp_path
     assert "\n" not in str(error.value)
 
 
-def test_legs_on_balls_are_refused_with_the_joints_to_replace(tmp_path):
+def test_legs_on_balls_that_nothing_drives_are_refused_with_a_remedy(tmp_path):
     hips = r'<joint name="(\w+hip_pitch)_joint" [^>]*/>'
     text = re.sub(hips, r'<joint name="\1" type="ball"/>', full_humanoid(hip="pitch"))
-    text = re.sub(r'<joint name="(\w+ankle_\w+)" [^>]*/>', "", re.sub(r"<position [^>]*/>", "", text))
-    with pytest.raises(FileFormatError, match=r"ball joints \('left_hip_pitch' and 1 more\).*three hinges"):
+    text = re.sub(r'<position name="\w+hip_pitch_joint"[^>]*/>', "", text)
+    text = re.sub(r'<joint name="(\w+ankle_\w+)" [^>]*/>', "", re.sub(r'<position name="\w+ankle[^>]*/>', "", text))
+    with pytest.raises(FileFormatError, match=r"ball joints \('left_hip_pitch' and 1 more\).*give them some"):
         matched(tmp_path, text)
 
 

@@ -72,7 +72,7 @@ def test_calibrate_says_what_it_does_not_play(tmp_path):
     (tmp_path / "odd.xml").write_text(text.replace("</mujoco>", f"{chain}</mujoco>"))
     result = run("calibrate", tmp_path / "odd.xml", "--out", tmp_path / "odd.toml")
     said = result.stdout
-    assert "not played, because only hinges are: left_elbow" in said
+    assert "not played, because only hinges and ball joints with actuators are: left_elbow" in said
     assert "not played, because no actuator of the model drives them: left_ankle_roll" in said
     assert "closed chains of bodies (1 connect or weld constraint)" in said
     assert "how fast 16 joints may turn" in said

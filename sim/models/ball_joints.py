@@ -1,0 +1,109 @@
+"""Ball joints of a robot's model: only hinges are played, so three of them take the place of each that is driven."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import mujoco
+import numpy as np
+
+from controller.rotations import Array
+from sim.models.formats.mesh_files import compiled
+
+NAMES = ("pitch", "roll", "yaw")
+"""What is put behind the name of a ball joint, or of its body, to name its hinges, in their order."""
+
+_KEPT = ("stiffness", "damping", "armature", "frictionloss", "group")
+_ALONG = 0.3  # of a limb that lies along the line from side to side: the sine of the angle between them
+_AT_A_JOINT = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+_BALL = int(mujoco.mjtJoint.mjJNT_BALL)
+
+
+def unplayed_balls(model: mujoco.MjModel) -> str:
+    """What is said of ball joints that are not played, behind a refusal; nothing if there are none."""
+    balls = np.flatnonzero(model.jnt_type == _BALL).tolist()
+    if not balls:
+        return ""
+    first, more = model.joint(balls[0]).name, f" and {len(balls) - 1} more" if len(balls) > 1 else ""
+    return f". Its ball joints ('{first}'{more}) have no actuator, as others have, and are not played: give them some"
+
+
+def hinges_for_balls(spec: mujoco.MjSpec) -> None:
+    """Puts three hinges in the place of each ball joint that actuators drive, or of all in a model without actuators.
+
+    The first turns about the line from side to side, the last about the limb, the second about what lies across both:
+    so two of them fall together only where the limb points straight to the side, wherever it points in the file. Each
+    may turn as far as the ball may.
+    """
+    balls = [joint for joint in spec.joints if joint.type == mujoco.mjtJoint.mjJNT_BALL]
+    for ball in balls:
+        ball.range = (0.0, float(np.abs(ball.range).max()))  # a URDF's goes both ways, which MuJoCo refuses
+    driven = {actuator.target for actuator in spec.actuators if actuator.trntype in _AT_A_JOINT}
+    if spec.actuators:
+        balls = [ball for ball in balls if ball.name in driven]
+    if not balls:
+        return
+    axes = _axes(compiled(spec), [ball.id for ball in balls])
+    gone = {ball.name for ball in balls}
+    for actuator in [*spec.actuators]:
+        if actuator.target in gone and actuator.trntype in _AT_A_JOINT:
+            spec.delete(actuator)
+    taken = {joint.name for joint in spec.joints}
+    for ball, three in zip(balls, axes, strict=True):
+        body = ball.parent
+        base = ball.name or body.name
+        was = {key: getattr(ball, key) for key in _KEPT}
+        place, most, limited = np.array(ball.pos), float(ball.range[1]), ball.limited
+        spec.delete(ball)
+        for word, axis in zip(NAMES, three, strict=True):
+            name = f"{base}_{word}" if base else ""
+            while name in taken and name:
+                name += "_"
+            taken.add(name)
+            hinge = body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, pos=place, axis=axis)
+            hinge.range, hinge.limited = (-most, most), limited
+            for key, value in was.items():
+                setattr(hinge, key, value)
+            if gone & driven:
+                motor = spec.add_actuator(trntype=mujoco.mjtTrn.mjTRN_JOINT, target=name)
+                motor.set_to_motor()
+                motor.ctrllimited = motor.forcelimited = False
+
+
+def _axes(model: mujoco.MjModel, balls: list[int]) -> list[Array]:
+    """The axes of the hinges of ball joints, in the frames of their bodies, shape (3, 3) each, a row a hinge."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    body = [int(model.jnt_bodyid[ball]) for ball in balls]
+    side = _from_side_to_side(model, data, balls)
+    found = []
+    for ball, own in zip(balls, body, strict=True):
+        limb = _limb(model, data, ball)
+        across = np.cross(limb, side)
+        if np.linalg.norm(across) < _ALONG:
+            across = np.cross(side, np.eye(3)[int(np.argmin(np.abs(side)))])
+        across /= np.linalg.norm(across)
+        found.append(np.array([side, across, limb]) @ data.xmat[own].reshape(3, 3))
+    return found
+
+
+def _from_side_to_side(model: mujoco.MjModel, data: mujoco.MjData, balls: list[int]) -> Array:
+    """The direction between the two ball joints of one body that are farthest apart, such as the hips; else y."""
+    parent = {ball: int(model.body_parentid[model.jnt_bodyid[ball]]) for ball in balls}
+    ways = [data.xanchor[b] - data.xanchor[a] for a, b in combinations(balls, 2) if parent[a] == parent[b]]
+    farthest = max(ways, key=lambda way: float(np.linalg.norm(way)), default=np.zeros(3))
+    length = float(np.linalg.norm(farthest))
+    return farthest / length if length > 0.0 else np.array([0.0, 1.0, 0.0])
+
+
+def _limb(model: mujoco.MjModel, data: mujoco.MjData, ball: int) -> Array:
+    """The direction from a ball joint to the joints that follow it, or to the middle of what it turns."""
+    body, at = int(model.jnt_bodyid[ball]), data.xanchor[ball]
+    children = np.flatnonzero(model.body_parentid == body)
+    following = data.xanchor[np.isin(model.jnt_bodyid, children)]
+    ways = [end - at for end in (following.mean(axis=0) if len(following) else at, data.xipos[body])]
+    way = next((way for way in ways if np.linalg.norm(way) > 1e-6), np.array([0.0, 0.0, 1.0]))
+    return way / np.linalg.norm(way)
