@@ -67,6 +67,7 @@ def read_model(path: Path, packages: Mapping[str, Path] | None = None, feet: Seq
         spec.meshdir, spec.texturedir = str(folder / spec.meshdir), str(folder / spec.texturedir)
         read_solids(spec, Path(spec.meshdir))
         hinges_for_balls(spec)
+        _scale_masses(spec)
         _mend_inertias(spec)
         _mend_ranges(spec)
         free_root(path, spec)
@@ -152,6 +153,21 @@ def _name_all(spec: mujoco.MjSpec) -> None:
                     name += "_"
                 thing.name = name
                 taken.add(name)
+
+
+def _scale_masses(spec: mujoco.MjSpec) -> None:
+    """Scales the masses to the sum that a file asks for: MuJoCo warns at each use that it will soon not do so."""
+    wanted, spec.compiler.settotalmass = spec.compiler.settotalmass, -1.0
+    if not wanted > 0.0:
+        return
+    factor = wanted / float(compiled(spec).body_subtreemass[0])
+    for geom in spec.geoms:
+        geom.density, geom.mass = factor * geom.density, factor * geom.mass
+    for body in spec.bodies[1:]:
+        body.mass, body.inertia, body.fullinertia = (
+            factor * np.array(part) if np.ndim(part) else factor * part
+            for part in (body.mass, body.inertia, body.fullinertia)
+        )
 
 
 def _mend_inertias(spec: mujoco.MjSpec) -> None:

@@ -47,6 +47,7 @@ TOES_SHARE, FINGERS_SHARE = 0.15, 0.3
 # Of the robot's height: what starts so close to the middle is no arm yet but a clavicle, and a head is as close.
 CLAVICLE_SHARE, HEAD_SHARE = 0.03, 0.06
 EYES = 0.5  # what moves above the neck and is smaller than this share of the head is an eye
+ALIKE = 0.02  # limbs whose lengths differ by less than this share are of one length
 
 # A wheel touches the floor so nearly, in parts of its radius, and is round but for such a share of it.
 ROLLS, ROUND = 0.2, 0.15
@@ -93,8 +94,9 @@ def match(path: Path, model: mujoco.MjModel) -> BodyMatch:
                 raise  # stood on its side, its legs or arms could pass for a human's
             refusal = refusal or error
             continue
-        # A robot that has to be stood up first must show arms too: many a pair of arms could pass for legs.
-        if not any(turn) or matcher.leg_share:
+        # A robot that has to be stood up first must show arms too: many a pair of arms could pass for legs. Arms just
+        # like its legs are the other two of a quadruped that stands with its limbs spread out.
+        if not any(turn) or (matcher.leg_share and not matcher.limbs_alike):
             found.setdefault(matcher.leg_share, here)
             if matcher.leg_share > 1.0:
                 break  # with arms longer than its legs it may stand on its hands
@@ -121,9 +123,11 @@ class _Matcher:
 
     Attributes:
         leg_share: how long its legs are, in lengths of its arms; 0 without arms; known after `match`.
+        limbs_alike: whether its arms are as long as its legs and have as many hinges; known after `match`.
     """
 
     leg_share = 0.0
+    limbs_alike = False
 
     def __init__(self, path: Path, model: mujoco.MjModel, turn: Array) -> None:
         self.path, self.model = path, model
@@ -166,6 +170,8 @@ class _Matcher:
             limbs = {side: self._beside(self._limb(end, chest), left) for side, end in arms.items()}
             parts |= self._divided(ARM, limbs, ahead)
             self.leg_share = max(map(self._length, stands)) / max(map(self._length, limbs.values()))
+            hinges = {len(limb.joints) for limb in (*stands, *limbs.values())}
+            self.limbs_alike = len(hinges) == 1 and abs(self.leg_share - 1.0) < ALIKE
             branches = {self._branch(arm, chest) for arm in arms.values()}
             rest = [e for e in rest if self._branch(e, chest) not in branches]
             shoulders = max(float(self.data.xanchor[limb.joints[0], 2]) for limb in limbs.values())

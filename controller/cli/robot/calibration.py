@@ -28,6 +28,7 @@ Directions = Mapping[str, tuple[float, float]]
 
 # What a calibrated robot is tried on: motions of the shipped library thesis15, so many seconds of each.
 LIBRARY, MOTIONS, SECONDS, RATE = "thesis15", ("walk", "box1"), 1.5, 30.0
+LOST = 60.0  # degrees on average
 WORDS = ("body (left)", "hinge (left)", "axis")  # the columns of the table that are no numbers
 
 
@@ -53,6 +54,11 @@ class CalibrationTrial:
     def wrong(self) -> list[str]:
         """The segments that point elsewhere though the robot's joints could turn there."""
         return [name for name, cause in self.causes.items() if cause == "carried wrongly"]
+
+    @property
+    def lost(self) -> list[str]:
+        """The segments that point so far elsewhere that they are hardly those of a human, whatever the cause."""
+        return [name for name, (mean, _) in self.off.items() if mean > LOST]
 
 
 def tried(file: Path) -> CalibrationTrial:
@@ -148,6 +154,11 @@ def print_report(found: Calibration, file: Path, trial: CalibrationTrial) -> Non
         print(
             f"in one motion more than {MEAN_LIMIT:.0f} degrees on average or {WORST_LIMIT:.0f} at worst; "
             "`robot check` fails there too, except for what its joints cannot reach"
+        )
+    if trial.lost:
+        print(
+            f"error: more than {LOST:.0f} degrees from the human's on average, so hardly its limbs: "
+            f"{', '.join(trial.lost)}; if other bodies are, name them under [parts] of {file}"
         )
     if found.mended:
         print("some masses or inertias of the model are zero or cannot be: they are balanced (MuJoCo's balanceinertia)")

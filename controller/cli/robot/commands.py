@@ -140,8 +140,8 @@ def calibrate(
 
     The table shows each segment of its limbs beside what a human of the same height measures; what does not fit is a
     warning with the line of the robot file to edit. Then it walks and boxes: the angles between its limbs and the
-    human's are shown in degrees. The exit code is 1 if a limb is missing or implausible, or points elsewhere though the
-    joints could turn there.
+    human's are shown in degrees. The exit code is 1 if a limb is missing or implausible, points elsewhere though the
+    joints could turn there, or never points as the human's does.
 
     Look at the result with --view or --picture, edit the file where it is wrong (a wrong body under \[parts], real
     servo speeds under \[limits]), and check it: motiondeck robot check FILE RECORDINGS.
@@ -178,7 +178,7 @@ def calibrate(
             from controller.cli.session.page import show_act
 
             show_act(act_of(played(library, motion, VIEW_SECONDS), file), port)
-    if not found.sound or trial.wrong:
+    if not found.sound or trial.wrong or trial.lost:
         raise typer.Exit(1)
 
 

@@ -283,3 +283,15 @@ def test_joints_that_tendons_drive_are_played(tmp_path):
     assert {model.actuator(k).name for k in range(model.nu)} == set(SERVOS)
     assert np.all(model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT)
     assert not calibrated(path).undriven
+
+
+@pytest.mark.filterwarnings("error")
+def test_masses_are_scaled_to_the_sum_that_a_file_asks_for(tmp_path):
+    text = humanoid().replace("<compiler ", '<compiler settotalmass="14" ', 1)
+    explicit = '<inertial mass="2" pos="0 0 0" diaginertia=".1 .1 .1"/>'
+    text = text.replace('<joint name="left_knee"', f'{explicit}<joint name="left_knee"')
+    path = tmp_path / "small.xml"
+    path.write_text(text)
+    model = read_model(path).compile()
+    assert model.body_subtreemass[0] == pytest.approx(14.0)
+    assert model.body("left_shank").inertia / model.body("left_shank").mass == pytest.approx([0.05] * 3)

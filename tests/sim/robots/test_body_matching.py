@@ -169,6 +169,19 @@ def quadruped(splay=0.0):
     return on_a_base('<freejoint/><geom type="box" size=".25 .1 .05"/>', legs)
 
 
+def spider():
+    """The ant of Gymnasium: four limbs spread out flat, any two of which point down where it stands on its side."""
+    legs = "".join(
+        f'<body name="leg{k}"><geom type="capsule" fromto="0 0 0 {x} {y} 0" size=".08"/>'
+        f'<body name="hip{k}" pos="{x} {y} 0"><joint name="hip{k}" axis="0 0 1"/>'
+        f'<geom type="capsule" fromto="0 0 0 {x} {y} 0" size=".08"/>'
+        f'<body name="foot{k}" pos="{x} {y} 0"><joint name="ankle{k}" axis="{-y} {x} 0" range="30 70"/>'
+        f'<geom type="capsule" fromto="0 0 0 {2 * x} {2 * y} 0" size=".08"/></body></body></body>'
+        for k, (x, y) in enumerate(((0.2, 0.2), (-0.2, 0.2), (-0.2, -0.2), (0.2, -0.2)))
+    )
+    return on_a_base('<freejoint/><geom size=".25"/>', legs)
+
+
 def arms(count):
     text = "".join(
         f'<body name="arm{k}" pos="0 {0.3 * (k - 0.5)} 0.5"><joint name="a{k}" axis="0 0 1"/><geom size="0.05"/>'
@@ -207,12 +220,13 @@ def hanging_arms():
     [
         (quadruped(), r"4 limbs stand on the floor.*'FL' \(3 hinges\)"),
         (quadruped(splay=0.2), r"4 limbs stand on the floor.*'FL' \(3 hinges\)"),
+        (spider(), r"no two limbs.*'leg0' \(2 hinges\), 'leg1' \(2 hinges\)"),
         (arms(1), r"'stand' \(3 hinges\)"),
         (arms(2), r"'arm0' \(3 hinges\), 'arm1' \(3 hinges\)"),
         (rover(), r"it stands on wheels \(wheel0, wheel1, wheel2, wheel3\).*'caster0' \(2 hinges\)"),
         (rover(hanging_arms()), r"it stands on wheels \(wheel0, .*'arm_l' \(2 hinges\)"),
     ],
-    ids=["dog", "lizard", "arm", "two arms", "wheels", "arms on wheels"],
+    ids=["dog", "lizard", "spider", "arm", "two arms", "wheels", "arms on wheels"],
 )
 def test_what_is_no_humanoid_is_refused_in_one_line_with_what_was_found(tmp_path, text, found):
     with pytest.raises(FileFormatError, match=f"robot.xml: this is not a humanoid with two legs.*{found}") as error:

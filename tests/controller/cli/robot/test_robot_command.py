@@ -78,6 +78,15 @@ def test_calibrate_says_what_it_does_not_play(tmp_path):
     assert "how fast 16 joints may turn" in said
 
 
+def test_limbs_that_never_point_as_the_humans_do_are_an_error_whatever_the_cause(tmp_path):
+    text = full_humanoid(spread=0.95 * np.pi)  # its hands are up
+    text = re.sub(r'(name="\w+_shoulder_\w+_joint" axis="[^"]*") range="-2.5 2.5"', r'\1 range="-.1 .1"', text)
+    (tmp_path / "up.xml").write_text(text)
+    result = run("calibrate", tmp_path / "up.xml", "--out", tmp_path / "up.toml")
+    assert result.exit_code == 1
+    assert "hardly its limbs: r_upper_arm, l_upper_arm; if other bodies are, name them" in result.stdout
+
+
 @pytest.mark.parametrize("solver", ["ik", "angles"])
 def test_check_measures_each_recording(files, solver):
     result = run("check", files / "small.toml", files / "swing.bvh", "--solver", solver, "--json")
