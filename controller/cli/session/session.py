@@ -14,7 +14,8 @@ import numpy as np
 
 from controller.cli.session.child_process import Children, child_process, kept_tty, page_process
 from controller.cli.session.openings import lock_deck, open_recorder, open_servers
-from controller.cli.session.page import HEALTH_EVERY, PICTURE_HZ, Page, Showable
+from controller.cli.session.page import HEALTH_EVERY, PICTURE_HZ, Page
+from controller.cli.session.page_contents import PageContents
 from controller.cli.session.progress_line import progress_line
 from controller.cli.session.recognition.body_watch import BodyWatch
 from controller.cli.session.recognition.recognition_watch import RecognitionWatch
@@ -25,6 +26,7 @@ from controller.cli.session.robots.robot_on_deck import RobotOnDeck, channels_of
 from controller.cli.session.run_settings import RunSettings
 from controller.cli.session.script import Timed
 from controller.cli.session.show_member import ShowMember, show_member
+from controller.cli.session.showable import Showable
 from controller.cli.session.tick_recorder import TickRecorder
 from controller.cli.session.wired_stop import WiredStopWatch
 from controller.deck.interfaces import Retargeter
@@ -143,10 +145,17 @@ class Session:
         self._envelope = SafetyEnvelope(all_limits([robot.limits for robot in self.robots]), self._clock.period)
         self._watch = self._open_watch()
         if page_state is not None:
-            human, port = self._shown_human(), self.command_port
-            library, learns = settings.library, settings.restarts
-            page = Page.open(page_state, self._deck, self.robots, human, self._watch, port, library, servos, learns)
-            self._page = opening.enter_context(page)
+            contents = PageContents(
+                self._deck,
+                self.robots,
+                self._shown_human(),
+                self._watch,
+                self.command_port,
+                settings.library,
+                servos,
+                learns=settings.restarts,
+            )
+            self._page = opening.enter_context(Page.open(page_state, contents))
         self._recorder = self._open_recorder(opening)
         self._desk = CommandDesk(
             self._deck,
