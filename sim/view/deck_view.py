@@ -155,7 +155,8 @@ class DeckView:
 
     def _draw(self, seen: Mapping[str, Array], latest: Mapping[str, Array], playing: str, dt: float) -> None:
         """Draws the bodies of one state, and the network and the rig as they are now, dt seconds after the last."""
-        if self._panel.follows:
+        view = self._panel.view
+        if view.follows:
             self._centre = self._follower.follow(seen["qpos"][:2], dt)
         centre = self._centre
         with self._page.atomic():  # one message for all of it
@@ -166,15 +167,15 @@ class DeckView:
                 qpos[:2] = seen["qpos"][:2] + (k + 1) * beside
                 other.show(qpos, centre)
             if self._ghost is not None:
-                self._ghost.show(self._panel.human, seen["human_root"], seen["human_turn"], seen["qpos"][:2], centre)
+                self._ghost.show(view.human, seen["human_root"], seen["human_turn"], seen["qpos"][:2], centre)
             if self._target is not None:
-                self._target.show(seen["target"], centre, visible=self._panel.shows_target)
+                self._target.show(seen["target"], centre, visible=view.target)
             if self._network is not None:
                 phase = number_in(latest, "phase", float("nan"))
-                self._network.show(latest.get("activation"), playing, phase, visible=self._panel.shows_network)
-            self._steps.show(self._scene.data, centre, dt, visible=self._panel.marks_steps)
+                self._network.show(latest.get("activation"), playing, phase, visible=view.network)
+            self._steps.show(self._scene.data, centre, dt, visible=view.steps)
             if self._forces is not None:
-                self._forces.show(seen["contacts"].reshape(-1, 6), centre, visible=self._panel.shows_forces)
+                self._forces.show(seen["contacts"].reshape(-1, 6), centre, visible=view.forces)
             if self._glow is not None:
                 self._glow.show(self._scene.data, centre)
 

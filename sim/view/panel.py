@@ -8,7 +8,6 @@ from pathlib import Path
 from threading import Lock
 from typing import cast
 
-import numpy as np
 import viser
 
 from controller.rotations import Array
@@ -33,14 +32,14 @@ from controller.wire.messages.commands import (
     Unlock,
 )
 from controller.wire.messages.events import Event
-from controller.wire.messages.lock_state import LOCK_SOURCES, LOCK_STAGES, LockState
 from controller.wire.messages.replies import Refused
 from motiondeck_base.errors import MotiondeckError
-from sim.view.ghost import WAYS
+from sim.view.loop_figures import loop_figures
 from sim.view.motions.motion_controls import MotionControls
+from sim.view.notices import Notices
 from sim.view.recognition_text import what_is_seen
-from sim.view.scene import CAMERAS
-from sim.view.web.page_style import CURRENT, NOTICE_SECONDS, STOPS, STYLE
+from sim.view.view_choices import ViewChoices
+from sim.view.web.page_style import CURRENT, STOPS, STYLE
 from sim.view.web.parts import PageParts
 from sim.view.web.private_page import PrivatePage
 from sim.view.web.state_line import RunState, ended_line, number_in, state_line
@@ -52,16 +51,12 @@ HAND_ON = 1.0
 _TOLD = ("via", "gave up", "fault", "fell", "stands", "push", "lost", "replayed")
 _ALARMING = ("fault", "fell", "lost", "replayed")
 PANEL_WIDTH = 332  # pixels
-MOST_NOTICES = 3  # at a time; what a rig does has its own tab
 
 STEP = 1.0 / 30.0  # s, of a step; a tick alone is hardly to be seen
 STEPS = "The motion goes on for 1/30 s."
 
 # Keys for the first motions.
 DIGITS = ("1", "2", "3", "4", "5", "6", "7", "8", "9")
-TARGET = "The pose that the simulated servos are to reach, translucent"
-FORCES = "Of the floor on the body; an arrow half as long as the robot is its weight"
-MORE = "All of them are marks in the strip of the last minutes, with their text."
 
 
 class Panel:
@@ -96,7 +91,7 @@ class Panel:
         self._lock = Lock()
         self._state = RunState()
         self._moved = 0.0  # when a hand was on the tempo, s
-        self._noticed: dict[str, float] = {}  # when a notice was shown last, s
+        self._notices = Notices(page)
         gui = page.gui
         gui.configure_theme(show_share_button=False, show_logo=False, brand_color=CURRENT)
         gui.main_panel.dock_right()  # the scene has what is left, and nothing covers the robot
@@ -129,20 +124,9 @@ class Panel:
         )
         self._tempo.on_update(self._tempo_moved)
         self._tap = self._add_tap() if has_phase else None
-        with gui.add_folder("view", expand_by_default=False):
-            self._human = gui.add_dropdown("human", WAYS, hint="The pose that the network plays") if has_human else None
-            self._target = gui.add_checkbox("target pose", False, hint=TARGET) if has_target else None
-            self._network = (
-                gui.add_checkbox(
-                    "network", False, hint="The orbits of its neurons, in the three directions that show most"
-                )
-                if has_network
-                else None
-            )
-            self._steps = gui.add_checkbox("footprints and contacts", False)
-            self._forces = gui.add_checkbox("contact forces", False, hint=FORCES) if has_forces else None
-            self._follow = gui.add_checkbox("camera follows", True)
-            self._add_cameras(look_from)
+        self.view = ViewChoices(
+            page, look_from, human=has_human, target=has_target, network=has_network, forces=has_forces
+        )
         if push_ns:
             self._add_pushes(push_ns)
         with gui.add_folder("loop", expand_by_default=False):
@@ -165,15 +149,6 @@ class Panel:
             impulse = gui.add_slider("N s", min=step, max=3.0 * usual, step=step, initial_value=usual)
             sides = gui.add_button_group("from the", SIDES, hint=BY_WORD["push"].help)
         sides.on_click(lambda _: self.send(Push(cast(Side, sides.value), float(impulse.value))))
-
-    def _add_cameras(self, look_from: Callable[[viser.ClientHandle, str], None]) -> None:
-        """A button for each place to look from; it moves the camera of the browser that pressed it."""
-        cameras = self._page.gui.add_button_group("camera", tuple(CAMERAS))
-
-        @cameras.on_click
-        def _(event: viser.GuiEvent) -> None:
-            if event.client is not None:
-                look_from(event.client, str(cameras.value))
 
     def _add_keys(self) -> None:
         """Esc, space and the digits, also found in the page's command palette."""
@@ -198,36 +173,6 @@ class Panel:
     def _stopped(self) -> bool:
         return self._state.mode == "emergency stop"
 
-    @property
-    def human(self) -> str:
-        """Where the human is shown."""
-        return str(self._human.value) if self._human is not None else WAYS[0]
-
-    @property
-    def shows_network(self) -> bool:
-        """Whether the network is shown beside the body."""
-        return self._network is not None and bool(self._network.value)
-
-    @property
-    def shows_target(self) -> bool:
-        """Whether the pose that the servos are to reach is shown."""
-        return self._target is not None and bool(self._target.value)
-
-    @property
-    def marks_steps(self) -> bool:
-        """Whether prints and contacts of the feet are shown."""
-        return bool(self._steps.value)
-
-    @property
-    def shows_forces(self) -> bool:
-        """Whether the forces of the floor on the body are shown."""
-        return self._forces is not None and bool(self._forces.value)
-
-    @property
-    def follows(self) -> bool:
-        """Whether the camera follows the robot."""
-        return bool(self._follow.value)
-
     def show(self, state: dict[str, Array]) -> None:
         """Brings buttons, slider and figures up to date."""
         now, before = RunState.of(state, self._motions), self._state
@@ -246,18 +191,18 @@ class Panel:
         tempo = round(number_in(state, "tempo", 1.0), 2)
         if abs(tempo - self._tempo.value) > 0.024 and time.monotonic() - self._moved > HAND_ON:
             self._tempo.value = min(max(tempo, self._tempo.min), self._tempo.max)
-        self._health.content = _health(state)
+        self._health.content = loop_figures(state)
         if "seen" in state:
             self._seen.content = what_is_seen(state, self._recognizable, self._joints)
 
     def tell(self, event: Event) -> None:
         """Shows an event that nothing else on the page shows."""
         if event.kind in _TOLD:
-            self._notify(event.kind, event.text, alarming=event.kind in _ALARMING)
+            self._notices.show(event.kind, event.text, alarming=event.kind in _ALARMING)
 
     def refuse(self, reason: str) -> None:
         """Shows why something was not done."""
-        self._notify("Refused", reason)
+        self._notices.show("Refused", reason)
 
     def _stop_or_ask(self, event: viser.GuiEvent) -> None:
         """Stops at once; a reset is asked about first."""
@@ -307,20 +252,6 @@ class Panel:
             else:
                 self.send(then)
 
-    def _notify(self, title: str, text: str, *, alarming: bool = True) -> None:
-        """Shows a notice; not twice while the same is still on the page."""
-        now = time.monotonic()
-        if now - self._noticed.get(text, -NOTICE_SECONDS) < NOTICE_SECONDS:
-            return
-        self._noticed = {old: at for old, at in self._noticed.items() if now - at < NOTICE_SECONDS} | {text: now}
-        if title == "fault" and len(self._noticed) > MOST_NOTICES:
-            title, text = "more faults", MORE
-            if text in self._noticed:
-                return
-            self._noticed[text] = now
-        for client in self._page.get_clients().values():
-            client.add_notification(title, text, auto_close_seconds=NOTICE_SECONDS, color="red" if alarming else "blue")
-
     def _tempo_moved(self, event: viser.GuiEvent) -> None:
         # A slider set by this program, not by a hand, reports no client.
         if event.client is not None:
@@ -337,49 +268,3 @@ class Panel:
             refusal = str(error)
         if refusal:
             self.refuse(refusal)
-
-
-def _lock(state: dict[str, Array]) -> LockState | None:
-    """What the phase is locked to, if it is."""
-    source, stage = int(number_in(state, "lock_source", -1.0)), int(number_in(state, "lock_stage", -1.0))
-    if source < 0 or stage < 0:
-        return None
-    error, beats = (number_in(state, field, float("nan")) for field in ("lock_error_ms", "beats_per_minute"))
-    return LockState(LOCK_SOURCES[source], LOCK_STAGES[stage], _known(error), _known(beats))
-
-
-def _known(value: float) -> float | None:
-    return value if np.isfinite(value) else None
-
-
-def _health(state: dict[str, Array]) -> str:
-    """The loop's figures as a small table."""
-
-    def figure(field: str, form: str) -> str:
-        value = number_in(state, field, float("nan"))
-        return form.format(value) if np.isfinite(value) else "-"
-
-    late = f"{figure('lateness_p50_us', '{:.0f}')} / {figure('lateness_p999_us', '{:.0f} µs')}"
-    cells = [
-        ("rate", figure("rate_hz", "{:.1f} Hz")),
-        ("late p50 / p99.9", late),
-        ("work p50", figure("work_p50_us", "{:.0f} µs")),
-    ]
-    if (lock := _lock(state)) is not None:
-        cells.append(("lock", str(lock)))
-    if number_in(state, "restarts", 0.0) > 0.0:
-        cells.append(("network restarts", figure("restarts", "{:.0f}")))
-    if number_in(state, "kept_apart", 0.0) > 0.0:
-        cells.append(("limbs kept apart", figure("kept_apart", "{:.0f} times")))
-    overruns = number_in(state, "overruns", 0.0)
-    word = "On time: no tick was late." if overruns == 0.0 else f"Late: {overruns:.0f} ticks took longer than a period."
-    boxes = "".join(
-        f'<div><div style="opacity:.6;font-size:11px">{name}</div>'
-        f'<div style="font-variant-numeric:tabular-nums;font-weight:600">{value}</div></div>'
-        for name, value in cells
-    )
-    style = (
-        "display:grid;grid-template-columns:1fr 1.3fr;gap:2px 12px;padding:2px 14px 6px;font-size:13px;line-height:1.35"
-    )
-    said = f'<div style="padding:2px 14px;font-size:13px">{word}</div>'
-    return f'<div id="health">{said}<div style="{style}">{boxes}</div></div>'
