@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import contextlib
-import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -12,9 +11,7 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Literal
 
-import msgspec
-
-from controller.cli.session.live_deck import Ended, Failed, LiveNews, Ready, with_right_types
+from controller.cli.session.live_deck import with_right_types
 from controller.wire.command_socket import CommandClient, SocketError
 from controller.wire.messages.command_table import checked
 from controller.wire.messages.commands import (
@@ -44,15 +41,13 @@ from controller.wire.messages.events import Event as DeckEvent
 from controller.wire.messages.lock_state import LockState
 from controller.wire.messages.replies import Accepted, Refused, Settled
 from controller.wire.messages.replies import State as DeckStatus
+from motiondeck.deck_process import DeckProcess
 from motiondeck_base.errors import MotiondeckError
 
 __all__ = ["CommandedMotion", "DeckEvent", "DeckStatus", "LiveDeck", "LockState"]
 
 _ANSWERS_WITHIN = 5.0  # s
-_ENDS_WITHIN = 30.0  # s: on the way to rest a rig may take its time
 _LOOKS_EVERY = 1.0  # s
-
-_news = msgspec.json.Decoder(LiveNews)
 
 
 @dataclass(frozen=True)
@@ -87,25 +82,14 @@ class LiveDeck:
         motions: all that can be played.
         command_port: where `motiondeck send` reaches it as well.
         page: the address of its page, or None.
-        report: how the run went, as `motiondeck play --json` prints it; None until it has ended.
     """
 
     # A misspelt name, as in `deck.tmpo = 2`, is an error and not an attribute more.
-    __slots__ = ("_clients", "_opened", "_process", "_reader", "_stdout", "command_port", "motions", "page", "report")
+    __slots__ = ("_clients", "_process", "command_port", "motions", "page")
 
-    def __init__(self, process: subprocess.Popen[bytes], opened: contextlib.ExitStack) -> None:
-        self._process, self._opened = process, opened
-        self.report: dict[str, Any] | None = None
-        assert process.stdout is not None
-        self._stdout = process.stdout
-        first = self._stdout.readline()
-        ready = _news.decode(first) if first else None
-        # A report may be longer than the pipe holds, so somebody must read it while the deck ends.
-        self._reader = threading.Thread(target=self._read_report, daemon=True)
-        self._reader.start()
-        if not isinstance(ready, Ready):
-            self._end()
-            raise MotiondeckError(ready.reason if isinstance(ready, Failed) else self._how_it_ended())
+    def __init__(self, process: DeckProcess) -> None:
+        self._process = process
+        ready = process.ready
         self.motions = tuple(ready.motions)
         self.command_port = ready.command_port
         self.page = f"http://127.0.0.1:{ready.page_port}" if ready.page_port is not None else None
@@ -120,7 +104,12 @@ class LiveDeck:
     @property
     def running(self) -> bool:
         """Whether it still plays."""
-        return self._process.poll() is None
+        return self._process.running
+
+    @property
+    def report(self) -> dict[str, Any] | None:
+        """How the run went, as `motiondeck play --json` prints it; None until it has ended."""
+        return self._process.report
 
     def status(self) -> DeckStatus:
         """What is played now, at which tempo, what comes next, and in which mode the deck is.
@@ -289,7 +278,7 @@ class LiveDeck:
             client.request(Subscribe(), _ANSWERS_WITHIN)
         except SocketError:
             client.close()
-            raise SocketError(self._how_it_ended()) from None
+            raise SocketError(self._process.how_it_ended) from None
         return _told_to(client)
 
     def wait(self, timeout: float | None = None) -> dict[str, Any]:
@@ -298,22 +287,19 @@ class LiveDeck:
         Raises:
             MotiondeckError: if it has not ended in time, or ended without a report.
         """
-        if self.running:
-            try:
-                self._process.wait(timeout)  # the report has been read by the thread meanwhile
-            except subprocess.TimeoutExpired:
-                raise MotiondeckError(f"the deck still plays after {timeout:g} s") from None
-        self._end()
+        if not self._process.wait(timeout):
+            raise MotiondeckError(f"the deck still plays after {timeout:g} s")
+        self._process.end()
         if self.report is None:
-            raise MotiondeckError(self._how_it_ended())
+            raise MotiondeckError(self._process.how_it_ended)
         return self.report
 
     def close(self) -> None:
         """Brings the joints to rest and ends the deck; may be called twice."""
-        if self._process.poll() is None:
+        if self.running:
             with contextlib.suppress(SocketError):
                 self._client.post(Stop())
-        self._end()
+        self._process.end()
 
     @property
     def _client(self) -> CommandClient:
@@ -343,46 +329,20 @@ class LiveDeck:
             SocketError: if the deck has ended; it says why.
         """
         if not self.running:
-            self._end()
-            raise SocketError(self._how_it_ended())
+            self._process.end()
+            raise SocketError(self._process.how_it_ended)
         message = with_right_types(message)
         try:
             reply = self._client.request(checked(message), _ANSWERS_WITHIN)
         except SocketError:
             # It may just be ending: then its reason is more useful than that nobody answers.
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                self._process.wait(1.0)
-                self._end()
-                raise SocketError(self._how_it_ended()) from None
+            if self._process.wait(1.0):
+                self._process.end()
+                raise SocketError(self._process.how_it_ended) from None
             raise
         if isinstance(reply, Accepted | DeckStatus):
             return reply
         raise CommandError(reply.reason if isinstance(reply, Refused) else "the deck's answer is not understood")
-
-    def _read_report(self) -> None:
-        """Keeps the report that the deck's process prints in the end."""
-        for line in self._stdout:
-            news = _news.decode(line)
-            if isinstance(news, Ended):
-                self.report = news.report
-
-    def _end(self) -> None:
-        """Waits for the process, which is killed if it does not end, and takes its report."""
-        try:
-            self._process.wait(_ENDS_WITHIN)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
-        self._reader.join()
-        assert self._process.stdin is not None
-        self._process.stdin.close()
-        self._stdout.close()
-        self._opened.close()
-
-    def _how_it_ended(self) -> str:
-        if self.report is not None:
-            return f"the deck has ended: {self.report['reason']}"
-        return f"the deck's process broke off with exit code {self._process.returncode}; its own message stands above"
 
 
 def _told_to(client: CommandClient) -> Iterator[DeckEvent]:

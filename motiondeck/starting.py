@@ -14,6 +14,7 @@ import msgspec
 
 from controller.cli.session.live_deck import LiveRequest, with_right_types
 from controller.wire.run_folder import run_folder
+from motiondeck.deck_process import DeckProcess
 from motiondeck.libraries import Library
 from motiondeck.live import LiveDeck
 from motiondeck_base.errors import MotiondeckError
@@ -94,4 +95,4 @@ def play(
             stdout=subprocess.PIPE,
             start_new_session=True,
         )
-        return LiveDeck(process, opening.pop_all())
+        return LiveDeck(DeckProcess(process, opening.pop_all()))

@@ -18,7 +18,7 @@ from motiondeck.libraries import Library
 PROGRAM = """
 import motiondeck, sys
 deck = motiondeck.play(sys.argv[1], physics=False, rate=100.0)
-print(deck._process.pid, flush=True)
+print(deck._process._process.pid, flush=True)
 sys.stdin.read()
 """
 
@@ -134,8 +134,8 @@ def test_what_cannot_be_played_is_said_in_one_line(wanted, says):
 
 def test_a_deck_that_breaks_off_is_noticed(library, capfd):
     deck = motiondeck.play(library, "march", physics=False, rate=100.0)
-    os.kill(deck._process.pid, signal.SIGKILL)
-    deck._process.wait()
+    os.kill(deck._process._process.pid, signal.SIGKILL)
+    deck._process._process.wait()
     with pytest.raises(MotiondeckError, match="broke off with exit code -9"):
         deck.wait()
     deck.close()

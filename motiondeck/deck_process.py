@@ -1,0 +1,90 @@
+# pyright: strict
+"""The process in which a live deck plays: what it says when it is ready, its report, and how it ends."""
+
+from __future__ import annotations
+
+import contextlib
+import subprocess
+import threading
+from typing import Any
+
+import msgspec
+
+from controller.cli.session.live_deck import Ended, Failed, LiveNews, Ready
+from motiondeck_base.errors import MotiondeckError
+
+_ENDS_WITHIN = 30.0  # s: on the way to rest a rig may take its time
+
+_news = msgspec.json.Decoder(LiveNews)
+
+
+class DeckProcess:
+    """A process that has been started to play.
+
+    Args:
+        process: with pipes to its standard input, which keeps it alive while it is open, and from its output.
+        opened: what is closed when it has ended.
+
+    Attributes:
+        ready: the port for commands, the page's, and the motions.
+        report: how the run went; None until it has ended.
+    """
+
+    def __init__(self, process: subprocess.Popen[bytes], opened: contextlib.ExitStack) -> None:
+        """Waits until it plays.
+
+        Raises:
+            MotiondeckError: if it cannot begin, and why.
+        """
+        self._process, self._opened = process, opened
+        self.report: dict[str, Any] | None = None
+        assert process.stdout is not None
+        self._stdout = process.stdout
+        first = self._stdout.readline()
+        ready = _news.decode(first) if first else None
+        # A report may be longer than the pipe holds, so somebody must read it while the deck ends.
+        self._reader = threading.Thread(target=self._read_report, daemon=True)
+        self._reader.start()
+        if not isinstance(ready, Ready):
+            self.end()
+            raise MotiondeckError(ready.reason if isinstance(ready, Failed) else self.how_it_ended)
+        self.ready = ready
+
+    @property
+    def running(self) -> bool:
+        """Whether it still plays."""
+        return self._process.poll() is None
+
+    def wait(self, timeout: float | None) -> bool:
+        """Waits for its end for so many seconds, or as long as it takes; whether it has ended."""
+        try:
+            self._process.wait(timeout)  # the report is read by the thread meanwhile
+        except subprocess.TimeoutExpired:
+            return False
+        return True
+
+    def end(self) -> None:
+        """Waits for it and takes its report; it is killed if it does not end. May be called twice."""
+        if not self.wait(_ENDS_WITHIN):
+            self._process.kill()
+            self._process.wait()
+        self._reader.join()
+        assert self._process.stdin is not None
+        self._process.stdin.close()
+        self._stdout.close()
+        self._opened.close()
+
+    @property
+    def how_it_ended(self) -> str:
+        """Why it has ended, as far as that is known."""
+        if self.report is not None:
+            return f"the deck has ended: {self.report['reason']}"
+        code = self._process.returncode
+        return f"the deck's process broke off with exit code {code}; its own message stands above"
+
+    def _read_report(self) -> None:
+        """Keeps the report that the process prints in the end."""
+        for line in self._stdout:
+            news = _news.decode(line)
+            if isinstance(news, Ended):
+                self.report = news.report
