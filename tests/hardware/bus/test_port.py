@@ -84,8 +84,8 @@ def test_a_rig_opens_and_reopens_its_port_by_the_lasting_name(rig_of_four, monke
     port.unplug()
     rig.request_state()
     port.plug_in()
-    assert rig._job is not None
-    rig._job.join()
+    assert rig._mending.job is not None
+    rig._mending.job.join()
     assert not rig.collect_state()
     assert rig.recoveries == 1
     assert opened[0] == "by-id/U2D2"

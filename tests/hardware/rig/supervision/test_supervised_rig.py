@@ -398,7 +398,7 @@ def test_mending_beside_the_loop_never_holds_it_up(rig_of_four):
     play(rig, port, [0.0] * 4, 0.2)
     port.elapse(0.5)
     rig.write(np.zeros(4))
-    rig._job.join()
+    rig._mending.job.join()
     play(rig, port, [0.2] * 4, 1.0)
     assert rig.recoveries == 1
     assert rig.positions == pytest.approx(0.2, abs=0.01)
