@@ -32,16 +32,9 @@ from controller.networks.centralized.satellites import (
     lowest_orders,
     spacing,
 )
-from controller.networks.centralized.switching_module import (
-    Command,
-    ModuleDesign,
-    SwitchingModule,
-    SwitchingModuleError,
-    clamp,
-    collapse_and_kick,
-    design_module,
-    excite,
-)
+from controller.networks.centralized.switching_commands import clamp, collapse_and_kick, excite
+from controller.networks.centralized.switching_design import ModuleDesign, SwitchingModuleError, design_module
+from controller.networks.centralized.switching_module import Command, SwitchingModule
 from controller.networks.reservoirs.completion import Completion, LiveCompletion
 from controller.networks.reservoirs.conceptor import ConceptorNetwork
 from controller.networks.reservoirs.conceptor_algebra import (

@@ -22,7 +22,9 @@ from controller.networks.base import Channels
 from controller.networks.centralized.centers import pairs_at, require_frequencies
 from controller.networks.centralized.low_rank import LowRankWeights
 from controller.networks.centralized.satellites import GaussianSatellites
-from controller.networks.centralized.switching_module import SwitchingModule, clamp, design_module
+from controller.networks.centralized.switching_commands import clamp
+from controller.networks.centralized.switching_design import design_module
+from controller.networks.centralized.switching_module import SwitchingModule
 from controller.networks.entry_points import Entries
 from controller.networks.named_motions import NamedMotions
 from controller.quintic import rise

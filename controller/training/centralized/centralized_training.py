@@ -8,7 +8,7 @@ import msgspec
 
 from controller.mocap.encodings.normalisation import Normalisation
 from controller.networks.centralized.centralized_frames import ANCHOR_EVERY, CentralizedNetwork
-from controller.networks.centralized.switching_module import design_module
+from controller.networks.centralized.switching_design import design_module
 from controller.rotations import Array
 from controller.training.centralized.model_search import CENTERS, SATELLITES, score_models
 from controller.training.centralized.motion_training import Rank, train_centralized
