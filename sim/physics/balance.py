@@ -36,6 +36,8 @@ HIP_GAIN, HIP_FROM, HIP_MOST = 4.0, 0.5, 0.6
 STANCE_WIDTH, STANCE_LENGTH, STANCE_TURN = 0.30, 0.25, 0.6
 # A heel that lands shakes the velocity: the capture point is followed with this time constant, s.
 SMOOTHING = 0.03
+# Where the capture point is so far off, in heights of the centre of mass, the robot is going to fall.
+LOST = 0.5
 
 
 class Balance:
@@ -46,9 +48,14 @@ class Balance:
         model: the robot with a free root on a solid floor.
         dt: between two targets, s.
 
+    Attributes:
+        falling: whether the capture point is farther off than anything on the spot can bring back.
+
     Raises:
         MotiondeckError: if the robot does not have two feet.
     """
+
+    falling: bool = False
 
     def __init__(self, robot: Robot, model: mujoco.MjModel, dt: float) -> None:
         feet = feet_of(robot)
@@ -84,6 +91,7 @@ class Balance:
         assert self._first_height is not None
         wanted[2] = self._lift + goal[2] - self._first_height
         off = self._off(data)
+        self.falling = float(np.hypot(*off)) > LOST * GRAVITY / self._omega**2
         wanted[3:7] = multiply(self._hips(off), multiply(yaw(self._heading - heading), goal[3:7]))
         ankles = -ANKLE_GAIN * off
         far = float(np.hypot(*ankles))

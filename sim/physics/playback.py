@@ -17,6 +17,7 @@ from controller.wire.messages.commands import Side
 from motiondeck_base.errors import MotiondeckError
 from sim.models.surface import LowestPoint
 from sim.physics.balance import Balance
+from sim.physics.falls.fall_guard import FallGuard
 from sim.physics.physics_model import Alteration, feet_of, physics_model, usual_push
 from sim.physics.simulated_servos import Servos
 from sim.physics.walking.preview import AHEAD
@@ -34,6 +35,8 @@ FALLEN_HEIGHT = 0.6
 FALLEN_TILT = 1.0
 STANDS_AGAIN = 1.0
 """s that a fallen robot must be upright before it counts as standing."""
+GIVEN_UP = 1.0
+"""s after which a robot that has tucked itself in has fallen, though it may sit on its feet."""
 
 # How long a push lasts, s, and where one on command drives the body, rad to the left of its own heading.
 PUSH_LASTS = 0.1
@@ -101,7 +104,7 @@ class PhysicsPlayback:
         placed: the commanded root of the last write, position (m) and quaternion, shape (7,).
         wanted: where it was to be after the last write, shape (nq,); a free root where it is along the ground.
         clock: the time at which falls are noted, s; by default since the first write.
-        near_falls: when a robot that walks was about to fall, s.
+        near_falls: when a robot that walks or balances was about to fall, s.
         fell_s: when a free robot fell first, s; None if it never has.
         fallen: whether a free robot has fallen and not stood again for a second.
         behind_s: how far the body is behind what is written, s.
@@ -120,6 +123,7 @@ class PhysicsPlayback:
         *,
         sensors: Sensors | None = None,
         alter: Alteration | None = None,
+        guard: bool = True,
     ) -> None:
         """Rests the robot.
 
@@ -132,6 +136,7 @@ class PhysicsPlayback:
             compiled: the model of an earlier playback of this robot with this root, to compile none.
             sensors: what a robot that walks knows itself by; None if it knows its state exactly.
             alter: what is different in the world from what the robot knows of itself and of the floor.
+            guard: whether one that balances or walks protects itself when it falls.
 
         Raises:
             MotiondeckError: if root is another word, or balance or walking is asked of a robot that is not free or
@@ -153,13 +158,12 @@ class PhysicsPlayback:
         self._balance = Balance(robot, model, self._dt) if balance else None
         own = model if alter is None else physics_model(robot, root)
         gravity = model.opt.gravity
+        self._guard = FallGuard(robot, model, self._dt) if guard and (balance or walk) else None
         self._walker = Walker(robot, own, feet_of(robot), self._dt, gravity, sensors) if walk else None
         self._legs = self._balance or self._walker
         self.behind_s = AHEAD if walk else 0.0
         self._servos = Servos(robot.servo, model, self._dt) if robot.servo is not None else None
-        # Position servos: force = gain * ctrl + bias . (1, length, velocity), with gain = kp and bias[2] = -kv.
-        gain = model.actuator_gainprm[:, 0]
-        self._lead = -model.actuator_biasprm[:, 2] / np.where(gain > 0.0, gain, 1.0)
+        self._lead = _lead(model)
         # Which degree of freedom an actuator drives: of a ball joint each of the three in a row has its own.
         self._dof = model.jnt_dofadr[model.actuator_trnid[:, 0]].astype(np.int64)
         self._dof[robot.layout.ball] += np.arange(3)
@@ -177,6 +181,7 @@ class PhysicsPlayback:
         self._stands_for = 0  # writes since a fallen robot was seen to stand
         self.near_falls: list[float] = []
         self._lost = False
+        self._guarded_for = 0  # writes since the fall guard took over
         self._heading = 0.0  # of the motion, rad
         self._pushed = 0  # ticks for which the push under way still lasts
         self._square_sum, self._worst = 0.0, 0.0
@@ -212,6 +217,7 @@ class PhysicsPlayback:
             self._legs.adjust(data, self._goal, self._heading)
             if starting:
                 self._goal_before[:] = self._goal  # what it adds at once is not a movement
+            self._protect()
         if self._servos is not None:
             self._goal[:] = self._servos.delayed(self._goal)
         self._aim()
@@ -221,7 +227,7 @@ class PhysicsPlayback:
                 self._aim_balls(data.ctrl, robot.layout.ball)
             if self._servos is not None:
                 self._servos.limit(data)
-            mujoco.mj_step(self.model, data)
+            self.step()
             if self._servos is not None:
                 self._servos.note(data)
         if self._pushed > 0:
@@ -235,12 +241,11 @@ class PhysicsPlayback:
             self._faults += 1
             robot.place(targets, pose, self._goal)
             self._put_in_place()
+            if self._legs is not None:
+                self._legs.adjust(data, self._goal, self._heading)  # a walker has forgotten what it was to do
         robot.layout.read(data.qpos, near=targets, out=self._measured)
         root = self.placed
         if self._walker is not None:
-            if self._walker.falling and not self._lost and self.fell_s is None:
-                self.near_falls.append(self.clock())
-            self._lost = self._walker.falling
             # The body is behind: it is judged by what it was to do now.
             root = self._walker.preview.goal[:7]
             targets = self._played
@@ -251,9 +256,30 @@ class PhysicsPlayback:
             self.wanted[:2] = data.qpos[:2]
             self._look_for_fall(root)
 
+    def step(self) -> None:
+        """Advances the simulation by one of its own steps; who wants to see each of them overrides it."""
+        mujoco.mj_step(self.model, self.data)
+
+    def _protect(self) -> None:
+        """Notes that a robot is going to fall, and lets the fall guard take it over."""
+        if self._legs is None:
+            return
+        if self._legs.falling and not self._lost and not self.fallen:
+            self.near_falls.append(self.clock())
+        self._lost = self._legs.falling
+        if self._guard is None:
+            return
+        if self._legs.falling and not self._guard.active:
+            self._guard.take_over(self._goal_before)
+            self._lead = _lead(self.model)
+        if self._guard.active:
+            self._guarded_for += 1
+            self._guard.adjust(self._goal)
+
     def _look_for_fall(self, played: Array) -> None:
         """Notes whether the robot lies where its root is to be as `played`, shape (>= 7,)."""
-        if has_fallen(self.data.qpos, played, self.model.qpos0[3:7]):
+        sits = self._guarded_for * self._dt > GIVEN_UP
+        if sits or has_fallen(self.data.qpos, played, self.model.qpos0[3:7]):
             self.fallen, self._stands_for = True, 0
             self.fell_s = self.clock() if self.fell_s is None else self.fell_s
         elif self.fallen:
@@ -263,7 +289,8 @@ class PhysicsPlayback:
     @property
     def incidents(self) -> list[str]:
         """What has happened to it so far, in words."""
-        return ["the robot is about to fall"] * len(self.near_falls)
+        guarded = ": it tucks itself in and goes soft" if self._guard is not None else ""
+        return ["the robot is about to fall" + guarded] * len(self.near_falls)
 
     def measured(self) -> Array:
         """The joint positions (J,), rad, in the simulation."""
@@ -349,10 +376,12 @@ class PhysicsPlayback:
         }
         if self._root == "free":
             said |= {"balance": self._balance is not None, "fell_s": self.fell_s}
+        if self._legs is not None:
+            said["near_falls_s"] = self.near_falls
         if self._walker is not None and self.travel is not None:
             said["travel"] = dict(zip(("asked_m", "walked_m"), self.travel, strict=True))
             said |= {"capture_point_off": self._walker.worst}
-            said |= {"own_steps": self._walker.own_steps, "near_falls_s": self.near_falls}
+            said["own_steps"] = self._walker.own_steps
         if self._servos is not None:
             said["servos"] = self._servos.report()
         return said
@@ -386,6 +415,9 @@ class PhysicsPlayback:
             self.data.mocap_quat[0] = self._goal[3:7]
         if self._legs is not None:
             self._legs.start(self.data)
+        if self._guard is not None and self._guard.active:
+            self._guard.let_go()
+            self._lead, self._guarded_for = _lead(self.model), 0
         self._goal_before[:] = self.data.qpos
         if self._servos is not None:
             self._servos.start()
@@ -397,6 +429,13 @@ class PhysicsPlayback:
         self._writes += 1
         self._square_sum += float(error @ error)
         self._worst = max(self._worst, float(np.maximum.reduce(error)), -float(np.minimum.reduce(error)))
+
+
+def _lead(model: mujoco.MjModel) -> Array:
+    """How far ahead of its target a servo is sent for each rad/s of its rate, kv / kp, shape (J,), s."""
+    # Position servos: force = gain * ctrl + bias . (1, length, velocity), with gain = kp and bias[2] = -kv.
+    gain = model.actuator_gainprm[:, 0]
+    return -model.actuator_biasprm[:, 2] / np.where(gain > 0.0, gain, 1.0)
 
 
 def push_force(impulse: float, towards: float) -> Array:

@@ -120,7 +120,7 @@ def walk_trial(
     for tick, (targets, root, heading) in enumerate(zip(course.targets, course.roots, course.headings, strict=True)):
         stage.push(force(tick * DT))
         began = time.thread_time()
-        stage.write(targets, _placed(root, float(heading)))
+        stage.write(targets, placed_pose(root, float(heading)))
         costs.append(time.thread_time() - began)
         square += np.square(stage.measured() - course.targets[max(tick - lag, 0)])
         if stage.fell_s is not None:
@@ -131,7 +131,8 @@ def walk_trial(
     return Trial(stood, asked, walked, float(mean[0]), float(mean[1]), 1e6 * float(np.median(costs)))
 
 
-def _placed(root: Array, heading: float) -> PlacedPose:
+def placed_pose(root: Array, heading: float) -> PlacedPose:
+    """What a robot is given of a pose whose root, position (m) and quaternion, shape (7,), is known."""
     return PlacedPose(root[:3], np.array(heading), root[None, 3:7], root)
 
 

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -31,6 +32,7 @@ from sim.retargeting.footing import Footing
 from sim.retargeting.human_stance import HumanStance
 from sim.retargeting.retarget import MannequinRetargeter, ServoHumanoidRetargeter
 from sim.retargeting.robot_limbs import RobotLimbs
+from sim.retargeting.tucked_pose import tucked_pose
 
 # How often a robot is posed where nobody says, s.
 DT = 0.005
@@ -49,6 +51,7 @@ class Robot:
         layout: where each joint lives in qpos.
         limits: what each of its J joints may do at most.
         rest: joint positions to start from and return to, shape (J,), rad.
+        tucked: those in which it falls with least harm, shape (J,), rad; where it rests, if its motions are no human's.
         retarget: carries poses to joint targets.
         path_scale: its size over that of the skeleton; scales the path of the root.
         servo: what each of its servos can do, where that is known.
@@ -62,6 +65,7 @@ class Robot:
     layout: JointLayout
     limits: JointLimits
     rest: Array
+    tucked: Array
     retarget: Retargeter
     path_scale: float
     servo: ServoMotor | None = None
@@ -139,6 +143,7 @@ class RobotLoader:
         limits = _limits(path, file, model, layout)
         rest = _rest(path, file, layout, limits)
         if file.kind == "mannequin":
+            retarget = MannequinRetargeter(skeleton)
             return Robot(
                 file.name,
                 spec,
@@ -146,7 +151,8 @@ class RobotLoader:
                 layout,
                 limits,
                 rest,
-                MannequinRetargeter(skeleton),
+                _tucked(retarget, skeleton, model, limits),
+                retarget,
                 1.0,
                 file.servo,
                 None,
@@ -155,7 +161,7 @@ class RobotLoader:
         scale = file.root_height / skeleton.leg_length if file.root_height and skeleton.leg_length > 0.0 else 1.0
         if isinstance(skeleton, JointBody):
             taught = JointRetargeter(skeleton, layout.joints, rest)
-            return Robot(file.name, spec, model, layout, limits, rest, taught, scale, file.servo)
+            return Robot(file.name, spec, model, layout, limits, rest, rest, taught, scale, file.servo)
         stance = HumanStance(skeleton, dt)
         retarget = _retargeter(path, file, solver or file.solver, skeleton, model, layout, limits, rest, dt, stance)
         feet = [model.body(file.parts[foot]).id for foot in FEET if foot in file.parts]
@@ -166,7 +172,10 @@ class RobotLoader:
                 waist = pelvis
                 scale *= 1.0 + pelvis.above_root / file.root_height if file.root_height else 1.0
         footing = Footing(stance, model, feet, turned, scale, waist)
-        return Robot(file.name, spec, model, layout, limits, rest, retarget, scale, file.servo, footing, file.walk)
+        tucked = _tucked(retarget, skeleton, model, limits)
+        return Robot(
+            file.name, spec, model, layout, limits, rest, tucked, retarget, scale, file.servo, footing, file.walk
+        )
 
 
 def _retargeter(
@@ -197,6 +206,11 @@ def _retargeter(
         raise FileFormatError(f"{path}: solver 'ik' needs a table [parts]: `motiondeck robot calibrate` writes one")
     limbs = RobotLimbs(path, model, parts, np.array(file.root_rotation), layout.joints)
     return InverseKinematics(skeleton, limbs, limits, rest, dt, stance)
+
+
+def _tucked(retarget: Retargeter, skeleton: Skeleton, model: mujoco.MjModel, limits: JointLimits) -> Array:
+    """The joints (J,), rad, of the tucked pose, found by a copy: a retargeter remembers what it was asked."""
+    return np.clip(deepcopy(retarget, {id(model): model})(tucked_pose(skeleton)), limits.lower, limits.upper)
 
 
 def _load_model(path: Path, file: RobotFile) -> tuple[mujoco.MjSpec, mujoco.MjModel]:

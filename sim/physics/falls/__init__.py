@@ -1,0 +1,1 @@
+"""Falls: how a robot protects itself in one."""
