@@ -38,7 +38,8 @@ from controller.rotations import Array
 from motiondeck_base.shipped import find_library, find_robot
 from sim.models.robot_file import read_robot_file
 from sim.physics.played_motions import as_clip
-from sim.retargeting.robot_limbs import SIDES, RobotLimbs
+from sim.retargeting.robot_limbs import RobotLimbs
+from sim.retargeting.robot_parts import SIDES
 from sim.robots.fidelity import carry, floor_measures, joint_measures, limb_errors
 from sim.robots.robot import Robot, load_robot
 

@@ -44,7 +44,8 @@ from motiondeck_base.shipped import find_library
 from sim.models.surface import LowestPoint
 from sim.physics.played_motions import as_clip
 from sim.retargeting.human_limbs import LimbView
-from sim.retargeting.robot_limbs import SIDES, RobotLimbs
+from sim.retargeting.robot_limbs import RobotLimbs
+from sim.retargeting.robot_parts import SIDES
 from sim.robots.calibrate import calibrate
 from sim.robots.fidelity import floor_measures
 from sim.robots.limb_directions import LimbDirections

@@ -47,3 +47,8 @@ def hinges_between(model: mujoco.MjModel, above: int, body: int) -> list[int]:
     path = path_to(model, body)
     first = path.index(above) + 1 if above in path else 0
     return [joint for on_way in path[first:] for joint in hinges_at(model, on_way)]
+
+
+def joints_above(model: mujoco.MjModel, body: int) -> list[int]:
+    """The joints between the root and a body, those of the body included."""
+    return np.flatnonzero(np.isin(model.jnt_bodyid, path_to(model, body))).tolist()

@@ -27,8 +27,10 @@ from controller.mocap.skeleton import Skeleton
 from controller.rotations import Array
 from sim.retargeting.human_limbs import LIMBS, LimbView, up_of
 from sim.retargeting.human_stance import HumanStance
+from sim.retargeting.limb_finder import FEET, PLANE
 from sim.retargeting.planted_feet import PlantedFeet
-from sim.retargeting.robot_limbs import FEET, PLANE, SIDES, RobotLimbs
+from sim.retargeting.robot_limbs import RobotLimbs
+from sim.retargeting.robot_parts import SIDES
 from sim.retargeting.stuck_limbs import StuckLimbs
 
 # How much a vector counts that is as long as a leg. A hand may be where it should be on an arm that is the mirror image

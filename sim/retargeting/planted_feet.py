@@ -15,7 +15,9 @@ import numpy as np
 from controller.mocap.posture import Pose
 from controller.rotations import Array, to_matrix
 from sim.retargeting.human_stance import HumanStance
-from sim.retargeting.robot_limbs import FEET, SIDES, RobotLimbs
+from sim.retargeting.limb_finder import FEET
+from sim.retargeting.robot_limbs import RobotLimbs
+from sim.retargeting.robot_parts import SIDES
 
 # How soon a foot that stands is held, and let go, s; how soon what is held goes along with a foot that does not stand.
 SETTLES, GOES_ALONG = 0.03, 0.01

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.rotations import Array
-from sim.retargeting.robot_limbs import FEET
+from sim.retargeting.limb_finder import FEET
 
 # A limb is far off if one of its vectors misses its goal by this share of its length; a scout that misses by half of
 # what the limb does is better.

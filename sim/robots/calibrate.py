@@ -30,7 +30,8 @@ from sim.models.robot_file import Angle
 from sim.models.surface import LowestPoint
 from sim.retargeting.human_limbs import LIMBS
 from sim.retargeting.retarget import SERVO_HUMANOID_JOINTS, LimbAngles
-from sim.retargeting.robot_limbs import SIDES, RobotLimbs, limb_directions
+from sim.retargeting.robot_limbs import RobotLimbs, limb_directions
+from sim.retargeting.robot_parts import SIDES
 from sim.robots.body_matching import match
 from sim.robots.limb_directions import LimbDirections
 from sim.robots.proportions import Doubt, SegmentPair, doubts, limp, other_units, segments_of, unlike_ranges

@@ -13,7 +13,8 @@ from controller.deck.interfaces import JointLimits
 from controller.rotations import Array
 from sim.retargeting.human_limbs import LIMBS
 from sim.retargeting.inverse_kinematics import LimbSolver
-from sim.retargeting.robot_limbs import SIDES, RobotLimbs, limb_directions
+from sim.retargeting.robot_limbs import RobotLimbs, limb_directions
+from sim.retargeting.robot_parts import SIDES
 
 TRIES = 24
 GOOD = 0.1  # rad: a limb that comes so close needs no other try

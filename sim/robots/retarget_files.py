@@ -25,7 +25,7 @@ from controller.mocap.clip import Clip
 from controller.mocap.formats.reading import read_clip, recordings_below
 from motiondeck_base.errors import MotiondeckError
 from sim.models.robot_file import Solver, read_robot_file
-from sim.retargeting.robot_limbs import SIDES
+from sim.retargeting.robot_parts import SIDES
 from sim.robots.fidelity import floor_measures, followed, joint_measures
 from sim.robots.joint_motion import JointMotion, retargeted
 from sim.robots.limb_directions import LimbDirections, beyond_limits

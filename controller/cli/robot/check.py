@@ -16,7 +16,8 @@ from controller.mocap.formats.reading import RECORDINGS, read_clip, recordings_b
 from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
 from sim.models.robot_file import Solver
-from sim.retargeting.robot_limbs import SIDES, RobotLimbs
+from sim.retargeting.robot_limbs import RobotLimbs
+from sim.retargeting.robot_parts import SIDES
 from sim.robots.fidelity import carry, floor_measures, joint_measures, limb_errors, shortfall
 from sim.robots.limb_causes import Cause, limb_causes
 from sim.robots.limb_directions import LimbDirections, beyond_limits

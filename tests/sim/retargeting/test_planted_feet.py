@@ -11,8 +11,9 @@ from controller.mocap.posture import Pose
 from sim.models.model_file import read_model
 from sim.retargeting.human_limbs import LIMBS
 from sim.retargeting.inverse_kinematics import LimbSolver
+from sim.retargeting.limb_finder import FEET
 from sim.retargeting.planted_feet import PlantedFeet
-from sim.retargeting.robot_limbs import FEET, RobotLimbs
+from sim.retargeting.robot_limbs import RobotLimbs
 from sim.robots.body_matching import match
 from small_robots import SERVOS, humanoid
 

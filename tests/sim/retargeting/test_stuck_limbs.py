@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from sim.retargeting.human_limbs import LIMBS, LimbView
-from sim.retargeting.robot_limbs import FEET, limb_directions
+from sim.retargeting.limb_finder import FEET
+from sim.retargeting.robot_limbs import limb_directions
 from sim.retargeting.stuck_limbs import FAR, StuckLimbs
 from sim.robots.robot import load_robot
 from simulated_bodies import bent_pose, human

@@ -1,0 +1,261 @@
+"""Finds the limbs of a robot as vectors between points of its bodies.
+
+Thigh, whole leg, upper arm, forearm and whole arm are such vectors, and so are the axes of feet, head and chest.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.rotations import Array, conjugate, rotate
+from motiondeck_base.errors import FileFormatError
+from sim.models.kinematic_tree import below, hinges_between, joints_above
+from sim.models.limb_geometry import ACROSS, centre_of, end_hinge, folds, level_with, sine
+from sim.models.surface import Surface
+from sim.retargeting.human_limbs import AHEAD, LEFT
+from sim.retargeting.robot_parts import SIDES
+
+FEET = "feet"
+"""The vector from the right sole to the left one, the last of all: no limb, but what keeps feet where they stand."""
+PLANE = "arm_plane"
+"""The vector across the plane of a bent arm, such as "r_arm_plane": about it the elbow folds."""
+BALL = 0.75  # of the length of a sole from its heel on
+CARRIED = 0.5  # lengths of the limb above the knee or elbow
+BALL_HINGES = 3  # so many turn a limb as a ball would
+STEEPEST_SOLE = 0.5  # rad: what slopes more than this at rest is no sole
+
+
+@dataclass(frozen=True)
+class Vectors:
+    """K vectors, each from a point of one body to a point of another (or the same).
+
+    Attributes:
+        names: what each is, such as "r_leg", length K.
+        rest: what each is when every joint is at zero, shape (K, 3), m.
+        body: of start and end, shape (2, K).
+        point: start and end in the frames of these bodies, shape (2, K, 3), m.
+        length: shape (K,), m.
+    """
+
+    names: tuple[str, ...]
+    body: NDArray[np.int64]
+    point: Array
+    rest: Array
+    length: Array
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One segment of a limb: the hinge at its near end, its axis (3,) as the robot stands straight, its length, m."""
+
+    joint: int
+    axis: Array
+    length: float
+
+
+class LimbFinder:
+    """Finds the limbs of a robot that stands straight.
+
+    Args:
+        path: the robot file, for errors.
+        model: the robot.
+        data: its state while its pelvis is upright and faces x.
+        parts: its parts, each with its body.
+        surface: its skin.
+
+    Attributes:
+        reach: length of the legs and arms when stretched, by name ("r_leg"), m.
+        segments: thighs, shanks, upper arms and forearms by name ("r_thigh").
+        sole_ends: heel and ball of each foot in its own frame, shape (2, 2, 3), m; empty without two feet.
+    """
+
+    def __init__(
+        self, path: Path, model: mujoco.MjModel, data: mujoco.MjData, parts: Mapping[str, int], surface: Surface
+    ) -> None:
+        self._path, self._model, self._data, self._parts, self._surface = path, model, data, parts, surface
+        self.reach: dict[str, float] = {}
+        self.segments: dict[str, Measured] = {}
+        self.sole_ends = np.empty((0, 2, 3))
+        self._names: list[str] = []
+        self._ends: list[tuple[int, int]] = []
+        self._points: list[tuple[Array, Array]] = []
+
+    def find(self) -> Vectors:
+        """All vectors.
+
+        Raises:
+            FileFormatError: if a limb has no joint where it needs one, or nothing tells where it ends.
+        """
+        leg = 0.0
+        for side in SIDES:
+            leg = max(leg, self._limb(side, "thigh", "shank", "foot", "leg"))
+            if f"{side}_upper_arm" in self._parts and f"{side}_forearm" in self._parts:
+                self._limb(side, "upper_arm", "forearm", "hand", "arm")
+        # An axis counts as much as a limb as long as its vector.
+        size = 0.3 * leg
+        for side in SIDES:
+            if f"{side}_foot" in self._parts:
+                foot = self._parts[f"{side}_foot"]
+                for name, axis in zip(("ahead", "up"), self._sole(side), strict=True):
+                    self._add_axis(f"{side}_foot_{name}", foot, size * axis)
+        for part in self._axes:
+            for name, axis in (("ahead", AHEAD), ("left", LEFT)):
+                self._add_axis(f"{part}_{name}", self._parts[part], size * axis)
+        if all(f"{side}_foot" in self._parts for side in SIDES):
+            soles = [self._sole_ends(side) for side in SIDES]
+            feet = [self._parts[f"{side}_foot"] for side in SIDES]
+            self.sole_ends = np.array([[self._local(b, p) for p in pair] for b, pair in zip(feet, soles, strict=True)])
+            self._add(FEET, *((foot, pair.mean(axis=0)) for foot, pair in zip(feet, soles, strict=True)))
+        body, point = np.array(self._ends, np.int64).T.copy(), np.array(self._points).transpose(1, 0, 2).copy()
+        world = self._data.xpos[body] + rotate(self._data.xquat[body], point)
+        rest = world[1] - world[0]
+        return Vectors(tuple(self._names), body, point, rest, np.linalg.norm(rest, axis=1))
+
+    @property
+    def _axes(self) -> list[str]:
+        """The parts whose axes are vectors; a chest that turns with the pelvis has none of its own."""
+        above = (set(joints_above(self._model, self._parts[part])) for part in ("chest", "pelvis"))
+        waist = set.symmetric_difference(*above)
+        return [part for part in ("head", "chest") if part in self._parts and (part == "head" or waist)]
+
+    def _add(self, name: str, start: tuple[int, Array], end: tuple[int, Array]) -> None:
+        """Adds the vector between two points of two bodies."""
+        self._names.append(name)
+        self._ends.append((start[0], end[0]))
+        self._points.append((self._local(*start), self._local(*end)))
+
+    def _add_axis(self, name: str, body: int, axis: Array) -> None:
+        """Adds a vector of one body from its own place."""
+        at = self._data.xpos[body]
+        self._add(name, (body, at), (body, at + axis))
+
+    def _limb(self, side: str, first: str, second: str, third: str, whole: str) -> float:
+        """Adds a limb's upper part, the limb as a whole and an arm's lower part; returns its length when stretched."""
+        base = self._parts["chest" if whole == "arm" else "pelvis"]
+        lower, end = self._parts[f"{side}_{second}"], self._parts.get(f"{side}_{third}")
+        knee_joint = self._knee(self._parts[f"{side}_{first}"], lower)
+        # Between the hip and the knee it is one segment: the body above the knee, with what turns it along itself.
+        upper = int(self._model.body_parentid[self._model.jnt_bodyid[knee_joint]])
+        hips = [joint for joint in hinges_between(self._model, base, upper) if joint != knee_joint]
+        if not hips:
+            raise self._no_hinge(upper)
+        axis, knee = self._data.xaxis[knee_joint], self._data.xanchor[knee_joint].copy()
+        start = level_with(centre_of(self._data, hips, knee), knee, axis)
+        tip_body, tip = lower, self._tip(lower, knee) if end is None else knee
+        if end is not None:
+            moved = self._ankle(lower, end, knee, float(np.linalg.norm(knee - start)))
+            tip_body = int(self._model.body_parentid[self._model.jnt_bodyid[moved]])
+            tip = self._data.xanchor[moved].copy()
+        tip = level_with(tip, knee, axis)
+        self._add(f"{side}_{first}", (upper, start), (upper, knee))
+        self._add(f"{side}_{whole}", (upper, start), (tip_body, tip))
+        bent = int(self._model.jnt_bodyid[knee_joint])
+        if whole == "arm":
+            self._add(f"{side}_{second}", (bent, knee), (tip_body, tip))
+        # What a joint far from it carries along (a clavicle's), the beginning of the limb, is to stay where it is, but
+        # only where the others are enough to point the limb anywhere.
+        far = CARRIED * float(np.linalg.norm(knee - start))
+        carry = [joint for joint in hips if self._lever(joint, start) > far]
+        if carry and len(hips) - len(carry) >= BALL_HINGES:
+            self._add(f"{side}_{first}_start", (base, self._data.xpos[base]), (upper, start))
+        fold = folds(self._model, knee_joint, axis, knee - start, tip - knee)
+        if whole == "arm" and fold and len(hips) >= BALL_HINGES:
+            self._add(f"{side}_{PLANE}", (bent, knee), (bent, knee + fold * float(np.linalg.norm(knee - start)) * axis))
+        lengths = float(np.linalg.norm(knee - start)), float(np.linalg.norm(tip - knee))
+        for part, joint, length in zip((first, second), (hips[-1], knee_joint), lengths, strict=True):
+            self.segments[f"{side}_{part}"] = Measured(joint, self._data.xaxis[joint].copy(), length)
+        self.reach[f"{side}_{whole}"] = sum(lengths)
+        return sum(lengths)
+
+    def _lever(self, joint: int, point: Array) -> float:
+        """How far a point (3,) is from a joint's axis, m."""
+        return float(np.linalg.norm(np.cross(self._data.xaxis[joint], point - self._data.xanchor[joint])))
+
+    def _knee(self, upper: int, lower: int) -> int:
+        """The last hinge across the limb on the way from its upper segment to the body that its knee moves."""
+        way = hinges_between(self._model, upper, lower)
+        if not way:
+            raise self._no_hinge(lower)
+        start, tip = self._data.xpos[upper], self._tip(lower, self._data.xanchor[way[-1]])
+        for joint in reversed(way):
+            at, axis = self._data.xanchor[joint], self._data.xaxis[joint]
+            if sine(axis, at - start) >= ACROSS and sine(axis, tip - at) >= ACROSS:
+                return joint
+        return way[0]
+
+    def _ankle(self, lower: int, end: int, knee: Array, upper: float) -> int:
+        """The first hinge across the limb on the way from its lower segment to its end."""
+        way = hinges_between(self._model, lower, end)
+        if not way:
+            raise self._no_hinge(end)
+        found = end_hinge(self._data, way, knee, upper)
+        return way[0] if found is None else found
+
+    def _no_hinge(self, body: int) -> FileFormatError:
+        name = self._model.body(body).name
+        return FileFormatError(f"{self._path}: parts: there is no hinge joint at body '{name}'; name the body it moves")
+
+    def _tip(self, body: int, start: Array) -> Array:
+        """The end of a limb without a hand: the point of its surface, or else the body, farthest from its joint."""
+        mine = below(self._model, body)
+        points = self._surface.part(np.array(mine)).positions(self._data)
+        if not len(points):
+            points = self._data.xpos[mine[1:]]
+        if not len(points):
+            raise FileFormatError(
+                f"{self._path}: parts: body '{self._model.body(body).name}' has no solids that tell where it ends; "
+                "give it one in the model (in a URDF a <collision> shape)"
+            )
+        direction = points.mean(axis=0) - start
+        direction /= max(float(np.linalg.norm(direction)), 1e-9)
+        return start + float(((points - start) @ direction).max()) * direction
+
+    def _sole(self, side: str) -> tuple[Array, Array]:
+        """Which way a foot points, level when it stands flat, and which way is up for it, at rest."""
+        shank, foot = self._parts[f"{side}_shank"], self._parts[f"{side}_foot"]
+        knee = self._data.xanchor[self._knee(self._parts[f"{side}_thigh"], shank)]
+        ankle = self._data.xanchor[self._ankle(shank, foot, knee, 0.0)]
+        up = knee - ankle
+        up /= max(float(np.linalg.norm(up)), 1e-9)
+        ahead = AHEAD - (AHEAD @ up) * up
+        ahead /= np.linalg.norm(ahead)
+        left = np.cross(up, ahead)
+        mine = self._surface.part(np.array(below(self._model, foot)))
+        points = mine.positions(self._data) - ankle
+        if len(points):
+            along, height = points @ ahead, points @ up - mine.radius
+            front = along > 0.5 * (along.min() + along.max())
+            if front.any() and (~front).any():
+                toe, heel = np.argmin(np.where(front, height, np.inf)), np.argmin(np.where(front, np.inf, height))
+                slope = float(np.arctan2(height[toe] - height[heel], along[toe] - along[heel]))
+                if abs(slope) < STEEPEST_SOLE:
+                    ahead = np.cos(slope) * ahead + np.sin(slope) * up
+        return ahead, np.cross(ahead, left)
+
+    def _sole_ends(self, side: str) -> Array:
+        """Where heel and ball of a foot touch the floor at rest, shape (2, 3), m."""
+        foot = self._parts[f"{side}_foot"]
+        mine = self._surface.part(np.array(below(self._model, foot)))
+        points = mine.positions(self._data)
+        if not len(points):
+            return np.tile(self._data.xpos[foot], (2, 1))
+        ahead, up = self._sole(side)
+        left = np.cross(up, ahead)
+        along, height = points @ ahead, (points @ up - mine.radius).min()
+        back, front = along.min(), along.max()
+        middle = 0.5 * ((points @ left).min() + (points @ left).max())
+        return np.array(
+            [(back + share * (front - back)) * ahead + middle * left + height * up for share in (0.0, BALL)]
+        )
+
+    def _local(self, body: int, point: Array) -> Array:
+        return rotate(conjugate(self._data.xquat[body]), point - self._data.xpos[body])
