@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from controller.rotations import Array, dot, from_rotation_vector, to_rotation_vector
 from motiondeck_base.errors import FileFormatError
-from sim.models.model_file import followers
+from sim.models.coupled_joints import followers
 
 # How many coordinates, and so servos, a joint has; slides are of no use to a motion of rotations.
 _COORDINATES = {int(mujoco.mjtJoint.mjJNT_HINGE): 1, int(mujoco.mjtJoint.mjJNT_BALL): 3}

@@ -8,6 +8,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from sim.models.coupled_joints import followers
+
 
 class Scratch(mujoco.MjData):
     """MuJoCo's state for sums that each begin with a qpos of their own: copies of what uses it share it.
@@ -37,9 +39,17 @@ def below(model: mujoco.MjModel, body: int) -> list[int]:
 
 
 def hinges_at(model: mujoco.MjModel, body: int) -> list[int]:
-    """The hinges between a body and its parent, in order."""
+    """The hinges between a body and its parent, in order.
+
+    Hinges that follow another one of the same body are left out: they belong to it, as in models of a human's knee,
+    which rolls aside a little while it bends.
+    """
     joints = np.flatnonzero(model.jnt_bodyid == body).tolist()
-    return [joint for joint in joints if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE]
+    hinges = [joint for joint in joints if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE]
+    if len(hinges) > 1 and model.neq:
+        led = followers(model)
+        hinges = [joint for joint in hinges if joint not in led or led[joint][0] not in hinges]
+    return hinges
 
 
 def hinges_between(model: mujoco.MjModel, above: int, body: int) -> list[int]:

@@ -17,6 +17,7 @@ import numpy as np
 
 from motiondeck_base.errors import FileFormatError
 from sim.models.ball_joints import hinges_for_balls, unplayed_balls
+from sim.models.coupled_joints import followers
 from sim.models.formats.mesh_files import compiled, read_solids
 from sim.models.formats.model_kind import model_kind
 from sim.models.formats.urdf_text import has_collision_shapes, readable_urdf
@@ -58,7 +59,7 @@ def read_model(path: Path, packages: Mapping[str, Path] | None = None, feet: Seq
     """
     is_urdf = model_kind(path) == "robot"
     try:
-        spec = _read_urdf(path, packages or {}) if is_urdf else mujoco.MjSpec.from_file(str(path))
+        spec = _read_urdf(path, packages or {}) if is_urdf else mujoco.MjSpec.from_file(str(path.resolve()))
         _clear_stage(spec)
         spec.compiler.fusestatic = False
         spec.compiler.discardvisual = False  # a URDF's spec would drop the floor of the stage, too
@@ -103,31 +104,6 @@ def _read_urdf(path: Path, packages: Mapping[str, Path]) -> mujoco.MjSpec:
             geom.contype = geom.conaffinity = 1
             geom.group = 0
     return spec
-
-
-def followers(model: mujoco.MjModel) -> dict[int, tuple[int, np.ndarray]]:
-    """The joints that an active equality constraint couples to another one, or holds where they are.
-
-    Returns:
-        joint -> (leader, the five coefficients of its position as a polynomial of the leader's); a joint that is held
-        leads itself, by a constant.
-    """
-    coupled = {}
-    for equality in np.flatnonzero((model.eq_type == mujoco.mjtEq.mjEQ_JOINT) & (model.eq_active0 != 0)):
-        follower, leader = int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])
-        # MuJoCo's positions count from qpos0 here: y - y0 = p(x - x0).
-        curve, start = model.eq_data[equality, :5], model.qpos0[model.jnt_qposadr[follower]]
-        polynomial = np.zeros(5)
-        if leader < 0:
-            leader, polynomial[0] = follower, start + curve[0]
-        else:
-            from numpy.polynomial import Polynomial  # few models need it, and it is slow to import
-
-            moved = Polynomial(curve)(Polynomial([-model.qpos0[model.jnt_qposadr[leader]], 1.0])).coef
-            polynomial[: len(moved)] = moved
-            polynomial[0] += start
-        coupled[follower] = (leader, polynomial)
-    return coupled
 
 
 def _clear_stage(spec: mujoco.MjSpec) -> None:

@@ -20,6 +20,10 @@ from sim.robots.robot import load_robot
 PREFIX = "robot/"
 APART = 0.9  # heights of the human's root
 
+# What a model may reserve: MuJoCo finds out by itself what is needed.
+_USERS = ("actuator", "body", "cam", "geom", "jnt", "sensor", "site", "tendon")
+_SIZES = ("memory", "nconmax", "njmax", "nstack", "nkey", "nuserdata", *(f"nuser_{thing}" for thing in _USERS))
+
 
 class SideBySide:
     """A mannequin of the robot's size on the left, the robot on the right, on one floor.
@@ -49,6 +53,8 @@ class SideBySide:
                 other.delete(texture)
         self._apart = np.array([0.0, -APART * self.scale * skeleton.leg_length])
         other.option = spec.option  # nothing moves by physics here, and MuJoCo would warn of each difference
+        for size in _SIZES:
+            setattr(other, size, getattr(spec, size))
         spec.attach(other, prefix=PREFIX, frame=spec.worldbody.add_frame())
         self.model = spec.compile()
         self._qpos = np.zeros(self.model.nq)

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from controller.mocap.rest_pose import FOOT_SLOPE
 from controller.rotations import Array
+from sim.models.coupled_joints import followers
 from sim.models.kinematic_tree import Scratch, joints_above
-from sim.models.model_file import followers
 from sim.models.surface import Surface
 from sim.models.upright_pelvis import UprightPelvis
 from sim.retargeting.human_limbs import LIMBS
@@ -150,9 +150,12 @@ class RobotLimbs:
         for (leader, joint, curve), moves in zip(self._followers, self._follower_moves, strict=True):
             q = self._data.qpos[self._qpos[leader]]
             slope = np.polyval(np.polyder(curve[::-1]), q)
-            own = self._data.xaxis[joint], self._data.xanchor[joint]
-            lever = moves[1][:, None] * (end - own[1]) - moves[0][:, None] * (start - own[1])
-            turn[:, :, leader] += slope * np.cross(own[0], lever)
+            axis, anchor = self._data.xaxis[joint], self._data.xanchor[joint]
+            if self._model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE:
+                turn[:, :, leader] += slope * (moves[1] - moves[0])[:, None] * axis
+            else:
+                lever = moves[1][:, None] * (end - anchor) - moves[0][:, None] * (start - anchor)
+                turn[:, :, leader] += slope * np.cross(axis, lever)
         return turn
 
 

@@ -23,9 +23,10 @@ from controller.deck.interfaces import JointLimits
 from controller.mocap.rest_pose import FOOT_SLOPE
 from controller.rotations import Array
 from motiondeck_base.errors import FileFormatError
+from sim.models.coupled_joints import followers
 from sim.models.formats.urdf_speeds import urdf_speeds
 from sim.models.joint_layout import JointLayout
-from sim.models.model_file import followers, read_model
+from sim.models.model_file import read_model
 from sim.models.robot_file import Angle
 from sim.models.surface import LowestPoint
 from sim.retargeting.human_limbs import LIMBS
@@ -45,6 +46,7 @@ VELOCITY, ACCELERATION, JERK = 10.0, 300.0, 15000.0
 SLOPE_ERROR, ANGLE_ERROR = 0.1, 0.06
 PROBE, SPREAD, POSES = 0.02, 0.3, 24
 
+_HINGE = (int(mujoco.mjtJoint.mjJNT_HINGE),)
 _UNPLAYED = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_BALL))
 _CLOSING = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
 
@@ -197,7 +199,10 @@ def calibrate(path: Path, packages: Mapping[str, Path] | None = None) -> Calibra
     segments = segments_of(model, found.parts, limbs, tall)
     unsure = other_units(model, tall) + [Doubt("", words, False) for words in found.doubts]
     coupled = {model.joint(follower).name for follower in followers(model)}
-    hinges = [model.joint(j).name for j in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE).tolist()]
+    hinges, unplayed = (
+        [model.joint(j).name for j in np.flatnonzero(np.isin(model.jnt_type, kinds)).tolist()]
+        for kinds in (_HINGE, _UNPLAYED)
+    )
     undriven = tuple(name for name in hinges if name not in layout.joints and name not in coupled)
     unsure += limp(model, found.parts, segments, undriven)
     directions = LimbDirections(model, found.parts, found.root_rotation)
@@ -212,7 +217,7 @@ def calibrate(path: Path, packages: Mapping[str, Path] | None = None) -> Calibra
         rest=rest,
         unlimited=tuple(name for name, has in zip(layout.joints, limited, strict=True) if not has),
         speeds=speeds,
-        unplayed=tuple(model.joint(j).name for j in np.flatnonzero(np.isin(model.jnt_type, _UNPLAYED)).tolist()),
+        unplayed=tuple(name for name in unplayed if name not in coupled),
         undriven=undriven,
         open_chains=int(np.isin(model.eq_type[model.eq_active0 != 0], _CLOSING).sum()),
         angles=fitting_angles(limbs, layout.joints, rest, lower, upper),

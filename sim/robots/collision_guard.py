@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from controller.mocap.posture import Pose
 from controller.rotations import Array
-from sim.models.model_file import followers
+from sim.models.coupled_joints import followers
 from sim.models.overlaps import OVERLAP
 from sim.robots.robot import Robot
 from sim.robots.self_collision import SelfCollision

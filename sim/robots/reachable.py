@@ -24,8 +24,8 @@ from scipy.stats import qmc
 
 from controller.deck.interfaces import JointLimits
 from controller.rotations import Array
+from sim.models.coupled_joints import followers
 from sim.models.kinematic_tree import path_to
-from sim.models.model_file import followers
 from sim.robots.limb_directions import LimbDirections, LimbSegment
 
 # Two to this power angles are spread over the ranges; the best few of them are bettered, in at most so many rounds.

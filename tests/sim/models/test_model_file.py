@@ -1,6 +1,7 @@
 """Tests of robot models as other tools write them."""
 
 import re
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -125,7 +126,8 @@ def test_a_urdf_is_drawn_by_its_visual_shapes_and_moves_by_the_others(tmp_path):
 
 @pytest.mark.filterwarnings("error")
 def test_a_robot_with_options_of_its_own_is_shown_beside_the_human(tmp_path):
-    (tmp_path / "small.xml").write_text(humanoid().replace("<worldbody>", '<option ls_iterations="5"/><worldbody>', 1))
+    own = '<option ls_iterations="5"/><size njmax="5000" nconmax="2000" nuser_jnt="1" nkey="1"/><worldbody>'
+    (tmp_path / "small.xml").write_text(humanoid().replace("<worldbody>", own, 1))
     (tmp_path / "small.toml").write_text(calibrated(tmp_path / "small.xml").to_toml(tmp_path))
     beside = SideBySide(human(), find_robot("mannequin"), tmp_path / "small.toml", 1.0 / 60.0)
     assert beside.model.nq > len(SERVOS)
@@ -295,3 +297,15 @@ def test_masses_are_scaled_to_the_sum_that_a_file_asks_for(tmp_path):
     model = read_model(path).compile()
     assert model.body_subtreemass[0] == pytest.approx(14.0)
     assert model.body("left_shank").inertia / model.body("left_shank").mass == pytest.approx([0.05] * 3)
+
+
+def test_a_model_of_nested_includes_is_read_by_a_relative_path(tmp_path, monkeypatch):
+    """MuJoCo looks for what an included file includes from the folder of that file on, by the model's own path."""
+    parts = tmp_path / "robots" / "parts"
+    parts.mkdir(parents=True)
+    (parts / "looks.xml").write_text('<mujocoinclude><asset><material name="m"/></asset></mujocoinclude>')
+    (parts / "more.xml").write_text('<mujocoinclude><include file="../parts/looks.xml"/></mujocoinclude>')
+    text = humanoid().replace("<worldbody>", '<include file="parts/more.xml"/><worldbody>', 1)
+    (tmp_path / "robots" / "small.xml").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    assert read_model(Path("robots/small.xml")).materials

@@ -184,8 +184,35 @@ def test_what_cannot_be_reached_is_reported(robot):
     assert missed["l_leg"]["worst_m"] < 0.01
 
 
+ROLLING_KNEE = (
+    """<joint name="{s}_knee_aside" axis="1 0 0"/><joint name="{s}_knee_slide" type="slide" axis="0.6 0 0.8"/>"""
+)
+
+
+def anatomical():
+    """A humanoid whose knees roll aside and slide while they bend, as in OpenSim's models of a human."""
+    text, ties = humanoid(), ""
+    for side in ("left", "right"):
+        hinge = f'<joint name="{side}_knee" axis="0 1 0" range="0 2.4"/>'
+        assert hinge in text
+        text = text.replace(hinge, hinge + ROLLING_KNEE.format(s=side))
+        for follower, curve in (("aside", "0 0.02 0.05 0 0"), ("slide", "0 -0.01 0.004 0 0")):
+            ties += f'<joint joint1="{side}_knee_{follower}" joint2="{side}_knee" polycoef="{curve}"/>'
+    return text.replace("</mujoco>", f"<equality>{ties}</equality></mujoco>")
+
+
+def test_what_follows_a_knee_in_its_own_body_is_no_knee(tmp_path):
+    found = calibrated(model_file(tmp_path, anatomical()))
+    assert found.sound
+    assert found.unplayed == found.undriven == ()
+    (shank,) = [segment for segment in found.segments if segment.part == "shank"]
+    assert shank.hinge == ("right_knee", "left_knee")
+
+
 @pytest.mark.parametrize("seed", range(3))
-def test_how_vectors_turn_with_joints_is_their_derivative(robot, seed):
+@pytest.mark.parametrize("build", [humanoid, anatomical])
+def test_how_vectors_turn_with_joints_is_their_derivative(tmp_path, build, seed):
+    robot = load_robot(robot_file(tmp_path, build()), human())
     limbs, random = robot.retarget.solver._limbs, np.random.default_rng(seed)
     q = np.clip(robot.rest + random.uniform(-0.4, 0.4, len(robot.rest)), robot.limits.lower, robot.limits.upper)
     limbs.place(q)
