@@ -5,8 +5,57 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
+
+from controller.rotations import Array
+
+
+@dataclass(frozen=True)
+class LedJoints:
+    """F joints that follow others.
+
+    Attributes:
+        follower, leader: joints, shape (F,).
+        curve: the coefficients of the followers' positions as polynomials of their leaders', shape (F, 5).
+    """
+
+    follower: NDArray[np.int64]
+    leader: NDArray[np.int64]
+    curve: Array
+
+    @classmethod
+    def of(cls, led: Mapping[int, tuple[int, Array]]) -> LedJoints:
+        """From followers with their leaders and polynomials."""
+        leaders = np.array([leader for leader, _ in led.values()], np.int64)
+        return cls(np.array([*led], np.int64), leaders, np.array([curve for _, curve in led.values()]).reshape(-1, 5))
+
+    def followed(self, leaders: Array) -> Array:
+        """Where the followers are while their leaders are at (F,), shape (F,)."""
+        a, b, c, d, e = self.curve.T
+        x = leaders
+        return a + x * (b + x * (c + x * (d + x * e)))
+
+    def slope(self, leaders: Array) -> Array:
+        """How fast they move while their leaders pass (F,) at a speed of one, shape (F,)."""
+        _, b, c, d, e = self.curve.T
+        x = leaders
+        return b + x * (2.0 * c + x * (3.0 * d + x * 4.0 * e))
+
+
+def led_joints(model: mujoco.MjModel) -> tuple[LedJoints, ...]:
+    """The joints that follow others in the order to be placed in: those that follow a follower come after it."""
+    waiting, layers = followers(model), []
+    while waiting:
+        now = {one: led for one, led in waiting.items() if led[0] == one or led[0] not in waiting}
+        now = now or waiting  # some follow each other round and round
+        layers.append(LedJoints.of(now))
+        waiting = {one: led for one, led in waiting.items() if one not in now}
+    return tuple(layers)
 
 
 def followers(model: mujoco.MjModel) -> dict[int, tuple[int, np.ndarray]]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from controller.rotations import Array, dot, from_rotation_vector, to_rotation_vector
 from motiondeck_base.errors import FileFormatError
-from sim.models.coupled_joints import followers
+from sim.models.coupled_joints import LedJoints, led_joints
 
 # How many coordinates, and so servos, a joint has; slides are of no use to a motion of rotations.
 _COORDINATES = {int(mujoco.mjtJoint.mjJNT_HINGE): 1, int(mujoco.mjtJoint.mjJNT_BALL): 3}
@@ -33,7 +33,8 @@ class JointLayout:
         hinge_qpos: where they live, shape (H,).
         ball: which coordinates are rotation vectors, shape (N, 3).
         ball_qpos: where their quaternions live, shape (N, 4).
-        followers: where joints live that follow another one, where that one lives, and the polynomial that they follow.
+        led: joints that follow others, in the order to be placed in.
+        followers, leaders: where these and those live in qpos, for each group of them.
     """
 
     joints: tuple[str, ...]
@@ -41,7 +42,9 @@ class JointLayout:
     hinge_qpos: NDArray[np.int64]
     ball: NDArray[np.int64]
     ball_qpos: NDArray[np.int64]
-    followers: tuple[tuple[int, int, Array], ...] = ()
+    led: tuple[LedJoints, ...] = ()
+    followers: tuple[NDArray[np.int64], ...] = ()
+    leaders: tuple[NDArray[np.int64], ...] = ()
 
     @classmethod
     def of(cls, model: mujoco.MjModel) -> JointLayout:
@@ -73,16 +76,16 @@ class JointLayout:
             else:
                 raise FileFormatError(f"robot '{name}': ball joint of '{servo}' has not x, y, z servos in a row")
             index += count
+        led = led_joints(model)
         return cls(
             tuple(model.actuator(index).name for index in range(model.nu)),
             np.array(hinge, dtype=np.int64),
             np.array(hinge_qpos, dtype=np.int64),
             np.array(ball, dtype=np.int64).reshape(-1, 3),
             np.array(ball_qpos, dtype=np.int64).reshape(-1, 4),
-            tuple(
-                (int(model.jnt_qposadr[follower]), int(model.jnt_qposadr[leader]), curve[::-1])
-                for follower, (leader, curve) in followers(model).items()
-            ),
+            led,
+            tuple(model.jnt_qposadr[group.follower] for group in led),
+            tuple(model.jnt_qposadr[group.leader] for group in led),
         )
 
     def place(self, targets: Array, qpos: Array) -> None:
@@ -91,8 +94,8 @@ class JointLayout:
             qpos[self.hinge_qpos] = targets[self.hinge]
         if len(self.ball):
             qpos[self.ball_qpos] = from_rotation_vector(targets[self.ball])
-        for follower, leader, curve in self.followers:
-            qpos[follower] = np.polyval(curve, qpos[leader])
+        for group, follower, leader in zip(self.led, self.followers, self.leaders, strict=True):
+            qpos[follower] = group.followed(qpos[leader])
 
     def read(self, qpos: Array, near: Array, out: Array) -> None:
         """Reads joint coordinates into out (J,).

@@ -201,8 +201,9 @@ def _servos(path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel, feet: Sequen
         if servo.forcelimited:
             servo.forcerange = [-force, force]
     new = spec.actuators[len(old) :]
-    for actuator in old:
-        spec.delete(actuator)
+    slack = _slack_tendons(model)
+    for thing in [*old, *(tendon for tendon in spec.tendons if tendon.name in slack)]:
+        spec.delete(thing)
     for servo, joint in zip(new, played, strict=True):
         servo.name = model.joint(joint).name
 
@@ -237,6 +238,17 @@ def _moments(model: mujoco.MjModel) -> np.ndarray:
         )
         moment[~at_a_distance] = 0.0
     return moment
+
+
+def _slack_tendons(model: mujoco.MjModel) -> set[str]:
+    """The names of the tendons that do nothing without their actuators, as muscles do: each costs time in each step."""
+    pulled = model.actuator_trnid[model.actuator_trntype == _AT_A_DISTANCE[0], 0]
+    tied = model.eq_type == mujoco.mjtEq.mjEQ_TENDON
+    busy = np.isin(np.arange(model.ntendon), [*model.eq_obj1id[tied], *model.eq_obj2id[tied]])
+    for what in ("stiffness", "damping", "limited", "frictionloss", "armature"):
+        values = getattr(model, f"tendon_{what}")
+        busy |= values.reshape(len(busy), values.size // max(len(busy), 1)).any(axis=1)
+    return {model.tendon(int(one)).name for one in np.unique(pulled) if not busy[one]}
 
 
 def _own_servo(model: mujoco.MjModel, joint: int, actuator: int | None) -> tuple[float, tuple[float, float] | None]:

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from controller.mocap.rest_pose import FOOT_SLOPE
 from controller.rotations import Array
-from sim.models.coupled_joints import followers
-from sim.models.kinematic_tree import Scratch, joints_above
+from sim.models.coupled_joints import LedJoints, followers
+from sim.models.kinematic_tree import Scratch, below, joints_above
 from sim.models.surface import Surface
 from sim.models.upright_pelvis import UprightPelvis
 from sim.retargeting.human_limbs import LIMBS
@@ -77,20 +77,25 @@ class RobotLimbs:
         moves = np.array([np.isin(self._joint, joints_above(model, body)) for body in range(model.nbody)], dtype=float)
         # What hangs from the root beside the pelvis goes the other way, seen from it.
         moves -= moves[self._parts["pelvis"]]
-        self._followers = [
-            (index.index(leader), joint, curve)
-            for joint, (leader, curve) in followers(model).items()
-            if leader in index
-        ]
+        led = {one: (leader, curve) for one, (leader, curve) in followers(model).items() if leader in index}
+        self._placed = LedJoints.of(led)
+        self._placed_leader = np.array([index.index(leader) for leader in self._placed.leader], np.int64)
+        self._placed_qpos = model.jnt_qposadr[self._placed.follower]
         self.turns_chest = moves[self._parts["chest"]] != 0.0
         self._moves = moves[self.vectors.body][:, :, None, :]
         self._difference = self._moves[1] - self._moves[0]
         self._cross = np.zeros((3, len(index), 3))
-        self._follower_moves = [
-            np.array([[joint in joints_above(model, int(b)) for b in row] for row in self.vectors.body], dtype=float)
-            - (joint in joints_above(model, self._parts["pelvis"]))
-            for _, joint, _ in self._followers
-        ]
+        # Only those that move a vector, as fingers do not, turn it.
+        swung = {
+            joint: np.isin(self.vectors.body, hanging).astype(float) - float(self._parts["pelvis"] in hanging)
+            for joint in led
+            for hanging in [below(model, int(model.jnt_bodyid[joint]))]
+        }
+        swung = {joint: moves for joint, moves in swung.items() if moves.any()}
+        self._swung = LedJoints.of({joint: led[joint] for joint in swung})
+        self._swung_leader = [index.index(leader) for leader in self._swung.leader.tolist()]
+        self._swung_moves = np.array([*swung.values()]).reshape(-1, 2, len(self.vectors.names))
+        self._slides = model.jnt_type[self._swung.follower] == mujoco.mjtJoint.mjJNT_SLIDE
 
     @property
     def moved(self) -> NDArray[np.bool_]:
@@ -105,8 +110,8 @@ class RobotLimbs:
     def place(self, q: Array) -> None:
         """Puts the hinges at q (N,), rad."""
         self._data.qpos[self._qpos] = q
-        for leader, joint, curve in self._followers:
-            self._data.qpos[self._model.jnt_qposadr[joint]] = np.polyval(curve[::-1], q[leader])
+        if len(self._placed_qpos):
+            self._data.qpos[self._placed_qpos] = self._placed.followed(q[self._placed_leader])
         if self._pelvis.below_a_waist:
             self._pelvis.place(self._data)
         else:
@@ -147,16 +152,20 @@ class RobotLimbs:
         turn = self._moves[1] * swept[1]
         turn -= self._moves[0] * swept[0]
         turn -= self._difference * np.einsum("cnk,nk->cn", cross, anchor)
-        for (leader, joint, curve), moves in zip(self._followers, self._follower_moves, strict=True):
-            q = self._data.qpos[self._qpos[leader]]
-            slope = np.polyval(np.polyder(curve[::-1]), q)
-            axis, anchor = self._data.xaxis[joint], self._data.xanchor[joint]
-            if self._model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE:
-                turn[:, :, leader] += slope * (moves[1] - moves[0])[:, None] * axis
-            else:
-                lever = moves[1][:, None] * (end - anchor) - moves[0][:, None] * (start - anchor)
-                turn[:, :, leader] += slope * np.cross(axis, lever)
+        if self._swung_leader:
+            for leader, led in zip(self._swung_leader, self._turn_of_followers(start, end), strict=True):
+                turn[:, :, leader] += led
         return turn
+
+    def _turn_of_followers(self, start: Array, end: Array) -> Array:
+        """How the vectors turn with each joint that follows, per turn of its leader, shape (F, K, 3), m/rad."""
+        follower = self._swung.follower
+        axis, anchor = self._data.xaxis[follower, None], self._data.xanchor[follower, None]
+        at_start, at_end = self._swung_moves.transpose(1, 0, 2)[..., None]
+        swept = np.cross(axis, at_end * (end - anchor) - at_start * (start - anchor))
+        slid = (at_end - at_start) * axis
+        slope = self._swung.slope(self._data.qpos[self._qpos[self._swung_leader]])
+        return slope[:, None, None] * np.where(self._slides[:, None, None], slid, swept)
 
 
 def limb_directions(limbs: RobotLimbs) -> Array:

@@ -271,7 +271,8 @@ def test_joints_that_tendons_drive_are_played(tmp_path):
     for side in ("left", "right"):
         for name, sign in (("a", 1), ("b", -1)):
             pitch, roll = f'<joint joint="{side}_ankle" coef="1"/>', f'<joint joint="{side}_ankle_roll" coef="{sign}"/>'
-            tendons += f'<fixed name="{side}_{name}">{pitch}{roll}</fixed>'
+            spring = ' stiffness="0.1"' * (side == "left" and name == "a")
+            tendons += f'<fixed name="{side}_{name}"{spring}>{pitch}{roll}</fixed>'
             motors += f'<motor tendon="{side}_{name}"/>'
     text = humanoid(servos=others)
     for body in ("upper", "fore"):
@@ -284,6 +285,8 @@ def test_joints_that_tendons_drive_are_played(tmp_path):
     model = read_model(path).compile()
     assert {model.actuator(k).name for k in range(model.nu)} == set(SERVOS)
     assert np.all(model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT)
+    # What only pulled is gone; a spring is not.
+    assert [model.tendon(k).name for k in range(model.ntendon)] == ["left_a"]
     assert not calibrated(path).undriven
 
 
