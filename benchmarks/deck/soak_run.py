@@ -18,8 +18,10 @@ import msgspec
 import numpy as np
 
 from benchmarks.deck.memory_growth import Growth, growth, memory_kb
-from controller.deck.deck import REMEMBERED_SWITCHES, CommandedSwitch, Deck
+from controller.deck.deck import Deck
 from controller.deck.interfaces import JointLimits, Retargeter
+from controller.deck.switch import CommandedSwitch
+from controller.deck.switch_plan import REMEMBERED_SWITCHES
 from controller.library.motion_library import MotionLibrary
 from controller.loop.clock import VirtualClock
 from controller.loop.commands.command_desk import CommandDesk

@@ -1,14 +1,13 @@
 """The deck: plays a library's motions, switches them on command, and turns them into joint targets.
 
 Each update follows the data: generator -> channels -> posture -> fade of the last switch -> root path -> pose ->
-joints. The loop calls `update` once a tick, and commands in between. The deck decides what is played when; the
+joints. The loop calls `update` once a tick, and commands in between. The `switch_plan` decides what is played when; the
 `performance` decides how it is played and how motions are joined.
 """
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from controller.deck.inputs import Inputs
 from controller.deck.interfaces import Retargeter
@@ -18,21 +17,16 @@ from controller.deck.locks.lock import LoopPlace
 from controller.deck.performance import Performance
 from controller.deck.routes import Routes
 from controller.deck.switch import CommandedSwitch
+from controller.deck.switch_plan import SwitchPlan
 from controller.library.motion_library import MotionLibrary
 from controller.mocap.posture import Pose, Posture
 from controller.networks.base import Activation
 from controller.rotations import Array
 from controller.wire.messages.arguments import PHASE, TEMPO
-from controller.wire.messages.blends import MOST_BLENDED, blend_weights, described
-from controller.wire.messages.events import Event, EventKind
+from controller.wire.messages.blends import blend_weights
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
 
-__all__ = ["MOST_QUEUED", "REMEMBERED_SWITCHES", "CommandedSwitch", "Deck"]
-
-REMEMBERED_SWITCHES = 1_000
-REMEMBERED_EVENTS = 64
 MOST_QUEUED = 32
-_NO_WEIGHT = 1e-9
 
 
 class Deck(Lockable):
@@ -71,29 +65,23 @@ class Deck(Lockable):
         self._show = Performance(library, motion, joining, phase)
         routes = Routes.of(library)
         self._routes = routes.direct if direct else routes
+        self._plan = SwitchPlan(self._show, self._routes, direct=direct)
+        self.switches, self.events = self._plan.commanded, self._plan.events
         self.direct = direct
-        self._current: CommandedSwitch | None = None  # the switch that is under way
-        self._fading: CommandedSwitch | None = None  # the switch whose fade is under way
-        self._blending: CommandedSwitch | None = None  # the switch whose blend weight is changing
-        self._blended: CommandedSwitch | None = None  # the switch of the latest blend
-        self._ahead: deque[str] = deque()  # the motions that the current switch has still to begin
-        self._queued: deque[CommandedSwitch] = deque()
-        self._waits = False  # whether the next of them waits for the end of the present motion
         usual = {motion.input.name: motion.input.usual for motion in library.info.motions if motion.input}
         self._inputs = Inputs(self._show.inputs, usual)
         for name, value in usual.items():
             self._show.set_input(name, value)  # motions that share an input begin alike
         self._jump: float | None = None  # the phase to go to in the next update
         self.time = 0.0
-        self.switches: deque[CommandedSwitch] = deque(maxlen=REMEMBERED_SWITCHES)
-        self.events: deque[Event] = deque(maxlen=REMEMBERED_EVENTS)
         super().__init__()
         self.pose = self._show.pose
 
     @property
     def motion(self) -> str:
         """The motion that is played or being switched to."""
-        return self._current.to if self._current else self.playing
+        current = self._plan.current
+        return current.to if current is not None else self.playing
 
     @property
     def playing(self) -> str:
@@ -108,7 +96,7 @@ class Deck(Lockable):
     @property
     def settled(self) -> bool:
         """Whether no switch is under way."""
-        return self._current is None and not self._show.fading
+        return self._plan.current is None and not self._show.fading
 
     @property
     def activation(self) -> Activation | None:
@@ -139,7 +127,8 @@ class Deck(Lockable):
     @property
     def fell_back(self) -> str:
         """Why the last blend was given up and what was played instead, or ""."""
-        return self._blended.fell_back if self._blended else ""
+        blended = self._plan.blended
+        return blended.fell_back if blended is not None else ""
 
     @property
     def restarts(self) -> int:
@@ -149,12 +138,12 @@ class Deck(Lockable):
     @property
     def way(self) -> list[str]:
         """The motions that the switch under way has still to begin."""
-        return [*self._ahead]
+        return [*self._plan.ahead]
 
     @property
     def queue(self) -> list[str]:
         """The motions that are played after the present one."""
-        return [switch.to for switch in self._queued]
+        return [switch.to for switch in self._plan.queued]
 
     def switch(self, to: str, *, direct: bool = False) -> CommandedSwitch:
         """Starts a switch at the next update, or when the present one-shot has ended; the queue is cleared.
@@ -172,12 +161,12 @@ class Deck(Lockable):
         self._check(to)
         direct = direct or self.direct
         loop = self._show.motions[to].loop
-        current = self._current
-        if current is not None and (current.to, current.blend) == (to, ()) and loop and not (direct and self._ahead):
-            self._mark_overtaken(self._queued)
-            self._queued.clear()
+        current = self._plan.current
+        goes_there = current is not None and current.to == to and not current.blend and loop
+        if current is not None and goes_there and not (direct and self._plan.ahead):
+            self._plan.clear_queue(self.time)
             return current
-        return self._command(CommandedSwitch(to, self.time), direct)
+        return self._plan.command(CommandedSwitch(to, self.time), direct=direct)
 
     def blend_in(
         self, first: str, second: str, weight: float, also: Sequence[tuple[str, float]] = ()
@@ -205,7 +194,7 @@ class Deck(Lockable):
         if self.blend and self.playing in weights:
             first = self.playing
         blend = tuple((name, part) for name, part in weights.items() if name != first)
-        return self._command(CommandedSwitch(first, self.time, blend=blend), self.direct)
+        return self._plan.command(CommandedSwitch(first, self.time, blend=blend), direct=self.direct)
 
     def enqueue(self, to: str) -> CommandedSwitch:
         """Plays a motion after what is played and queued.
@@ -215,15 +204,12 @@ class Deck(Lockable):
             MotiondeckError: if MOST_QUEUED are waiting.
         """
         self._check(to)
-        if len(self._queued) >= MOST_QUEUED:
+        if len(self._plan.queued) >= MOST_QUEUED:
             raise MotiondeckError(
                 f"the queue is full: {MOST_QUEUED} motions are waiting; wait until one of them begins"
             )
-        switch = CommandedSwitch(to, self.time)
-        self.switches.append(switch)
-        self._queued.append(switch)
         self._show.finish_round()
-        return switch
+        return self._plan.enqueue(CommandedSwitch(to, self.time))
 
     def require_phase(self) -> None:
         """Checks that the network has a phase.
@@ -276,26 +262,20 @@ class Deck(Lockable):
         if jump is not None:
             self._jump = jump
         self.time += dt
-        show = self._show
+        show, plan = self._show, self._plan
         if self._inputs.present:
             for name, value in self._inputs.advance(dt).items():
                 show.set_input(name, value)
         if show.step(dt, tempo):
-            self._finish_fade()
-        if show.blend_problem and not self._ahead:
-            self._give_up_blend(show.blend_problem)
-        if self._fading is not None and self._fading.first_change_s is None:
-            self._fading.first_change_s = self.time
-        if self._blending is not None:
-            self._update_blend(self._blending)
-        if (self._ahead or self._queued) and self._next_is_due():
-            motion = self._ahead.popleft()
-            if self._ahead:
-                self._tell("via", f"{motion}, on the way to {self._ahead[-1]}", motion)
+            plan.finish_fade(self.time)
+        if show.blend_problem and not plan.ahead:
+            plan.give_up_blend(show.blend_problem, self.time)
+        if plan.fading is not None and plan.fading.first_change_s is None:
+            plan.fading.first_change_s = self.time
+        if plan.blending is not None:
+            plan.update_blend(plan.blending, self.time)
+        if (plan.ahead or plan.queued) and (motion := plan.take_next(self.time)) is not None:
             show.switch_to(motion)
-            self._blending = None
-            self._waits = True  # the motions on a way are one-shots, and those are finished
-            self._fading = self._current
             self._jump = None
         elif self._jump is not None:
             show.jump(self._jump)
@@ -313,120 +293,6 @@ class Deck(Lockable):
             return None
         alone = self.settled and not self.blend and not self.paused
         return LoopPlace(time, here.name, phase, here.seconds, here.loop, self.commanded_tempo, alone)
-
-    def _command(self, switch: CommandedSwitch, direct: bool) -> CommandedSwitch:
-        """Starts a switch; earlier commands are overtaken."""
-        self._mark_overtaken(self._queued)
-        self._queued.clear()
-        if self._current is not None:
-            self._mark_overtaken([self._current])
-        self._ahead.clear()
-        self.switches.append(switch)
-        self._start(switch, direct)
-        return switch
-
-    def _mark_overtaken(self, switches: Iterable[CommandedSwitch]) -> None:
-        for switch in switches:
-            switch.overtaken = True
-            self._tell("overtaken", f"another command has overtaken {switch.destination}", switch.to)
-
-    def _start(self, switch: CommandedSwitch, direct: bool) -> None:
-        """Makes a switch the current one and finds its way."""
-        show, here = self._show, self._show.here
-        self._tell("motion", switch.destination, switch.to)
-        if here.loop and self._goes_on(switch):
-            self._current = switch
-            if not switch.blend:
-                switch.first_change_s = self.time
-                self._settle(switch)
-            elif show.fading:
-                self._fading = switch  # its blend begins when the fade has ended
-            else:
-                self._blend(switch)
-            return
-        if not direct:
-            switch.via = self._routes.by_way_of(here.name, switch.to)
-            switch.after = "" if here.loop or show.at_end else here.name
-        self._current = switch
-        self._ahead.extend((*switch.via, switch.to))
-        self._waits = bool(switch.after)
-
-    def _goes_on(self, switch: CommandedSwitch) -> bool:
-        """Whether what is shown, or faded to, plays on in what is commanded, so that only weights change."""
-        show = self._show
-        if not show.blend:
-            return switch.to == show.here.name
-        present = {show.here.name, *(name for name, _ in show.blend)}
-        wanted = {switch.to, *(name for name, _ in switch.blend)}
-        if not switch.blend or not present & wanted or len(present | wanted) > MOST_BLENDED:
-            return False
-        new = [(one, other) for one in wanted - present for other in (present | wanted) - {one}]
-        return not any(self._routes.between_blended(*pair) for pair in new)
-
-    def _next_is_due(self) -> bool:
-        """Whether the next motion begins in this tick."""
-        over = self._show.ended
-        if self._current is None and self._queued and over:
-            self._start(self._queued.popleft(), self.direct)
-        return bool(self._ahead) and (over or not self._waits)
-
-    def _blend(self, switch: CommandedSwitch) -> None:
-        """Begins the blend of a switch of which something is playing."""
-        blend = dict(switch.blend)
-        rest = 1.0 - sum(blend.values())
-        # Weights such as 0.1, 0.2 and 0.7 do not sum to 1 exactly.
-        self._show.blend_in({switch.to: rest if abs(rest) > _NO_WEIGHT else 0.0} | blend)
-        self._blending = self._blended = switch
-
-    def _settle(self, switch: CommandedSwitch) -> None:
-        switch.settled_s = self.time
-        self._current = None
-        self._tell("settled", f"{switch.destination} after {self.time - switch.commanded_s:.2f} s", switch.to)
-
-    def _finish_fade(self) -> None:
-        """Notes that a fade has ended; the switch then settles, or begins its blend."""
-        switch = self._fading
-        if switch is None:
-            return
-        if switch.first_change_s is None:
-            switch.first_change_s = self.time
-        if switch is self._current and not self._ahead:
-            if switch.blend:
-                self._blend(switch)
-            else:
-                self._settle(switch)
-        self._fading = None
-
-    def _give_up_blend(self, problem: str) -> None:
-        """Gives a blend up and switches to the motion that has more weight in it."""
-        show, blended = self._show, self._blended
-        if not show.blend or blended is None:
-            return
-        weights = {self.playing: 1.0 - sum(weight for _, weight in show.blend)} | dict(show.blend)
-        nearer = max(weights, key=weights.__getitem__)
-        blended.fell_back = f"{described(self.playing, show.blend)} {problem}, fell back to {nearer}"
-        self._tell("gave up", blended.fell_back, nearer)
-        if self._current is not None:
-            self._mark_overtaken([self._current])
-        switch = CommandedSwitch(nearer, self.time)
-        self.switches.append(switch)
-        self._current, self._waits = switch, False
-        self._ahead.append(nearer)
-
-    def _update_blend(self, switch: CommandedSwitch) -> None:
-        """Notes the progress of a switch's blend, and drops the motions whose weight has become 0."""
-        show = self._show
-        if switch.first_change_s is None:
-            switch.first_change_s = self.time
-        if show.crossing:
-            return
-        self._blending = None
-        show.finish_blend(switch.to)
-        if switch is self._current and not self._ahead:
-            self._settle(switch)
-
-    def _tell(self, kind: EventKind, text: str, motion: str) -> None:
-        self.events.append(Event(kind, text, motion, self.time))
 
     def _check(self, motion: str) -> None:
         if motion not in self.motions:

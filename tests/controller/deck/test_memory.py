@@ -7,7 +7,8 @@ from collections import deque
 import numpy as np
 
 import synthetic
-from controller.deck.deck import REMEMBERED_SWITCHES, Deck
+from controller.deck.deck import Deck
+from controller.deck.switch_plan import REMEMBERED_SWITCHES
 from controller.loop.commands.command_desk import CommandDesk
 from controller.loop.stop_requests import StopRequest
 from controller.wire.messages.commands import Switch
@@ -28,6 +29,6 @@ def test_commands_leave_nothing_behind_once_the_record_is_full():
         return sys.getallocatedblocks()
 
     assert deck.switches.maxlen == REMEMBERED_SWITCHES
-    deck.switches = deque(maxlen=20)  # it is full sooner
+    deck._plan.commanded = deque(maxlen=20)  # it is full sooner
     before = command(50)
     assert (command(200) - before) / 200 < 0.5

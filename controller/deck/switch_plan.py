@@ -1,0 +1,184 @@
+"""The plan of a deck: which switch is under way, which motions are on the way to it, and which wait in the queue.
+
+The deck tells it the time, s since its start, with each command and each tick.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+
+from controller.deck.performance import Performance
+from controller.deck.routes import Routes
+from controller.deck.switch import CommandedSwitch
+from controller.wire.messages.blends import MOST_BLENDED, described
+from controller.wire.messages.events import Event, EventKind
+
+REMEMBERED_SWITCHES = 1_000
+REMEMBERED_EVENTS = 64
+_NO_WEIGHT = 1e-9
+
+
+class SwitchPlan:
+    """The switches that a performance is to play.
+
+    Args:
+        show: what plays them.
+        routes: between its motions.
+        direct: whether those in the queue go straight to their motion.
+
+    Attributes:
+        current: the switch that is under way.
+        fading: the switch whose fade is under way.
+        blending: the switch whose blend weights are changing.
+        blended: the switch of the latest blend.
+        ahead: the motions that the current switch has still to begin.
+        queued: the switches after it.
+        commanded: the latest REMEMBERED_SWITCHES switches.
+        events: what has happened, at most REMEMBERED_EVENTS; whoever tells it takes it out.
+    """
+
+    def __init__(self, show: Performance, routes: Routes, *, direct: bool) -> None:
+        self._show, self._routes, self._direct = show, routes, direct
+        self.current: CommandedSwitch | None = None
+        self.fading: CommandedSwitch | None = None
+        self.blending: CommandedSwitch | None = None
+        self.blended: CommandedSwitch | None = None
+        self.ahead: deque[str] = deque()
+        self.queued: deque[CommandedSwitch] = deque()
+        self._waits = False  # whether the next of those ahead waits for the end of the present motion
+        self.commanded: deque[CommandedSwitch] = deque(maxlen=REMEMBERED_SWITCHES)
+        self.events: deque[Event] = deque(maxlen=REMEMBERED_EVENTS)
+
+    def command(self, switch: CommandedSwitch, *, direct: bool) -> CommandedSwitch:
+        """Starts a switch; earlier commands are overtaken."""
+        time = switch.commanded_s
+        self.clear_queue(time)
+        if self.current is not None:
+            self._mark_overtaken([self.current], time)
+        self.ahead.clear()
+        self.commanded.append(switch)
+        self._start(switch, time, direct)
+        return switch
+
+    def enqueue(self, switch: CommandedSwitch) -> CommandedSwitch:
+        """Puts a switch at the end of the queue."""
+        self.commanded.append(switch)
+        self.queued.append(switch)
+        return switch
+
+    def clear_queue(self, time: float) -> None:
+        """Forgets the queue: its commands are overtaken."""
+        self._mark_overtaken(self.queued, time)
+        self.queued.clear()
+
+    def take_next(self, time: float) -> str | None:
+        """Takes the motion that begins in this tick, if one does."""
+        over = self._show.ended
+        if self.current is None and self.queued and over:
+            self._start(self.queued.popleft(), time, self._direct)
+        if not self.ahead or not (over or not self._waits):
+            return None
+        motion = self.ahead.popleft()
+        if self.ahead:
+            self._tell("via", f"{motion}, on the way to {self.ahead[-1]}", motion, time)
+        self.blending = None
+        self._waits = True  # the motions on a way are one-shots, and those are finished
+        self.fading = self.current
+        return motion
+
+    def finish_fade(self, time: float) -> None:
+        """Notes that a fade has ended; the switch then settles, or begins its blend."""
+        switch = self.fading
+        if switch is None:
+            return
+        if switch.first_change_s is None:
+            switch.first_change_s = time
+        if switch is self.current and not self.ahead:
+            if switch.blend:
+                self._blend(switch)
+            else:
+                self._settle(switch, time)
+        self.fading = None
+
+    def update_blend(self, switch: CommandedSwitch, time: float) -> None:
+        """Notes the progress of a switch's blend, and drops the motions whose weight has become 0."""
+        show = self._show
+        if switch.first_change_s is None:
+            switch.first_change_s = time
+        if show.crossing:
+            return
+        self.blending = None
+        show.finish_blend(switch.to)
+        if switch is self.current and not self.ahead:
+            self._settle(switch, time)
+
+    def give_up_blend(self, problem: str, time: float) -> None:
+        """Gives a blend up and switches to the motion that has more weight in it."""
+        show, blended = self._show, self.blended
+        if not show.blend or blended is None:
+            return
+        playing = show.here.name
+        weights = {playing: 1.0 - sum(weight for _, weight in show.blend)} | dict(show.blend)
+        nearer = max(weights, key=weights.__getitem__)
+        blended.fell_back = f"{described(playing, show.blend)} {problem}, fell back to {nearer}"
+        self._tell("gave up", blended.fell_back, nearer, time)
+        if self.current is not None:
+            self._mark_overtaken([self.current], time)
+        switch = CommandedSwitch(nearer, time)
+        self.commanded.append(switch)
+        self.current, self._waits = switch, False
+        self.ahead.append(nearer)
+
+    def _start(self, switch: CommandedSwitch, time: float, direct: bool) -> None:
+        """Makes a switch the current one and finds its way."""
+        show, here = self._show, self._show.here
+        self._tell("motion", switch.destination, switch.to, time)
+        self.current = switch
+        if here.loop and self._goes_on(switch):
+            if not switch.blend:
+                switch.first_change_s = time
+                self._settle(switch, time)
+            elif show.fading:
+                self.fading = switch  # its blend begins when the fade has ended
+            else:
+                self._blend(switch)
+            return
+        if not direct:
+            switch.via = self._routes.by_way_of(here.name, switch.to)
+            switch.after = "" if here.loop or show.at_end else here.name
+        self.ahead.extend((*switch.via, switch.to))
+        self._waits = bool(switch.after)
+
+    def _goes_on(self, switch: CommandedSwitch) -> bool:
+        """Whether what is shown, or faded to, plays on in what is commanded, so that only weights change."""
+        show = self._show
+        if not show.blend:
+            return switch.to == show.here.name
+        present = {show.here.name, *(name for name, _ in show.blend)}
+        wanted = {switch.to, *(name for name, _ in switch.blend)}
+        if not switch.blend or not present & wanted or len(present | wanted) > MOST_BLENDED:
+            return False
+        new = [(one, other) for one in wanted - present for other in (present | wanted) - {one}]
+        return not any(self._routes.between_blended(*pair) for pair in new)
+
+    def _blend(self, switch: CommandedSwitch) -> None:
+        """Begins the blend of a switch of which something is playing."""
+        blend = dict(switch.blend)
+        rest = 1.0 - sum(blend.values())
+        # Weights such as 0.1, 0.2 and 0.7 do not sum to 1 exactly.
+        self._show.blend_in({switch.to: rest if abs(rest) > _NO_WEIGHT else 0.0} | blend)
+        self.blending = self.blended = switch
+
+    def _settle(self, switch: CommandedSwitch, time: float) -> None:
+        switch.settled_s = time
+        self.current = None
+        self._tell("settled", f"{switch.destination} after {time - switch.commanded_s:.2f} s", switch.to, time)
+
+    def _mark_overtaken(self, switches: Iterable[CommandedSwitch], time: float) -> None:
+        for switch in switches:
+            switch.overtaken = True
+            self._tell("overtaken", f"another command has overtaken {switch.destination}", switch.to, time)
+
+    def _tell(self, kind: EventKind, text: str, motion: str, time: float) -> None:
+        self.events.append(Event(kind, text, motion, time))
