@@ -83,49 +83,17 @@ def fit(
       motiondeck fit wave.clip nod.clip --out gestures.safetensors
       motiondeck fit configs/libraries/cmu86.toml --data cmu --centers auto --satellites auto --out small.safetensors
     """
-    from controller.cli.common.library_report import join_fields, join_line, part_fields, print_table, report
     from controller.cli.common.options import check_ending, check_folder
     from controller.cli.common.progress import progress
-    from controller.deck.worst_join import worst_join
     from controller.library.motion_library import save_library
-    from controller.mocap.formats.reading import CONVERTIBLE, RECORDINGS, read_clip
     from controller.training import fit as training
-    from controller.training.recipe import gesture_recipe, read_recipe, warnings
+    from controller.training.recipe import warnings
     from controller.training.training_set import prepare
     from motiondeck_base.errors import MotiondeckError
 
-    for path in what:
-        if path.suffix.lower() in CONVERTIBLE:
-            read_clip(path)  # refuses it, and says how to convert it
     if out is not None:
         check_ending(out, "a library")
-    gestures = False
-    if all(path.suffix.lower() == ".clip" for path in what):
-        if data is not None:
-            raise MotiondeckError(
-                f"--data {data} is for the recordings of a recipe: clips are read from where they are"
-            )
-        plan, data = gesture_recipe("gestures" if out is None else out.stem, what, trim), Path()
-        gestures = True
-    elif not trim:
-        raise MotiondeckError("--no-trim is for clips taught by hand: in a recipe, frames and loop_keeps say it")
-    elif recorded := [path for path in what if path.suffix.lower() in RECORDINGS or path.is_dir()]:
-        raise MotiondeckError(
-            f"{recorded[0]}: a recording, not a recipe. "
-            f"Type: motiondeck learn {' '.join(map(str, recorded))} --out {out or 'mine.safetensors'}"
-        )
-    elif len(what) > 1:
-        raise MotiondeckError(f"give one recipe, or clips taught by hand (.clip) only, not {', '.join(map(str, what))}")
-    elif what[0].suffix != ".toml":
-        raise MotiondeckError(
-            f"{what[0]}: not a recipe, which is a TOML file (.toml; docs/library-format.md has one). To learn "
-            "recordings without a recipe: motiondeck learn RECORDING... --out FILE.safetensors"
-        )
-    else:
-        data = what[0].parent if data is None else data
-        if not data.is_dir():
-            raise MotiondeckError(f"{data}: there is no such folder; --data is the folder that holds the recordings")
-        plan = read_recipe(what[0], data)
+    plan, folder, taught = _plan_of(what, data, out, trim=trim)
     out = _new_library(plan.name) if out is None else out
     check_folder(out)
     plan = sized(plan, centers, satellites, tolerance)
@@ -136,32 +104,18 @@ def fit(
     for warning in warnings(plan):
         print(f"motiondeck: warning: {what[0]}: {warning}", file=sys.stderr)
     with progress("", training.steps(plan)) as tick:
-        training_set = prepare(plan, data, tick)
+        training_set = prepare(plan, folder, tick)
         library = training.fit_prepared(plan, training_set, tick)
     closeness = compare(library, training_set, plan.network.anchor_every, plot)
-    learned = learned_parts(plan, training_set) if gestures else []
-    worst = worst_join(library)
     failing = [motion.name for motion in library.info.motions if not motion.passed]
     written = not failing or allow_failing
     if written:
         save_library(library, out)
+    learned = learned_parts(plan, training_set) if taught else None
     if as_json:
-        print(
-            json.dumps(
-                report(library)
-                | {"beside_the_recording": closeness, "written": str(out) if written else None}
-                | {"learned_from": {name: part_fields(part) for name, part in training_set.parts.items()}}
-                | ({"learned": learned} if gestures else {})
-                | {"worst_join": join_fields(worst)}
-            )
-        )
+        _print_json(library, training_set, closeness, learned, out if written else None)
     else:
-        print_table(library)
-        print_closeness(library, {} if gestures else training_set.parts, closeness)
-        for part in learned:
-            print(described(part))
-        if worst is not None:
-            print(join_line(worst))
+        _print_words(library, training_set, closeness, learned)
     if not written:
         raise MotiondeckError(
             f"{', '.join(failing)} failed the self-test, so {out} was not written. "
@@ -169,6 +123,81 @@ def fit(
         )
     if not as_json:
         print(f"wrote {out} ({out.stat().st_size / 1e6:.1f} MB, seed {library.info.seed})")
+
+
+def _plan_of(what: list[Path], data: Path | None, out: Path | None, *, trim: bool) -> tuple[LibraryRecipe, Path, bool]:
+    """The recipe, the folder of its recordings, and whether it is one for clips that were taught by hand.
+
+    Raises:
+        MotiondeckError: if what is given is neither one recipe nor taught clips; it says what to do.
+    """
+    from controller.mocap.formats.reading import CONVERTIBLE, RECORDINGS, read_clip
+    from controller.training.recipe import gesture_recipe, read_recipe
+    from motiondeck_base.errors import MotiondeckError
+
+    for path in what:
+        if path.suffix.lower() in CONVERTIBLE:
+            read_clip(path)  # refuses it, and says how to convert it
+    if all(path.suffix.lower() == ".clip" for path in what):
+        if data is not None:
+            raise MotiondeckError(
+                f"--data {data} is for the recordings of a recipe: clips are read from where they are"
+            )
+        return gesture_recipe("gestures" if out is None else out.stem, what, trim), Path(), True
+    if not trim:
+        raise MotiondeckError("--no-trim is for clips taught by hand: in a recipe, frames and loop_keeps say it")
+    if recorded := [path for path in what if path.suffix.lower() in RECORDINGS or path.is_dir()]:
+        raise MotiondeckError(
+            f"{recorded[0]}: a recording, not a recipe. "
+            f"Type: motiondeck learn {' '.join(map(str, recorded))} --out {out or 'mine.safetensors'}"
+        )
+    if len(what) > 1:
+        raise MotiondeckError(f"give one recipe, or clips taught by hand (.clip) only, not {', '.join(map(str, what))}")
+    recipe = what[0]
+    if recipe.suffix != ".toml":
+        raise MotiondeckError(
+            f"{recipe}: not a recipe, which is a TOML file (.toml; docs/library-format.md has one). To learn "
+            "recordings without a recipe: motiondeck learn RECORDING... --out FILE.safetensors"
+        )
+    folder = recipe.parent if data is None else data
+    if not folder.is_dir():
+        raise MotiondeckError(f"{folder}: there is no such folder; --data is the folder that holds the recordings")
+    return read_recipe(recipe, folder), folder, False
+
+
+def _print_json(
+    library: MotionLibrary,
+    training_set: TrainingSet,
+    closeness: list[dict[str, Any]],
+    learned: list[dict[str, Any]] | None,
+    written: Path | None,
+) -> None:
+    """The report as one JSON object."""
+    from controller.cli.common.library_report import join_fields, part_fields, report
+    from controller.deck.worst_join import worst_join
+
+    fields = report(library) | {"beside_the_recording": closeness, "written": str(written) if written else None}
+    fields |= {"learned_from": {name: part_fields(part) for name, part in training_set.parts.items()}}
+    fields |= {"learned": learned} if learned is not None else {}
+    print(json.dumps(fields | {"worst_join": join_fields(worst_join(library))}))
+
+
+def _print_words(
+    library: MotionLibrary,
+    training_set: TrainingSet,
+    closeness: list[dict[str, Any]],
+    learned: list[dict[str, Any]] | None,
+) -> None:
+    """The report as tables and lines."""
+    from controller.cli.common.library_report import join_line, print_table
+    from controller.deck.worst_join import worst_join
+
+    print_table(library)
+    print_closeness(library, training_set.parts if learned is None else {}, closeness)
+    for part in learned or ():
+        print(described(part))
+    if (worst := worst_join(library)) is not None:
+        print(join_line(worst))
 
 
 def _new_library(name: str) -> Path:

@@ -64,8 +64,6 @@ def segment(
     """
     from controller.mocap.formats.reading import read_clip
     from controller.mocap.reading_options import ReadingOptions
-    from controller.recognition.segmentation.border_score import score_borders
-    from controller.recognition.segmentation.by_experts import not_learned
     from controller.recognition.segmentation.labels import read_labels
     from motiondeck_base.errors import MotiondeckError
 
@@ -89,22 +87,8 @@ def segment(
     learned: bool = cut.pop("learned", False)
     said: dict[str, Any] = {"file": str(file), "method": method.value, "frames": len(clip), **cut}
     if marked is not None:
-        import numpy as np
-
-        borders = np.array([one["from_frame"] for one in cut["segments"][1:]], dtype=np.int64)
-        accepted = marked.borders
-        if method is SegmentMethod.EXPERTS and recognizer is None:
-            borders, accepted = not_learned(borders, marked)
-        score = score_borders(borders, accepted)
-        said["score"] = {
-            "found": score.found,
-            "marked": score.marked,
-            "hits": score.hits,
-            "precision": score.precision,
-            "recall": score.recall,
-            "f1": score.f1,
-            "learned": learned,
-        }
+        learned_from_labels = method is SegmentMethod.EXPERTS and recognizer is None
+        said["score"] = _score(cut["segments"], marked, learned_from_labels=learned_from_labels) | {"learned": learned}
     if plot is not None:
         from controller.cli.pictures.curve_plots import draw_segments
 
@@ -112,22 +96,40 @@ def segment(
     if as_json:
         print(json.dumps(said))
         return
-    for one in cut["segments"]:
+    _print_words(said, file.name)
+
+
+def _score(segments: list[dict[str, Any]], marked: Labels, *, learned_from_labels: bool) -> dict[str, Any]:
+    """How many of the marked borders were found; of labels that were learned from only those that were not."""
+    import numpy as np
+
+    from controller.recognition.segmentation.border_score import score_borders
+    from controller.recognition.segmentation.by_experts import not_learned
+
+    borders = np.array([one["from_frame"] for one in segments[1:]], dtype=np.int64)
+    borders, accepted = not_learned(borders, marked) if learned_from_labels else (borders, marked.borders)
+    score = score_borders(borders, accepted)
+    names = ("found", "marked", "hits", "precision", "recall", "f1")
+    return {name: getattr(score, name) for name in names}
+
+
+def _print_words(said: dict[str, Any], name: str) -> None:
+    """The segments of a recording of this name, and how well they were found."""
+    for one in said["segments"]:
         print(f"{one['from_s']:8.2f} to {one['to_s']:8.2f} s  frame {one['from_frame']:6d}  {one['motion'] or ''}")
-    if "score" in said:
-        score = said["score"]
-        where = " between frames that were not learned" if "accuracy" in cut else ""
+    if score := said.get("score"):
+        where = " between frames that were not learned" if "accuracy" in said else ""
         if score["marked"]:
             given = f"{score['found']} given, F1 {score['f1']:.2f}"
             print(f"borders{where}: {score['hits']} of {score['marked']} found, {given}")
             if score["learned"]:
-                print(f"the recognizer has learned a recording called {file.name}: if it is this one, that is no test")
+                print(f"the recognizer has learned a recording called {name}: if it is this one, that is no test")
         else:
             print(f"no border{where} is marked")
-    if "accuracy" in cut:
+    if "accuracy" in said:
         print(
-            f"frames that were not learned ({100 * cut['asked_share']:.0f} %): {cut['accuracy']:.3f} right, "
-            f"{cut['accuracy_smoothed']:.3f} with smoothing instead of Viterbi"
+            f"frames that were not learned ({100 * said['asked_share']:.0f} %): {said['accuracy']:.3f} right, "
+            f"{said['accuracy_smoothed']:.3f} with smoothing instead of Viterbi"
         )
 
 
