@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from controller.cli.common.options import JobsOption, check_folder
+from controller.cli.common.options import JobsOption, JsonOption, check_folder
 from controller.cli.common.progress import progress
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def evaluate(
         int, typer.Option("--runs", metavar="N", min=1, max=100_000, help="Runs per motion and network.")
     ] = 100,
     jobs: JobsOption = "-1",
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+    as_json: JsonOption = False,
     table: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Write the table as CSV.")] = None,
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw a plot (.png, .svg, .pdf).")] = None,
 ) -> None:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from controller.cli.common.options import JsonOption
+
 if TYPE_CHECKING:
     from controller.library.motion_library import MotionLibrary
     from controller.training.recipe import LibraryRecipe
@@ -66,7 +68,7 @@ def fit(
     allow_failing: Annotated[
         bool, typer.Option("--allow-failing", help="Write the library even if a motion fails its self-test.")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Train a motion library: read the recordings, close their loops, train the network, and test every motion.
 

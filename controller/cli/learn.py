@@ -12,6 +12,7 @@ import typer
 
 from controller.cli.common.options import (
     JobsOption,
+    JsonOption,
     RenameOption,
     SkeletonOption,
     UnitOption,
@@ -50,7 +51,7 @@ def learn(
     up: UpOption = None,
     rename: RenameOption = None,
     jobs: JobsOption = "1",
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Learn a library from recordings: nothing to choose, no recipe to write.
 

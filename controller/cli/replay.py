@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from controller.cli.common.options import PAGE_PORT
+from controller.cli.common.options import PAGE_PORT, PagePortOption
 from controller.wire.command_socket import DEFAULT_PORT
 
 
@@ -37,9 +37,7 @@ def replay(
     kinematic: Annotated[
         bool, typer.Option("--kinematic", help="Show the targets without simulated servos and masses.")
     ] = False,
-    page_port: Annotated[
-        int, typer.Option("--port", metavar="PORT", help="The page's port; 0 for any free one.")
-    ] = PAGE_PORT,
+    page_port: PagePortOption = PAGE_PORT,
     command_port: Annotated[
         int,
         typer.Option("--command-port", metavar="PORT", help="Where `motiondeck send` reaches it; 0 for any free one."),

@@ -12,6 +12,8 @@ from controller.cli.common.options import (
     PAGE_PORT,
     CameraOption,
     FpsOption,
+    JsonOption,
+    PagePortOption,
     RenameOption,
     SizeOption,
     SkeletonOption,
@@ -46,7 +48,7 @@ def show(
     unit: UnitOption = None,
     up: UpOption = None,
     rename: RenameOption = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Show what a recording holds: its body, rate, length and path, and for markers the gaps and the fit.
 
@@ -162,9 +164,7 @@ def view(
     size: SizeOption = None,
     fps: FpsOption = None,
     camera: CameraOption = "follow",
-    port: Annotated[
-        int, typer.Option("--port", metavar="PORT", help="The page's port; 0 for any free one.")
-    ] = PAGE_PORT,
+    port: PagePortOption = PAGE_PORT,
 ) -> None:
     """View a recording in the browser: the human with its bones, and with --robot a robot beside it that follows it.
 

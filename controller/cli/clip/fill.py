@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from controller.cli.clip.commands import app
-from controller.cli.common.options import check_folder, check_other
+from controller.cli.common.options import JsonOption, check_folder, check_other
 
 if TYPE_CHECKING:
     from controller.mocap.formats.markers.tracks import Markers
@@ -23,7 +23,7 @@ def fill(
         Path,
         typer.Option("--out", metavar="FILE", help="OUT.c3d, the same file with its gaps filled, or OUT.csv."),
     ],
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Fill in markers that were lost for a while, from those that were seen.
 

@@ -76,6 +76,8 @@ RootOption = Annotated[
         help="The simulated robot's root: carried by a gantry, fixed, or free to fall.",
     ),
 ]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
+PagePortOption = Annotated[int, typer.Option("--port", metavar="PORT", help="The page's port; 0 for any free one.")]
 
 
 def reading_options(

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from controller.cli.common.options import (
+    JsonOption,
     RenameOption,
     SkeletonOption,
     UnitOption,
@@ -27,7 +28,7 @@ LibraryArgument = Annotated[
 
 @app.command("list")
 def list_libraries(
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """List the libraries that are included and those in this folder, with their motions.
 
@@ -65,7 +66,7 @@ def list_libraries(
 @app.command("show")
 def show(
     library: LibraryArgument,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Show the motions, the network, and the origin of a library.
 
@@ -113,7 +114,7 @@ def add(
     allow_failing: Annotated[
         bool, typer.Option("--allow-failing", help="Write the library even if the motion fails its self-test.")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Add a motion to a library without training the others again: their weights do not change.
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from controller.cli.common.options import JobsOption, check_ending, check_folder
+from controller.cli.common.options import JobsOption, JsonOption, check_ending, check_folder
 from controller.cli.common.progress import progress
 from controller.cli.library.commands import LibraryArgument, app
 from motiondeck_base.counted import counted
@@ -41,7 +41,7 @@ def similar(
     skeleton: Annotated[
         Path | None, typer.Option("--skeleton", metavar="FILE", help="The .asf of an .amc recording.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """List the motions whose legs, arms and trunk move as fast and as far as those of a recording.
 
@@ -147,7 +147,7 @@ def anticipate(
         Path | None, typer.Option("--skeleton", metavar="FILE", help="The .asf of an .amc recording.")
     ] = None,
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw it (.png, .svg, .pdf).")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Predict each moment of a recording half a second ahead, and print the errors.
 

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from controller.cli.common.options import JsonOption
+
 if TYPE_CHECKING:
     from controller.mocap.clip import Clip
     from controller.recognition.segmentation.labels import Labels
@@ -46,7 +48,7 @@ def segment(
     skeleton: Annotated[
         Path | None, typer.Option("--skeleton", metavar="FILE", help="The .asf of an .amc recording.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Cut a recording into its behaviours.
 

@@ -9,8 +9,9 @@ from typing import Annotated
 
 import typer
 
+from controller.cli.common.options import JsonOption
 from controller.cli.rig import calibrate, emulate, play, servos, settings, teach
-from controller.cli.rig.rig_port import JsonOption, PortOption, RigArgument, ended_by_sigterm, load, open_buses
+from controller.cli.rig.rig_port import PortOption, RigArgument, ended_by_sigterm, load, open_buses
 
 app = typer.Typer(
     help="Find, check, set up, watch, teach and play the servos of a rig; or emulate one.", no_args_is_help=True

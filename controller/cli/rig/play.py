@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from controller.cli.rig.rig_port import JsonOption, PortOption, RigArgument, load
+from controller.cli.common.options import JsonOption
+from controller.cli.rig.rig_port import PortOption, RigArgument, load
 from controller.wire.command_socket import DEFAULT_PORT
 from motiondeck_base.errors import MotiondeckError
 

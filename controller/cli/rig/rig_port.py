@@ -22,7 +22,6 @@ PortOption = Annotated[
         help="Serial port instead of the rig file's own; for a rig with several, each in order.",
     ),
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
 
 
 def load(rig: str) -> RigConfig:

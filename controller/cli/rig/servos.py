@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from controller.cli.rig.rig_port import JsonOption
+from controller.cli.common.options import JsonOption
 from motiondeck_base.errors import MotiondeckError
 
 if TYPE_CHECKING:

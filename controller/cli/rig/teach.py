@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from controller.cli.rig.rig_port import JsonOption, PortOption, RigArgument, ended_by_sigterm, load, open_buses
+from controller.cli.common.options import JsonOption
+from controller.cli.rig.rig_port import PortOption, RigArgument, ended_by_sigterm, load, open_buses
 from controller.cli.rig.typed_lines import TypedLines
 from motiondeck_base.errors import MotiondeckError
 

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from controller.cli.common.options import PAGE_PORT, JobsOption, SolverOption
+from controller.cli.common.options import PAGE_PORT, JobsOption, JsonOption, PagePortOption, SolverOption
 from controller.jobs import Jobs
 from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError, UnknownNameError
@@ -18,7 +18,6 @@ from motiondeck_base.errors import MotiondeckError, UnknownNameError
 app = typer.Typer(help="List and show robots, and write a robot file for any MJCF or URDF.", no_args_is_help=True)
 
 RobotArgument = Annotated[str, typer.Argument(metavar="ROBOT", help="A robot file (.toml), or: mannequin, servo20.")]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
 
 CATALOGUE_KINDS = ("humanoid", "biped")
 PICTURE_SECONDS, VIEW_SECONDS = 2.0, 8.0
@@ -125,9 +124,7 @@ def calibrate(
         Path | None, typer.Option("--picture", metavar="FILE", help="Draw robot and human side by side (.png).")
     ] = None,
     view: Annotated[bool, typer.Option("--view", help="Show robot and human side by side in the browser.")] = False,
-    port: Annotated[
-        int, typer.Option("--port", metavar="PORT", help="The page's port; 0 for any free one.")
-    ] = PAGE_PORT,
+    port: PagePortOption = PAGE_PORT,
     motion: Annotated[
         str, typer.Option("--motion", metavar="MOTION", help="The motion that picture and view show.")
     ] = "walk",

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from controller.cli.common.options import JobsOption, SolverOption
-from controller.cli.robot.commands import JsonOption
+from controller.cli.common.options import JobsOption, JsonOption, SolverOption
 from motiondeck_base.counted import counted
 
 if TYPE_CHECKING:
