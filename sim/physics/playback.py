@@ -111,6 +111,8 @@ class PhysicsPlayback:
     """
 
     name = "physics"
+    step = staticmethod(mujoco.mj_step)
+    """Advances the simulation by one of its own steps; who wants to see each of them overrides it."""
 
     def __init__(
         self,
@@ -227,7 +229,7 @@ class PhysicsPlayback:
                 self._aim_balls(data.ctrl, robot.layout.ball)
             if self._servos is not None:
                 self._servos.limit(data)
-            self.step()
+            self.step(self.model, data)
             if self._servos is not None:
                 self._servos.note(data)
         if self._pushed > 0:
@@ -255,10 +257,6 @@ class PhysicsPlayback:
         if self._root == "free":
             self.wanted[:2] = data.qpos[:2]
             self._look_for_fall(root)
-
-    def step(self) -> None:
-        """Advances the simulation by one of its own steps; who wants to see each of them overrides it."""
-        mujoco.mj_step(self.model, self.data)
 
     def _protect(self) -> None:
         """Notes that a robot is going to fall, and lets the fall guard take it over."""
