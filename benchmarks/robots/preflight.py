@@ -16,7 +16,7 @@ from motiondeck_base.shipped import find_library, find_robot
 from sim.physics.loads import loads_of
 from sim.physics.physics_model import feet_of
 from sim.physics.played_motions import load_sampled_robot, play_motions
-from sim.physics.preflight import Preflight
+from sim.physics.preflight.preflight import Preflight
 from sim.robots.self_collision import SelfCollision
 
 ROBOTS = ("servo20", "mannequin")
@@ -39,9 +39,9 @@ def main() -> None:
             hanging = loads_of(robot, played, free=False, collisions=collisions, feet=feet)
             for tempo in TEMPOS:
                 gantry = Preflight(robot, robot.limits, "gantry")
-                said = {f.check: f.ok for f in gantry.findings(played, hanging, tempo, simulate=False)}
-                said |= {f.check: f.ok for f in free.standing(hanging, tempo)}
-                done = {f.check: f.ok for f in free.simulated(played, tempo)}
+                said = {f.check: f.ok for f in gantry.numbers.findings(played, hanging, tempo)}
+                said |= {f.check: f.ok for f in free.numbers.standing(hanging, tempo)}
+                done = {f.check: f.ok for f in free.trials.findings(played, tempo)}
                 rows.append(
                     {
                         "motion": played.name,

@@ -14,7 +14,7 @@ from controller.cli.common.options import RootOption
 from controller.cli.common.progress import progress
 
 if TYPE_CHECKING:
-    from sim.physics.preflight import PreflightVerdict
+    from sim.physics.preflight.findings import PreflightVerdict
 
 SLOWEST = 0.1
 """The least tempo to judge at."""
@@ -123,7 +123,7 @@ def _by_their_parts(
     judged: dict[str, PreflightVerdict], ways: dict[tuple[str, str], tuple[str, ...]]
 ) -> list[PreflightVerdict]:
     """Switches that go by way of other motions: all that is found on the way, and the slowest of its speeds."""
-    from sim.physics.preflight import PreflightVerdict
+    from sim.physics.preflight.findings import PreflightVerdict
 
     found = []
     for (source, target), via in ways.items():

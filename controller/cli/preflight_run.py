@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     from controller.deck.interfaces import JointLimits
     from controller.jobs import Jobs
     from controller.library.motion_library import MotionLibrary
-    from sim.physics.preflight import Preflight, PreflightVerdict
+    from sim.physics.preflight.findings import PreflightVerdict
+    from sim.physics.preflight.preflight import Preflight
     from sim.robots.robot import Robot
 
 WORTH = 4
@@ -74,7 +75,7 @@ def loaded(run: PreflightRun) -> tuple[MotionLibrary, Preflight]:
     from controller.library.motion_library import load_library
     from motiondeck_base.shipped import find_library, find_robot
     from sim.physics.played_motions import load_sampled_robot
-    from sim.physics.preflight import Preflight
+    from sim.physics.preflight.preflight import Preflight
 
     library = load_library(find_library(run.library))
     body, limits = on_rig(load_sampled_robot(find_robot(run.robot), library.skeleton), run.rig)

@@ -11,7 +11,7 @@ import numpy as np
 from controller.cli.common.tables import show_table
 
 if TYPE_CHECKING:
-    from sim.physics.preflight import Finding, PreflightVerdict
+    from sim.physics.preflight.findings import Finding, PreflightVerdict
     from sim.robots.robot import Robot
 
 REMEDIES = {

@@ -11,7 +11,7 @@ import numpy as np
 from controller.cli.pictures.figures import new_figure, save
 
 if TYPE_CHECKING:
-    from sim.physics.preflight import PreflightVerdict
+    from sim.physics.preflight.findings import PreflightVerdict
 
 
 def draw(verdicts: Sequence[PreflightVerdict], path: Path) -> None:

@@ -55,7 +55,7 @@ def test_the_table_names_what_is_wrong_and_the_tempo_that_passes(library):
 def test_what_no_tempo_mends_is_said_with_joint_number_cause_and_remedy(capsys):
     from controller.cli.preflight_words import REMEDIES, print_motion, print_summary
     from motiondeck_base.shipped import find_robot
-    from sim.physics.preflight import Finding, PreflightVerdict
+    from sim.physics.preflight.findings import Finding, PreflightVerdict
     from sim.robots.robot import load_robot
 
     body = load_robot(find_robot("servo20"), human())
@@ -77,16 +77,19 @@ def test_every_check_that_can_fail_has_a_remedy():
     from pathlib import Path
 
     from controller.cli.preflight_words import REMEDIES
-    from sim.physics import preflight as judge
+    from sim.physics import preflight as room
 
-    source = Path(judge.__file__).read_text()
+    source = "".join(file.read_text() for file in Path(room.__file__).parent.glob("*.py"))
     import re
 
-    assert set(re.findall(r'_finding\("([^"]+)"', source)) <= set(REMEDIES)
+    found = re.findall(r'limited\("([^"]+)"|of_joints\("([^"]+)", [^,]+, (?!None)', source)
+    checks = {one or other for one, other in found}
+    assert len(checks) > 8
+    assert checks <= set(REMEDIES)
 
 
 def test_what_was_judged_before_an_interruption_has_been_printed(library, monkeypatch):
-    from sim.physics.preflight import Preflight
+    from sim.physics.preflight.preflight import Preflight
 
     judged, judge = [], Preflight.judge
 
@@ -126,7 +129,7 @@ def test_what_has_no_feet_has_no_margin():
     from motiondeck_base.shipped import find_robot
     from sim.physics.loads import loads_of
     from sim.physics.played_motions import PlayedMotion
-    from sim.physics.preflight import Preflight
+    from sim.physics.preflight.preflight import Preflight
     from sim.robots.robot import load_robot
     from sim.robots.self_collision import SelfCollision
     from simulated_bodies import bent_pose
@@ -135,7 +138,7 @@ def test_what_has_no_feet_has_no_margin():
     motion = PlayedMotion("still", True, np.tile(body.rest, (3, 1)), (bent_pose(human()),) * 3)
     loads = loads_of(body, motion, free=False, collisions=SelfCollision(body), feet=())
     loads = replace(loads, support=(np.zeros((0, 2)),) * 3)
-    found = Preflight(body, body.limits).standing(loads, 1.0)
+    found = Preflight(body, body.limits).numbers.standing(loads, 1.0)
     assert np.isfinite([finding.value for finding in found]).all()
     assert "balance margin" not in {finding.check for finding in found}
 

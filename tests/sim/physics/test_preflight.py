@@ -11,11 +11,12 @@ from hypothesis import strategies as st
 from controller.mocap.posture import Pose
 from controller.rotations import multiply, yaw
 from motiondeck_base.errors import MotiondeckError
-from sim.physics import preflight
 from sim.physics.loads import loads_of
 from sim.physics.physics_model import feet_of
 from sim.physics.played_motions import DT, PlayedMotion, onward
-from sim.physics.preflight import ASTRAY, SLOWEST, Preflight, fastest_passing, servo_lag
+from sim.physics.preflight import trials
+from sim.physics.preflight.by_numbers import ASTRAY, servo_lag
+from sim.physics.preflight.preflight import SLOWEST, Preflight, fastest_passing
 from sim.robots.robot import load_robot
 from sim.robots.self_collision import SelfCollision
 from simulated_bodies import ROBOTS, bent_pose, human
@@ -126,7 +127,7 @@ def test_what_is_out_of_reach_for_an_instant_only_is_let_pass():
 
 def test_poses_go_evenly_from_tick_to_tick():
     from sim.physics.played_motions import poses_at
-    from sim.physics.preflight import TICK
+    from sim.physics.preflight.lasting import TICK
 
     turns = 0.02 * np.arange(9)
     poses = tuple(Pose(np.array([0.01 * k, 0.0, 1.0]), turns[k], yaw(turns[k])[None]) for k in range(9))
@@ -174,28 +175,28 @@ def test_who_stands_still_or_is_down_already_cannot_fall(rotation):
     played = PlayedMotion("still", True, np.tile(SERVO20.rest, (40, 1)), (pose,) * 40)
     judge = Preflight(SERVO20, SERVO20.limits, "free")
     loads = loads_of(SERVO20, played, free=False, collisions=COLLISIONS, feet=feet_of(SERVO20))
-    assert {f.check: f.ok for f in judge.standing(loads, 1.0)}["off balance"]
-    assert {f.check: f.ok for f in judge.simulated(played, 1.0)}["physics: stands"]
+    assert {f.check: f.ok for f in judge.numbers.standing(loads, 1.0)}["off balance"]
+    assert {f.check: f.ok for f in judge.trials.findings(played, 1.0)}["physics: stands"]
 
 
 def test_a_robot_that_walks_is_judged_by_how_it_stands_and_how_far_it_goes(monkeypatch):
-    monkeypatch.setattr(preflight, "FALL_SECONDS", 1.0)
+    monkeypatch.setattr(trials, "FALL_SECONDS", 1.0)
     pose = bent_pose(human())
     played = PlayedMotion("still", True, np.tile(SERVO20.rest, (40, 1)), (pose,) * 40)
-    found = {f.check: f for f in Preflight(SERVO20, SERVO20.limits, "free", walk=True).simulated(played, 1.0)}
+    found = {f.check: f for f in Preflight(SERVO20, SERVO20.limits, "free", walk=True).trials.findings(played, 1.0)}
     assert found["physics: stands"].value == 1.0
     assert 0.0 < found["capture point off"].value < 20.0
     assert found["robot goes"].value < 0.02
     weak = replace(SERVO20, servo=msgspec.structs.replace(SERVO20.servo, torque=0.1))
     with pytest.raises(MotiondeckError, match="cannot stand on one leg"):
-        Preflight(weak, weak.limits, "free", walk=True).simulated(played, 1.0)
+        Preflight(weak, weak.limits, "free", walk=True).trials.findings(played, 1.0)
 
 
 def test_a_robot_that_falls_while_it_is_to_walk_is_told_so_with_the_time(monkeypatch):
-    monkeypatch.setattr(preflight, "FALL_SECONDS", 4.0)
+    monkeypatch.setattr(trials, "FALL_SECONDS", 4.0)
     played = PlayedMotion("still", True, np.tile(SERVO20.rest, (40, 1)), (bent_pose(human()),) * 40)
     late = replace(SERVO20, servo=msgspec.structs.replace(SERVO20.servo, latency=0.3))
-    found = {f.check: f for f in Preflight(late, late.limits, "free", walk=True).simulated(played, 1.0)}
+    found = {f.check: f for f in Preflight(late, late.limits, "free", walk=True).trials.findings(played, 1.0)}
     assert not found["physics: stands"].ok
     assert 0.5 < found["physics: stands"].value < found["physics: stands"].limit
     assert not found["capture point off"].ok
@@ -251,8 +252,8 @@ def test_a_play_that_is_astray_ends_early_and_with_the_same_verdict():
     judge = Preflight(SERVO20, SERVO20.limits)
     for rate in (2.0, 25.0):
         played = swinging(rate, seconds=0.8)
-        whole, _, _ = judge.play(played, 1.0, "gantry")
-        cut, _, _ = judge.play(played, 1.0, "gantry", until=ASTRAY)
+        whole, _, _ = judge.trials.play(played, 1.0, "gantry")
+        cut, _, _ = judge.trials.play(played, 1.0, "gantry", until=ASTRAY)
         assert (cut > ASTRAY) == (whole > ASTRAY)
         assert cut < whole if rate == 25.0 else cut == whole
 

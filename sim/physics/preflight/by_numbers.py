@@ -1,0 +1,138 @@
+"""What a preflight finds by numbers, without simulation: of joints, servos, collisions and balance."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from controller.deck.interfaces import JointLimits
+from controller.loop.safety.safety_envelope import SafetyEnvelope
+from controller.rotations import Array
+from sim.models.overlaps import OVERLAP
+from sim.models.servo_motor import ROOM, strength
+from sim.physics.loads import Loads
+from sim.physics.played_motions import DT, PlayedMotion, targets_at
+from sim.physics.preflight.findings import Finding, limited, of_joints
+from sim.physics.preflight.lasting import TICK, lasting, lasting_until, longest
+from sim.robots.robot import Robot
+
+TEN_MINUTES = 600.0
+# A motion is not played any more if a joint is farther than this from its target, rad, for longer than BRIEFLY;
+# STARTING, s, is not counted.
+ASTRAY = 0.17
+STARTING = 0.2
+# A body that is off balance for longer than this, s, falls.
+OFF_BALANCE = 0.25
+# A robot that touches the floor with more than its soles, its centre of mass below this share of the height of a
+# standing root, is lying down already.
+DOWN = 0.7
+
+
+class Numbers:
+    """Judges by numbers what a robot is asked for.
+
+    Args:
+        robot: which robot.
+        limits: of its joints.
+        falls: whether nothing but its feet keeps it from falling.
+    """
+
+    def __init__(self, robot: Robot, limits: JointLimits, *, falls: bool) -> None:
+        self._robot, self._limits, self._falls = robot, limits, falls
+
+    def findings(self, played: PlayedMotion, loads: Loads, tempo: float) -> list[Finding]:
+        """All of them."""
+        depth = float(loads.collision.max())
+        collision = limited("self-collision", 1e3 * depth, 1e3 * OVERLAP, "mm", loads.colliding)
+        found = [*self._joints(played, loads, tempo), *self._servos(loads, tempo), collision]
+        return found + self.standing(loads, tempo)
+
+    def pass_at(self, played: PlayedMotion, loads: Loads, tempo: float) -> bool:
+        """Whether all that a tempo can mend are within their limits; it stops at the first that is not."""
+        found = [*self._servos(loads, tempo), *self.standing(loads, tempo)]
+        return all(one.ok for one in found) and self._held_back(played, tempo, until=ASTRAY).max() <= ASTRAY
+
+    def _joints(self, played: PlayedMotion, loads: Loads, tempo: float) -> list[Finding]:
+        joints, limits = self._robot.joints, self._limits
+        beyond = lasting(np.maximum(limits.lower - played.targets, played.targets - limits.upper), DT)
+        ends = np.minimum(played.targets - limits.lower, limits.upper - played.targets) < 1e-6
+        share = ends.mean(axis=0)
+        speed = tempo * np.abs(loads.velocity).max(axis=0) / limits.velocity
+        held = self._held_back(played, tempo)
+        return [
+            of_joints("at a joint's end", 100.0 * share, None, "%", joints),
+            limited("out of reach", max(float(beyond.max()), 0.0), ASTRAY, "rad", joints[int(np.argmax(beyond))]),
+            of_joints("speed", 100.0 * speed, None, "%", joints),
+            of_joints("held back", held, ASTRAY, "rad", joints),
+        ]
+
+    def _held_back(self, played: PlayedMotion, tempo: float, until: float = np.inf) -> Array:
+        """How far the safety envelope keeps each joint from its target for longer than BRIEFLY, shape (J,), rad.
+
+        It ends when a joint has been kept farther than `until`, rad, for so long.
+        """
+        targets = targets_at(played, tempo, TICK)
+        inside = np.clip(targets, self._limits.lower, self._limits.upper)
+        envelope = SafetyEnvelope(self._limits, TICK)
+        envelope.start(inside[0])
+        # The envelope starts at rest, and so lags at first.
+        first = min(len(targets) - 1, round(STARTING / TICK))
+        for target in targets[:first]:
+            envelope(target)
+        off = (np.abs(envelope(target) - goal) for target, goal in zip(targets[first:], inside[first:], strict=True))
+        return lasting_until(off, until)
+
+    def _servos(self, loads: Loads, tempo: float) -> list[Finding]:
+        servo, joints = self._robot.servo, self._robot.joints
+        torque = loads.torque(tempo)
+        if servo is None:
+            share = lasting(np.abs(torque), DT) / strength(self._robot.model)
+            if share.any():
+                return [of_joints("torque", 100.0 * share, 100.0, "%", joints)]
+            peak = np.abs(torque).max(axis=0)
+            return [of_joints("torque", peak, None, "N m", joints)]
+        velocity = np.clip(tempo * loads.velocity, -self._limits.velocity, self._limits.velocity)
+        share = lasting(np.abs(torque), DT) / servo.most
+        lag = servo_lag(torque / servo.torque + velocity / servo.speed, DT / tempo) * servo.speed
+        drawn = servo.drawn(np.clip(torque, -servo.most, servo.most))
+        rms = np.sqrt(np.square(drawn).mean(axis=0))
+        warm = servo.temperature(rms**2, TEN_MINUTES, ROOM)
+        return [
+            of_joints("torque", 100.0 * share, 100.0, "%", joints),
+            of_joints("servo lag", lag, ASTRAY, "rad", joints),
+            of_joints("current (rms)", rms, None, "A", joints),
+            of_joints("heat in 10 min", warm, servo.hottest, "degC", joints),
+        ]
+
+    def standing(self, loads: Loads, tempo: float) -> list[Finding]:
+        """Findings about feet and balance, without physics."""
+        inside = loads.balance(tempo)
+        root = self._robot.model.body(int(self._robot.model.jnt_bodyid[0]))
+        down = loads.lies & (loads.com[:, 2] < DOWN * float(root.pos[2]))
+        off = longest((inside < 0.0) & ~down) * DT / tempo
+        slide = tempo * float(np.median(loads.slide))
+        margin = float(np.median(inside))
+        found = [
+            Finding("into the ground", -1e3 * min(float(loads.lowest.min()), 0.0), None, "mm"),
+            Finding("foot slide", 1e3 * slide, None, "mm/s"),
+            Finding("balance margin", 1e3 * margin, None, "mm"),
+            limited("off balance", off, OFF_BALANCE, "s") if self._falls else Finding("off balance", off, None, "s"),
+        ]
+        # A robot without feet, or with its feet in the air most of the time, has no margin.
+        return [finding for finding in found if np.isfinite(finding.value)]
+
+
+def servo_lag(drive: Array, dt: float) -> Array:
+    """How far servos fall behind, in no-load speeds times seconds, shape (J,).
+
+    A motor needs the share  torque / T + velocity / w  of its voltage. What it needs beyond all of it, it lacks in
+    speed, and what it does not need it has to catch up with.
+
+    Args:
+        drive: that share, shape (T, J).
+        dt: from sample to sample, s.
+    """
+    behind, worst = np.zeros((2, drive.shape[1]))
+    for needed in np.abs(drive):
+        behind = np.maximum(behind + (needed - 1.0) * dt, 0.0)
+        worst = np.maximum(worst, behind)
+    return worst

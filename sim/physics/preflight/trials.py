@@ -1,0 +1,136 @@
+"""What a preflight finds in simulated physics: whether servos follow, and whether a free robot stands or walks."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from itertools import chain, repeat
+from typing import Any, cast
+
+import mujoco
+import numpy as np
+
+from controller.deck.interfaces import JointLimits
+from controller.loop.safety.safety_envelope import SafetyEnvelope
+from controller.rotations import Array
+from sim.models.servo_motor import ROOM
+from sim.physics.playback import PhysicsPlayback
+from sim.physics.played_motions import PlayedMotion, onward, poses_at, targets_at
+from sim.physics.preflight.by_numbers import ASTRAY, TEN_MINUTES
+from sim.physics.preflight.findings import Finding, limited
+from sim.physics.preflight.lasting import TICK, lasting_until
+from sim.robots.robot import Robot
+
+# After so long on a free root, s, a robot that falls has fallen.
+FALL_SECONDS = 10.0
+
+
+class Trials:
+    """Plays motions in physics on one robot.
+
+    Args:
+        robot: which robot.
+        limits: of its joints.
+        root: "gantry", "fixed" or "free": what holds the robot.
+        balance: whether a free robot keeps its balance.
+        walk: whether a free robot goes where the motion goes, on its own feet.
+    """
+
+    def __init__(self, robot: Robot, limits: JointLimits, root: str, balance: bool, walk: bool) -> None:
+        self.robot, self.limits, self.root, self.balance, self.walk = robot, limits, root, balance, walk
+        self._models: dict[str, mujoco.MjModel] = {}
+
+    def findings(self, played: PlayedMotion, tempo: float) -> list[Finding]:
+        """Whether the servos follow, and whether a free robot stands."""
+        astray, joint, _ = self.play(played, tempo, self._carried())
+        found = [limited("physics: off target", astray, ASTRAY, "rad", self.robot.joints[joint])]
+        if self.walk:
+            found += self._walked_findings(played, tempo)
+        elif self.root == "free":
+            _, _, fell = self.play(played, tempo, "free", FALL_SECONDS)
+            stood = FALL_SECONDS if fell is None else fell
+            found.append(replace(Finding("physics: stands", stood, FALL_SECONDS, "s"), ok=fell is None))
+        return found
+
+    def follow(self, played: PlayedMotion, tempo: float) -> bool:
+        """Whether all `findings` are within its limits; it stops as soon as something is not."""
+        astray, _, _ = self.play(played, tempo, self._carried(), until=ASTRAY)
+        if astray > ASTRAY or self.root != "free":
+            return astray <= ASTRAY
+        if self.walk:
+            return all(finding.ok for finding in self._walked_findings(played, tempo))
+        return self.play(played, tempo, "free", FALL_SECONDS)[2] is None
+
+    def _walked_findings(self, played: PlayedMotion, tempo: float) -> list[Finding]:
+        """Findings of walking it on the robot's own feet for FALL_SECONDS."""
+        stage = self.walked(played, tempo)
+        stood = FALL_SECONDS if stage.fell_s is None else stage.fell_s
+        asked, walked = stage.travel or (0.0, 0.0)
+        report = cast(Mapping[str, Any], stage.report())
+        found = [
+            replace(Finding("physics: stands", stood, FALL_SECONDS, "s"), ok=stage.fell_s is None),
+            limited("capture point off", 100.0 * report["capture_point_off"], 100.0, "%"),
+            Finding("motion goes", asked, None, "m"),
+            Finding("robot goes", walked, None, "m"),
+        ]
+        servo = self.robot.servo
+        if servo is not None:
+            drawn = np.array(report["servos"]["rms_current_a"])
+            warm = float(servo.temperature(drawn**2, TEN_MINUTES, ROOM))
+            found.append(limited("walking: heat in 10 min", warm, servo.hottest, "degC"))
+            found.append(Finding("walking: at torque limit", 100.0 * report["servos"]["at_limit"], None, "%"))
+        return found
+
+    def walked(self, played: PlayedMotion, tempo: float) -> PhysicsPlayback:
+        """The robot after it has walked a motion for FALL_SECONDS, or has fallen."""
+        stage = self._stage("free", walk=True)
+        for _ in self._played(stage, played, tempo, FALL_SECONDS):
+            pass
+        return stage
+
+    def _carried(self) -> str:
+        """What holds the root while it counts whether the servos follow."""
+        return self.root if self.root != "free" else "gantry"
+
+    def play(
+        self, played: PlayedMotion, tempo: float, root: str, seconds: float | None = None, until: float = np.inf
+    ) -> tuple[float, int, float | None]:
+        """Plays a motion in physics, once or for some seconds.
+
+        It ends when the robot falls, or when a joint has been farther than `until`, rad, from its target for longer
+        than BRIEFLY.
+
+        Returns:
+            how far a joint was from its target for longer than BRIEFLY, rad; which; when the robot fell, s, or None.
+        """
+        stage = self._stage(root)
+        worst = lasting_until(self._played(stage, played, tempo, seconds), until)
+        return float(worst.max()), int(np.argmax(worst)), stage.fell_s
+
+    def _stage(self, root: str, *, walk: bool = False) -> PhysicsPlayback:
+        balance = self.balance and root == "free" and not walk
+        stage = PhysicsPlayback(self.robot, TICK, root, balance, walk=walk, compiled=self._models.get(root))
+        self._models[root] = stage.model
+        return stage
+
+    def _played(
+        self, stage: PhysicsPlayback, played: PlayedMotion, tempo: float, seconds: float | None
+    ) -> Iterator[Array]:
+        """Plays a motion on a stage until the robot falls: how far joints are from their targets in each tick (J,)."""
+        targets, poses = targets_at(played, tempo, TICK), poses_at(played, tempo, TICK)
+        inside = np.clip(targets, self.limits.lower, self.limits.upper)
+        envelope = SafetyEnvelope(self.limits, TICK)
+        envelope.start(inside[0])
+        if self.robot.footing is not None:
+            self.robot.footing.reset(TICK)
+        # A one-shot holds its end, a loop goes round.
+        rounds = onward(poses) if played.loop else chain(poses, repeat(poses[-1]))
+        for k, pose in zip(range(len(targets) if seconds is None else round(seconds / TICK)), rounds, strict=False):
+            at = k % len(targets) if played.loop else min(k, len(targets) - 1)
+            stage.write(envelope(targets[at]), pose)
+            yield np.abs(stage.measured() - inside[at])
+            if stage.fell_s is not None:
+                break
