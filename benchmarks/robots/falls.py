@@ -3,6 +3,8 @@
 A robot walks and is pushed once, from any side, at any time and so hard that it often falls. Says, of the falls, how
 hard and how fast head and trunk hit the floor, how hard the arms do, and what the gears of the joints carry: the mean
 of all falls and the worst. Each fall happens twice, with the fall guard of `--walk` and without it.
+
+With --rise guarded robots are watched for longer: how many stand again, and how long after the push.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -30,6 +32,8 @@ from sim.robots.robot import DT, Robot, load_robot
 
 # The push comes so long after the start, and the fall is watched for so long, s.
 FIRST, LAST, WATCHED = 1.3, 2.4, 2.0
+# With --rise, s.
+RISES = 20.0
 # How hard it is, in usual pushes.
 WEAKEST, HARDEST = 5.0, 10.0
 # Which bodies they are, by their names; the root's body belongs to the trunk.
@@ -44,11 +48,13 @@ class Blows:
         force: of the floor on head, trunk and arms, N.
         speed: of head and trunk when they first touched the floor, m/s; 0 if they never did.
         gear: the torque that the gears of a joint carried, with that of the rotor that they drive, N m.
+        up: when it stood again, s after the push; None if it did not while it was watched.
     """
 
     force: dict[str, float] = field(default_factory=lambda: dict.fromkeys(PARTS, 0.0))
     speed: dict[str, float] = field(default_factory=dict)
     gear: float = 0.0
+    up: float | None = None
 
 
 class Watched(PhysicsPlayback):
@@ -112,20 +118,26 @@ def fall(robot: Robot, course: Course, impulse: float, towards: float, at: float
     for tick, (targets, root, heading) in enumerate(zip(course.targets, course.roots, course.headings, strict=True)):
         since = tick * DT - at
         stage.push(push_force(impulse, towards) if 0.0 <= since < PUSH_LASTS else np.zeros(3))
-        stage.watching = since >= PUSH_LASTS
+        stage.watching = PUSH_LASTS <= since < WATCHED
         stage.write(targets, placed_pose(root, float(heading)))
+        if stage.fallen:
+            stage.blows.up = None
+        elif stage.fell_s is not None and stage.blows.up is None:
+            stage.blows.up = since
     return stage.fell_s is not None, stage.blows
 
 
-def measure(name: str, motion: str, seed: int) -> tuple[bool, list[Blows]]:
-    """One push of a seed: whether the robot fell without the guard, and the blows without and with it."""
+def measure(name: str, motion: str, seed: int, seconds: float) -> tuple[bool, list[Blows]]:
+    """One push of a seed: whether the robot fell without the guard; its blows without it, and with it in so many s."""
     library = load_library(find_library("thesis15"))
     robot = load_robot(find_robot(name), library.skeleton)
     random = np.random.default_rng(seed)
     impulse = usual_push(robot.model) * random.uniform(WEAKEST, HARDEST)
     towards, at = random.uniform(0.0, 2.0 * np.pi), random.uniform(FIRST, LAST)
-    course = play_course(robot, Deck(library, robot.retarget, motion).update, at + WATCHED)
-    fell, plain = fall(robot, course, impulse, towards, at, guard=False)
+    course = play_course(robot, Deck(library, robot.retarget, motion).update, at + seconds)
+    short = round((at + WATCHED) / DT)
+    brief = Course(course.targets[:short], course.roots[:short], course.headings[:short])
+    fell, plain = fall(robot, brief, impulse, towards, at, guard=False)
     return fell, [plain, fall(robot, course, impulse, towards, at, guard=True)[1]] if fell else [plain]
 
 
@@ -134,12 +146,15 @@ def main() -> None:
     parser.add_argument("--robots", nargs="+", default=["servo20", "mannequin"], help="names, or robot files")
     parser.add_argument("--motion", default="walk", help="of thesis15")
     parser.add_argument("--seeds", nargs=2, type=int, default=[100, 130], metavar=("FIRST", "END"))
+    parser.add_argument("--rise", action="store_true", help="also watch how they get up")
     parser.add_argument("--jobs", type=Jobs.parse, default=Jobs(), help="processes, or dask://HOST:PORT")
     given = parser.parse_args()
     columns = ("head N", "trunk N", "arms N", "head m/s", "trunk m/s", "gear N m")
     print(f"{'robot':10} {'falls':>7} {'guard':>6}" + "".join(f"{column:>16}" for column in columns))
     for name in given.robots:
-        tasks = [delayed(measure)(name, given.motion, seed) for seed in range(*given.seeds)]
+        tasks = [
+            delayed(measure)(name, given.motion, seed, RISES if given.rise else WATCHED) for seed in range(*given.seeds)
+        ]
         falls = [blows for fell, blows in spread(tasks, given.jobs, ordered=True) if fell]
         for number, guard in enumerate(("no", "yes")):
             rows = np.array([_row(blows[number]) for blows in falls]).reshape(-1, len(columns))
@@ -147,6 +162,11 @@ def main() -> None:
                 f"{mean:8.2f} {worst:7.2f}" for mean, worst in zip(rows.mean(axis=0), rows.max(axis=0), strict=True)
             )
             print(f"{name:10} {len(falls):3d}/{len(tasks):3d} {guard:>6}" + "".join(cells), flush=True)
+        if given.rise:
+            up = [blows[1].up for blows in falls if blows[1].up is not None]
+            print(
+                f"{name:10} {len(up)} of {len(falls)} stand again, {np.round(sorted(up), 1).tolist()} s after the push"
+            )
 
 
 def _row(blows: Blows) -> Array:

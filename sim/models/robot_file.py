@@ -9,6 +9,7 @@ import msgspec
 
 from motiondeck_base.errors import FileFormatError, UnknownNameError
 from motiondeck_base.toml_file import read_toml
+from sim.models.rise_settings import RiseSettings
 from sim.models.servo_motor import ServoMotor
 from sim.models.walk_settings import WalkSettings
 
@@ -70,6 +71,7 @@ class RobotFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         rest: joint positions to rest in, rad; those not named rest at zero.
         servo: what each of its servos can do; without it they are as strong as the model has them.
         walk: how it walks on its own feet.
+        rise: how it gets up from the floor.
     """
 
     name: str
@@ -85,6 +87,7 @@ class RobotFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     rest: dict[str, float] = {}
     servo: ServoMotor | None = None
     walk: WalkSettings = WalkSettings()
+    rise: RiseSettings = RiseSettings()
 
 
 def read_robot_file(path: Path) -> RobotFile:
@@ -124,6 +127,11 @@ def _check_numbers(path: Path, robot: RobotFile) -> None:
     for key, value in msgspec.structs.asdict(robot.walk).items():
         if not abs(value) < float("inf"):
             raise FileFormatError(f"{path}: walk.{key} is {value}; it must be a finite number")
+    for key, rows in msgspec.structs.asdict(robot.rise).items():
+        for number, row in enumerate(rows, start=1):
+            if not (row[0] > 0.0 and all(abs(value) < float("inf") for value in row)):
+                place = f"{path}: rise.{key}, row {number}: {list(row)}"
+                raise FileFormatError(f"{place}; it must be a time above 0 s and five angles in rad")
     if robot.root_height is not None and not 0.0 < robot.root_height < float("inf"):
         raise FileFormatError(f"{path}: root_height is {robot.root_height}; it must be a positive number of metres")
     if not abs(sum(component**2 for component in robot.root_rotation) - 1.0) < 1e-3:

@@ -17,7 +17,7 @@ from controller.wire.messages.commands import Side
 from motiondeck_base.errors import MotiondeckError
 from sim.models.surface import LowestPoint
 from sim.physics.balance import Balance
-from sim.physics.falls.fall_guard import FallGuard
+from sim.physics.falls.recovery import Recovery
 from sim.physics.physics_model import Alteration, feet_of, physics_model, usual_push
 from sim.physics.simulated_servos import Servos
 from sim.physics.walking.preview import AHEAD
@@ -35,8 +35,6 @@ FALLEN_HEIGHT = 0.6
 FALLEN_TILT = 1.0
 STANDS_AGAIN = 1.0
 """s that a fallen robot must be upright before it counts as standing."""
-GIVEN_UP = 1.0
-"""s after which a robot that has tucked itself in has fallen, though it may sit on its feet."""
 
 # How long a push lasts, s, and where one on command drives the body, rad to the left of its own heading.
 PUSH_LASTS = 0.1
@@ -138,7 +136,7 @@ class PhysicsPlayback:
             compiled: the model of an earlier playback of this robot with this root, to compile none.
             sensors: what a robot that walks knows itself by; None if it knows its state exactly.
             alter: what is different in the world from what the robot knows of itself and of the floor.
-            guard: whether one that balances or walks protects itself when it falls.
+            guard: whether one that balances or walks protects itself when it falls, and gets up where it can.
 
         Raises:
             MotiondeckError: if root is another word, or balance or walking is asked of a robot that is not free or
@@ -160,7 +158,7 @@ class PhysicsPlayback:
         self._balance = Balance(robot, model, self._dt) if balance else None
         own = model if alter is None else physics_model(robot, root)
         gravity = model.opt.gravity
-        self._guard = FallGuard(robot, model, self._dt) if guard and (balance or walk) else None
+        self._recovery = Recovery(robot, model, self._dt) if guard and (balance or walk) else None
         self._walker = Walker(robot, own, feet_of(robot), self._dt, gravity, sensors) if walk else None
         self._legs = self._balance or self._walker
         self.behind_s = AHEAD if walk else 0.0
@@ -183,7 +181,7 @@ class PhysicsPlayback:
         self._stands_for = 0  # writes since a fallen robot was seen to stand
         self.near_falls: list[float] = []
         self._lost = False
-        self._guarded_for = 0  # writes since the fall guard took over
+        self._gone = 0.0, 0.0  # how far motion and robot had gone before it last got up, m
         self._heading = 0.0  # of the motion, rad
         self._pushed = 0  # ticks for which the push under way still lasts
         self._square_sum, self._worst = 0.0, 0.0
@@ -216,10 +214,12 @@ class PhysicsPlayback:
         self.placed[:] = self._goal[:7]
         self.wanted[:] = self._goal
         if self._legs is not None:
+            if self._recovery is not None and self._recovery.stands:
+                self._stand_again(self._legs)
             self._legs.adjust(data, self._goal, self._heading)
             if starting:
                 self._goal_before[:] = self._goal  # what it adds at once is not a movement
-            self._protect()
+            self._recover()
         if self._servos is not None:
             self._goal[:] = self._servos.delayed(self._goal)
         self._aim()
@@ -258,26 +258,32 @@ class PhysicsPlayback:
             self.wanted[:2] = data.qpos[:2]
             self._look_for_fall(root)
 
-    def _protect(self) -> None:
-        """Notes that a robot is going to fall, and lets the fall guard take it over."""
+    def _recover(self) -> None:
+        """Notes that a robot is going to fall, and lets it protect itself and get up."""
         if self._legs is None:
             return
+        recovery = self._recovery
         if self._legs.falling and not self._lost and not self.fallen:
             self.near_falls.append(self.clock())
         self._lost = self._legs.falling
-        if self._guard is None:
+        if recovery is None:
             return
-        if self._legs.falling and not self._guard.active:
-            self._guard.take_over(self._goal_before)
+        before = recovery.phase
+        recovery.adjust(self._legs, self.data, self._goal_before, self._goal)
+        if recovery.phase is not before:
             self._lead = _lead(self.model)
-        if self._guard.active:
-            self._guarded_for += 1
-            self._guard.adjust(self._goal)
+
+    def _stand_again(self, legs: Balance | Walker) -> None:
+        """Lets what keeps a robot on its feet begin anew where it stands."""
+        self._gone = self.travel or (0.0, 0.0)
+        here = self.data.qpos.copy()
+        legs.start(self.data)
+        self.data.qpos[:] = here
 
     def _look_for_fall(self, played: Array) -> None:
         """Notes whether the robot lies where its root is to be as `played`, shape (>= 7,)."""
-        sits = self._guarded_for * self._dt > GIVEN_UP
-        if sits or has_fallen(self.data.qpos, played, self.model.qpos0[3:7]):
+        gave_up = self._recovery is not None and self._recovery.gave_up
+        if gave_up or has_fallen(self.data.qpos, played, self.model.qpos0[3:7]):
             self.fallen, self._stands_for = True, 0
             self.fell_s = self.clock() if self.fell_s is None else self.fell_s
         elif self.fallen:
@@ -287,7 +293,7 @@ class PhysicsPlayback:
     @property
     def incidents(self) -> list[str]:
         """What has happened to it so far, in words."""
-        guarded = ": it tucks itself in and goes soft" if self._guard is not None else ""
+        guarded = ": it tucks itself in and goes soft" if self._recovery is not None else ""
         return ["the robot is about to fall" + guarded] * len(self.near_falls)
 
     def measured(self) -> Array:
@@ -299,7 +305,8 @@ class PhysicsPlayback:
         """How far the motion went and how far a robot that walks did, along the ground, m; None for others."""
         if self._walker is None or not self._started:
             return None
-        return self._walker.preview.travel.metres, self._walker.travel.metres
+        asked, walked = self._gone
+        return asked + self._walker.preview.travel.metres, walked + self._walker.travel.metres
 
     def contact_forces(self, out: Array) -> None:
         """Writes where the floor holds the body and how hard, one row (6,) a body part: m and N in the world.
@@ -376,6 +383,7 @@ class PhysicsPlayback:
             said |= {"balance": self._balance is not None, "fell_s": self.fell_s}
         if self._legs is not None:
             said["near_falls_s"] = self.near_falls
+            said["got_up"] = self._recovery.rises if self._recovery is not None else 0
         if self._walker is not None and self.travel is not None:
             said["travel"] = dict(zip(("asked_m", "walked_m"), self.travel, strict=True))
             said |= {"capture_point_off": self._walker.worst}
@@ -413,9 +421,9 @@ class PhysicsPlayback:
             self.data.mocap_quat[0] = self._goal[3:7]
         if self._legs is not None:
             self._legs.start(self.data)
-        if self._guard is not None and self._guard.active:
-            self._guard.let_go()
-            self._lead, self._guarded_for = _lead(self.model), 0
+        if self._recovery is not None:
+            self._recovery.start()
+            self._lead = _lead(self.model)
         self._goal_before[:] = self.data.qpos
         if self._servos is not None:
             self._servos.start()

@@ -23,6 +23,7 @@ from sim.models.formats.urdf_visuals import with_visuals
 from sim.models.joint_layout import JointLayout
 from sim.models.mannequin.mannequin import build_mannequin
 from sim.models.model_file import read_model
+from sim.models.rise_settings import RiseSettings, Row
 from sim.models.robot_file import RobotFile, Solver, read_robot_file
 from sim.models.scenery import add_gantry, add_lamp, set_stage
 from sim.models.servo_motor import ServoMotor
@@ -32,12 +33,25 @@ from sim.retargeting.footing import Footing
 from sim.retargeting.human_stance import HumanStance
 from sim.retargeting.retarget import MannequinRetargeter, ServoHumanoidRetargeter
 from sim.retargeting.robot_limbs import RobotLimbs
-from sim.retargeting.tucked_pose import tucked_pose
+from sim.retargeting.symmetric_pose import TUCKED, Bends, symmetric_pose
 
 # How often a robot is posed where nobody says, s.
 DT = 0.005
 FEET = ("r_foot", "l_foot")
 """The parts that a robot stands on, as a robot file names them."""
+
+
+@dataclass(frozen=True)
+class Rise:
+    """How a robot gets up: how long each posture takes, s, and its joints (J,), rad; then it goes to its rest pose.
+
+    Attributes:
+        front: from its belly to its feet.
+        back: from its back onto its belly.
+    """
+
+    front: tuple[tuple[float, Array], ...]
+    back: tuple[tuple[float, Array], ...]
 
 
 @dataclass(frozen=True)
@@ -57,6 +71,7 @@ class Robot:
         servo: what each of its servos can do, where that is known.
         footing: finds its root's place; none for a mannequin, whose root goes where the human's goes.
         walk: how it walks on its own feet.
+        rise: how it gets up from the floor; None if it cannot, or its motions are no human's.
     """
 
     name: str
@@ -71,6 +86,7 @@ class Robot:
     servo: ServoMotor | None = None
     footing: Footing | None = None
     walk: WalkSettings = field(default_factory=WalkSettings)
+    rise: Rise | None = None
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -151,12 +167,13 @@ class RobotLoader:
                 layout,
                 limits,
                 rest,
-                _tucked(retarget, skeleton, model, limits),
+                bent_joints(retarget, skeleton, limits, TUCKED),
                 retarget,
                 1.0,
                 file.servo,
                 None,
                 file.walk,
+                _rise(file.rise, retarget, skeleton, limits),
             )
         scale = file.root_height / skeleton.leg_length if file.root_height and skeleton.leg_length > 0.0 else 1.0
         if isinstance(skeleton, JointBody):
@@ -172,9 +189,21 @@ class RobotLoader:
                 waist = pelvis
                 scale *= 1.0 + pelvis.above_root / file.root_height if file.root_height else 1.0
         footing = Footing(stance, model, feet, turned, scale, waist)
-        tucked = _tucked(retarget, skeleton, model, limits)
+        tucked = bent_joints(retarget, skeleton, limits, TUCKED)
         return Robot(
-            file.name, spec, model, layout, limits, rest, tucked, retarget, scale, file.servo, footing, file.walk
+            file.name,
+            spec,
+            model,
+            layout,
+            limits,
+            rest,
+            tucked,
+            retarget,
+            scale,
+            file.servo,
+            footing,
+            file.walk,
+            _rise(file.rise, retarget, skeleton, limits),
         )
 
 
@@ -208,9 +237,19 @@ def _retargeter(
     return InverseKinematics(skeleton, limbs, limits, rest, dt, stance)
 
 
-def _tucked(retarget: Retargeter, skeleton: Skeleton, model: mujoco.MjModel, limits: JointLimits) -> Array:
-    """The joints (J,), rad, of the tucked pose, found by a copy: a retargeter remembers what it was asked."""
-    return np.clip(deepcopy(retarget, {id(model): model})(tucked_pose(skeleton)), limits.lower, limits.upper)
+def bent_joints(retarget: Retargeter, skeleton: Skeleton, limits: JointLimits, bends: Bends) -> Array:
+    """The joints (J,), rad, of a symmetric pose, found by a copy: a retargeter remembers what it was asked."""
+    return np.clip(deepcopy(retarget)(symmetric_pose(skeleton, bends)), limits.lower, limits.upper)
+
+
+def _rise(table: RiseSettings, retarget: Retargeter, skeleton: Skeleton, limits: JointLimits) -> Rise | None:
+    if not table.front:
+        return None
+
+    def postures(rows: tuple[Row, ...]) -> tuple[tuple[float, Array], ...]:
+        return tuple((row[0], bent_joints(retarget, skeleton, limits, Bends(*row[1:]))) for row in rows)
+
+    return Rise(postures(table.front), postures(table.back))
 
 
 def _load_model(path: Path, file: RobotFile) -> tuple[mujoco.MjSpec, mujoco.MjModel]:

@@ -139,7 +139,10 @@ def _happened(report: dict[str, Any]) -> list[str]:
     lines += [f"at {refused['at']:g} s refused: {refused['reason']}" for refused in report["refused"]]
     if "rig" in report:
         lines += [f"rig: {incident}" for incident in report["rig"]["incidents"][-_INCIDENTS_SHOWN:]]
-    lines += [f"the robot fell after {o['fell_s']:.1f} s" for o in report["outputs"] if o.get("fell_s") is not None]
+    for output in report["outputs"]:
+        if output.get("fell_s") is not None:
+            up = f"; it got up {counted(output['got_up'], 'time')}" if output.get("got_up") else ""
+            lines.append(f"the robot fell after {output['fell_s']:.1f} s{up}")
     for output in report["outputs"]:
         if travel := output.get("travel"):
             lines.append(f"walked {travel['walked_m']:.1f} m; the motion went {travel['asked_m']:.1f} m")

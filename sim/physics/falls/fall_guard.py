@@ -31,7 +31,8 @@ class FallGuard:
         """Args: whose joints; the model that is simulated, whose servos it makes soft; from tick to tick, s."""
         self._robot, self._model = robot, model
         self._step = robot.limits.velocity * dt
-        self._gain, self._bias = model.actuator_gainprm[:, 0].copy(), model.actuator_biasprm[:, 1].copy()
+        # The robot's own: a model that was used before may have been left soft.
+        self._gain, self._bias = robot.model.actuator_gainprm[:, 0], robot.model.actuator_biasprm[:, 1]
         self._targets = robot.rest.copy()
 
     def take_over(self, goal: Array) -> None:

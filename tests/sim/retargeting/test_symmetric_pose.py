@@ -1,12 +1,13 @@
 import numpy as np
+import pytest
 
 from controller.rotations import rotate
-from sim.retargeting.tucked_pose import tucked_pose
+from sim.retargeting.symmetric_pose import TUCKED, Bends, symmetric_pose
 from simulated_bodies import HUMAN, human, skeleton_of
 
 
-def directions(skeleton):
-    pose = tucked_pose(skeleton)
+def directions(skeleton, bends=TUCKED):
+    pose = symmetric_pose(skeleton, bends)
     turned = rotate(pose.rotation[1:], skeleton.rest_direction)
     return dict(zip(skeleton.bones, turned, strict=True))
 
@@ -27,3 +28,20 @@ def test_it_is_the_same_whatever_the_rest_pose():
                for name, parent, way, length in HUMAN]  # fmt: skip
     there, here = directions(skeleton_of(hanging)), directions(human())
     assert all(np.allclose(there[bone], here[bone]) for bone in here)
+
+
+def test_each_joint_bends_by_its_own_angle():
+    straight = directions(human(), Bends(0.0, 0.0, 0.0, 0.0, 0.0))
+    assert np.allclose([straight["rkne"], straight["rank"], straight["lelb"], straight["lwri"]], (0.0, 0.0, -1.0))
+    assert np.allclose(straight["lfoo"], (1.0, 0.0, 0.0))
+    bends = Bends(hip=0.5, knee=0.8, ankle=0.3, shoulder=-0.4, elbow=0.6)
+    points = directions(human(), bends)
+
+    def angle(a, b):
+        return np.arccos(points[a] @ points[b])
+
+    assert np.arccos(points["rkne"] @ (0.0, 0.0, -1.0)) == pytest.approx(0.5)
+    assert points["relb"][0] < 0.0 < points["rkne"][0]
+    assert angle("rkne", "rank") == pytest.approx(0.8)
+    assert angle("rank", "rfoo") == pytest.approx(np.pi / 2 + 0.3)
+    assert angle("relb", "rwri") == pytest.approx(0.6)

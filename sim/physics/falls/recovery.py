@@ -1,0 +1,171 @@
+"""Recovery: what a robot does about a fall, from when it is seen coming until it stands again.
+
+    plays -> falls, tucked and soft -> lies straight -> gets up -> joins the motion -> plays
+
+A robot that lies on its back turns over first. Where the poses of its file do not get it on its feet, it tries again,
+and after TRIES lies straight for good.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's names come from compiled modules, which have no type stubs.)
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from enum import Enum, auto
+from itertools import chain
+from typing import Protocol
+
+import mujoco
+import numpy as np
+
+from controller.rotations import Array, conjugate, multiply, rotate
+from sim.models.gravity import GRAVITY
+from sim.physics.falls.fall_guard import FallGuard
+from sim.robots.robot import Robot
+
+# A body whose root is slower than this, in its heights a second, for so long, s, lies still; it falls for so long at
+# least, s.
+SLOW, STILL, FALLS = 0.2, 0.4, 0.6
+# How long it takes to lie straight and to stand up from the last posture, in sqrt(height / g).
+STRAIGHT, STANDS = 5.0, 5.0
+# It stands if its root is above this share of its height and leans by less than this, rad.
+HIGH, LEAN = 0.85, 0.3
+TRIES = 6
+# After so long, s, a robot that has tucked itself in has given up.
+GIVEN_UP = 1.0
+# How long the joints take from the rest pose into the motion, s.
+JOINS = 0.6
+
+
+class Legs(Protocol):
+    """What keeps a robot on its feet."""
+
+    @property
+    def falling(self) -> bool:
+        """Whether it is going to fall."""
+        ...
+
+
+class Phase(Enum):
+    """Where it is in the way from one motion to the next."""
+
+    PLAYS = auto()
+    FALLS = auto()
+    RISES = auto()
+    JOINS = auto()
+    LIES = auto()
+
+
+class Recovery:
+    """Takes the joints over while a robot falls and gets up.
+
+    Attributes:
+        phase: what it does.
+        rises: how often it has got up.
+    """
+
+    def __init__(self, robot: Robot, model: mujoco.MjModel, dt: float) -> None:
+        """Args: whose joints; the model that is simulated; from tick to tick, s."""
+        self._robot, self._model, self._dt = robot, model, dt
+        self._guard = FallGuard(robot, model, dt)
+        self._height = float(robot.model.body(int(robot.model.jnt_bodyid[0])).pos[2])
+        self._beat = math.sqrt(self._height / GRAVITY)
+        self._upright = conjugate(model.qpos0[3:7])
+        self._targets = robot.rest.copy()
+        self.rises = 0
+        self.start()
+
+    def start(self) -> None:
+        """Plays, as strong as ever."""
+        self._guard.let_go()
+        self._begin(Phase.PLAYS)
+        self._tries = 0
+
+    @property
+    def seconds(self) -> float:
+        """How long it has been in this phase."""
+        return self._ticks * self._dt
+
+    @property
+    def stands(self) -> bool:
+        """Whether it has just got up: what keeps it on its feet begins anew."""
+        return self.phase is Phase.JOINS and self._ticks == 0
+
+    @property
+    def gave_up(self) -> bool:
+        """Whether it no longer does what is played, though it may sit on its feet."""
+        return self.phase in (Phase.RISES, Phase.LIES) or (self.phase is Phase.FALLS and self.seconds > GIVEN_UP)
+
+    def adjust(self, legs: Legs, data: mujoco.MjData, before: Array, goal: Array) -> None:
+        """Puts where the joints are to go into a goal (nq,), given that of the tick before and the robot's state."""
+        self._ticks += 1
+        if legs.falling and self.phase in (Phase.PLAYS, Phase.JOINS):
+            self._guard.take_over(before)
+            self._begin(Phase.FALLS)
+        match self.phase:
+            case Phase.PLAYS:
+                pass
+            case Phase.FALLS:
+                self._guard.adjust(goal)
+                if self._robot.rise is not None and self.seconds > FALLS and self._is_still(data):
+                    self._guard.let_go()
+                    self._targets[:] = self._robot.tucked
+                    self._begin(Phase.RISES)
+                    self._course = self._moves([(STRAIGHT * self._beat, self._robot.rest)])
+            case Phase.RISES:
+                self._follow(goal)
+                if self._over and self._is_still(data):
+                    self._go_on(data)
+            case Phase.JOINS:
+                share = min(self.seconds / JOINS, 1.0)
+                played = np.empty_like(self._targets)
+                self._robot.layout.read(goal, near=self._targets, out=played)
+                self._robot.layout.place(self._targets + share * (played - self._targets), goal)
+                if share == 1.0:
+                    self._begin(Phase.PLAYS)
+            case Phase.LIES:
+                self._robot.layout.place(self._targets, goal)
+
+    def _go_on(self, data: mujoco.MjData) -> None:
+        """After a course: joins the motion on its feet, or begins the next course, by how it lies."""
+        rise = self._robot.rise
+        assert rise is not None
+        turn = multiply(data.qpos[3:7], self._upright)
+        up, ahead = rotate(turn, np.array([0.0, 0.0, 1.0])), rotate(turn, np.array([1.0, 0.0, 0.0]))
+        if data.qpos[2] > HIGH * self._height and np.arccos(np.clip(up[2], -1.0, 1.0)) < LEAN:
+            self._tries, self.rises = 0, self.rises + 1
+            self._begin(Phase.JOINS)
+        elif self._tries == TRIES:
+            self._begin(Phase.LIES)
+        else:
+            self._tries += 1
+            self._begin(Phase.RISES)
+            rows = rise.front if ahead[2] < 0.0 else rise.back
+            self._course = self._moves([*rows, (STANDS * self._beat, self._robot.rest)])
+
+    def _begin(self, phase: Phase) -> None:
+        self.phase, self._ticks, self._still, self._over = phase, 0, 0, False
+
+    def _follow(self, goal: Array) -> None:
+        following = next(self._course, None)
+        self._over = following is None
+        if following is not None:
+            self._targets[:] = following
+        self._robot.layout.place(self._targets, goal)
+
+    def _moves(self, postures: Sequence[tuple[float, Array]]) -> Iterator[Array]:
+        """The joints (J,), tick by tick, from where they are to one posture after another, each in so many seconds."""
+        starts = chain([self._targets.copy()], (joints for _, joints in postures))
+        for start, (seconds, end) in zip(starts, postures, strict=False):
+            ticks = max(round(seconds / self._dt), 1)
+            for tick in range(1, ticks + 1):
+                share = tick / ticks
+                yield start + share * share * (3.0 - 2.0 * share) * (end - start)
+
+    def _is_still(self, data: mujoco.MjData) -> bool:
+        """Whether the root has been slow for long enough."""
+        slow = float(np.linalg.norm(data.qvel[:3])) < SLOW * self._height
+        self._still = self._still + 1 if slow else 0
+        return self._still * self._dt > STILL

@@ -1,0 +1,64 @@
+"""Symmetric poses: a human who bends both legs alike and both arms alike, as who falls or gets up does.
+
+Of the poses tried on servo20, TUCKED lowers the speeds and forces of trunk, head and arms in falls to all sides
+together: legs that are bent further let the trunk hit the floor harder, arms at the sides leave it to the head.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from controller.mocap.anatomy import Part, anatomy
+from controller.mocap.posture import Pose
+from controller.mocap.skeleton import ROOT, Skeleton
+from controller.rotations import Array, between
+
+
+class Bends(NamedTuple):
+    """How far joints are bent from a body that stands straight with hanging arms, rad.
+
+    Attributes:
+        hip: thighs are raised forwards.
+        knee: bent.
+        ankle: toes are raised towards the shanks.
+        shoulder: upper arms are raised forwards.
+        elbow: bent.
+    """
+
+    hip: float
+    knee: float
+    ankle: float
+    shoulder: float
+    elbow: float
+
+
+# Hips bent as on a chair, forearms before the face.
+TUCKED = Bends(hip=1.6, knee=1.2, ankle=0.0, shoulder=0.9, elbow=2.2)
+
+
+def symmetric_pose(skeleton: Skeleton, bends: Bends) -> Pose:
+    """The pose, with an upright trunk at the height of a standing root, heading along x."""
+    shank, forearm = bends.hip - bends.knee, bends.shoulder + bends.elbow
+    # How far limbs are raised forwards from where they point straight down; a foot points straight ahead.
+    raised: dict[Part, float] = {
+        "thigh": bends.hip,
+        "shank": shank,
+        "foot": shank + 0.5 * math.pi + bends.ankle,
+        "upper arm": bends.shoulder,
+        "forearm": forearm,
+        "hand": forearm,
+    }
+    rotation = np.tile([1.0, 0.0, 0.0, 0.0], (1 + len(skeleton), 1))
+    for bone, (part, parent) in enumerate(zip(anatomy(skeleton).part, skeleton.parent, strict=True)):
+        if part in raised:
+            rotation[1 + bone] = between(skeleton.rest_direction[bone], _direction(raised[part]))
+        elif parent != ROOT:
+            rotation[1 + bone] = rotation[1 + parent]
+    return Pose(np.array([0.0, 0.0, skeleton.leg_length]), np.zeros(()), rotation)
+
+
+def _direction(raised: float) -> Array:
+    return np.array([math.sin(raised), 0.0, -math.cos(raised)])

@@ -1,0 +1,156 @@
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from controller.rotations import from_rotation_vector, multiply
+from sim.physics.falls.fall_guard import SOFT
+from sim.physics.falls.recovery import TRIES, Phase, Recovery
+from sim.physics.physics_model import physics_model
+from sim.physics.playback import PhysicsPlayback
+from sim.robots.robot import Rise, load_robot
+from simulated_bodies import ROBOTS, bent_pose, human
+
+DT = 0.005
+SERVO20 = load_robot(ROBOTS / "servo20.toml", human())
+ROWS = ((0.1, SERVO20.tucked),)
+
+
+@dataclass
+class Feet:
+    """Legs that fall when they are told to."""
+
+    falling: bool = False
+
+
+class Lying:
+    """A robot that lies still where a test puts it, and what is told to its joints."""
+
+    def __init__(self, rise=SERVO20.rise):
+        self.robot = replace(SERVO20, rise=rise)
+        self.model = physics_model(self.robot, "free")
+        self.data = mujoco.MjData(self.model)
+        self.recovery = Recovery(self.robot, self.model, DT)
+        self.feet = Feet()
+        self.goal = self.model.qpos0.copy()
+
+    def put(self, turn, height):
+        self.data.qpos[3:7] = multiply(from_rotation_vector(np.array(turn)), self.model.qpos0[3:7])
+        self.data.qpos[2] = height
+
+    def go_on(self, seconds):
+        """The phases that it goes through, and the joints it is told, shape (T, J)."""
+        phases, told = [], []
+        for _ in range(round(seconds / DT)):
+            before, played = self.goal.copy(), self.model.qpos0.copy()
+            self.goal[:] = played
+            self.recovery.adjust(self.feet, self.data, before, self.goal)
+            phases.append(self.recovery.phase)
+            told.append(self.goal[SERVO20.layout.hinge_qpos].copy())
+        return phases, np.array(told)
+
+
+def shoulder_of(rows):
+    return rows[0][1][SERVO20.joints.index("r_shoulder_pitch")]
+
+
+@pytest.mark.parametrize(("turn", "side"), [((0, 1.5, 0), "front"), ((0, -1.5, 0), "back"), ((1.4, 0.1, 0), "front")])
+def test_it_gets_up_by_the_side_on_which_it_lies(turn, side):
+    body = Lying()
+    body.put(turn, 0.05)
+    body.feet.falling = True
+    phases, _ = body.go_on(1.2)
+    assert phases[0] is Phase.FALLS
+    assert phases[-1] is Phase.RISES
+    body.go_on(1.2)
+    seconds, joints = getattr(SERVO20.rise, side)[0]
+    _, told = body.go_on(seconds)
+    # On its way the first posture is passed.
+    assert np.abs(told - joints).max(axis=1).min() < 0.1
+
+
+def test_no_joint_jumps_from_one_phase_to_the_next():
+    body = Lying()
+    body.put((0.0, 1.5, 0.0), 0.05)
+    body.feet.falling = True
+    _, falling = body.go_on(7.0)
+    body.put((0.0, 0.0, 0.0), 0.24)
+    body.feet.falling = False
+    phases, standing = body.go_on(3.0)
+    assert Phase.JOINS in phases
+    assert phases[-1] is Phase.PLAYS
+    told = np.concatenate([falling, standing])
+    assert np.abs(np.diff(told, axis=0)).max() < 5.5 * DT
+
+
+def test_who_stands_gets_its_strength_back_and_its_legs_begin_anew_once():
+    body = Lying(Rise(ROWS, ()))
+    gain = body.model.actuator_gainprm[:, 0].copy()
+    body.put((0.0, 0.0, 0.0), 0.24)
+    body.feet.falling = True
+    body.go_on(0.3)
+    assert np.allclose(body.model.actuator_gainprm[:, 0], SOFT * gain)
+    body.feet.falling = False
+    began = 0
+    for _ in range(round(3.5 / DT)):
+        body.go_on(DT)
+        began += body.recovery.stands
+    assert began == 1
+    assert body.recovery.phase is Phase.PLAYS
+    assert body.recovery.rises == 1
+    assert np.allclose(body.model.actuator_gainprm[:, 0], gain)
+
+
+def test_who_never_gets_on_its_feet_lies_straight_at_last():
+    body = Lying(Rise(ROWS, ROWS))
+    body.put((0.0, 1.5, 0.0), 0.05)
+    body.feet.falling = True
+    phases, told = body.go_on(4.0 + 1.5 * (1 + TRIES))
+    assert phases[-1] is Phase.LIES
+    assert np.allclose(told[-1], SERVO20.rest)
+    assert body.recovery.gave_up
+
+
+def test_a_robot_that_cannot_get_up_stays_as_it_fell():
+    body = Lying(None)
+    body.put((0.0, 1.5, 0.0), 0.05)
+    body.feet.falling = True
+    phases, told = body.go_on(4.0)
+    assert set(phases) == {Phase.FALLS}
+    assert np.allclose(told[-1], SERVO20.tucked)
+
+
+def test_a_body_that_still_moves_does_not_get_up():
+    body = Lying()
+    body.put((0.0, 1.5, 0.0), 0.05)
+    body.data.qvel[0] = 0.5
+    body.feet.falling = True
+    assert set(body.go_on(2.0)[0]) == {Phase.FALLS}
+
+
+def test_a_model_that_was_left_soft_is_strong_for_the_next_stage():
+    first = PhysicsPlayback(SERVO20, DT, "free", walk=True)
+    for tick in range(250):
+        first.push(np.array([40.0, 0.0, 0.0]) * (40 <= tick < 60))
+        first.write(SERVO20.rest, bent_pose(human()))
+    assert first.near_falls
+    second = PhysicsPlayback(SERVO20, DT, "free", walk=True, compiled=first.model)
+    assert np.allclose(second.model.actuator_gainprm[:, 0], SERVO20.model.actuator_gainprm[:, 0])
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("force", [(40.0, 0.0, 0.0), (-40.0, 0.0, 0.0), (0.0, 40.0, 0.0)])
+def test_servo20_gets_up_from_a_fall_to_any_side_and_stands(force):
+    stage = PhysicsPlayback(SERVO20, DT, "free", walk=True)
+    pose = bent_pose(human())
+    fallen = []
+    for tick in range(round(17.0 / DT)):
+        stage.push(np.array(force) * (40 <= tick < 60))
+        stage.write(SERVO20.rest, pose)
+        fallen.append(stage.fallen)
+    assert any(fallen)
+    assert not stage.fallen
+    assert stage.report()["got_up"] == 1
+    assert stage.qpos[2] > 0.9 * 0.24 * 0.88
+    assert stage.travel is not None
