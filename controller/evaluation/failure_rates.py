@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from controller.jobs import ALONE, Jobs, spread
-from controller.library.network_arrays import AnyNetwork
+from controller.library.network_arrays import AnyNetwork, Network
 from controller.measures.disturbance import GuardKnowledge, Kind, disturbed
 from controller.measures.run_batch import batch_of
 from controller.measures.self_test import Judge, after_disturbance
@@ -55,7 +55,7 @@ class Count:
         seed, drawn: of the network, as in `Subject`.
         runs: how many there were.
         intrinsic: how many of them failed without a guard.
-        guarded: how many with one, or None where that was not asked for.
+        guarded: how many with one, or None where that was not asked for or the network needs none.
         reason: why the first intrinsic one did, or "".
     """
 
@@ -90,7 +90,7 @@ def sweep(
     jobs: Jobs = ALONE,
     tick: Tick = lambda: None,
 ) -> list[Count]:
-    """Disturbs every motion of every network, without a guard and with one.
+    """Disturbs every motion of every network, without a guard and with one where the deck plays it with one.
 
     Args:
         kind: of disturbance.
@@ -139,18 +139,20 @@ def _train(recipe: LibraryRecipe, syllabus: TrainingSet, seed: int) -> Subject:
 
 def _count(kind: Kind, subject: Subject, motion: str, runs: int, judge: Judge, length: int, guarded: bool) -> Count:
     network, loop = subject.network, judge.loops[motion]
-    scale = guard.spread(network)
-    watched = GuardKnowledge(
-        guard.beat(network, motion, scale, length, judge.rate, loop=loop), scale, network.anchors(motion)[0]
-    )
+    ways: list[GuardKnowledge | None] = [None]
+    if guarded and isinstance(network, Network):
+        scale = guard.spread(network)
+        beat = guard.beat(network, motion, scale, length, judge.rate, loop=loop)
+        ways.append(GuardKnowledge(beat, scale, network.anchors(motion)[0]))
     failed: list[int] = []
     reason = ""
     with threadpool_limits(1):
-        for knowledge in (None, watched) if guarded else (None,):
+        for knowledge in ways:
             # The same noise for both; only the guard differs.
             rng = np.random.default_rng([subject.seed, network.motions.index(motion), kind == "stability"])
             played = disturbed(kind, batch_of(network, motion, runs, subject.weights), runs, rng, knowledge)
             verdicts = [after_disturbance(network, judge, motion, run.astype(np.float64)) for run in played]
             failed.append(sum(not verdict.passed for verdict in verdicts))
             reason = reason or next((verdict.reason for verdict in verdicts if not verdict.passed), "")
-    return Count(motion, loop, subject.seed, subject.drawn, runs, failed[0], failed[1] if guarded else None, reason)
+    intrinsic, with_guard = failed[0], failed[1] if len(failed) > 1 else None
+    return Count(motion, loop, subject.seed, subject.drawn, runs, intrinsic, with_guard, reason)

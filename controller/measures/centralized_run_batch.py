@@ -6,12 +6,10 @@ What can be disturbed are the two coordinates (q, p / omega) of each center: sat
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.networks.centralized.centralized_frames import ANCHOR_EVERY, CentralizedNetwork
+from controller.networks.centralized.centralized_frames import CentralizedNetwork
 
 Float32 = NDArray[np.float32]
 
@@ -52,15 +50,6 @@ class CentralizedBatch:
         self._centers /= np.abs(self._centers)
         frames = part.satellites.respond(self._centers.view(np.float64)) @ part.matrix.T + part.rest
         return frames.astype(np.float32)
-
-    def cue(self, rows: NDArray[Any], anchors: NDArray[Any]) -> None:
-        """Puts some of the runs to anchors."""
-        self._time[rows] = anchors * ANCHOR_EVERY * self._dt
-        self._centers[rows] = self._at(self._time[rows])
-
-    def astray(self) -> NDArray[np.bool_]:
-        """None: centers always have unit amplitude, shape (R,)."""
-        return np.zeros(len(self._time), dtype=bool)
 
     def _at(self, time: NDArray[np.float64]) -> NDArray[np.complex128]:
         """The centers at times (R,), shape (R, n)."""

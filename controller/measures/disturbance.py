@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.measures.run_batch import RunBatch
+from controller.measures.run_batch import LosableBatch, RunBatch
 from controller.networks.guard import Beat, LossWatch
 from controller.rotations import Array
 
@@ -51,7 +51,7 @@ def disturbed(
         batch: the runs.
         runs: R.
         rng: source of the noise.
-        watched: for guarded runs.
+        watched: for guarded runs, of a network that may lose its place.
 
     Returns:
         What was played, shape (R, STEPS, C).
@@ -63,17 +63,17 @@ def disturbed(
     noisy = NOISY_STEPS if kind == "stability" else 0
     with np.errstate(all="ignore"):  # a network that diverges is a result
         for step in range(STEPS):
-            if watch is not None:
+            if watch is not None and isinstance(batch, LosableBatch):
                 _put_back(batch, watch, batch.astray())
             noise = rng.standard_normal((runs, batch.neurons), dtype=np.float32) if step < noisy else None
             frames = batch.advance(noise)
-            if watch is not None:
+            if watch is not None and isinstance(batch, LosableBatch):
                 _put_back(batch, watch, watch.look(frames.astype(np.float64), batch.astray()))
             out.append(frames)
     return np.stack(out, axis=1)
 
 
-def _put_back(batch: RunBatch, watch: LossWatch, lost: NDArray[np.bool_]) -> None:
+def _put_back(batch: LosableBatch, watch: LossWatch, lost: NDArray[np.bool_]) -> None:
     rows = np.flatnonzero(lost)
     if len(rows):
         batch.cue(rows, watch.restart(rows))

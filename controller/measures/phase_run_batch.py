@@ -6,7 +6,7 @@ The phase is given and cannot be lost, so what is disturbed are the neurons alon
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from controller.networks.reservoirs.phase_conceptor import PhaseConceptorMotion
 from controller.networks.reservoirs.phase_driven import PhaseMotion
 from controller.networks.reservoirs.phase_echo_state import PhaseEchoStateMotion
-from controller.networks.reservoirs.phase_reservoir import ANCHOR_EVERY
 
 Float32 = NDArray[np.float32]
 Motion = TypeVar("Motion", bound=PhaseMotion)
@@ -44,15 +43,6 @@ class PhaseBatch(ABC, Generic[Motion]):
     @abstractmethod
     def advance(self, noise: Float32 | None = None) -> Float32:
         """Steps every run one frame on, with noise (R, N) on the new state; frames of shape (R, C)."""
-
-    def cue(self, rows: NDArray[Any], anchors: NDArray[Any]) -> None:
-        """Puts some of the runs to anchors."""
-        self._frame[rows] = anchors * ANCHOR_EVERY
-        self._state[rows] = self._part.states[anchors * ANCHOR_EVERY]
-
-    def astray(self) -> NDArray[np.bool_]:
-        """None: a bounded state at a given phase always leads back, shape (R,)."""
-        return np.zeros(len(self._state), dtype=bool)
 
     def _read(self) -> Float32:
         """The channels of all runs, shape (R, C)."""
@@ -93,12 +83,6 @@ class PhaseConceptorBatch(PhaseBatch[PhaseConceptorMotion]):
             z[rows] = hidden @ part.project[piece].T - part.offset[piece]
         self._push = None
         return self._read()
-
-    def cue(self, rows: NDArray[Any], anchors: NDArray[Any]) -> None:
-        """Puts some of the runs to anchors."""
-        super().cue(rows, anchors)
-        if self._push is not None:
-            self._push[rows] = 0.0
 
 
 class PhaseEchoStateBatch(PhaseBatch[PhaseEchoStateMotion]):

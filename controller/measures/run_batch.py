@@ -6,7 +6,7 @@ for the thesis's two disturbances: of the first state (eq. 4.1) and of every sta
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +41,11 @@ class RunBatch(Protocol):
     def advance(self, noise: Float32 | None = None) -> Float32:
         """Steps every run one frame on, with noise (R, N) on the new state; frames of shape (R, C)."""
         ...
+
+
+@runtime_checkable
+class LosableBatch(RunBatch, Protocol):
+    """Runs of a network that may lose its place in a motion, and that a guard then puts back."""
 
     def cue(self, rows: Rows, anchors: Rows) -> None:
         """Puts some of the runs into stored states."""

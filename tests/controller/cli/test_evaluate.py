@@ -4,7 +4,6 @@ import csv
 import json
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 import synthetic
@@ -120,4 +119,4 @@ def test_the_shipped_library_survives_noise(mocap_data):
     assert len(rows) == 18
     assert rows["clip player"]["intrinsic %"] == 0.0
     assert rows["all loops"]["intrinsic %"] <= 10.0
-    assert np.isfinite(rows["everything"]["guarded %"])
+    assert "guarded %" not in rows["everything"], "a guard broke runs of a phase-driven network that had not failed"

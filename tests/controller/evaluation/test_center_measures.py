@@ -44,11 +44,6 @@ def test_a_batch_plays_what_the_network_plays(subject, motion):
         network.advance(frame)
         frames = batch.advance()
     assert np.allclose(frames, frame, atol=1e-5)
-    batch.cue(np.array([1]), np.array([5]))
-    network.cue(motion, 5)
-    network.advance(frame)
-    assert np.allclose(batch.advance()[1], frame, atol=1e-5)
-    assert not batch.astray().any()
 
 
 def test_the_player_and_the_batch_recover_alike(subject):
@@ -74,7 +69,7 @@ def test_the_player_and_the_batch_recover_alike(subject):
 def test_loops_come_back_from_every_disturbance(subject, syllabus, kind):
     counts = sweep(kind, [subject], syllabus, 5)
     assert [(one.motion, one.intrinsic) for one in counts if one.loop] == [("march", 0), ("wave", 0)]
-    assert all(one.guarded is not None for one in counts)
+    assert all(one.guarded is None for one in counts), "the deck plays it without a guard"
 
 
 @pytest.mark.parametrize("network", [RECIPE.network, PhaseRecipe(neurons=100, rank=20), PhaseEchoStateRecipe()])
