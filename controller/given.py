@@ -44,6 +44,25 @@ def time_series(given: ArrayLike, what: str, channels: int | None = None) -> Arr
     return numbers
 
 
+def points(given: ArrayLike, what: str, least: float = -np.inf, most: float = np.inf) -> Array:
+    """Numbers in a row, float64; one alone will do.
+
+    Raises:
+        MotiondeckError: if they are anything else, or one is not from `least` to `most`.
+    """
+    try:
+        found = np.atleast_1d(np.asarray(given, dtype=np.float64))
+    except (TypeError, ValueError):
+        raise MotiondeckError(f"{what} is {given!r}; give numbers in a row") from None
+    if found.ndim != 1:
+        raise MotiondeckError(f"{what} is of shape {found.shape}; give numbers in a row")
+    bad = found[~((found >= least) & (found <= most) & np.isfinite(found))]
+    if len(bad):
+        limits = f"; it lies between {least:g} and {most:g}" if np.isfinite(most) else "; give finite numbers"
+        raise MotiondeckError(f"{what} is {bad[0]:g}{limits}")
+    return found
+
+
 def square(given: ArrayLike, what: str, size: int | None = None) -> Array:
     """A matrix (N, N) of float64.
 

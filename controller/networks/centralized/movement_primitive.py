@@ -17,11 +17,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from controller.given import number_within, points
 from controller.networks.centralized.centers import pairs_at
 from controller.networks.centralized.satellites import GaussianSatellites
 from controller.rotations import Array
+from motiondeck_base.counted import counted
 from motiondeck_base.errors import MotiondeckError
 
 REACH = 0.1  # of a bend on either side, in phase
@@ -70,15 +72,23 @@ class MovementPrimitive:
     seconds: Array
     via: ViaPoints = NOWHERE
 
-    def mean(self, phase: Array) -> Array:
+    def __repr__(self) -> str:
+        demonstrations, channels = self.weights.shape[:2]
+        via = f", through {counted(len(self.via.phase), 'given value')}" if len(self.via.phase) else ""
+        shown = f"{counted(demonstrations, 'demonstration')} of {counted(channels, 'channel')}"
+        return f"<movement primitive: {shown}{via}>"
+
+    def mean(self, phase: ArrayLike) -> Array:
         """The motion at phases (T,) in [0, 1], shape (T, D)."""
+        phase = points(phase, "a phase", 0.0, 1.0)
         found = self._demonstrated(phase).mean(0)
         if len(self.via.phase):
             found += np.einsum("tdv,v->td", self._covariance_with_via(phase), self._pull)
         return found
 
-    def spread(self, phase: Array) -> Array:
+    def spread(self, phase: ArrayLike) -> Array:
         """The standard deviation of each channel at phases (T,), shape (T, D)."""
+        phase = points(phase, "a phase", 0.0, 1.0)
         deviations = self._deviations(phase)
         variance = np.square(deviations).sum(0) + np.square(self.bend)
         if len(self.via.phase):
@@ -97,7 +107,7 @@ class MovementPrimitive:
         return self.mean(np.linspace(0.0, 1.0, max(2, round(lasts * rate) + 1)))
 
     def through(
-        self, phase: float, point: Array, *, channels: NDArray[np.int64] | None = None, deviation: float = 0.0
+        self, phase: float, point: ArrayLike, *, channels: ArrayLike | None = None, deviation: float = 0.0
     ) -> MovementPrimitive:
         """The same motion through one point more.
 
@@ -110,16 +120,15 @@ class MovementPrimitive:
         Raises:
             MotiondeckError: if the phase, a channel or a number makes no sense.
         """
-        given = np.arange(len(self.rest)) if channels is None else np.asarray(channels)
-        value = np.asarray(point, dtype=np.float64)
-        if not 0.0 <= phase <= 1.0:
-            raise MotiondeckError(f"a point at phase {phase:g}; a motion goes from 0 to 1")
-        if value.shape != given.shape or not np.isfinite(value).all():
-            raise MotiondeckError(f"a point of shape {value.shape} for {len(given)} channels, all finite, is needed")
-        if not ((given >= 0) & (given < len(self.rest))).all():
-            raise MotiondeckError(f"channels {given.tolist()}; there are {len(self.rest)}, counted from 0")
-        if not 0.0 <= deviation < np.inf:
-            raise MotiondeckError(f"a deviation of {deviation:g}; it is not negative")
+        phase = number_within(phase, "the phase of a point", 0.0, 1.0)
+        deviation = number_within(deviation, "the deviation of a point", 0.0, 1e12)
+        last = len(self.rest) - 1
+        given = np.arange(last + 1) if channels is None else np.atleast_1d(np.asarray(channels))
+        if given.dtype.kind not in "iu" or given.ndim != 1 or not ((given >= 0) & (given <= last)).all():
+            raise MotiondeckError(f"channels {given.tolist()}; give whole numbers from 0 to {last}")
+        value = points(point, "a point")
+        if len(value) != len(given):
+            raise MotiondeckError(f"a point of {len(value)} values; {len(given)} are needed, one for each channel")
         via = self.via
         return replace(
             self,
@@ -131,7 +140,7 @@ class MovementPrimitive:
             ),
         )
 
-    def ending_at(self, point: Array, *, deviation: float = 0.0) -> MovementPrimitive:
+    def ending_at(self, point: ArrayLike, *, deviation: float = 0.0) -> MovementPrimitive:
         """The same motion with another end; see `through`."""
         return self.through(1.0, point, deviation=deviation)
 

@@ -66,6 +66,15 @@ def test_a_point_that_may_be_missed_is_approached(primitive):
     assert np.abs(near - end).max() < 0.05
 
 
+def test_numbers_are_taken_in_any_form_and_it_prints_in_a_line(primitive):
+    given = primitive.through(0.5, 0.25, channels=2).ending_at([0.1, 0.2, 0.3])
+    assert given.mean(0.5)[0, 2] == pytest.approx(0.25, abs=1e-4)
+    assert given.mean([0, 1])[1] == pytest.approx([0.1, 0.2, 0.3], abs=1e-4)
+    assert given.spread(1).shape == (1, 3)
+    assert str(primitive) == "<movement primitive: 4 demonstrations of 3 channels>"
+    assert repr(given) == "<movement primitive: 4 demonstrations of 3 channels, through 4 given values>"
+
+
 def test_it_lasts_as_long_as_demonstrations_or_as_is_said(primitive):
     assert primitive.play(100.0).shape == (round(100 * np.mean([0.89, 0.99, 1.09, 1.19])) + 1, 3)
     assert primitive.play(50.0, 2.0).shape == (101, 3)
@@ -75,10 +84,19 @@ def test_it_lasts_as_long_as_demonstrations_or_as_is_said(primitive):
 @pytest.mark.parametrize(
     ("wrong", "says"),
     [
-        (lambda p: p.through(1.5, np.zeros(3)), "phase 1.5"),
-        (lambda p: p.ending_at(np.zeros(2)), "for 3 channels"),
-        (lambda p: p.through(0.5, np.zeros(1), channels=np.array([3])), "there are 3"),
-        (lambda p: p.ending_at(np.zeros(3), deviation=-1.0), "deviation of -1"),
+        (lambda p: p.through(1.5, np.zeros(3)), "the phase of a point is 1.5; it lies between 0 and 1"),
+        (lambda p: p.through("half", np.zeros(3)), "the phase of a point is 'half'"),
+        (lambda p: p.ending_at(np.zeros(2)), "a point of 2 values; 3 are needed"),
+        (lambda p: p.ending_at([0.0, np.nan, 0.0]), "a point is nan; give finite numbers"),
+        (lambda p: p.ending_at({}), "a point is {}; give numbers in a row"),
+        (
+            lambda p: p.through(0.5, np.zeros(1), channels=np.array([3])),
+            r"channels \[3\]; give whole numbers from 0 to 2",
+        ),
+        (lambda p: p.through(0.5, [0.0], channels=[0.5]), r"channels \[0.5\]; give whole numbers"),
+        (lambda p: p.ending_at(np.zeros(3), deviation=-1.0), "the deviation of a point is -1.0"),
+        (lambda p: p.mean([0.0, 1.2]), "a phase is 1.2; it lies between 0 and 1"),
+        (lambda p: p.spread(np.eye(2)), r"a phase is of shape \(2, 2\); give numbers in a row"),
         (lambda p: p.play(100.0, 0.0), "cannot be played"),
         (lambda p: learn_primitive([], 100.0), "one demonstration at least"),
         (lambda p: learn_primitive([reach(1.0), reach(1.0)[:, :2]], 100.0), "demonstration 1 has 2 channels"),
