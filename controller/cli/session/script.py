@@ -16,7 +16,7 @@ from pathlib import Path
 
 import msgspec
 
-from controller.wire.messages.command_table import parse_command
+from controller.wire.messages.command_table import BY_WORD, parse_command
 from controller.wire.messages.commands import Blend, CommandError, DeckCommand, Queue, Switch
 from motiondeck_base.errors import FileFormatError, MotiondeckError, UnknownNameError
 from motiondeck_base.toml_file import read_toml
@@ -94,6 +94,11 @@ def parse_script(text: str, motions: Iterable[str]) -> tuple[list[Cue], float | 
     parts = [part.split() for part in text.split(",")]
     for place, words in enumerate(parts, start=1):
         last = place == len(parts)
+        if words and words[0] not in known and (words[0] in BY_WORD or Path(words[0]).suffix):
+            raise MotiondeckError(
+                f"script, part {place}: '{words[0]}' is no motion. Commands go into a timeline file, whose name ends "
+                "in .toml (docs/deck.md, Timeline files)"
+            )
         if not 1 <= len(words) <= 2:
             raise MotiondeckError(
                 f"script, part {place}: '{' '.join(words)}' is not a motion and its seconds, as in 'walk 4'"
