@@ -235,7 +235,7 @@ def _remedy(one: _Prepared) -> str:
     """What to do about a motion that failed its self-test."""
     if one.motion.plays == "loop":
         return "Set plays = 'once' in the recipe, or frames to some whole cycles, and train with fit."
-    return "Give it frames without pauses in the recipe, or more neurons, and train with fit."
+    return "Give it frames without pauses, more neurons or a shorter piece_seconds in the recipe, and train with fit."
 
 
 def _takes(files: list[Path]) -> dict[Path, list[Path]]:
@@ -281,7 +281,8 @@ def _prepare(
     (first, end), jumped = _without_jumps(clip, first, end)
     seconds = (end - first) / clip.rate
     if seconds < SHORTEST_SECONDS:
-        raise FileFormatError(f"{file}: {seconds:.2f} s are too short; {SHORTEST_SECONDS:g} s are the least.")
+        between = f"{', '.join(jumped)}; the longest piece between, " if jumped else ""
+        raise FileFormatError(f"{file}: {between}{seconds:.2f} s are too short; {SHORTEST_SECONDS:g} s are the least.")
     if seconds > LONGEST_SECONDS:
         raise FileFormatError(
             f"{file}: {seconds:.0f} s are more than one motion ({LONGEST_SECONDS:g} s are the most). "
@@ -301,17 +302,14 @@ def _prepare(
     )
     body = [] if isinstance(clip.skeleton, JointBody) else doubts(clip)
     body += [] if recording.fit is None else misplaced(recording.fit)
-    return _Prepared(motion, clip, seam_mm, seam_degrees, [*jumped, *body])
+    cut = [f"{what}: only {first / clip.rate:.2f} to {end / clip.rate:.2f} s were learned." for what in jumped]
+    return _Prepared(motion, clip, seam_mm, seam_degrees, [*cut, *body])
 
 
 def _without_jumps(clip: Clip, first: int, end: int) -> tuple[tuple[int, int], list[str]]:
-    """The longest part of some frames in which neither body nor limb jumps, and the doubts that tell of the others."""
+    """The longest part of some frames in which neither body nor limb jumps, and what jumps elsewhere and when."""
     at, found = breaks(clip, first, end)
-    if not at:
-        return (first, end), []
-    begin, stop = max(pairwise([first, *at, end]), key=lambda part: part[1] - part[0])
-    taken = f"only {begin / clip.rate:.2f} to {stop / clip.rate:.2f} s were learned."
-    return (begin, stop), [f"{what}: {taken}" for what in found]
+    return max(pairwise([first, *at, end]), key=lambda part: part[1] - part[0]), found
 
 
 def _skeleton(file: Path, options: ReadingOptions) -> Path | None:

@@ -112,6 +112,18 @@ def test_a_body_that_jumps_is_learned_up_to_the_jump_and_the_library_can_be_open
         prepare(whole, tmp_path)
 
 
+def test_a_body_that_jumps_all_the_time_is_left_out_with_that_reason(folder):
+    """It was called too short, with the 0.05 s between two jumps."""
+    shaken = waving(60.0, 2.0)
+    shaken.root_position[::3, 0] += 1.0
+    (folder / "shaken.bvh").write_text(bvh_text(shaken))
+    with pytest.raises(
+        MotiondeckError,
+        match=r"the body jumps by up to 1\.0 m .*; the longest piece between, 0\.\d\d s are too short; 0\.4 s are",
+    ):
+        learn([folder / "shaken.bvh"], "mine")
+
+
 @pytest.mark.parametrize("frames", [1, 4])
 def test_a_limb_that_is_elsewhere_for_a_moment_is_learned_up_to_there(folder, frames):
     spiked = waving(60.0, 5.0)
